@@ -1,0 +1,198 @@
+"""Typed descriptions of what a person decides: a dataset, a scene, and the settings of each stage."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from handpipe.errors import InputError
+
+T = TypeVar("T", bound=BaseModel)
+Vector = tuple[float, float, float]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+
+
+class Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Role(StrEnum):
+    neutral = "neutral"
+    example = "example"
+    heldout = "heldout"
+
+
+class Pose(Model):
+    """What was acquired in one pose. Paths are relative to the dataset's root."""
+
+    role: Role
+    volume: Path = Field(description="MRI volume: NIfTI, NRRD, or a folder of DICOM slices")
+    seeds: Path = Field(description="seeds: label volume on the grid of `volume`; 0 none, bone labels, 255 background")
+    scan: Path | None = Field(None, description="skin scan: PLY, OBJ or STL in mm, in the frame of `volume`; may have holes")
+    scribbles: dict[Name, Path] = Field({}, description="extra seeds for one bone, same format as `seeds`")
+    markers: dict[Name, Path] = Field({}, description="hand-placed boundary markers of a muscle: 3D Slicer .mrk.json")
+    landmarks: dict[Name, Path] = Field({}, description="landmarks of a muscle: .mrk.json, labels as in the template's")
+
+
+class Bone(Model):
+    label: int = Field(ge=1, le=254, description="its value in seed and label volumes")
+    template: Path | None = Field(None, description="surface of the same bone in the frame of the muscle templates")
+
+
+class Joint(Model):
+    """A joint carries `child` on `parent`; its angles are named, e.g. MP2_flexion."""
+
+    parent: Name
+    child: Name
+    angles: tuple[Name, ...] = Field(min_length=1, max_length=2, description="one name a degree of freedom")
+    limits_deg: tuple[tuple[float, float], ...]
+    axis_hints: tuple[Vector, ...] = Field(description="rough axis of each angle in the neutral frame: fixes its sign")
+
+    @model_validator(mode="after")
+    def _lengths(self) -> Joint:
+        if not len(self.angles) == len(self.limits_deg) == len(self.axis_hints):
+            raise ValueError("angles, limits_deg and axis_hints need the same length")
+        return self
+
+
+class Muscle(Model):
+    """A template surface and where it attaches: `attachments` is JSON {bone: [template vertex ids]}."""
+
+    template: Path
+    attachments: Path
+    landmarks: Path | None = Field(None, description="landmarks on the template: .mrk.json")
+
+
+class Tendon(Model):
+    """`path` is a .mrk.json curve of a few points along the tendon in neutral, from its insertion outwards."""
+
+    bone: Name = Field(description="bone of its insertion, where the rod's first vertex is fixed")
+    bones: tuple[Name, ...] = Field(description="bones that it passes, from insertion outwards; they drive its hooks")
+    path: Path
+    radius: float = Field(gt=0, description="rough radius in mm")
+
+
+class Nail(Model):
+    bone: Name
+    surface: Path = Field(description="the nail's patch of the neutral skin, an open surface in mm")
+
+
+class Truth(Model):
+    """Known truth of a phantom in each pose: `folder`/{pose}.h5 and label volumes beside it."""
+
+    folder: Path
+
+
+class Dataset(Model):
+    """Everything that a subject has."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
+    generator: Literal["phantom-finger", "zanatomy-index"] | None = None
+    seed: int = 0
+    root: Path
+    units: Literal["mm"] = "mm"
+    hand: Literal["right", "left"] = "right"
+    poses: dict[Name, Pose]
+    bones: dict[Name, Bone]
+    joints: dict[Name, Joint]
+    muscles: dict[Name, Muscle] = {}
+    ligaments: dict[Name, Muscle] = {}
+    tendons: dict[Name, Tendon] = {}
+    nails: dict[Name, Nail] = {}
+    truth: Truth | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Dataset:
+        if [p.role for p in self.poses.values()].count(Role.neutral) != 1:
+            raise ValueError("poses: exactly one pose has the role neutral")
+        for kind, named in (
+            *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),
+            *((f"tendons.{k}", (t.bone, *t.bones)) for k, t in self.tendons.items()),
+            *((f"nails.{k}", (n.bone,)) for k, n in self.nails.items()),
+        ):
+            for bone in named:
+                if bone not in self.bones:
+                    raise ValueError(f"{kind}: names the bone {bone!r}, which is not under bones")
+        children = [j.child for j in self.joints.values()]
+        if len(set(children)) != len(children) or len(self.root_bones) != 1:
+            raise ValueError("joints: must form one tree over the bones, each bone a child at most once")
+        return self
+
+    @property
+    def root_bones(self) -> list[str]:
+        children = {j.child for j in self.joints.values()}
+        return [b for b in self.bones if b not in children]
+
+    @property
+    def root_bone(self) -> str:
+        return self.root_bones[0]
+
+    @property
+    def neutral(self) -> str:
+        return next(n for n, p in self.poses.items() if p.role is Role.neutral)
+
+    def poses_of(self, *roles: Role) -> list[str]:
+        """Names of the poses with one of the roles, in file order."""
+        return [n for n, p in self.poses.items() if p.role in roles]
+
+    @property
+    def examples(self) -> list[str]:
+        return self.poses_of(Role.example)
+
+    @property
+    def heldout(self) -> list[str]:
+        return self.poses_of(Role.heldout)
+
+    def path(self, relative: Path) -> Path:
+        """A path of this dataset, resolved."""
+        return self.root / relative
+
+
+LAYERS = ("bones", "bone_fascia", "tendons", "muscles", "muscle_fascia", "ligaments", "fat", "skin")
+
+
+class Scene(Model):
+    """Which layers, which frames, how fine. `skin` without `fat` is one soft tissue around the bones."""
+
+    layers: tuple[str, ...]
+    frames: Path | Literal["scanned"] = Field(
+        "scanned", description="CSV of joint angles in degrees, one frame a row; or every scanned pose"
+    )
+    chunk: int = Field(8, ge=1, description="frames in one job")
+
+    @model_validator(mode="after")
+    def _known(self) -> Scene:
+        for layer in self.layers:
+            if layer not in LAYERS:
+                raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(LAYERS)}")
+        return self
+
+
+def load_yaml(path: str | Path, model: type[T]) -> T:
+    """Read and check a YAML file; raise `InputError` naming the file and the first wrong field."""
+    try:
+        content = yaml.safe_load(Path(path).read_text())
+    except FileNotFoundError as error:
+        raise InputError(path, "file", "does not exist", "Check the path") from error
+    except yaml.YAMLError as error:
+        raise InputError(path, "YAML", str(error).replace("\n", " "), "Mend the syntax") from error
+    try:
+        return model.model_validate(content or {})
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(str(p) for p in first["loc"]) or "content"
+        raise InputError(path, field, first["msg"].removeprefix("Value error, "), "See config/README.md") from error
+
+
+def load_dataset(path: str | Path) -> Dataset:
+    """Read a dataset file."""
+    return load_yaml(path, Dataset)
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene file."""
+    return load_yaml(path, Scene)

@@ -1,0 +1,55 @@
+"""A layer of the simulation: it names the layers it needs and computes its shape from theirs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.mesh.rigid import RigidTransform
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One pose to be simulated: joint angles in rad, and each bone's transform from neutral."""
+
+    name: str
+    angles: Mapping[str, float]
+    bones: Mapping[str, RigidTransform]
+
+
+@dataclass
+class Shape:
+    """One body in one frame.
+
+    rest, vertices (n, 3) in mm: neutral and present positions of the same points;
+    cells (k, 3) triangles, (k, 4) tetrahedra or (k, 2) segments; fields: arrays over points or cells.
+    """
+
+    rest: Array
+    vertices: Array
+    cells: IntArray
+    fields: dict[str, NDArray] = field(default_factory=dict)
+
+
+Shapes = dict[str, Shape]  # by the body's name: "distal2", "flexor", ...
+
+
+class Layer(Protocol):
+    """A tissue of the simulation. `solve` is a static equilibrium: frames do not depend on one another."""
+
+    name: str
+    needs: tuple[str, ...]
+
+    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """The layer's bodies in a frame, from the bodies of the layers it needs, by layer name.
+
+        Raises `ConvergenceError` where no equilibrium was found.
+        """
+        ...
