@@ -93,6 +93,7 @@ class Dataset(Model):
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
     generator: Literal["phantom-finger", "zanatomy-index"] | None = None
     seed: int = 0
+    anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
     units: Literal["mm"] = "mm"
     hand: Literal["right", "left"] = "right"
@@ -152,17 +153,25 @@ class Dataset(Model):
         return self.root / relative
 
 
-LAYERS = ("bones", "bone_fascia", "tendons", "muscles", "muscle_fascia", "ligaments", "fat", "skin")
+# Each layer with the layers that it needs, inside out (000 Fig. 5).
+LAYERS: dict[str, tuple[str, ...]] = {
+    "bones": (),
+    "bone_fascia": ("bones",),
+    "tendons": ("bones",),
+    "muscles": ("bones", "tendons"),
+    "muscle_fascia": ("bones", "muscles"),
+    "ligaments": ("bones",),
+    "fat": ("bones", "bone_fascia", "tendons", "muscle_fascia", "ligaments"),
+    "skin": ("bones",),
+}
 
 
 class Scene(Model):
-    """Which layers, which frames, how fine. `skin` without `fat` is one soft tissue around the bones."""
+    """Which layers, which frames. `skin` without `fat` is one soft tissue around the bones (004)."""
 
     layers: tuple[str, ...]
-    frames: Path | Literal["scanned"] = Field(
-        "scanned", description="CSV of joint angles in degrees, one frame a row; or every scanned pose"
-    )
-    chunk: int = Field(8, ge=1, description="frames in one job")
+    frames: Path = Field(description="CSV of joint angles in degrees, one frame a row")
+    chunk: int = Field(4, ge=1, description="frames in one job")
 
     @model_validator(mode="after")
     def _known(self) -> Scene:
@@ -170,6 +179,17 @@ class Scene(Model):
             if layer not in LAYERS:
                 raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(LAYERS)}")
         return self
+
+    @property
+    def needed(self) -> list[str]:
+        """The scene's layers and all that they need, inside out."""
+        needed: set[str] = set()
+        pending = list(self.layers)
+        while pending:
+            layer = pending.pop()
+            needed.add(layer)
+            pending.extend(n for n in LAYERS[layer] if n not in needed)
+        return [layer for layer in LAYERS if layer in needed]
 
 
 def load_yaml(path: str | Path, model: type[T]) -> T:

@@ -1,0 +1,106 @@
+# handpipe: images of one hand in several poses in, an animated, layered hand out.
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+configfile: "config/config.yaml"
+
+
+container: "docker://python:3.11-slim"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/data.smk"
+include: "workflow/rules/segmentation.smk"
+include: "workflow/rules/registration.smk"
+include: "workflow/rules/rig.smk"
+include: "workflow/rules/tendons.smk"
+include: "workflow/rules/muscles.smk"
+include: "workflow/rules/ligaments.smk"
+include: "workflow/rules/fascia.smk"
+include: "workflow/rules/fat.smk"
+include: "workflow/rules/simulation.smk"
+include: "workflow/rules/report.smk"
+
+
+wildcard_constraints:
+    subject="[a-z][a-z0-9-]*",
+    pose="[A-Za-z][A-Za-z0-9_]*",
+    bone="[A-Za-z][A-Za-z0-9_]*",
+    muscle="[A-Za-z][A-Za-z0-9_]*",
+    ligament="[A-Za-z][A-Za-z0-9_]*",
+    tendon="[A-Za-z][A-Za-z0-9_]*",
+    scene="[A-Za-z][A-Za-z0-9_-]*",
+    chunk="[0-9]+",
+
+
+onstart:
+    BUILD_LOCK = take_lock()
+
+
+localrules:
+    all,
+    segmentation,
+    registration,
+    rig,
+    tendons,
+    muscles,
+    ligaments,
+    fasciae,
+    fat,
+    simulation,
+
+
+# Named targets: `snakemake -j2 rig` builds that stage of every subject and what it needs.
+rule all:
+    default_target: True
+    input:
+        each_subject("report.html"),
+        each_subject("metrics/build.json"),
+
+
+rule segmentation:
+    input:
+        each_subject("metrics/segmentation.json"),
+
+
+rule registration:
+    input:
+        each_subject("metrics/registration.json"),
+
+
+rule rig:
+    input:
+        each_subject("metrics/rig.json"),
+
+
+rule tendons:
+    input:
+        each_subject("metrics/tendons.json"),
+
+
+rule muscles:
+    input:
+        each_subject("metrics/muscles.json"),
+
+
+rule ligaments:
+    input:
+        each_subject("ligaments/{ligament}.h5"),
+
+
+rule fasciae:
+    input:
+        each_subject("fascia/bone.h5"),
+        each_subject("fascia/muscle.h5"),
+
+
+rule fat:
+    input:
+        each_subject("metrics/skin.json"),
+
+
+rule simulation:
+    input:
+        each_subject("simulation/{scene}/{scene}.glb"),

@@ -1,0 +1,193 @@
+# Helpers of the rules: datasets and scenes by name, the build's lock. No rules here.
+
+import csv
+import fcntl
+import functools
+from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
+
+from handpipe.config import LAYERS, Role, load_dataset, load_scene
+from handpipe.errors import HandpipeError
+
+
+def checked(load, *arguments):
+    """Call a loader; what a person can mend ends the workflow with one message."""
+    try:
+        return load(*arguments)
+    except HandpipeError as error:
+        raise WorkflowError(f"handpipe: {error}") from None
+
+
+@functools.cache
+def dataset(subject):
+    return checked(load_dataset, dataset_file(subject))
+
+
+def dataset_file(subject):
+    return f"config/datasets/{subject}.yaml"
+
+
+@functools.cache
+def scene(name):
+    return checked(load_scene, f"config/scenes/{name}.yaml")
+
+
+def listed(key):
+    """A list of the configuration that may have been given as one name on the command line."""
+    value = config[key]
+    return [value] if isinstance(value, str) else list(value)
+
+
+def buildable_subjects():
+    """Subjects of the configuration whose source data are here; others are skipped with a reason."""
+    kept = []
+    for subject in listed("subjects"):
+        source = dataset(subject).anatomy
+        if source is not None and not source.exists():
+            logger.warning(
+                f"handpipe: {subject} is skipped: its anatomy {source} is not on this machine"
+            )
+        else:
+            kept.append(subject)
+    return kept
+
+
+def each_subject(pattern):
+    """The files of a pattern under results/{subject}, for every subject, over its own ligaments and scenes."""
+    return [
+        path
+        for subject in buildable_subjects()
+        for path in expand(
+            f"results/{{subject}}/{pattern}",
+            subject=subject,
+            ligament=list(dataset(subject).ligaments),
+            scene=listed("scenes"),
+        )
+    ]
+
+
+def take_lock():
+    """Two builds in one folder would write the same files. The system frees the lock when a build is killed."""
+    file = open(".snakemake/handpipe.lock", "w")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        raise WorkflowError(
+            "handpipe: another build runs in this folder. Wait for it or stop it"
+        ) from None
+    return file
+
+
+def neutral(subject):
+    return dataset(subject).neutral
+
+
+def of_pose(field):
+    """Input function: a file of the wildcards' pose as the dataset names it; absent optional files give none."""
+
+    def files(wildcards):
+        data = dataset(wildcards.subject)
+        path = getattr(data.poses[wildcards.pose], field)
+        return [] if path is None else [data.path(path)]
+
+    return files
+
+
+def in_poses(pattern, *roles):
+    """Input function: a pattern over the subject's poses of the given roles (all where none is given)."""
+
+    def files(wildcards):
+        data = dataset(wildcards.subject)
+        poses = data.poses_of(*(roles or Role))
+        return expand(pattern, pose=poses, allow_missing=True)
+
+    return files
+
+
+def layer_files(subject, layers):
+    """The artifacts that a simulation of the layers reads."""
+    data = dataset(subject)
+    base = f"results/{subject}"
+    files = {
+        "bones": [f"{base}/rig.h5"],
+        "bone_fascia": [f"{base}/fascia/bone.h5"],
+        "tendons": [f"{base}/tendons/{t}/hooks.h5" for t in data.tendons],
+        "muscles": [f"{base}/muscles/{m}/strains.h5" for m in data.muscles],
+        "muscle_fascia": [f"{base}/fascia/muscle.h5"] if data.muscles else [],
+        "ligaments": [f"{base}/ligaments/{l}.h5" for l in data.ligaments],
+        "fat": [f"{base}/fat/mesh.h5", f"{base}/fat/strains.h5"],
+        "skin": [f"{base}/soft_tissue/mesh.h5"] if "fat" not in layers else [],
+    }
+    return [path for layer in layers for path in files[layer]]
+
+
+INNER_LAYERS = [layer for layer in LAYERS if layer not in ("fat", "skin")]
+
+
+def frame_count(name):
+    with open(scene(name).frames) as file:
+        return sum(1 for row in csv.reader(file) if row) - 1
+
+
+def chunks(name):
+    return range(-(-frame_count(name) // scene(name).chunk))
+
+
+def layered(subject):
+    """Whether any scene asks for more than bones in one soft tissue."""
+    return any(set(scene(s).needed) - {"bones", "skin"} for s in listed("scenes"))
+
+
+def scribbles(subject, pose, bone):
+    """Extra seeds of one bone: a change there reruns that bone alone."""
+    data = dataset(subject)
+    extra = data.poses[pose].scribbles.get(bone)
+    return [] if extra is None else [data.path(extra)]
+
+
+def template_files(subject):
+    """The subject's templates: the generated folder, or the files that the dataset names."""
+    data = dataset(subject)
+    if data.generator:
+        return [data.path("templates")]
+    organs = [*data.muscles.values(), *data.ligaments.values()]
+    files = [o.template for o in organs] + [o.attachments for o in organs]
+    files += [b.template for b in data.bones.values() if b.template] + [
+        n.surface for n in data.nails.values()
+    ]
+    return [data.path(f) for f in files]
+
+
+def curve_folder(subject, path):
+    """A clicked curve: inside the generated folder, or a file of its own."""
+    data = dataset(subject)
+    return data.path("curves") if data.generator else data.path(path)
+
+
+def scanned(subject):
+    """Poses with a scan, other than neutral."""
+    data = dataset(subject)
+    return [n for n in data.poses if n != data.neutral and data.poses[n].scan]
+
+
+def report_metrics(subject):
+    """The stages that the scenes ask for."""
+    data = dataset(subject)
+    stages = ["segmentation", "registration", "rig"]
+    if layered(subject):
+        stages += ["tendons"] if data.tendons else []
+        stages += ["muscles"] if data.muscles else []
+        stages += ["skin"]
+    return [f"results/{subject}/metrics/{stage}.json" for stage in stages]
+
+
+def report_poses(subject):
+    """Simulated scanned poses that the report draws."""
+    if not layered(subject):
+        return []
+    return [
+        f"results/{subject}/poses/{n}/{part}.h5"
+        for n in scanned(subject)
+        for part in ("inner", "skin")
+    ]

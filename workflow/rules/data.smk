@@ -1,0 +1,45 @@
+# Generated subjects: what a scanner, a person and a truth would give.
+
+
+rule generate_templates:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+    output:
+        directory("results/{subject}/data/templates"),
+        directory("results/{subject}/data/curves"),
+    log:
+        "results/{subject}/logs/generate_templates/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/generate_templates/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: templates, tendon curves and nails"
+    script:
+        "../scripts/generate_templates.py"
+
+
+rule generate_pose:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+    output:
+        volume="results/{subject}/data/volumes/{pose}.nii.gz",
+        seeds="results/{subject}/data/seeds/{pose}.nii.gz",
+        scan="results/{subject}/data/scans/{pose}.ply",
+        truth="results/{subject}/data/truth/{pose}.h5",
+        bones="results/{subject}/data/truth/{pose}.bones.nii.gz",
+        marrow="results/{subject}/data/truth/{pose}.marrow.nii.gz",
+    log:
+        "results/{subject}/logs/generate_pose/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/generate_pose/{pose}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: images, scan and truth of {wildcards.pose}"
+    script:
+        "../scripts/generate_pose.py"

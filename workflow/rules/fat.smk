@@ -1,0 +1,171 @@
+# Fat and skin: mesh, constraints, nails, plastic strains (000 section 7), and the single soft tissue of 004.
+
+
+rule mesh_fat:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        layers=lambda w: layer_files(w.subject, INNER_LAYERS),
+        scan=lambda w: dataset(w.subject).path(
+            dataset(w.subject).poses[neutral(w.subject)].scan
+        ),
+        templates=lambda w: template_files(w.subject),
+    output:
+        "results/{subject}/fat/mesh.h5",
+    log:
+        "results/{subject}/logs/mesh_fat/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/mesh_fat/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: tetrahedra between the inner surface and the skin"
+    script:
+        "../scripts/mesh_fat.py"
+
+
+rule mesh_soft_tissue:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        scan=lambda w: dataset(w.subject).path(
+            dataset(w.subject).poses[neutral(w.subject)].scan
+        ),
+        templates=lambda w: template_files(w.subject),
+    output:
+        "results/{subject}/soft_tissue/mesh.h5",
+    log:
+        "results/{subject}/logs/mesh_soft_tissue/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/mesh_soft_tissue/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: one soft tissue between the bones and the skin"
+    script:
+        "../scripts/mesh_soft_tissue.py"
+
+
+rule simulate_inner:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        layers=lambda w: layer_files(w.subject, INNER_LAYERS),
+    output:
+        "results/{subject}/poses/{pose}/inner.h5",
+    log:
+        "results/{subject}/logs/simulate_inner/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/simulate_inner/{pose}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    message:
+        "{wildcards.subject}: layers under the fat in {wildcards.pose}"
+    script:
+        "../scripts/simulate_inner.py"
+
+
+rule fit_fat_strains:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        mesh="results/{subject}/fat/mesh.h5",
+        inner="results/{subject}/poses/{pose}/inner.h5",
+        scan=of_pose("scan"),
+    output:
+        "results/{subject}/fat/poses/{pose}.h5",
+    log:
+        "results/{subject}/logs/fit_fat_strains/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/fit_fat_strains/{pose}.tsv"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=30,
+    message:
+        "{wildcards.subject}: plastic strains of the fat in {wildcards.pose}"
+    script:
+        "../scripts/fit_fat_strains.py"
+
+
+rule collect_fat_strains:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        mesh="results/{subject}/fat/mesh.h5",
+        poses=in_poses("results/{subject}/fat/poses/{pose}.h5", Role.example),
+    output:
+        "results/{subject}/fat/strains.h5",
+    log:
+        "results/{subject}/logs/collect_fat_strains/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/collect_fat_strains/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: pose space of the fat"
+    script:
+        "../scripts/collect_fat_strains.py"
+
+
+rule simulate_skin:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        inner="results/{subject}/poses/{pose}/inner.h5",
+        fat="results/{subject}/fat/mesh.h5",
+        strains="results/{subject}/fat/strains.h5",
+        soft_tissue="results/{subject}/soft_tissue/mesh.h5",
+    output:
+        "results/{subject}/poses/{pose}/skin.h5",
+    log:
+        "results/{subject}/logs/simulate_skin/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/simulate_skin/{pose}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: skin of {wildcards.pose} by the full, the strain-free and the single-tissue model"
+    script:
+        "../scripts/simulate_skin.py"
+
+
+rule evaluate_skin:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        scans=lambda w: [
+            p
+            for p in [
+                dataset(w.subject).path(dataset(w.subject).poses[n].scan)
+                for n in scanned(w.subject)
+            ]
+        ],
+        skins=lambda w: expand(
+            "results/{subject}/poses/{pose}/skin.h5",
+            pose=scanned(w.subject),
+            allow_missing=True,
+        ),
+    output:
+        metrics="results/{subject}/metrics/skin.json",
+        table="results/{subject}/tables/skin.json",
+    log:
+        "results/{subject}/logs/evaluate_skin/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/evaluate_skin/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: skin against scans"
+    script:
+        "../scripts/evaluate_skin.py"

@@ -1,0 +1,43 @@
+# Neutral marrow into each pose (004 section 3.1).
+
+
+rule register_bones:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
+        target="results/{subject}/segmentation/{pose}/surfaces.h5",
+    output:
+        "results/{subject}/registration/{pose}.h5",
+    log:
+        "results/{subject}/logs/register_bones/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/register_bones/{pose}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: register the bones of {wildcards.pose}"
+    script:
+        "../scripts/register_bones.py"
+
+
+rule evaluate_registration:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
+        registrations=in_poses("results/{subject}/registration/{pose}.h5"),
+    output:
+        "results/{subject}/metrics/registration.json",
+    log:
+        "results/{subject}/logs/evaluate_registration/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/evaluate_registration/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: registration against truth"
+    script:
+        "../scripts/evaluate_registration.py"

@@ -1,0 +1,47 @@
+# Figures of the whole build and the report.
+
+
+rule report:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        metrics=lambda w: report_metrics(w.subject),
+        poses=lambda w: report_poses(w.subject),
+        scenes=lambda w: expand(
+            "results/{subject}/simulation/{scene}/{scene}.glb",
+            scene=listed("scenes"),
+            allow_missing=True,
+        ),
+    output:
+        "results/{subject}/report.html",
+    log:
+        "results/{subject}/logs/report/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/report/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: report"
+    script:
+        "../scripts/report.py"
+
+
+rule evaluate_build:
+    input:
+        report="results/{subject}/report.html",
+    output:
+        "results/{subject}/metrics/build.json",
+    log:
+        "results/{subject}/logs/evaluate_build/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/evaluate_build/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: time and memory of the build"
+    script:
+        "../scripts/evaluate_build.py"

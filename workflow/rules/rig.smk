@@ -1,0 +1,24 @@
+# Registered bones to a kinematic rig (004 section 4).
+
+
+rule fit_rig:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
+        registrations=in_poses("results/{subject}/registration/{pose}.h5"),
+    output:
+        rig="results/{subject}/rig.h5",
+        metrics="results/{subject}/metrics/rig.json",
+        table="results/{subject}/tables/rig.json",
+    log:
+        "results/{subject}/logs/fit_rig/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/fit_rig/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: fit the rig"
+    script:
+        "../scripts/fit_rig.py"

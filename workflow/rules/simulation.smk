@@ -1,0 +1,47 @@
+# Frames of a scene, layer by layer; frames do not depend on one another (000 section 3).
+
+
+rule simulate:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        scene="config/scenes/{scene}.yaml",
+        frames=lambda w: scene(w.scene).frames,
+        layers=lambda w: layer_files(w.subject, scene(w.scene).needed),
+    output:
+        "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
+    log:
+        "results/{subject}/logs/simulate/{scene}/{chunk}.log",
+    benchmark:
+        "results/{subject}/benchmarks/simulate/{scene}/{chunk}.tsv"
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=30,
+    message:
+        "{wildcards.subject}: {wildcards.scene}, frames of chunk {wildcards.chunk}"
+    script:
+        "../scripts/simulate.py"
+
+
+rule export_scene:
+    input:
+        chunks=lambda w: expand(
+            "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
+            chunk=chunks(w.scene),
+            allow_missing=True,
+        ),
+    output:
+        glb="results/{subject}/simulation/{scene}/{scene}.glb",
+        vtk=directory("results/{subject}/simulation/{scene}/vtk"),
+    log:
+        "results/{subject}/logs/export_scene/{scene}.log",
+    benchmark:
+        "results/{subject}/benchmarks/export_scene/{scene}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: {wildcards.scene} as VTU series and glTF"
+    script:
+        "../scripts/export_scene.py"

@@ -1,0 +1,99 @@
+# Tendons: rods, hooks (000 section 5).
+
+
+rule extract_tendon:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        volume=lambda w: dataset(w.subject).path(
+            dataset(w.subject).poses[neutral(w.subject)].volume
+        ),
+        path=lambda w: curve_folder(
+            w.subject, dataset(w.subject).tendons[w.tendon].path
+        ),
+    output:
+        "results/{subject}/tendons/{tendon}/neutral.h5",
+    log:
+        "results/{subject}/logs/extract_tendon/{tendon}.log",
+    benchmark:
+        "results/{subject}/benchmarks/extract_tendon/{tendon}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: extract the {wildcards.tendon} tendon in neutral"
+    script:
+        "../scripts/extract_tendon.py"
+
+
+rule register_tendon:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        volume=of_pose("volume"),
+        neutral="results/{subject}/tendons/{tendon}/neutral.h5",
+        registration="results/{subject}/registration/{pose}.h5",
+    output:
+        "results/{subject}/tendons/{tendon}/poses/{pose}.h5",
+    log:
+        "results/{subject}/logs/register_tendon/{tendon}/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/register_tendon/{tendon}/{pose}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: register the {wildcards.tendon} tendon in {wildcards.pose}"
+    script:
+        "../scripts/register_tendon.py"
+
+
+rule fit_hooks:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        neutral="results/{subject}/tendons/{tendon}/neutral.h5",
+        poses=in_poses(
+            "results/{subject}/tendons/{tendon}/poses/{pose}.h5", Role.example
+        ),
+    output:
+        "results/{subject}/tendons/{tendon}/hooks.h5",
+    log:
+        "results/{subject}/logs/fit_hooks/{tendon}.log",
+    benchmark:
+        "results/{subject}/benchmarks/fit_hooks/{tendon}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: fit the hooks of the {wildcards.tendon} tendon"
+    script:
+        "../scripts/fit_hooks.py"
+
+
+rule evaluate_tendons:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        tendons=lambda w: expand(
+            "results/{subject}/tendons/{tendon}/hooks.h5",
+            tendon=dataset(w.subject).tendons,
+            allow_missing=True,
+        ),
+    output:
+        "results/{subject}/metrics/tendons.json",
+    log:
+        "results/{subject}/logs/evaluate_tendons/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/evaluate_tendons/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: simulated tendons against truth"
+    script:
+        "../scripts/evaluate_tendons.py"

@@ -1,0 +1,32 @@
+"""What every script does: log to the rule's file, turn errors into one message."""
+
+import logging
+import os
+import sys
+from contextlib import contextmanager
+
+os.environ.setdefault("NUMBA_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
+
+from handpipe.errors import HandpipeError
+
+
+@contextmanager
+def stage(job):
+    """Run a script's body: log into the rule's log; a person's error ends it with one message and status 1."""
+    logging.basicConfig(
+        level=logging.INFO,
+        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
+        datefmt="%H:%M:%S",
+        handlers=[logging.FileHandler(job.log[0], mode="w")],
+        force=True,
+    )
+    log = logging.getLogger(job.rule)
+    try:
+        yield log
+    except HandpipeError as error:
+        log.error("%s", error)
+        print(f"handpipe: {job.rule}: {error}", file=sys.stderr)
+        sys.exit(1)
+    except Exception:
+        log.exception("unexpected error in %s", job.rule)
+        raise
