@@ -1,0 +1,188 @@
+"""Shaded pictures of surfaces without a graphics card: parallel rays, Embree, headlight and ambient light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from handpipe.evaluation.surfaces import TriangleSurface
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+AMBIENT, HEADLIGHT, SIDELIGHT = 0.30, 0.50, 0.25
+SUPERSAMPLING = 2  # rays per pixel and direction
+TILE = 1 << 18  # rays in flight: bounds the memory of a large picture
+
+
+@dataclass(frozen=True)
+class Body:
+    """A surface to be drawn; `rgb` in 0..1 is (3,) or, for a colour map over its vertices, (n, 3)."""
+
+    surface: TriangleSurface
+    rgb: Array | tuple[float, float, float]
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Parallel projection along `direction`: `height` mm of the plane through `centre` fill the picture."""
+
+    centre: Array
+    direction: Array
+    up: Array
+    height: float
+
+    @staticmethod
+    def fit(
+        bodies: Sequence[Body], direction: Array, up: Array, size: tuple[int, int], margin: float = 1.06
+    ) -> Camera:
+        """The camera that just sees all bodies in a picture of `size` = (width, height) pixels."""
+        axes = _axes(np.asarray(direction, float), np.asarray(up, float))
+        seen = np.concatenate([body.surface.vertices for body in bodies]) @ axes.T
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        width, height, _ = high - low
+        height = margin * max(height, width * size[1] / size[0])
+        return Camera(0.5 * (low + high) @ axes, axes[2], axes[1], height)
+
+    @property
+    def axes(self) -> Array:
+        """Rows right, up, forward (3, 3)."""
+        return _axes(self.direction, self.up)
+
+    def rays(self, size: tuple[int, int], distance: float) -> tuple[Array, Array]:
+        """Origins (h w, 3) in rows from the top left, `distance` mm before the centre; direction (3,)."""
+        right, up, forward = self.axes
+        pixel = self.height / size[1]
+        x = (np.arange(size[0]) - 0.5 * (size[0] - 1)) * pixel
+        y = (0.5 * (size[1] - 1) - np.arange(size[1])) * pixel
+        origins = self.centre - distance * forward + (y[:, None, None] * up + x[None, :, None] * right)
+        return origins.reshape(-1, 3), forward
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Removes what lies on the side of the plane through `point` that `normal` points to; closed surfaces are
+    capped with their flat colour."""
+
+    point: Array
+    normal: Array
+
+
+def render(
+    bodies: Sequence[Body], camera: Camera, size: tuple[int, int] = (640, 480), cut: Cut | None = None
+) -> Image:
+    """Picture (height, width, 4) in RGBA, transparent where no surface is seen.
+
+    `size` is (width, height) in pixels. Of each transparent body only its foremost sheet is drawn; opaque
+    bodies hide each other.
+    """
+    fine = (size[0] * SUPERSAMPLING, size[1] * SUPERSAMPLING)
+    corners = np.concatenate([body.surface.vertices for body in bodies])
+    distance = 1.0 + float(np.linalg.norm(corners - camera.centre, axis=1).max())
+    origins, forward = camera.rays(fine, distance)
+    tracers = [_Tracer(body, camera.axes) for body in bodies]
+    colour = np.zeros((len(origins), 4), np.float32)  # premultiplied by its opacity
+    for begin in range(0, len(origins), TILE):
+        tile = slice(begin, begin + TILE)
+        colour[tile] = _composite(tracers, origins[tile], forward, 2 * distance, cut)
+    pixels = colour.reshape(size[1], SUPERSAMPLING, size[0], SUPERSAMPLING, 4).mean(axis=(1, 3))
+    alpha = pixels[..., 3:]
+    pixels[..., :3] = np.divide(pixels[..., :3], alpha, out=np.zeros_like(pixels[..., :3]), where=alpha > 0)
+    return np.round(255 * np.clip(pixels, 0, 1)).astype(np.uint8)
+
+
+def on_background(image: Image, rgb: tuple[float, float, float] = (1, 1, 1)) -> Image:
+    """A picture (h, w, 4) laid over a plain colour, (h, w, 3)."""
+    alpha = image[..., 3:] / 255.0
+    return np.round(image[..., :3] * alpha + 255 * np.asarray(rgb) * (1 - alpha)).astype(np.uint8)
+
+
+class _Tracer:
+    """One body's Embree scene and what its shading needs."""
+
+    def __init__(self, body: Body, axes: Array) -> None:
+        self.vertices = np.ascontiguousarray(body.surface.vertices, dtype=np.float64)
+        self.triangles = np.ascontiguousarray(body.surface.triangles, dtype=np.int64)
+        self.normals = igl.per_vertex_normals(self.vertices, self.triangles)
+        self.rgb = np.broadcast_to(np.asarray(body.rgb, float), (len(self.vertices), 3))
+        self.opacity = body.opacity
+        self.closed = len(igl.boundary_facets(self.triangles)[0]) == 0
+        right, up, forward = axes
+        self.headlight = -forward
+        self.sidelight = _unit(up - 0.6 * right - 0.4 * forward)
+        self.scene = EmbreeScene()
+        vertices, triangles = self.vertices.astype(np.float32), self.triangles.astype(np.int32)
+        self.mesh = TriangleMesh(self.scene, vertices, triangles)
+
+    def trace(self, origins: Array, forward: Array, begin: Array, end: Array) -> tuple[Array, Array]:
+        """Distance (n,) of each ray's first hit in [begin, end], inf where none, and its colour (n, 3)."""
+        starts = (origins + begin[:, None] * forward).astype(np.float32)
+        hits = self.scene.run(starts, np.broadcast_to(forward, starts.shape).astype(np.float32), output=True)
+        hit = (hits["primID"] >= 0) & (begin + hits["tfar"] <= end)
+        corners = self.triangles[hits["primID"][hit]]
+        u, v = hits["u"][hit], hits["v"][hit]
+        weights = np.column_stack([1 - u - v, u, v])
+        normal = _unit(np.einsum("ni,nij->nj", weights, self.normals[corners]))
+        rgb = np.einsum("ni,nij->nj", weights, self.rgb[corners])
+        inside = hits["Ng"][hit] @ forward > 0  # the ray meets the back of the sheet
+        light = self._light(np.where(inside[:, None], -normal, normal))
+        distance = hits["tfar"][hit].astype(float)
+        if self.closed:  # a cut opened the body: draw its cap, where the ray starts
+            light[inside], distance[inside] = AMBIENT + HEADLIGHT, 0.0
+        depth, colour = np.full(len(origins), np.inf), np.zeros((len(origins), 3))
+        depth[hit], colour[hit] = begin[hit] + distance, rgb * light[:, None]
+        return depth, colour
+
+    def _light(self, normal: Array) -> Array:
+        front = HEADLIGHT * np.maximum(normal @ self.headlight, 0)
+        return AMBIENT + front + SIDELIGHT * np.maximum(normal @ self.sidelight, 0)
+
+
+def _composite(
+    tracers: Sequence[_Tracer], origins: Array, forward: Array, reach: float, cut: Cut | None
+) -> Array:
+    """Premultiplied RGBA (n, 4) of the rays: the bodies' sheets laid over one another from front to back."""
+    begin, end = _kept(origins, forward, reach, cut)
+    depths, colours = zip(*(t.trace(origins, forward, begin, end) for t in tracers), strict=True)
+    depth, colour = np.stack(depths, axis=1), np.stack(colours, axis=1)
+    opacity = np.where(np.isfinite(depth), [t.opacity for t in tracers], 0.0)
+    order = np.argsort(depth, axis=1, kind="stable")
+    opacity = np.take_along_axis(opacity, order, axis=1)
+    colour = np.take_along_axis(colour, order[..., None], axis=1)
+    through = np.cumprod(1 - opacity, axis=1)
+    weight = opacity * np.column_stack([np.ones(len(origins)), through[:, :-1]])
+    return np.column_stack([np.einsum("nk,nkc->nc", weight, np.minimum(colour, 1.0)), 1 - through[:, -1]])
+
+
+def _kept(origins: Array, forward: Array, reach: float, cut: Cut | None) -> tuple[Array, Array]:
+    """The part [begin, end] in mm of each ray that a cut leaves."""
+    begin, end = np.zeros(len(origins)), np.full(len(origins), reach)
+    if cut is None:
+        return begin, end
+    normal = _unit(np.asarray(cut.normal, float))
+    height, slope = (origins - cut.point) @ normal, float(forward @ normal)
+    if slope < 0:
+        begin = np.maximum(height / -slope, 0.0)
+    elif slope > 0:
+        end = np.minimum(-height / slope, reach)
+    else:
+        end[height > 0] = -1.0
+    return begin, end
+
+
+def _axes(direction: Array, up: Array) -> Array:
+    forward = _unit(np.asarray(direction, float))
+    right = _unit(np.cross(forward, np.asarray(up, float)))
+    return np.stack([right, np.cross(right, forward), forward])
+
+
+def _unit(vectors: Array) -> Array:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1.0)

@@ -1,0 +1,131 @@
+"""Slices of a volume with the contours of surfaces drawn over them (Zheng 2022, Figs. 32, 33)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from numpy.typing import NDArray
+
+from handpipe.evaluation.surfaces import TriangleSurface
+
+Array = NDArray[np.float64]
+Sample = Callable[[Array], NDArray]  # points (n, 3) in mm -> values (n,), NaN outside of the volume
+
+STRAIGHT = 2.0  # mm: bones nearer to one line than this do not turn the sagittal plane
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane with orthonormal axes: its point (s, t) is origin + s right + t up, in mm."""
+
+    origin: Array
+    right: Array
+    up: Array
+
+    @property
+    def normal(self) -> Array:
+        return np.cross(self.right, self.up)
+
+    def points(self, coordinates: Array) -> Array:
+        """Points (..., 3) of plane coordinates (..., 2)."""
+        return self.origin + coordinates[..., :1] * self.right + coordinates[..., 1:] * self.up
+
+    def coordinates(self, points: Array) -> Array:
+        """Plane coordinates (..., 2) of points (..., 3), projected along the normal."""
+        return (points - self.origin) @ np.stack([self.right, self.up], axis=1)
+
+
+def sagittal_plane(centroids: Array, across: Array, along: Array) -> Plane:
+    """The plane through a posed finger's bone centroids (b, 3), b >= 2.
+
+    Its normal is as near to `across` as the centroids allow: a straight finger leaves the plane free to
+    turn about its axis, a bent one fixes the plane by itself. `along` (distal) points to the right.
+    """
+    centre = centroids.mean(axis=0)
+    scatter = (centroids - centre).T @ (centroids - centre)
+    normal = np.linalg.solve(scatter + STRAIGHT**2 * np.eye(3), np.asarray(across, float))
+    return _plane(centre, normal, along)
+
+
+def transversal_plane(bone: Array, up: Array, place: float = 0.5) -> Plane:
+    """The plane square to a bone's long axis at a fraction `place` of its length; bone vertices (n, 3).
+
+    `up` (dorsal) points upwards in the slice as far as the plane allows.
+    """
+    centre = bone.mean(axis=0)
+    _, _, axes = np.linalg.svd(bone - centre, full_matrices=False)
+    axis = axes[0]
+    reach = (bone - centre) @ axis
+    low, high = float(reach.min()), float(reach.max())
+    right = np.cross(np.asarray(up, float), axis)
+    return _plane(centre + (low + place * (high - low)) * axis, axis, right)
+
+
+def _plane(origin: Array, normal: Array, right: Array) -> Plane:
+    normal = normal / np.linalg.norm(normal)
+    right = np.asarray(right, float) - normal * float(np.dot(normal, right))
+    right = right / np.linalg.norm(right)
+    return Plane(origin, right, np.cross(normal, right))
+
+
+def section(surface: TriangleSurface, plane: Plane) -> Array:
+    """Segments (k, 2, 2) in plane coordinates, mm, where the plane cuts the surface."""
+    mesh = trimesh.Trimesh(surface.vertices, surface.triangles, process=False)
+    segments = trimesh.intersections.mesh_plane(mesh, plane.normal, plane.origin)
+    return plane.coordinates(np.asarray(segments, float).reshape(-1, 2, 3))
+
+
+@dataclass(frozen=True)
+class Contours:
+    """Surfaces drawn in one colour under one name, e.g. all muscles."""
+
+    name: str
+    surfaces: Sequence[TriangleSurface]
+    colour: str | tuple[float, float, float]
+    style: str = "-"
+
+
+def draw_slice(
+    axes: Axes,
+    sample: Sample | None,
+    plane: Plane,
+    contours: Sequence[Contours],
+    *,
+    spacing: float = 0.25,
+    margin: float = 4.0,
+    grey: tuple[float, float] | None = None,
+) -> Mapping[str, Array]:
+    """Draw grey values and contours into matplotlib axes in mm; return the segments drawn, by name.
+
+    The extent is that of the contours and `margin` mm around them. `sample` None leaves the grey values out;
+    `grey` is the range of grey values, by default the 1st to the 99.5th percentile of the slice.
+    """
+    drawn = {c.name: np.concatenate([section(s, plane) for s in c.surfaces]) for c in contours if c.surfaces}
+    points = np.concatenate([s.reshape(-1, 2) for s in drawn.values()]) if drawn else np.zeros((0, 2))
+    low = points.min(axis=0, initial=np.inf if len(points) else 0.0) - margin
+    high = points.max(axis=0, initial=-np.inf if len(points) else 0.0) + margin
+    if sample is not None:
+        values = sample_plane(sample, plane, low, high, spacing)
+        black, white = grey or tuple(np.nanpercentile(values, [1, 99.5]))
+        extent = (low[0], high[0], low[1], high[1])
+        axes.imshow(values, cmap="gray", vmin=black, vmax=white, origin="lower", extent=extent)
+    for c in contours:
+        if c.name in drawn:
+            lines = LineCollection(drawn[c.name], colors=[c.colour], linewidths=1.1, linestyles=c.style)
+            axes.add_collection(lines)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="mm", ylabel="mm")
+    return drawn
+
+
+def sample_plane(sample: Sample, plane: Plane, low: Array, high: Array, spacing: float) -> Array:
+    """Values of a volume, rows upwards, between two corners (2,) of a plane; 0 outside of the volume."""
+    count = np.maximum(np.ceil((high - low) / spacing).astype(int), 1)
+    s, t = (low[i] + (np.arange(count[i]) + 0.5) * (high[i] - low[i]) / count[i] for i in (0, 1))
+    grid = np.stack(np.meshgrid(s, t), axis=-1).reshape(-1, 2)
+    values = np.asarray(sample(plane.points(grid)), float)
+    return np.nan_to_num(values).reshape(count[1], count[0])
