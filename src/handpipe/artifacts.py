@@ -70,7 +70,8 @@ def write(
 def _write_group(group: h5py.Group, data: Mapping[str, Any]) -> None:
     for key, value in data.items():
         if isinstance(value, Mapping):
-            _write_group(group.require_group(key, track_order=True), value)
+            inner = group[key] if key in group else group.create_group(key, track_order=True)
+            _write_group(inner, value)
             continue
         array = np.asarray(value)
         if array.dtype.kind in "US":
