@@ -1,0 +1,154 @@
+"""Static equilibrium of a rod of constant segment lengths, by Newton's method on the segments' directions.
+
+The constraints of Eq. 5 and 9 (Zheng et al. 2022) leave the unit directions of the segments free. Each step
+solves the Newton system with the linearised constraints (a banded KKT system, linear in the number of segments)
+and turns the directions by it; the positions follow by summation from the fixed first vertex. Lengths are thus
+exact in every iterate, and the energy itself is the merit function of the line search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.linalg import LinAlgError, solve_banded
+
+from handpipe.errors import ConvergenceError
+from handpipe.tendons.energies import REACH, RodEnergy, empty_blocks
+from handpipe.tendons.rod import Array, directions, segment_length, unit
+
+BAND = 4 * REACH + 2  # unknowns are ordered x_0, multiplier_0, x_1, multiplier_1, ...
+
+
+@dataclass(frozen=True)
+class Options:
+    """`tolerance`: unbalanced lateral force over the largest tension; `smallest_step` in mm ends it as well."""
+
+    tolerance: float = 1e-7
+    smallest_step: float = 1e-7
+    max_iterations: int = 200
+    largest_turn: float = 0.5  # rad a step
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """x (Q+1, 3) in mm; tension (Q,) of each segment; the iterations and the unbalanced force over tension."""
+
+    x: Array
+    tension: Array
+    iterations: int
+    residual: float
+
+
+@njit(cache=True)
+def _kkt_bands(blocks: Array, stiffness: Array, d: Array) -> Array:
+    """The KKT matrix in LAPACK's band storage; the first vertex is held by unit rows."""
+    n = len(blocks)
+    bands = np.zeros((2 * BAND + 1, 4 * n - 1))
+    for i in range(n):
+        for k in range(min(REACH + 1, n - i)):
+            j = i + k
+            for a in range(3):
+                for b in range(3):
+                    value = blocks[i, k, a, b]
+                    if i == 0:
+                        value = 1.0 if j == 0 and a == b else 0.0
+                    row, column = 4 * i + a, 4 * j + b
+                    bands[BAND + row - column, column] += value
+                    if k > 0:
+                        bands[BAND + column - row, row] += value
+    for i in range(n - 1):
+        m = 4 * i + 3
+        for a in range(3):
+            left, right = 4 * i + a, 4 * (i + 1) + a
+            bands[BAND, right] += stiffness[i]
+            bands[BAND + right - m, m] = d[i, a]
+            bands[BAND + m - right, right] = d[i, a]
+            if i > 0:
+                bands[BAND, left] += stiffness[i]
+                bands[BAND + right - left, left] -= stiffness[i]
+                bands[BAND + left - right, right] -= stiffness[i]
+                bands[BAND + left - m, m] = -d[i, a]
+                bands[BAND + m - left, left] = -d[i, a]
+    return bands
+
+
+def _forces(gradient: Array, d: Array) -> tuple[Array, Array]:
+    """Tension (Q,) and unbalanced lateral force (Q,) of the segments, from the forces beyond each of them."""
+    beyond = -np.cumsum(gradient[:0:-1], axis=0)[::-1]
+    tension = np.sum(beyond * d, axis=1)
+    return tension, np.linalg.norm(beyond - tension[:, None] * d, axis=1)
+
+
+def _newton_turn(
+    energies: Sequence[RodEnergy], x: Array, gradient: Array, d: Array, tension: Array, exact: bool
+) -> tuple[Array, float]:
+    """Change of the segments' directions (Q, 3), and the energy's slope along it."""
+    length = segment_length(x)
+    blocks = empty_blocks(len(x))
+    for energy in energies:
+        energy.add_hessian(x, blocks, exact)
+    # the constraints' curvature is the tension's; compressed segments are left out to keep a descent direction
+    stiffness = np.maximum(tension, 1e-3 * np.abs(tension).max()) / length
+    rhs = np.zeros(4 * len(x) - 1)
+    for c in range(3):
+        rhs[4 + c :: 4] = -gradient[1:, c]
+    try:
+        solution = solve_banded((BAND, BAND), _kkt_bands(blocks, stiffness, d), rhs, check_finite=False)
+    except LinAlgError as error:
+        raise ConvergenceError("The rod", "its Newton system is singular") from error
+    step = np.append(solution, 0.0).reshape(-1, 4)[:, :3]
+    turn = np.diff(step, axis=0) / length
+    return turn - np.sum(turn * d, axis=1)[:, None] * d, float(np.sum(gradient * step))
+
+
+def _turned(x0: Array, d: Array, turn: Array, length: float) -> Array:
+    moved = unit(d + turn)
+    return np.vstack([x0, x0 + length * np.cumsum(moved, axis=0)])
+
+
+def solve(energies: Sequence[RodEnergy], x: Array, options: Options | None = None) -> Equilibrium:
+    """Minimise a sum of energies over rods with the segment lengths and the first vertex of x (Q+1, 3).
+
+    Zheng et al. 2022, Eq. 4, 5 and 9. All segments of x must have one length. Closest points and ICP targets
+    are refreshed in each iteration. Raises `ConvergenceError` where no equilibrium is reached.
+    """
+    options = options or Options()
+    length, first = segment_length(x), x[:1]
+    residual = np.inf
+    for iteration in range(options.max_iterations):
+        for energy in energies:
+            energy.refresh(x)
+        d = directions(x)
+        gradient = sum((energy.gradient(x) for energy in energies), np.zeros_like(x))
+        tension, lateral = _forces(gradient, d)
+        scale = max(float(np.abs(tension).max()), 1e-12)
+        residual = float(lateral.max()) / scale
+        if residual <= options.tolerance:
+            return Equilibrium(x, tension, iteration, residual)
+        turn, slope = _newton_turn(energies, x, gradient, d, tension, exact=residual < 0.05)
+        if slope >= 0.0 and residual < 0.05:
+            turn, slope = _newton_turn(energies, x, gradient, d, tension, exact=False)
+        shortened = min(1.0, options.largest_turn / max(float(np.linalg.norm(turn, axis=1).max()), 1e-300))
+        moved, step = _line_search(energies, x, d, shortened * turn, shortened * slope, length)
+        if step <= options.smallest_step and shortened == 1.0:
+            return Equilibrium(moved, tension, iteration, residual)
+        x = np.vstack([first, moved[1:]])
+    raise ConvergenceError("The rod", f"unbalanced force {residual:.1e} of the tension after {iteration + 1} steps")
+
+
+def _line_search(
+    energies: Sequence[RodEnergy], x: Array, d: Array, turn: Array, slope: float, length: float
+) -> tuple[Array, float]:
+    """The rod after the largest step 1, 1/2, 1/4, ... of enough decrease (Armijo), and its largest motion."""
+    before = sum(energy.value(x) for energy in energies)
+    rounding = 1e-14 * (abs(before) + 1.0)
+    factor = 1.0
+    while factor > 1e-10:
+        trial = _turned(x[0], d, factor * turn, length)
+        if sum(energy.value(trial) for energy in energies) <= before + 1e-4 * factor * slope + rounding:
+            return trial, float(np.abs(trial - x).max())
+        factor *= 0.5
+    raise ConvergenceError("The rod", "the line search finds no decrease")
