@@ -1,0 +1,54 @@
+"""Intensity along the normals of a surface, and smooth fields on a surface from uncertain measurements."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from handpipe.imaging.volume import Volume
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def sample_profiles(volume: Volume, points: Array, directions: Array, offsets: Array) -> Array:
+    """Values (n, m) at points (n, 3) moved by offsets (m,) in mm along unit directions (n, 3)."""
+    return volume.sample(points[:, None] + offsets[:, None] * directions[:, None])
+
+
+def graph_laplacian(triangles: IntArray, count: int) -> sp.csr_matrix:
+    """Combinatorial Laplacian (n, n) of a triangle mesh's edges, rows divided by the mean degree."""
+    i = triangles.ravel()
+    j = np.roll(triangles, -1, axis=1).ravel()
+    adjacency = sp.coo_matrix((np.ones(len(i)), (i, j)), shape=(count, count)).tocsr()
+    adjacency = ((adjacency + adjacency.T) > 0).astype(float)
+    degree = np.asarray(adjacency.sum(axis=1)).ravel()
+    return ((sp.diags(degree) - adjacency) / max(degree.mean(), 1.0)).tocsr()
+
+
+def smooth_field(
+    laplacian: sp.csr_matrix,
+    measured: Array,
+    confidence: Array,
+    stiffness: float,
+    scale: float,
+    iterations: int = 8,
+    upper_scale: float | None = None,
+) -> tuple[Array, Array]:
+    """Smooth field (n,) near measurements (n,) with confidences (n,) in [0, 1], and the weights kept (n,).
+
+    Minimises sum_i c_i rho(d_i - u_i) + stiffness u^T L u with the Geman-McClure penalty rho of width
+    `scale` by reweighting, so that measurements which disagree with their neighbours lose their say.
+    `upper_scale` is the width for measurements above the field, where errors are one-sided.
+    """
+    tiny = 1e-6 * sp.identity(len(measured))
+    weights = confidence.astype(float)
+    field = measured
+    for _ in range(iterations):
+        field = splu((sp.diags(weights) + stiffness * laplacian + tiny).tocsc()).solve(weights * measured)
+        residual = measured - field
+        width = scale if upper_scale is None else np.where(residual > 0, upper_scale, scale)
+        weights = confidence / (1 + (residual / width) ** 2) ** 2
+    return field, weights
