@@ -1,0 +1,64 @@
+"""Points carried by a tetrahedral mesh through barycentric weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Embedding:
+    """Each point is the sum of weights (n, 4) times the vertices cells (n, 4); weights sum to one."""
+
+    cells: IntArray
+    weights: Array
+
+    @staticmethod
+    def of(points: Array, mesh: TetMesh) -> Embedding:
+        """Embed points (n, 3): in the tet around each, or extrapolated from the tet of the nearest boundary face."""
+        points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
+        tree = igl.AABB()
+        tree.init(mesh.vertices, mesh.tets)
+        found = np.asarray(igl.in_element(mesh.vertices, mesh.tets, points, tree), dtype=np.int64).reshape(-1)
+        outside = found < 0
+        if outside.any():
+            faces, owners = mesh.boundary_faces()
+            nearest = Distance(Surface(mesh.vertices, faces)).closest(points[outside])[1]
+            found[outside] = owners[nearest]
+        return Embedding.in_tets(points, mesh, found)
+
+    @staticmethod
+    def in_tets(points: Array, mesh: TetMesh, tets: IntArray) -> Embedding:
+        """Embed each of points (n, 3) in the tet of index tets (n,), inside of it or not."""
+        cells = mesh.tets[tets]
+        corners = mesh.vertices[cells]
+        edges = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
+        last = np.linalg.solve(edges, (points - corners[:, 0])[:, :, None])[:, :, 0]
+        return Embedding(cells, np.column_stack([1 - last.sum(axis=1), last]))
+
+    def __call__(self, vertices: Array) -> Array:
+        """The points (n, 3) carried by vertices (N, 3), or any other field (N, d) interpolated to them."""
+        return np.einsum("nc,ncd->nd", self.weights, vertices[self.cells])
+
+    def matrix(self, n_vertices: int) -> sparse.csr_matrix:
+        """The same map as a matrix (n, N)."""
+        n = len(self.cells)
+        starts = 4 * np.arange(n + 1)
+        matrix = sparse.csr_matrix((self.weights.ravel(), self.cells.ravel(), starts), shape=(n, n_vertices))
+        matrix.sort_indices()
+        return matrix
+
+    def matrix3(self, n_vertices: int) -> sparse.csr_matrix:
+        """The same map on flattened positions, a matrix (3 n, 3 N)."""
+        return sparse.kron(self.matrix(n_vertices), sparse.eye(3), format="csr")
