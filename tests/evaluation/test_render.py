@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from handpipe.evaluation.render import Body, Camera, Cut, on_background, render
-from handpipe.evaluation.surfaces import Triangles
+from handpipe.mesh.surface import Surface
 
 # looks down z: x is right, y is up
 CAMERA = Camera(np.zeros(3), np.array([0.0, 0, -1]), np.array([0.0, 1, 0]), height=20.0)
@@ -13,9 +13,9 @@ SIZE = (120, 100)
 PIXEL = 20.0 / 100  # mm
 
 
-def sphere(radius: float, centre=(0.0, 0.0, 0.0)) -> Triangles:
+def sphere(radius: float, centre=(0.0, 0.0, 0.0)) -> Surface:
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=radius)
-    return Triangles(np.asarray(mesh.vertices) + centre, np.asarray(mesh.faces, dtype=np.int64))
+    return Surface(np.asarray(mesh.vertices) + centre, np.asarray(mesh.faces, dtype=np.int64))
 
 
 def test_silhouette_has_the_area_of_the_disc():

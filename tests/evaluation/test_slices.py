@@ -14,15 +14,15 @@ from handpipe.evaluation.slices import (
     section,
     transversal_plane,
 )
-from handpipe.evaluation.surfaces import Triangles
+from handpipe.mesh.surface import Surface
 
 RADIUS, HEIGHT = 6.0, 2.5
 
 
 @pytest.fixture
-def ball() -> Triangles:
+def ball() -> Surface:
     mesh = trimesh.creation.icosphere(subdivisions=5, radius=RADIUS)
-    return Triangles(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64))
+    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64))
 
 
 def tilted(height: float) -> Plane:

@@ -5,12 +5,12 @@ import pytest
 import trimesh
 
 from handpipe.evaluation import surfaces
-from handpipe.evaluation.surfaces import Triangles
+from handpipe.mesh.surface import Surface
 
 
-def sphere(radius: float, centre=(0.0, 0.0, 0.0), subdivisions: int = 4) -> Triangles:
+def sphere(radius: float, centre=(0.0, 0.0, 0.0), subdivisions: int = 4) -> Surface:
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
-    return Triangles(np.asarray(mesh.vertices) + centre, np.asarray(mesh.faces, dtype=np.int64))
+    return Surface(np.asarray(mesh.vertices) + centre, np.asarray(mesh.faces, dtype=np.int64))
 
 
 FACET = 0.01  # mm: sagitta of the icosphere's facets, radius 5

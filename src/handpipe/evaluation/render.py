@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from handpipe.evaluation.surfaces import TriangleSurface
+from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -25,7 +24,7 @@ TILE = 1 << 18  # rays in flight: bounds the memory of a large picture
 class Body:
     """A surface to be drawn; `rgb` in 0..1 is (3,) or, for a colour map over its vertices, (n, 3)."""
 
-    surface: TriangleSurface
+    surface: Surface
     rgb: Array | tuple[float, float, float]
     opacity: float = 1.0
 
@@ -108,12 +107,11 @@ class _Tracer:
     """One body's Embree scene and what its shading needs."""
 
     def __init__(self, body: Body, axes: Array) -> None:
-        self.vertices = np.ascontiguousarray(body.surface.vertices, dtype=np.float64)
-        self.triangles = np.ascontiguousarray(body.surface.triangles, dtype=np.int64)
-        self.normals = igl.per_vertex_normals(self.vertices, self.triangles)
+        self.vertices, self.triangles = body.surface.vertices, body.surface.triangles
+        self.normals = body.surface.vertex_normals()
         self.rgb = np.broadcast_to(np.asarray(body.rgb, float), (len(self.vertices), 3))
         self.opacity = body.opacity
-        self.closed = len(igl.boundary_facets(self.triangles)[0]) == 0
+        self.closed = body.surface.is_closed()
         right, up, forward = axes
         self.headlight = -forward
         self.sidelight = _unit(up - 0.6 * right - 0.4 * forward)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
-from handpipe.evaluation.surfaces import TriangleSurface
+from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
 Sample = Callable[[Array], NDArray]  # points (n, 3) in mm -> values (n,), NaN outside of the volume
@@ -73,7 +73,7 @@ def _plane(origin: Array, normal: Array, right: Array) -> Plane:
     return Plane(origin, right, np.cross(normal, right))
 
 
-def section(surface: TriangleSurface, plane: Plane) -> Array:
+def section(surface: Surface, plane: Plane) -> Array:
     """Segments (k, 2, 2) in plane coordinates, mm, where the plane cuts the surface."""
     mesh = trimesh.Trimesh(surface.vertices, surface.triangles, process=False)
     segments = trimesh.intersections.mesh_plane(mesh, plane.normal, plane.origin)
@@ -85,7 +85,7 @@ class Contours:
     """Surfaces drawn in one colour under one name, e.g. all muscles."""
 
     name: str
-    surfaces: Sequence[TriangleSurface]
+    surfaces: Sequence[Surface]
     colour: str | tuple[float, float, float]
     style: str = "-"
 
@@ -116,7 +116,7 @@ def draw_slice(
         axes.imshow(values, cmap="gray", vmin=black, vmax=white, origin="lower", extent=extent)
     for c in contours:
         if c.name in drawn:
-            lines = LineCollection(drawn[c.name], colors=[c.colour], linewidths=1.1, linestyles=c.style)
+            lines = LineCollection(list(drawn[c.name]), colors=[c.colour], linewidths=1.1, linestyles=c.style)
             axes.add_collection(lines)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="mm", ylabel="mm")
     return drawn

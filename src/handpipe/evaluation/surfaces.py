@@ -2,61 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
-
 import igl
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.surface import Surface
 from handpipe.metrics import Metrics
 
 Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
-class TriangleSurface(Protocol):
-    """Whatever has vertices (n, 3) in mm and triangles (k, 3)."""
-
-    @property
-    def vertices(self) -> Array: ...
-
-    @property
-    def triangles(self) -> IntArray: ...
-
-
-@dataclass(frozen=True)
-class Triangles:
-    """The plainest `TriangleSurface`."""
-
-    vertices: Array
-    triangles: IntArray
-
-
-def surface_distance(points: Array, surface: TriangleSurface) -> Array:
+def surface_distance(points: Array, surface: Surface) -> Array:
     """Unsigned distance (n,) in mm of each point (n, 3) to its closest point on the surface.
 
     With the points of a scanned skin and the simulated skin this is the error of Zheng 2022, Table 4.
     """
-    squared, _, _ = igl.point_mesh_squared_distance(_float(points), *_buffers(surface))
-    return np.sqrt(squared)
+    return Distance(surface).closest(points)[0]
 
 
-def symmetric_distance(a: TriangleSurface, b: TriangleSurface) -> Array:
+def symmetric_distance(a: Surface, b: Surface) -> Array:
     """Distances (n_a + n_b,) in mm of the vertices of a to b, then of b to a; its maximum is the Hausdorff
     distance sampled at vertices."""
     return np.concatenate([surface_distance(a.vertices, b), surface_distance(b.vertices, a)])
 
 
-def penetration(points: Array, closed: TriangleSurface) -> Array:
+def penetration(points: Array, closed: Surface) -> Array:
     """Depth (n,) in mm of each point (n, 3) inside a closed surface with outward triangles, 0 outside."""
-    signed, _, _, _ = igl.signed_distance(
-        _float(points), *_buffers(closed), igl.SignedDistanceType.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
-    )
+    signed = Distance(closed).signed(points)[0]
     return np.maximum(-signed, 0.0)
 
 
-def penetration_depth(a: TriangleSurface, b: TriangleSurface) -> float:
+def penetration_depth(a: Surface, b: Surface) -> float:
     """Largest depth in mm of a vertex of one closed surface inside the other, 0 where none is inside."""
     return float(max(penetration(a.vertices, b).max(), penetration(b.vertices, a).max()))
 
@@ -90,7 +67,3 @@ def dice_metrics(labels: NDArray[np.integer], truth: NDArray[np.integer], names:
 
 def _float(points: Array) -> Array:
     return np.ascontiguousarray(points, dtype=np.float64)
-
-
-def _buffers(surface: TriangleSurface) -> tuple[Array, IntArray]:
-    return _float(surface.vertices), np.ascontiguousarray(surface.triangles, dtype=np.int64)

@@ -1,0 +1,208 @@
+"""Views of simulated frames for other programs: VTU with .pvd (ParaView), OBJ sequence, animated glTF."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import meshio
+import numpy as np
+import pygltflib as gltf
+from numpy.typing import NDArray
+
+from handpipe.artifacts import atomic
+from handpipe.config import LAYERS
+from handpipe.hand.appearance import colour, opacity
+from handpipe.hand.frames import SimulatedFrame
+from handpipe.layers import Array, IntArray, Shape
+from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
+
+CELL_TYPES = {2: "line", 3: "triangle", 4: "tetra"}
+TO_GLTF = 1e-3 * np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # mm to m, z up to y up
+
+
+def surface_triangles(cells: IntArray) -> IntArray:
+    """The cells to be drawn: the outward boundary (k, 3) of tetrahedra (m, 4), or the cells themselves."""
+    if cells.shape[1] == 4:
+        return TetMesh(np.zeros((0, 3)), cells).boundary_faces()[0]
+    return cells
+
+
+def write_vtu_series(folder: str | Path, frames: Sequence[SimulatedFrame], fps: float = 24.0) -> list[Path]:
+    """Write `{layer}.pvd` per layer and `{layer}/{body}-{frame number}.vtu` in mm; return the .pvd files.
+
+    Each file carries the shape's fields over points or cells, the points' displacement from rest (mm) and the
+    cells' `layer` (its number in `config.LAYERS`). The .pvd gives time in s and a part for each body.
+    """
+    folder = Path(folder)
+    series: dict[str, list[dict[str, str]]] = {}
+    for number, (_, layers) in enumerate(frames):
+        for layer, shapes in layers.items():
+            for part, (body, shape) in enumerate(shapes.items()):
+                file = f"{layer}/{body}-{number:04d}.vtu"
+                with atomic(folder / file) as temporary:
+                    _vtu(layer, shape).write(temporary)
+                series.setdefault(layer, []).append(
+                    {"timestep": f"{number / fps:.6g}", "part": str(part), "name": body, "file": file}
+                )
+    return [_write_pvd(folder / f"{layer}.pvd", entries) for layer, entries in series.items()]
+
+
+def _vtu(layer: str, shape: Shape) -> meshio.Mesh:
+    number = list(LAYERS).index(layer) if layer in LAYERS else len(LAYERS)
+    point_data: dict[str, Any] = {"displacement": shape.vertices - shape.rest}
+    cell_data: dict[str, Any] = {"layer": [np.full(len(shape.cells), number, dtype=np.int32)]}
+    for name, values in shape.fields.items():
+        if len(values) == len(shape.vertices):
+            point_data[name] = values
+        elif len(values) == len(shape.cells):
+            cell_data[name] = [values]
+    cells = [(CELL_TYPES[shape.cells.shape[1]], shape.cells)]
+    return meshio.Mesh(shape.vertices, cells, point_data=point_data, cell_data=cell_data)
+
+
+def _write_pvd(path: Path, entries: Sequence[Mapping[str, str]]) -> Path:
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
+    collection = ElementTree.SubElement(root, "Collection")
+    for entry in entries:
+        ElementTree.SubElement(collection, "DataSet", {"group": "", **entry})
+    with atomic(path) as temporary:
+        ElementTree.ElementTree(root).write(temporary, xml_declaration=True, encoding="utf-8")
+    return path
+
+
+def write_obj_sequence(folder: str | Path, frames: Sequence[SimulatedFrame]) -> list[Path]:
+    """Write `frame-{number}.obj` in mm, one group `{layer}_{body}` per body; return the files."""
+    paths = []
+    for number, (_, layers) in enumerate(frames):
+        path = Path(folder) / f"frame-{number:04d}.obj"
+        with atomic(path) as temporary, open(temporary, "w") as file:
+            first = 1
+            for layer, shapes in layers.items():
+                for body, shape in shapes.items():
+                    file.write(f"g {layer}_{body}\n")
+                    np.savetxt(file, shape.vertices, "v %.6f %.6f %.6f")
+                    cells = surface_triangles(shape.cells) + first
+                    np.savetxt(file, cells, "l %d %d" if cells.shape[1] == 2 else "f %d %d %d")
+                    first += len(shape.vertices)
+        paths.append(path)
+    return paths
+
+
+def write_glb(
+    path: str | Path, frames: Sequence[SimulatedFrame], fps: float = 24.0, *, step: bool = False
+) -> None:
+    """Write all frames as one animated glTF binary, metres, y up; neutral +z becomes +y.
+
+    One mesh per body: surface triangles (of tetrahedra: their boundary) or lines in neutral, one morph target
+    per frame, and weights that show frame i at i / fps seconds, in between linear or, with `step`, held.
+    Bodies absent from a frame are neutral there. Linear blending is for looking: what lies between frames was
+    not simulated.
+    """
+    names = [frame.name for frame, _ in frames]
+    bodies: dict[tuple[str, str], dict[int, Shape]] = {}
+    for number, (_, layers) in enumerate(frames):
+        for layer, shapes in layers.items():
+            for body, shape in shapes.items():
+                bodies.setdefault((layer, body), {})[number] = shape
+    writer = _GlbWriter(names, fps, "STEP" if step else "LINEAR")
+    for (layer, body), shapes_of_body in bodies.items():
+        writer.add(layer, body, shapes_of_body)
+    with atomic(path) as temporary:
+        writer.finish().save_binary(str(temporary))
+
+
+class _GlbWriter:
+    """Collects meshes and their animation into one glTF with one buffer."""
+
+    def __init__(self, names: Sequence[str], fps: float, interpolation: str) -> None:
+        self.names, self.interpolation = list(names), interpolation
+        self.document = gltf.GLTF2(asset=gltf.Asset(version="2.0", generator="handpipe"))
+        self.document.scenes, self.document.scene = [gltf.Scene(nodes=[])], 0
+        self.document.animations = [gltf.Animation(name="frames", channels=[], samplers=[])]
+        self.blob = bytearray()
+        self.materials: dict[str, int] = {}
+        count = len(names)
+        self.times = self._accessor(
+            np.arange(count, dtype=np.float32)[:, None] / np.float32(fps), bounds=True
+        )
+        self.weights = self._accessor(np.eye(count, dtype=np.float32).reshape(-1, 1))
+
+    def add(self, layer: str, body: str, shapes: Mapping[int, Shape]) -> None:
+        shape = next(iter(shapes.values()))
+        cells = surface_triangles(shape.cells)
+        used, local = np.unique(cells, return_inverse=True)
+        local = local.reshape(cells.shape)
+        rest = shape.rest[used]
+        moved = [shapes[i].vertices[used] if i in shapes else rest for i in range(len(self.names))]
+        primitive = gltf.Primitive(
+            attributes=gltf.Attributes(
+                POSITION=self._accessor(_to_gltf(rest), gltf.ARRAY_BUFFER, bounds=True)
+            ),
+            indices=self._accessor(local.reshape(-1, 1).astype(np.uint32), gltf.ELEMENT_ARRAY_BUFFER),
+            mode=gltf.LINES if cells.shape[1] == 2 else gltf.TRIANGLES,
+            material=self._material(layer),
+            targets=[{"POSITION": self._accessor(_to_gltf(x - rest), bounds=True)} for x in moved],
+        )
+        if cells.shape[1] == 3:
+            normals = _to_gltf(1e3 * Surface(rest, local).vertex_normals())
+            primitive.attributes.NORMAL = self._accessor(normals, gltf.ARRAY_BUFFER)
+            for target, x in zip(primitive.targets, moved, strict=True):
+                change = _to_gltf(1e3 * Surface(x, local).vertex_normals()) - normals
+                target["NORMAL"] = self._accessor(change)
+        self._mesh(f"{layer}/{body}", primitive)
+
+    def _mesh(self, name: str, primitive: gltf.Primitive) -> None:
+        document, node = self.document, len(self.document.nodes)
+        extras = {"targetNames": self.names}
+        weights = [0.0] * len(self.names)
+        document.meshes.append(gltf.Mesh(name=name, primitives=[primitive], weights=weights, extras=extras))
+        document.nodes.append(gltf.Node(name=name, mesh=len(document.meshes) - 1))
+        document.scenes[0].nodes.append(node)
+        animation = document.animations[0]
+        sampler = gltf.AnimationSampler(
+            input=self.times, output=self.weights, interpolation=self.interpolation
+        )
+        animation.samplers.append(sampler)
+        target = gltf.AnimationChannelTarget(node=node, path="weights")
+        animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+
+    def finish(self) -> gltf.GLTF2:
+        self.document.buffers = [gltf.Buffer(byteLength=len(self.blob))]
+        self.document.set_binary_blob(bytes(self.blob))
+        return self.document
+
+    def _material(self, layer: str) -> int:
+        if layer not in self.materials:
+            linear = [c**2.2 for c in colour(layer)]  # glTF factors are linear light
+            surface = gltf.PbrMetallicRoughness(
+                baseColorFactor=[*linear, opacity(layer)], metallicFactor=0.0, roughnessFactor=0.6
+            )
+            material = gltf.Material(name=layer, pbrMetallicRoughness=surface, doubleSided=True)
+            material.alphaMode = gltf.BLEND if opacity(layer) < 1 else gltf.OPAQUE
+            self.materials[layer] = len(self.document.materials)
+            self.document.materials.append(material)
+        return self.materials[layer]
+
+    def _accessor(self, values: NDArray, target: int | None = None, *, bounds: bool = False) -> int:
+        """Append an array (n, 1 or 3) of float32 or uint32 to the buffer; return its accessor."""
+        view = gltf.BufferView(buffer=0, byteOffset=len(self.blob), byteLength=values.nbytes, target=target)
+        self.blob += np.ascontiguousarray(values).tobytes()
+        self.document.bufferViews.append(view)
+        accessor = gltf.Accessor(
+            bufferView=len(self.document.bufferViews) - 1,
+            componentType=gltf.FLOAT if values.dtype == np.float32 else gltf.UNSIGNED_INT,
+            count=len(values),
+            type=gltf.SCALAR if values.shape[1] == 1 else gltf.VEC3,
+        )
+        if bounds:
+            accessor.min, accessor.max = values.min(axis=0).tolist(), values.max(axis=0).tolist()
+        self.document.accessors.append(accessor)
+        return len(self.document.accessors) - 1
+
+
+def _to_gltf(vectors: Array) -> NDArray[np.float32]:
+    return (vectors @ TO_GLTF.T).astype(np.float32)

@@ -1,0 +1,102 @@
+"""The artifact of simulated frames: every layer's shapes, what does not move stored once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handpipe import artifacts
+from handpipe.layers import Frame, Shape, Shapes
+from handpipe.mesh.rigid import RigidTransform
+
+LayerShapes = Mapping[str, Shapes]  # by the layer's name
+SimulatedFrame = tuple[Frame, LayerShapes]
+
+KIND = "frames"
+
+
+def write_frames(
+    path: str | Path, frames: Sequence[SimulatedFrame], inputs: Sequence[str | Path] = ()
+) -> None:
+    """Write simulated frames.
+
+    `bodies/{layer}/{body}/{rest,cells}` holds what all frames share; `frames/{frame}/…` the joint angles,
+    the bones' transforms, and `layers/{layer}/{body}/{vertices,fields/…}`. Raises `ValueError` where a
+    body's rest shape or cells differ between frames, or two frames have one name.
+    """
+    names = [frame.name for frame, _ in frames]
+    if len(set(names)) != len(names):
+        raise ValueError(f"frames need different names, not {names}")
+    bodies: dict[str, dict[str, Any]] = {}
+    for _, layers in frames:
+        for layer, shapes in layers.items():
+            for body, shape in shapes.items():
+                _remember(bodies.setdefault(layer, {}), body, shape)
+    data = {
+        "names": np.array(names, dtype=object).astype(str),
+        "bodies": bodies,
+        "frames": {frame.name: _frame_data(frame, layers) for frame, layers in frames},
+    }
+    artifacts.write(path, data, kind=KIND, units=_units(data), inputs=inputs)
+
+
+def read_frames(path: str | Path) -> list[tuple[Frame, dict[str, Shapes]]]:
+    """Read what `write_frames` wrote, in its order; raises `InputError` for another file."""
+    data = artifacts.read(path, KIND)
+    bodies = data["bodies"]
+    return [_frame(str(name), data["frames"][str(name)], bodies) for name in data["names"]]
+
+
+def _remember(layer: dict[str, Any], body: str, shape: Shape) -> None:
+    known = layer.setdefault(body, {"rest": shape.rest, "cells": shape.cells})
+    if not (np.array_equal(known["rest"], shape.rest) and np.array_equal(known["cells"], shape.cells)):
+        raise ValueError(f"{body}: its rest shape or cells differ between frames")
+
+
+def _frame_data(frame: Frame, layers: LayerShapes) -> dict[str, Any]:
+    return {
+        "angles": dict(frame.angles),
+        "bones": {
+            name: {"rotation": t.rotation, "translation": t.translation} for name, t in frame.bones.items()
+        },
+        "layers": {
+            layer: {
+                body: {"vertices": np.asarray(shape.vertices, np.float64), "fields": shape.fields}
+                for body, shape in shapes.items()
+            }
+            for layer, shapes in layers.items()
+        },
+    }
+
+
+def _units(data: Mapping[str, Any]) -> dict[str, str]:
+    units = {
+        f"bodies/{layer}/{body}/rest": "mm" for layer, shapes in data["bodies"].items() for body in shapes
+    }
+    for name, frame in data["frames"].items():
+        units[f"frames/{name}/angles"] = "rad"
+        units |= {f"frames/{name}/bones/{bone}/translation": "mm" for bone in frame["bones"]}
+        for layer, shapes in frame["layers"].items():
+            units |= {f"frames/{name}/layers/{layer}/{body}/vertices": "mm" for body in shapes}
+    return units
+
+
+def _frame(name: str, data: Mapping[str, Any], bodies: Mapping[str, Any]) -> tuple[Frame, dict[str, Shapes]]:
+    angles = {angle: float(value) for angle, value in data["angles"].items()}
+    bones = {b: RigidTransform(t["rotation"], t["translation"]) for b, t in data["bones"].items()}
+    layers = {
+        layer: {
+            body: Shape(
+                bodies[layer][body]["rest"],
+                moving["vertices"],
+                bodies[layer][body]["cells"],
+                dict(moving["fields"]),
+            )
+            for body, moving in shapes.items()
+        }
+        for layer, shapes in data["layers"].items()
+    }
+    return Frame(name, angles, bones), layers

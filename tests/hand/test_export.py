@@ -1,0 +1,161 @@
+"""Exports and the frames artifact, read back by other libraries."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import h5py
+import meshio
+import numpy as np
+import pygltflib
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from handpipe.config import LAYERS
+from handpipe.errors import InputError
+from handpipe.hand import export
+from handpipe.hand.frames import read_frames, write_frames
+from handpipe.layers import Frame, Shape
+from handpipe.mesh.rigid import RigidTransform
+
+CUBE = np.array([[x, y, z] for x in (0, 10) for y in (0, 20) for z in (0, 30)], dtype=float)
+TETS = np.array([[0, 6, 4, 7], [0, 2, 6, 7], [0, 3, 2, 7], [0, 1, 3, 7], [0, 5, 1, 7], [0, 4, 5, 7]])
+if np.linalg.det(CUBE[TETS[0, 1:]] - CUBE[TETS[0, 0]]) < 0:
+    TETS = TETS[:, [0, 2, 1, 3]]
+
+
+def simulated(count: int = 3):
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=4.0)
+    ball_rest, ball_cells = np.asarray(ball.vertices) + 5, np.asarray(ball.faces, dtype=np.int64)
+    rod = np.column_stack([np.linspace(0, 9, 10), np.zeros(10), np.ones(10)])
+    segments = np.column_stack([np.arange(9), np.arange(1, 10)])
+    frames = []
+    for i in range(count):
+        turn = RigidTransform(Rotation.from_rotvec([0, 0.4 * i, 0.1]).as_matrix(), np.array([1.0, i, 0]))
+        strain = np.random.default_rng(i).normal(size=(len(TETS), 6))
+        shapes = {
+            "bones": {"distal2": Shape(ball_rest, turn(ball_rest), ball_cells)},
+            "tendons": {"flexor2": Shape(rod, turn(rod), segments, {"stretch": np.full(9, 1.0 + 0.1 * i)})},
+            "muscles": {
+                "lumbrical1": Shape(CUBE, turn(CUBE) * 1.1, TETS, {"strain": strain, "height": CUBE[:, 2]})
+            },
+        }
+        frames.append((Frame(f"step_{10 - i}", {"MP2_flexion": 0.4 * i}, {"distal2": turn}), shapes))
+    return frames
+
+
+def test_boundary_of_tetrahedra_is_closed_outward_and_holds_their_volume():
+    mesh = trimesh.Trimesh(CUBE, export.surface_triangles(TETS), process=False)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(6000)
+
+
+def test_frames_round_trip(tmp_path: Path):
+    frames = simulated()
+    write_frames(tmp_path / "frames.h5", frames)
+    again = read_frames(tmp_path / "frames.h5")
+    assert [f.name for f, _ in again] == [f.name for f, _ in frames]
+    for (frame, layers), (frame2, layers2) in zip(frames, again, strict=True):
+        assert frame2.angles == dict(frame.angles)
+        np.testing.assert_array_equal(frame2.bones["distal2"].rotation, frame.bones["distal2"].rotation)
+        np.testing.assert_array_equal(frame2.bones["distal2"].translation, frame.bones["distal2"].translation)
+        assert {k: list(v) for k, v in layers2.items()} == {k: list(v) for k, v in layers.items()}
+        for layer in layers:
+            for body, shape in layers[layer].items():
+                other = layers2[layer][body]
+                for name in ("rest", "vertices", "cells"):
+                    np.testing.assert_array_equal(getattr(other, name), getattr(shape, name))
+                assert list(other.fields) == list(shape.fields)
+                for name in shape.fields:
+                    np.testing.assert_array_equal(other.fields[name], shape.fields[name])
+
+
+def test_frames_store_a_body_once_and_with_units(tmp_path: Path):
+    write_frames(tmp_path / "frames.h5", simulated())
+    with h5py.File(tmp_path / "frames.h5") as file:
+        assert file["bodies/muscles/lumbrical1/rest"].attrs["units"] == "mm"
+        assert file["frames/step_10/angles"].attrs["units"] == "rad"
+        assert list(file["frames/step_9/layers/muscles/lumbrical1"]) == ["vertices", "fields"]
+
+
+def test_frames_refuse_a_body_whose_cells_change(tmp_path: Path):
+    frames = simulated(2)
+    frames[1][1]["muscles"]["lumbrical1"].cells = TETS[:-1]
+    with pytest.raises(ValueError, match="lumbrical1"):
+        write_frames(tmp_path / "frames.h5", frames)
+    assert not list(tmp_path.iterdir())
+
+
+def test_reading_another_artifact_as_frames_says_so(tmp_path: Path):
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file.attrs["kind"] = "rig"
+    with pytest.raises(InputError, match="rig"):
+        read_frames(tmp_path / "other.h5")
+
+
+def test_pvd_leads_to_vtu_files_with_the_frames_points_and_fields(tmp_path: Path):
+    frames = simulated()
+    series = export.write_vtu_series(tmp_path, frames, fps=10)
+    assert [p.name for p in series] == ["bones.pvd", "tendons.pvd", "muscles.pvd"]
+    entries = ElementTree.parse(tmp_path / "muscles.pvd").getroot().findall("./Collection/DataSet")
+    assert [float(e.get("timestep")) for e in entries] == pytest.approx([0, 0.1, 0.2])
+    for entry, (_, layers) in zip(entries, frames, strict=True):
+        mesh, shape = meshio.read(tmp_path / entry.get("file")), layers["muscles"]["lumbrical1"]
+        np.testing.assert_allclose(mesh.points, shape.vertices, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(mesh.cells_dict["tetra"], TETS)
+        np.testing.assert_allclose(mesh.cell_data_dict["strain"]["tetra"], shape.fields["strain"])
+        np.testing.assert_array_equal(mesh.point_data["height"], CUBE[:, 2])
+        np.testing.assert_allclose(mesh.points - mesh.point_data["displacement"], CUBE, atol=1e-12)
+        assert set(mesh.cell_data_dict["layer"]["tetra"]) == {list(LAYERS).index("muscles")}
+    rod = meshio.read(tmp_path / "tendons" / "flexor2-0002.vtu")
+    np.testing.assert_allclose(rod.cell_data_dict["stretch"]["line"], 1.2)
+
+
+def accessor(document: pygltflib.GLTF2, index: int) -> np.ndarray:
+    a = document.accessors[index]
+    view = document.bufferViews[a.bufferView]
+    width = {"SCALAR": 1, "VEC3": 3}[a.type]
+    dtype = {pygltflib.FLOAT: "<f4", pygltflib.UNSIGNED_INT: "<u4"}[a.componentType]
+    raw = document.binary_blob()[view.byteOffset :]
+    return np.frombuffer(raw, dtype, a.count * width).reshape(-1, width)
+
+
+def test_glb_rest_plus_morph_target_is_the_frame(tmp_path: Path):
+    frames = simulated()
+    export.write_glb(tmp_path / "hand.glb", frames, fps=10)
+    document = pygltflib.GLTF2().load(str(tmp_path / "hand.glb"))
+    assert [m.name for m in document.meshes] == ["bones/distal2", "tendons/flexor2", "muscles/lumbrical1"]
+    for mesh in document.meshes:
+        layer, body = mesh.name.split("/")
+        primitive = mesh.primitives[0]
+        rest = accessor(document, primitive.attributes.POSITION)
+        assert len(primitive.targets) == len(frames)
+        for target, (_, layers) in zip(primitive.targets, frames, strict=True):
+            position = rest + accessor(document, target["POSITION"])
+            x, y, z = layers[layer][body].vertices.T  # every vertex of these bodies lies on the surface
+            np.testing.assert_allclose(position, np.column_stack([x, z, -y]) * 1e-3, atol=1e-8)
+    sampler = document.animations[0].samplers[0]
+    np.testing.assert_allclose(accessor(document, sampler.input).ravel(), [0, 0.1, 0.2], rtol=1e-6)
+    np.testing.assert_array_equal(accessor(document, sampler.output).reshape(3, 3), np.eye(3))
+
+
+def test_glb_opens_in_trimesh_in_metres_with_outward_triangles(tmp_path: Path):
+    export.write_glb(tmp_path / "hand.glb", simulated(1))
+    scene = trimesh.load(tmp_path / "hand.glb")
+    assert scene.geometry["muscles/lumbrical1"].volume == pytest.approx(6000e-9, rel=1e-4)
+
+
+def test_obj_sequence_has_the_frames_points(tmp_path: Path):
+    frames = simulated(2)
+    paths = export.write_obj_sequence(tmp_path, frames)
+    vertices = [
+        s.vertices for layers in [frames[1][1]] for shapes in layers.values() for s in shapes.values()
+    ]
+    lines = paths[1].read_text().splitlines()
+    read = np.array([line.split()[1:] for line in lines if line.startswith("v ")], dtype=float)
+    np.testing.assert_allclose(read, np.concatenate(vertices), atol=1e-6)
+    assert [line for line in lines if line.startswith("g ")] == [
+        "g bones_distal2",
+        "g tendons_flexor2",
+        "g muscles_lumbrical1",
+    ]
