@@ -1,0 +1,156 @@
+"""Springs and one-sided penalties on embedded points: fixed, sliding and contact constraints (000 section 6).
+
+Stiffnesses are in mN/mm, one for all points or one a point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from handpipe.errors import InputError
+from handpipe.fem.points import PointPotential, per_point
+
+Array = NDArray[np.float64]
+Operator = sp.spmatrix | sp.sparray
+SignedDistance = Callable[[Array], tuple[Array, Array]]
+
+
+class Attachment(PointPotential):
+    """Fixed constraint: springs k/2 |p - y|^2 to targets y (k, 3) (003 Eq. F.3)."""
+
+    def __init__(self, operator: Operator, targets: Array, stiffness: ArrayLike) -> None:
+        super().__init__(operator)
+        self.targets = _vectors(targets, self.count, "targets")
+        self.stiffness = per_point(stiffness, self.count, "stiffness")
+
+    def energies(self, points: Array) -> Array:
+        return 0.5 * self.stiffness * ((points - self.targets) ** 2).sum(axis=1)
+
+    def forces(self, points: Array) -> Array:
+        return self.stiffness[:, None] * (points - self.targets)
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        return self.stiffness[:, None, None] * np.eye(3)
+
+
+class Sliding(PointPotential):
+    """Sliding constraint: springs k/2 ((p - q) . n)^2 to planes through points q (k, 3) with normals n (k, 3)."""
+
+    def __init__(self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike) -> None:
+        super().__init__(operator)
+        self.origins = _vectors(points, self.count, "points")
+        self.normals = _unit(_vectors(normals, self.count, "normals"))
+        self.stiffness = per_point(stiffness, self.count, "stiffness")
+
+    def heights(self, points: Array) -> Array:
+        """Signed distances (k,) of points from their planes."""
+        return np.einsum("ij,ij->i", points - self.origins, self.normals)
+
+    def energies(self, points: Array) -> Array:
+        return 0.5 * self.stiffness * self.heights(points) ** 2
+
+    def forces(self, points: Array) -> Array:
+        return (self.stiffness * self.heights(points))[:, None] * self.normals
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        return self.stiffness[:, None, None] * self.normals[:, :, None] * self.normals[:, None, :]
+
+
+class Contact(Sliding):
+    """Contact constraint: points are pushed out of the half-spaces below their planes.
+
+    The penalty rises from zero at the plane over a depth of `onset` mm (see `penalty`) to stiffness k.
+    """
+
+    def __init__(
+        self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike, onset: float = 0.05
+    ) -> None:
+        super().__init__(operator, points, normals, stiffness)
+        self.onset = onset
+
+    def energies(self, points: Array) -> Array:
+        return self.stiffness * penalty(-self.heights(points), self.onset)[0]
+
+    def forces(self, points: Array) -> Array:
+        return -(self.stiffness * penalty(-self.heights(points), self.onset)[1])[:, None] * self.normals
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        second = self.stiffness * penalty(-self.heights(points), self.onset)[2]
+        return second[:, None, None] * self.normals[:, :, None] * self.normals[:, None, :]
+
+
+class SurfaceContact(PointPotential):
+    """Points are kept `thickness` mm outside a closed surface given by its signed distance.
+
+    `distance(points (k, 3)) -> (signed distances (k,), positive outside, their gradients (k, 3))`. It is asked at every
+    evaluation, so energy and gradient belong together however far a point has slid. The Hessian leaves the
+    surface's curvature out; it is exact over faces and positive semidefinite everywhere.
+    """
+
+    def __init__(
+        self,
+        operator: Operator,
+        distance: SignedDistance,
+        stiffness: ArrayLike,
+        thickness: float = 0.0,
+        onset: float = 0.05,
+    ) -> None:
+        super().__init__(operator)
+        self.distance = distance
+        self.stiffness = per_point(stiffness, self.count, "stiffness")
+        self.thickness, self.onset = thickness, onset
+        self._last: tuple[Array, Array, Array] | None = None
+
+    def _query(self, points: Array) -> tuple[Array, Array]:
+        if self._last is None or not np.array_equal(self._last[0], points):
+            self._last = (points.copy(), *self.distance(points))
+        return self._last[1], self._last[2]
+
+    def depths(self, points: Array) -> Array:
+        """How far (k,) each point is beneath the thickness; negative where it is free."""
+        return self.thickness - self._query(points)[0]
+
+    def energies(self, points: Array) -> Array:
+        return self.stiffness * penalty(self.depths(points), self.onset)[0]
+
+    def forces(self, points: Array) -> Array:
+        first = self.stiffness * penalty(self.depths(points), self.onset)[1]
+        return -first[:, None] * self._query(points)[1]
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        second = self.stiffness * penalty(self.depths(points), self.onset)[2]
+        normals = self._query(points)[1]
+        return second[:, None, None] * normals[:, :, None] * normals[:, None, :]
+
+
+def penalty(depth: Array, onset: float) -> tuple[Array, Array, Array]:
+    """A one-sided penalty of depth (k,) in mm with its first and second derivative, twice continuous.
+
+    Zero for depth <= 0, depth^3 / (6 onset) up to `onset`, then quadratic of unit curvature.
+    """
+    d = np.maximum(depth, 0.0)
+    if onset <= 0.0:
+        return 0.5 * d**2, d, (depth > 0).astype(float)
+    soft = d < onset
+    value = np.where(soft, d**3 / (6 * onset), 0.5 * d**2 - 0.5 * onset * d + onset**2 / 6)
+    return value, np.where(soft, d**2 / (2 * onset), d - 0.5 * onset), np.minimum(d / onset, 1.0)
+
+
+def _vectors(array: Array, count: int, name: str) -> Array:
+    out = np.ascontiguousarray(array, dtype=float)
+    if out.shape != (count, 3):
+        raise InputError(
+            "constraint", name, f"has shape {out.shape}, not ({count}, 3)", "Give one row a point"
+        )
+    return out
+
+
+def _unit(vectors: Array) -> Array:
+    norms = np.linalg.norm(vectors, axis=1, keepdims=True)
+    if np.any(norms == 0):
+        raise InputError("constraint", "normals", "has a zero vector", "Give unit normals")
+    return vectors / norms

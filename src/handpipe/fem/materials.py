@@ -1,0 +1,235 @@
+"""Isotropic hyperelastic materials: energy density, first Piola stress and its derivative, per deformation gradient.
+
+Derivatives are (9, 9) in the row-major order of F: entry (3 i + k, 3 j + l) is d P_ik / d F_jl.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from handpipe.errors import InputError
+from handpipe.fem.matrix3 import cofactor, determinant, rotational_svd, symmetric_eigen
+
+Array = NDArray[np.float64]
+Model = Literal["stable-neo-hookean", "stvk"]
+MODELS: dict[str, int] = {"stable-neo-hookean": 0, "stvk": 1}
+NEO_HOOKEAN = 0
+
+
+@dataclass(frozen=True)
+class Material:
+    """Young's modulus in kPa and Poisson's ratio, numbers or one a tet (m,).
+
+    "stable-neo-hookean": Smith et al. 2018, mu/2 (|F|^2 - 3) + l/2 (J - 1 - mu/l)^2 with l = lambda + mu, so
+    that rest is stress-free and small strains see the given moduli; shifted to zero energy at rest.
+    "stvk": mu |E|^2 + lambda/2 tr(E)^2 + lambda/2 (J - 1)^2 (004 section 5.5); the added volume term doubles
+    lambda at small strains.
+    """
+
+    young: float | ArrayLike
+    poisson: float | ArrayLike
+    model: Model = "stable-neo-hookean"
+
+    def __post_init__(self) -> None:
+        if self.model not in MODELS:
+            raise InputError("Material", "model", f"is {self.model!r}", f"Use one of {', '.join(MODELS)}")
+        if np.any(np.asarray(self.young) <= 0):
+            raise InputError("Material", "young", "is not positive", "Give Young's modulus in kPa")
+        poisson = np.asarray(self.poisson)
+        if np.any(poisson < 0) or np.any(poisson >= 0.5):
+            raise InputError(
+                "Material", "poisson", "is outside [0, 0.5)", "Use 0.48 for nearly incompressible"
+            )
+
+    def lame(self, count: int) -> tuple[Array, Array]:
+        """Lame parameters (mu, lambda) in kPa, each (count,)."""
+        young, nu = (
+            np.broadcast_to(np.asarray(v, dtype=float), (count,)) for v in (self.young, self.poisson)
+        )
+        return young / (2 * (1 + nu)), young * nu / ((1 + nu) * (1 - 2 * nu))
+
+
+@njit(cache=True)
+def energy_density(model: int, f: Array, mu: float, lam: float) -> float:
+    """Energy per rest volume in kPa of a deformation gradient (3, 3)."""
+    j = determinant(f)
+    if model == NEO_HOOKEAN:
+        ratio = mu / (lam + mu)
+        squares = 0.0
+        for i in range(3):
+            for k in range(3):
+                squares += f[i, k] * f[i, k]
+        return 0.5 * mu * (squares - 3.0) + 0.5 * (lam + mu) * ((j - 1.0 - ratio) ** 2 - ratio**2)
+    strain_squares = 0.0
+    trace = 0.0
+    for k in range(3):
+        for m in range(3):
+            e = 0.5 * (f[0, k] * f[0, m] + f[1, k] * f[1, m] + f[2, k] * f[2, m] - (1.0 if k == m else 0.0))
+            strain_squares += e * e
+            if k == m:
+                trace += e
+    return mu * strain_squares + 0.5 * lam * trace**2 + 0.5 * lam * (j - 1.0) ** 2
+
+
+@njit(cache=True)
+def piola(model: int, f: Array, mu: float, lam: float, out: Array) -> None:
+    """First Piola stress (3, 3) in kPa."""
+    cofactor(f, out)
+    j = determinant(f)
+    if model == NEO_HOOKEAN:
+        pressure = (lam + mu) * (j - 1.0) - mu
+        for i in range(3):
+            for k in range(3):
+                out[i, k] = mu * f[i, k] + pressure * out[i, k]
+        return
+    trace = -1.5
+    for i in range(3):
+        for k in range(3):
+            trace += 0.5 * f[i, k] * f[i, k]
+    for k in range(3):
+        for i in range(3):
+            out[i, k] = lam * (j - 1.0) * out[i, k] + (lam * trace - mu) * f[i, k]
+            for p in range(3):
+                out[i, k] += mu * f[i, p] * (f[0, p] * f[0, k] + f[1, p] * f[1, k] + f[2, p] * f[2, k])
+
+
+@njit(cache=True)
+def stiffness(model: int, f: Array, mu: float, lam: float, out: Array, work: Array) -> None:
+    """Derivative (9, 9) of the first Piola stress; `work` is (3, 3)."""
+    cofactor(f, work)
+    j = determinant(f)
+    bulk = lam + mu if model == NEO_HOOKEAN else lam
+    pressure = bulk * (j - 1.0) - (mu if model == NEO_HOOKEAN else 0.0)
+    for a in range(9):
+        for b in range(9):
+            out[a, b] = bulk * work[a // 3, a % 3] * work[b // 3, b % 3]
+    for i in range(3):  # pressure times the second derivative of J, eps_ijm eps_kln F_mn
+        j1, j2 = (i + 1) % 3, (i + 2) % 3
+        for k in range(3):
+            k1, k2 = (k + 1) % 3, (k + 2) % 3
+            out[3 * i + k, 3 * j1 + k1] += pressure * f[j2, k2]
+            out[3 * i + k, 3 * j2 + k2] += pressure * f[j1, k1]
+            out[3 * i + k, 3 * j1 + k2] -= pressure * f[j2, k1]
+            out[3 * i + k, 3 * j2 + k1] -= pressure * f[j1, k2]
+    if model == NEO_HOOKEAN:
+        for a in range(9):
+            out[a, a] += mu
+    else:
+        _add_stvk_stiffness(f, mu, lam, out, work)
+
+
+@njit(cache=True)
+def _add_stvk_stiffness(f: Array, mu: float, lam: float, out: Array, work: Array) -> None:
+    trace = -1.5
+    for i in range(3):
+        for k in range(3):
+            trace += 0.5 * f[i, k] * f[i, k]
+            work[i, k] = mu * (f[0, i] * f[0, k] + f[1, i] * f[1, k] + f[2, i] * f[2, k])
+    for i in range(3):
+        work[i, i] += lam * trace - mu  # now the second Piola stress
+    for i in range(3):
+        for j in range(3):
+            outer = mu * (f[i, 0] * f[j, 0] + f[i, 1] * f[j, 1] + f[i, 2] * f[j, 2])
+            for k in range(3):
+                out[3 * i + k, 3 * j + k] += outer
+                for m in range(3):
+                    out[3 * i + k, 3 * j + m] += mu * f[i, m] * f[j, k] + lam * f[i, k] * f[j, m]
+                    if i == j:
+                        out[3 * i + k, 3 * j + m] += work[k, m]
+
+
+@njit(cache=True)
+def projected_stiffness(model: int, f: Array, mu: float, lam: float, out: Array, work: Array) -> None:
+    """Nearest positive semidefinite derivative (9, 9), from its closed-form eigenvectors (Smith et al. 2018, 2019).
+
+    With U, sigma, V the rotational SVD: three eigenvectors U diag(.) V^T scale, three twist, three flip. The
+    quotients (psi_i -+ psi_j) / (sigma_i -+ sigma_j) are polynomials here, safe at equal singular values.
+    `work` is (8, 3, 3).
+    """
+    u, v, scaling, vectors, basis = work[0], work[1], work[2], work[3], work[4]
+    sigma, values = work[5, 0], work[5, 1]
+    rotational_svd(f, u, sigma, v)
+    j = sigma[0] * sigma[1] * sigma[2]
+    neo = model == NEO_HOOKEAN
+    bulk = lam + mu if neo else lam
+    pressure = bulk * (j - 1.0) - (mu if neo else 0.0)
+    trace = 0.5 * (sigma[0] ** 2 + sigma[1] ** 2 + sigma[2] ** 2 - 3.0)
+    for i in range(3):
+        for k in range(3):
+            other = 3 - i - k
+            gi = sigma[(i + 1) % 3] * sigma[(i + 2) % 3]
+            gk = sigma[(k + 1) % 3] * sigma[(k + 2) % 3]
+            scaling[i, k] = bulk * gi * gk
+            if i == k:
+                scaling[i, k] += mu if neo else mu * (3.0 * sigma[i] ** 2 - 1.0) + lam * trace
+            else:
+                scaling[i, k] += pressure * sigma[other]
+            if not neo:
+                scaling[i, k] += lam * sigma[i] * sigma[k]
+    symmetric_eigen(scaling, values, vectors)
+    out[:] = 0.0
+    for q in range(3):
+        if values[q] > 0.0:
+            for i in range(3):
+                for k in range(3):
+                    basis[i, k] = 0.0
+                    for p in range(3):
+                        basis[i, k] += u[i, p] * vectors[p, q] * v[k, p]
+            _add_dyad(values[q], basis, out)
+    for p in range(2):
+        for q in range(p + 1, 3):
+            volume = pressure * sigma[3 - p - q]
+            common = mu if neo else mu * (sigma[p] ** 2 + sigma[q] ** 2 - 1.0) + lam * trace
+            cross = 0.0 if neo else mu * sigma[p] * sigma[q]
+            for sign in (-1.0, 1.0):  # -1: twist, +1: flip
+                value = common + sign * (cross - volume)
+                if value > 0.0:
+                    for i in range(3):
+                        for k in range(3):
+                            basis[i, k] = (u[i, p] * v[k, q] + sign * u[i, q] * v[k, p]) * math.sqrt(0.5)
+                    _add_dyad(value, basis, out)
+
+
+@njit(cache=True)
+def _add_dyad(value: float, basis: Array, out: Array) -> None:
+    for a in range(9):
+        scaled = value * basis[a // 3, a % 3]
+        for b in range(9):
+            out[a, b] += scaled * basis[b // 3, b % 3]
+
+
+@njit(cache=True)
+def energy_densities(model: int, f: Array, mu: Array, lam: Array) -> Array:
+    """Energy densities (m,) of deformation gradients (m, 3, 3)."""
+    out = np.empty(len(f))
+    for e in range(len(f)):
+        out[e] = energy_density(model, f[e], mu[e], lam[e])
+    return out
+
+
+@njit(cache=True)
+def piola_stresses(model: int, f: Array, mu: Array, lam: Array) -> Array:
+    """First Piola stresses (m, 3, 3) of deformation gradients (m, 3, 3)."""
+    out = np.empty_like(f)
+    for e in range(len(f)):
+        piola(model, f[e], mu[e], lam[e], out[e])
+    return out
+
+
+@njit(cache=True)
+def stiffnesses(model: int, f: Array, mu: Array, lam: Array, project: bool) -> Array:
+    """Derivatives (m, 9, 9) of first Piola stresses, projected to positive semidefinite where asked."""
+    out = np.empty((len(f), 9, 9))
+    work = np.empty((8, 3, 3))
+    for e in range(len(f)):
+        if project:
+            projected_stiffness(model, f[e], mu[e], lam[e], out[e], work)
+        else:
+            stiffness(model, f[e], mu[e], lam[e], out[e], work[0])
+    return out

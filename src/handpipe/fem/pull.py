@@ -1,0 +1,27 @@
+"""Constant forces on embedded points."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Pull:
+    """Energy -sum f . p of constant forces f (k, 3) in mN on points p = W x (000 Eq. 11)."""
+
+    def __init__(self, operator: sp.spmatrix | sp.sparray, forces: Array) -> None:
+        self._load = sp.csr_matrix(operator).T @ np.asarray(forces, dtype=float)
+        size = self._load.size
+        self._zero = sp.csr_matrix((size, size))
+
+    def value(self, x: Array) -> float:
+        return -float(np.vdot(self._load, x))
+
+    def gradient(self, x: Array) -> Array:
+        return -self._load
+
+    def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        return self._zero
