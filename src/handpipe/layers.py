@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
@@ -36,6 +37,14 @@ class Shape:
     vertices: Array
     cells: IntArray
     fields: dict[str, NDArray] = field(default_factory=dict)
+
+
+class Region(IntEnum):
+    """How the fat is held at a point of an inner surface (000 section 7.1); field "region" of a `Shape`."""
+
+    contact = 0
+    sliding = 1
+    fixed = 2
 
 
 Shapes = dict[str, Shape]  # by the body's name: "distal2", "flexor", ...

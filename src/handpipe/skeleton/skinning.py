@@ -1,0 +1,47 @@
+"""Smooth blends of bone transforms: starting guesses for what the tissues then compute."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+
+Array = NDArray[np.float64]
+
+
+def bone_weights(points: Array, bones: Mapping[str, Surface], power: float = 4.0) -> Array:
+    """Weights (n, n_bones), rows summing to one, by inverse powers of the distance to each bone.
+
+    The distance has 1 mm added, so that weights stay smooth across a bone's surface.
+    """
+    distances = np.stack([np.maximum(Distance(s).signed(points)[0], 0.0) for s in bones.values()], axis=1)
+    weights = (distances + 1.0) ** -power
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+def _dual_quaternion(transform: RigidTransform) -> tuple[Array, Array]:
+    """Real and dual part, each (4,) as x, y, z, w."""
+    q = Rotation.from_matrix(transform.rotation).as_quat()
+    v, w, t = q[:3], q[3], transform.translation
+    return q, 0.5 * np.append(w * t + np.cross(t, v), -t @ v)
+
+
+def blend(points: Array, weights: Array, transforms: Mapping[str, RigidTransform]) -> Array:
+    """Points (n, 3) moved by dual-quaternion blends of transforms, weights (n, n_transforms).
+
+    Dual quaternions turn about joints without the collapse of linear blends (Kavan et al. 2008).
+    """
+    parts = [_dual_quaternion(t) for t in transforms.values()]
+    real, dual = (np.stack(p) for p in zip(*parts, strict=True))
+    signs = np.where(real @ real[0] < 0, -1.0, 1.0)[:, None]
+    r, d = weights @ (signs * real), weights @ (signs * dual)
+    norm = np.linalg.norm(r, axis=1, keepdims=True)
+    r, d = r / norm, d / norm
+    translation = 2.0 * (r[:, 3:] * d[:, :3] - d[:, 3:] * r[:, :3] + np.cross(r[:, :3], d[:, :3]))
+    return Rotation.from_quat(r).apply(points) + translation

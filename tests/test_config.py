@@ -1,0 +1,65 @@
+"""Dataset and scene files: what is wrong in them is named with file and field."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from handpipe.config import LAYERS, Scene, load_dataset, load_scene
+from handpipe.errors import InputError
+
+CONFIG = Path(__file__).parents[1] / "config"
+
+
+@pytest.fixture
+def content():
+    return yaml.safe_load((CONFIG / "datasets/phantom-finger.yaml").read_text())
+
+
+def written(tmp_path, content):
+    path = tmp_path / "subject.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+@pytest.mark.parametrize("path", sorted((CONFIG / "datasets").glob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_datasets_are_valid(path):
+    data = load_dataset(path)
+    assert data.neutral and data.examples and data.root_bone in data.bones
+
+
+@pytest.mark.parametrize("path", sorted((CONFIG / "scenes").glob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_scenes_are_valid(path):
+    assert "bones" in load_scene(path).needed
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (lambda c: c["poses"]["hook"].pop("volume"), r"poses\.hook\.volume"),
+        (lambda c: c["poses"]["hook"].pop("seeds"), r"poses\.hook\.seeds"),
+        (lambda c: c["poses"]["hook"].update(role="neutral"), "exactly one pose has the role neutral"),
+        (lambda c: c["joints"]["PIP2"].update(parent="femur"), r"joints\.PIP2.*'femur'"),
+        (lambda c: c["tendons"]["flexor2"].update(bone="femur"), r"tendons\.flexor2.*'femur'"),
+        (lambda c: c["joints"]["PIP2"].update(limits_deg=[]), r"joints\.PIP2.*same length"),
+        (lambda c: c.update(units="m"), "units"),
+        (lambda c: c.update(colour="blue"), "colour"),
+    ],
+)
+def test_wrong_dataset_is_refused_by_field(tmp_path, content, change, field):
+    change(content)
+    with pytest.raises(InputError, match=r"subject\.yaml: .*" + field):
+        load_dataset(written(tmp_path, content))
+
+
+def test_unknown_layer_is_refused(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text("layers: [bones, cartilage]\nframes: x.csv\n")
+    with pytest.raises(InputError, match=r"scene\.yaml: .*'cartilage' is not a layer"):
+        load_scene(path)
+
+
+def test_scene_needs_exactly_what_its_layers_stand_on():
+    assert Scene(layers=("bones", "skin"), frames="x.csv").needed == ["bones", "skin"]
+    assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "tendons", "muscles"]
+    assert Scene(layers=("fat", "skin"), frames="x.csv").needed == list(LAYERS)
