@@ -107,9 +107,8 @@ class Surface:
 
     def components(self) -> list[Surface]:
         """The parts connected by edges, largest area first."""
-        labels = igl.facet_components(self.triangles)
-        labels = np.asarray(labels[0] if isinstance(labels, tuple) else labels)
-        parts = [Surface(self.vertices, self.triangles[labels == i]).compact() for i in np.unique(labels)]
+        labels = component_labels(self.triangles)
+        parts = [Surface(self.vertices, self.triangles[labels == i]).compact() for i in range(labels.max() + 1)]
         return sorted(parts, key=lambda part: -part.area())
 
     def largest_component(self) -> Surface:
@@ -120,6 +119,11 @@ class Surface:
 def _unit(vectors: Array) -> Array:
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(lengths > 0, lengths, 1.0)
+
+
+def component_labels(triangles: IntArray) -> IntArray:
+    """The number (k,), from 0, of the part connected by edges to which each triangle belongs."""
+    return np.asarray(igl.facet_components(triangles)[1], dtype=np.int64).reshape(-1)
 
 
 def directed_edges(triangles: IntArray) -> IntArray:
