@@ -1,0 +1,106 @@
+"""Time and memory of a build, from the benchmark files that Snakemake writes."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.evaluation.table import Table
+from handpipe.metrics import Metrics
+
+MIB_PER_GIB = 1024.0
+
+
+@dataclass(frozen=True)
+class Job:
+    """One job: seconds of wall clock and of processors, peak memory in GiB, and its end in s since the epoch."""
+
+    rule: str
+    seconds: float
+    cpu_seconds: float
+    peak_memory: float
+    end: float
+
+
+def read_jobs(folder: str | Path) -> list[Job]:
+    """The jobs whose benchmark files lie in `folder`/{rule}/….tsv or `folder`/{rule}.tsv.
+
+    The file's own time is taken as the job's end. A file of several repetitions counts each. Figures that
+    Snakemake could not take ("NA", "-") count as 0.
+    """
+    folder = Path(folder)
+    jobs = []
+    for path in sorted(folder.rglob("*.tsv")):
+        rule = path.relative_to(folder).parts[0].removesuffix(".tsv")
+        with open(path, newline="") as file:
+            for row in csv.DictReader(file, delimiter="\t"):
+                seconds, cpu = _number(row.get("s")), _number(row.get("cpu_time"))
+                memory = _number(row.get("max_rss")) / MIB_PER_GIB
+                jobs.append(Job(rule, seconds, cpu, memory, path.stat().st_mtime))
+    return jobs
+
+
+def build_metrics(jobs: Sequence[Job], start: float | None = None, end: float | None = None) -> Metrics:
+    """Figures of a build for build.json.
+
+    `wall_seconds` runs from the first start to the last end, or between the times given in s since the epoch;
+    `busy_seconds` leaves out the times when no job ran (a build resumed the next day); `cpu_seconds` and
+    `job_seconds` sum over jobs; `peak_memory` is the largest of one job. `{rule}.…` holds the same by rule.
+    """
+    if not jobs:
+        return {"jobs": (0, "1")}
+    first = min(job.end - job.seconds for job in jobs) if start is None else start
+    last = max(job.end for job in jobs) if end is None else end
+    metrics: Metrics = {"wall_seconds": (last - first, "s"), "busy_seconds": (_busy(jobs), "s")}
+    metrics |= _totals("", jobs)
+    for rule in sorted({job.rule for job in jobs}):
+        metrics |= _totals(f"{rule}.", [job for job in jobs if job.rule == rule])
+    return metrics
+
+
+def cost_table(jobs: Sequence[Job]) -> Table | None:
+    """Jobs, time and peak memory by rule, the costliest first; None without jobs."""
+    if not jobs:
+        return None
+    rules = {rule: _totals("", [j for j in jobs if j.rule == rule]) for rule in {j.rule for j in jobs}}
+    keys = ("jobs", "job_seconds", "longest_seconds", "cpu_seconds", "peak_memory")
+    ordered = sorted(rules.items(), key=lambda item: (-item[1]["job_seconds"][0], item[0]))
+    total = ("all", _totals("", jobs))
+    rows = [[rule, str(int(t["jobs"][0])), *(t[key][0] for key in keys[1:])] for rule, t in (*ordered, total)]
+    columns = [
+        "rule",
+        "jobs",
+        "sum of jobs [s]",
+        "longest job [s]",
+        "processor time [s]",
+        "peak memory [GiB]",
+    ]
+    return Table("Time and memory by rule.", columns, rows, "From Snakemake's benchmark files.")
+
+
+def _totals(prefix: str, jobs: Sequence[Job]) -> Metrics:
+    return {
+        f"{prefix}jobs": (len(jobs), "1"),
+        f"{prefix}job_seconds": (sum(job.seconds for job in jobs), "s"),
+        f"{prefix}longest_seconds": (max(job.seconds for job in jobs), "s"),
+        f"{prefix}cpu_seconds": (sum(job.cpu_seconds for job in jobs), "s"),
+        f"{prefix}peak_memory": (max(job.peak_memory for job in jobs), "GiB"),
+    }
+
+
+def _busy(jobs: Sequence[Job]) -> float:
+    """Length of the union of the jobs' intervals."""
+    total, reached = 0.0, float("-inf")
+    for begin, end in sorted((job.end - job.seconds, job.end) for job in jobs):
+        total += max(end - max(begin, reached), 0.0)
+        reached = max(reached, end)
+    return total
+
+
+def _number(text: str | None) -> float:
+    try:
+        return float(text or 0)
+    except ValueError:
+        return 0.0

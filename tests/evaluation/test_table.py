@@ -1,0 +1,74 @@
+"""Tables against the numbers of the papers."""
+
+import numpy as np
+import pytest
+
+from handpipe.evaluation import table
+
+# Zheng 2022, Table 4: average, median and max of m0 and m2 of poses 2, 3 and 4
+PAPER = {
+    "2": {"m0": (0.23, 0.13, 2.42), "m2": (1.35, 1.22, 4.70)},
+    "3": {"m0": (0.14, 0.08, 2.72), "m2": (1.19, 0.88, 6.34)},
+    "4": {"m0": (0.11, 0.07, 2.59), "m2": (1.31, 0.86, 7.09)},
+}
+
+
+def with_statistics(mean: float, median: float, largest: float) -> np.ndarray:
+    """Distances that have just these statistics: three small values, the median, two that carry the mean, the maximum."""
+    low = np.zeros(3)
+    high = np.full(2, (7 * mean - median - largest) / 2)
+    return np.concatenate([low, [median], high, [largest]])
+
+
+def test_ratios_and_totals_follow_the_papers_rule():
+    distances = {
+        f"pose{p}": {m: with_statistics(s[0] + 2, s[1], s[2] + 9) for m, s in models.items()}
+        for p, models in PAPER.items()
+    }
+    metrics = table.skin_metrics(distances)
+    assert metrics["skin_pose3_m2_mean"] == (pytest.approx(3.19), "mm")
+    assert metrics["skin_pose3_m2_median"][0] == pytest.approx(0.88)
+    assert metrics["skin_all_m0_mean"][0] == pytest.approx(2 + (0.23 + 0.14 + 0.11) / 3)
+    assert metrics["skin_all_m0_median"][0] == pytest.approx(0.08)
+    assert metrics["skin_all_m2_max"][0] == pytest.approx(16.09)
+    assert metrics["skin_pose2_ratio_median"] == (pytest.approx(100 * 0.13 / 1.22), "%")
+
+
+def test_skin_table_leaves_out_what_is_missing():
+    metrics = table.skin_metrics({"fist": {"m0": np.array([1.0, 2.0, 6.0])}})
+    made = table.skin_table(metrics, {"neutral": "neutral", "fist": "example"})
+    assert made is not None
+    assert list(made.columns) == ["pose", "mean m0 [mm]", "median m0 [mm]", "max m0 [mm]"]
+    assert [list(r) for r in made.rows] == [["fist (example)", 3.0, 2.0, 6.0], ["all", 3.0, 2.0, 6.0]]
+    assert table.skin_table({"seconds": (1.0, "s")}, {"fist": "example"}) is None
+
+
+def test_rig_table_has_the_papers_columns_and_average_last():
+    metrics = table.rig_metrics(
+        {"DIP2": table.JointErrors(2.10, 3.25, 0.31, 0.40), "PIP2": table.JointErrors(1.90, 2.08, 0.32, 0.36)}
+    )
+    made = table.rig_table(metrics)
+    assert made is not None
+    assert list(made.rows[0]) == ["DIP2", 2.10, 3.25, 0.31, 0.40]
+    assert list(made.rows[-1]) == ["average", *map(pytest.approx, (2.0, 2.665, 0.315, 0.38))]
+
+
+def test_metrics_with_a_poses_name_become_columns():
+    metrics = {
+        "dice_fist": (0.9, "1"),
+        "dice_bow": (0.8, "1"),
+        "rms_fist_mean": (0.1, "mm"),
+        "seconds": (3, "s"),
+    }
+    made = table.metrics_table("stage", metrics, ["bow", "fist"])
+    assert list(made.columns) == ["measure", "unit", "overall", "bow", "fist"]
+    assert [list(r) for r in made.rows] == [
+        ["dice", "1", "", "0.8", "0.9"],
+        ["rms mean", "mm", "", "", "0.1"],
+        ["seconds", "s", "3", "", ""],
+    ]
+
+
+def test_html_escapes_names():
+    html = table.Table("a < b", ["x & y"], [["<script>", 1.234]]).html()
+    assert "<script>" not in html and "a &lt; b" in html and "x &amp; y" in html and "<td>1.23</td>" in html
