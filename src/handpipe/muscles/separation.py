@@ -1,0 +1,218 @@
+"""Stage 2: surfaces of one pose pushed apart until no muscle is inside another or inside a bone (000 section 4.4)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from handpipe.errors import ConvergenceError
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
+from handpipe.mesh.surface import Surface
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SeparationOptions:
+    """reach: mm over which a displacement fades along the surface; clearance: mm kept between surfaces;
+    tolerance: mm of penetration left at most; volume: relative change of a muscle's volume at most."""
+
+    reach: float = 3.0
+    clearance: float = 0.02
+    tolerance: float = 0.02
+    volume: float = 0.008
+    iterations: int = 60
+
+
+@dataclass(frozen=True)
+class Separation:
+    """Separated surfaces by name; penetration in mm before and after; iterations."""
+
+    surfaces: dict[str, Surface]
+    penetration_before: float
+    penetration: float
+    iterations: int
+
+
+def separate(
+    muscles: Mapping[str, Surface],
+    fixed: Mapping[str, Surface],
+    options: SeparationOptions | None = None,
+    *,
+    held: Mapping[str, IntArray] | None = None,
+) -> Separation:
+    """Push overlapping closed surfaces apart, both muscles of a pair alike; `fixed` bodies stay.
+
+    The displacement u minimises thin-plate bending and size, reach^4 |lap u|^2 + |u|^2 integrated over the
+    surfaces, under a stiff one-sided penalty at vertices, edge midpoints and triangle centres that lie inside
+    another body. Where nothing is penetrated u is zero and stays zero. held: vertex ids of each muscle that do not
+    move and do not collide (attachments). Raises `ConvergenceError` where penetration remains.
+    """
+    options = options or SeparationOptions()
+    bodies = [_Body(s, options.reach, (held or {}).get(name)) for name, s in muscles.items()]
+    names = list(muscles)
+    starts = np.cumsum([0, *(len(b.surface.vertices) for b in bodies)])
+    x0 = np.concatenate([b.surface.vertices for b in bodies])
+    stiffness = sparse.block_diag([b.stiffness for b in bodies], format="csr")
+    penalty = 1e4 * np.median(np.concatenate([b.mass for b in bodies]))
+    parts = [slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    x, before, depth = x0.copy(), 0.0, 0.0
+    for iteration in range(options.iterations):
+        contacts = _contacts(bodies, parts, x, fixed, options.clearance)
+        depth = max(0.0, float(-(contacts.gaps + options.clearance).min(initial=0.0)))
+        volumes = _volume_rows(bodies, parts, x, options.volume)
+        before = depth if iteration == 0 else before
+        if depth <= options.tolerance and not volumes:
+            surfaces = {n: b.surface.moved(x[p]) for n, b, p in zip(names, bodies, parts, strict=True)}
+            return Separation(surfaces, before, depth, iteration)
+        x = _step(x, x0, stiffness, penalty, contacts, volumes)
+        log.info("separation %d: penetration %.3f mm at %d points", iteration, depth, len(contacts.gaps))
+    raise ConvergenceError("Separation of muscles", f"{depth:.3f} mm of penetration after {options.iterations} steps")
+
+
+class _Body:
+    def __init__(self, surface: Surface, reach: float, held: IntArray | None) -> None:
+        self.surface, self.volume = surface, surface.volume()
+        self.mass = mass_lumped(surface.vertices, surface.triangles)
+        laplacian = cotangent_laplacian(surface.vertices, surface.triangles)
+        bending = laplacian @ sparse.diags(1 / self.mass) @ laplacian
+        hold = np.zeros(len(self.mass))
+        hold[[] if held is None else held] = 1e6
+        self.stiffness = reach**4 * bending + sparse.diags(self.mass * (1 + hold))
+        self.samples = _sampling(surface, hold > 0)
+
+
+def _sampling(surface: Surface, held: NDArray[np.bool_]) -> sparse.csr_matrix:
+    """Matrix (s, n) that takes vertices to vertices, edge midpoints and triangle centres, without held vertices."""
+    n, edges, triangles = len(surface.vertices), surface.edges(), surface.triangles
+    free = np.flatnonzero(~held)
+    edges, triangles = edges[~held[edges].any(axis=1)], triangles[~held[triangles].any(axis=1)]
+    parts = [_average(cells, n) for cells in (free[:, None], edges, triangles)]
+    return sparse.vstack(parts, format="csr")
+
+
+def _average(cells: IntArray, n: int) -> sparse.csr_matrix:
+    k, size = cells.shape
+    return sparse.csr_matrix((np.full(k * size, 1 / size), cells.ravel(), size * np.arange(k + 1)), shape=(k, n))
+
+
+@dataclass(frozen=True)
+class _Contacts:
+    """Gaps (c,) minus the clearance, their gradients by all coordinates (c, 3 N)."""
+
+    gaps: Array
+    rows: sparse.csr_matrix
+
+
+def _contacts(
+    bodies: Sequence[_Body], parts: Sequence[slice], x: Array, fixed: Mapping[str, Surface], clearance: float
+) -> _Contacts:
+    gaps, rows = [np.zeros(0)], [sparse.csr_matrix((0, x.size))]
+    moved = [b.surface.moved(x[p]) for b, p in zip(bodies, parts, strict=True)]
+    for i, (body, part) in enumerate(zip(bodies, parts, strict=True)):
+        points = body.samples @ x[part]
+        others = [(j, s) for j, s in enumerate(moved) if j != i] + [(-1, s) for s in fixed.values()]
+        for j, other in others:
+            near = _near(points, other, clearance)
+            gap, triangles, closest, normals = Distance(other).signed(points[near])
+            inside = gap < clearance
+            near = near[inside]
+            own = _shift(body.samples[near], part.start, len(x))
+            if j >= 0:
+                weights = _barycentric(closest[inside], other, triangles[inside], len(x), parts[j].start)
+                own = own - weights
+            gaps.append(gap[inside] - clearance)
+            rows.append(_along(own, normals[inside]))
+    return _Contacts(np.concatenate(gaps), sparse.vstack(rows, format="csr"))
+
+
+def _near(points: Array, other: Surface, margin: float) -> IntArray:
+    low, high = other.vertices.min(axis=0) - margin, other.vertices.max(axis=0) + margin
+    return np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+
+
+def _shift(matrix: sparse.csr_matrix, start: int, total: int) -> sparse.csr_matrix:
+    return sparse.csr_matrix((matrix.data, matrix.indices + start, matrix.indptr), shape=(matrix.shape[0], total))
+
+
+def _barycentric(closest: Array, other: Surface, triangles: IntArray, total: int, start: int) -> sparse.csr_matrix:
+    corners = other.triangles[triangles]
+    weights = barycentric_weights(closest, other.vertices[corners])
+    k = len(corners)
+    indices = (corners + start).ravel()
+    return sparse.csr_matrix((weights.ravel(), indices, 3 * np.arange(k + 1)), shape=(k, total))
+
+
+def barycentric_weights(points: Array, corners: Array) -> Array:
+    """Weights (k, 3) of points (k, 3) in the planes of triangles (k, 3, 3)."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    normal = np.cross(b - a, c - a)
+    squared = np.maximum(np.einsum("ni,ni->n", normal, normal), 1e-300)
+    wa = np.einsum("ni,ni->n", np.cross(c - b, points - b), normal) / squared
+    wb = np.einsum("ni,ni->n", np.cross(a - c, points - c), normal) / squared
+    return np.stack([wa, wb, 1 - wa - wb], axis=1)
+
+
+def _along(weights: sparse.csr_matrix, normals: Array) -> sparse.csr_matrix:
+    """Rows (c, 3 N): a point's weights (c, N) times the direction (c, 3) in which it is measured."""
+    w = sparse.coo_matrix(weights)
+    indices = (3 * w.col[:, None] + np.arange(3)).ravel()
+    data = (w.data[:, None] * normals[w.row]).ravel()
+    return sparse.csr_matrix((data, (np.repeat(w.row, 3), indices)), shape=(w.shape[0], 3 * w.shape[1]))
+
+
+def _volume_rows(
+    bodies: Sequence[_Body], parts: Sequence[slice], x: Array, tolerance: float
+) -> list[tuple[Array, float]]:
+    """Gradient (3 N,) and wanted change of each volume that has left its band."""
+    rows = []
+    for body, part in zip(bodies, parts, strict=True):
+        surface = body.surface.moved(x[part])
+        change = surface.volume() / body.volume - 1
+        if abs(change) > tolerance:
+            gradient = np.zeros_like(x)
+            gradient[part] = volume_gradient(surface)
+            rows.append((gradient.ravel(), body.volume * (0.9 * np.sign(change) * tolerance - change)))
+    return rows
+
+
+def volume_gradient(surface: Surface) -> Array:
+    """Derivative (n, 3) of the enclosed volume by the vertices."""
+    gradient = np.zeros_like(surface.vertices)
+    points = surface.vertices[surface.triangles]
+    for corner in range(3):
+        opposite = np.cross(points[:, (corner + 1) % 3], points[:, (corner + 2) % 3]) / 6
+        np.add.at(gradient, surface.triangles[:, corner], opposite)
+    return gradient
+
+
+def _step(
+    x: Array,
+    x0: Array,
+    stiffness: sparse.csr_matrix,
+    penalty: float,
+    contacts: _Contacts,
+    volumes: Sequence[tuple[Array, float]],
+) -> Array:
+    """Minimiser of the quadratic with the contacts linearised at x; volumes by Lagrange multipliers."""
+    full = sparse.kron(stiffness, sparse.eye(3), format="csr")
+    matrix = full + penalty * contacts.rows.T @ contacts.rows
+    factor = splu(matrix.tocsc())
+    force = -(full @ (x - x0).ravel()) - penalty * contacts.rows.T @ contacts.gaps
+    step = factor.solve(force)
+    if volumes:
+        rows = np.array([row for row, _ in volumes])
+        missing = np.array([change for _, change in volumes]) - rows @ step
+        influence = factor.solve(rows.T)
+        step = step + influence @ np.linalg.solve(rows @ influence, missing)
+    return x + step.reshape(-1, 3)

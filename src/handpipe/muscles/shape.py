@@ -1,0 +1,262 @@
+"""Shape from plastic strains: the strain field whose static equilibrium meets what the image shows (003 chapter 5).
+
+Minimises |L S|^2 / 2 + alpha / 2 sum_k w_k |A_k x - z_k|^2 + beta / 2 |attachment errors|^2 over log-strains S, where x
+is the equilibrium of the elastic body with the plastic strains exp(S) under its attachment springs. Logarithms keep
+every plastic strain positive definite, so that no step needs clamping. The search is coarse to fine: uniform strain
+first, then more of the smoothest strain fields; each Gauss-Newton step costs one factorisation of the stiffness matrix.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from handpipe.errors import ConvergenceError
+from handpipe.fem import equilibrium, plasticity
+from handpipe.fem.constraints import Attachment
+from handpipe.fem.elastic import Elastic
+from handpipe.fem.linear import SingularMatrix, factorise
+from handpipe.fem.materials import Material
+from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.muscles.correspondence import Correspondence, Markers
+from handpipe.muscles.smooth_strains import SmoothStrains
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+FindMarkers = Callable[[Surface], Markers]
+
+log = logging.getLogger(__name__)
+
+MUSCLE = Material(6.0, 0.48)  # kPa (000 Table 2)
+
+
+@dataclass(frozen=True)
+class Attached:
+    """Points of a tet mesh held at targets: matrix (t, n) of their weights, targets (t, 3) in mm."""
+
+    matrix: sparse.csr_matrix
+    targets: Array
+
+    @staticmethod
+    def vertices(ids: IntArray, targets: Array, count: int) -> Attached:
+        """Vertices with indices ids (t,) of a mesh with `count` vertices."""
+        t = len(ids)
+        return Attached(sparse.csr_matrix((np.ones(t), ids, np.arange(t + 1)), shape=(t, count)), targets)
+
+    def errors(self, x: Array) -> Array:
+        """Offsets (t, 3) from the targets."""
+        return self.matrix @ x - self.targets
+
+
+@dataclass(frozen=True)
+class ShapeOptions:
+    """alpha, beta: 1/mm^2, weights of markers and attachments against smoothness (003 Eq. 5.3: 1e9 and 1e8 per m^2);
+    spring: mN/mm of an attached point; fields: how many strain fields each stage may use; iterations: at most, in
+    each stage; enough: mm of largest marker error that ends the search; progress: relative decrease of the objective
+    below which a stage ends; tangential: share of a marker's error that counts along the surface."""
+
+    alpha: float = 1e3
+    beta: float = 1e2
+    spring: float = 500.0
+    fields: tuple[int, ...] = (1, 12, 80)
+    iterations: int = 8
+    enough: float = 0.05
+    progress: float = 0.01
+    tangential: float = 0.05
+    material: Material = MUSCLE
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One Gauss-Newton step: errors in mm, eigenvalue the least of all plastic strains."""
+
+    stage: str
+    objective: float
+    marker_mean: float
+    marker_max: float
+    attachment_max: float
+    eigenvalue: float
+    step: float
+    seconds: float
+
+
+@dataclass
+class ShapeFit:
+    """Fitted tet vertices (n, 3), plastic strains (m, 6) whose equilibrium they are, and every iteration."""
+
+    vertices: Array
+    strains: Array
+    record: list[Iteration] = field(default_factory=list)
+
+    def table(self) -> dict[str, list[float] | list[str]]:
+        """The record by columns, for an artifact."""
+        rows = [asdict(r) for r in self.record]
+        return {key: [row[key] for row in rows] for key in rows[0]} if rows else {}
+
+
+def fit_shape(
+    mesh: TetMesh,
+    surface: Surface,
+    embedding: sparse.csr_matrix,
+    attached: Attached,
+    find_markers: FindMarkers,
+    *,
+    landmarks: Attached | None = None,
+    start: Array | None = None,
+    fixed_volume: bool = False,
+    options: ShapeOptions | None = None,
+) -> ShapeFit:
+    """Fit a body to markers on its boundary.
+
+    mesh: the body at rest; surface: its embedded surface at rest, carried by embedding (v, n); find_markers gives the
+    image's boundary points near the present surface and is called before every step; landmarks: known places of
+    points of the body, used before the markers and then dropped; start: vertices (n, 3) near the attachments.
+    Raises `ConvergenceError` where no equilibrium is found at the start.
+    """
+    options = options or ShapeOptions()
+    problem = _Problem(mesh, surface, embedding, attached, options)
+    state = problem.begin(mesh.vertices if start is None else start)
+    record: list[Iteration] = []
+    nothing = Correspondence.none(len(mesh.vertices))
+    known = nothing if landmarks is None else Correspondence(landmarks.matrix, landmarks.targets, None)
+    state = problem.run(state, "attachments", options.fields[:1], lambda s: nothing, record)
+    if landmarks is not None:
+        state = problem.run(state, "landmarks", options.fields[:2], lambda s: known, record)
+
+    def closest(state: _State) -> Correspondence:
+        present = surface.moved(embedding @ state.x)
+        return Correspondence.of(find_markers(present), present, embedding, options.tangential)
+
+    state = problem.run(state, "markers", options.fields, closest, record)
+    return ShapeFit(state.x, state.elastic.strains, record)
+
+
+@dataclass(frozen=True)
+class _State:
+    coefficients: Array  # (k, 6)
+    elastic: Elastic
+    x: Array
+
+
+class _Problem:
+    def __init__(
+        self,
+        mesh: TetMesh,
+        surface: Surface,
+        embedding: sparse.csr_matrix,
+        attached: Attached,
+        options: ShapeOptions,
+    ) -> None:
+        self.options, self.attached = options, attached
+        self.basis = SmoothStrains.of(mesh.tets, max(options.fields))
+        self.elastic = Elastic(mesh.vertices, mesh.tets, options.material)
+        self.springs = Attachment(attached.matrix, attached.targets, options.spring)
+
+    def begin(self, x: Array) -> _State:
+        coefficients = np.zeros((1, 6))
+        return self.at(coefficients, x)
+
+    def at(self, coefficients: Array, x: Array) -> _State:
+        """The equilibrium under strains, searched from x."""
+        elastic = self.elastic.with_strains(plasticity.exp(self.basis(coefficients)))
+        return _State(coefficients, elastic, equilibrium.solve([elastic, self.springs], x).x)
+
+    def objective(self, state: _State, markers: Correspondence) -> float:
+        fit = self.options.alpha * markers.energy(state.x)
+        hold = self.options.beta * float((self.attached.errors(state.x) ** 2).sum())
+        return 0.5 * (self.basis.roughness(state.coefficients) + fit + hold)
+
+    def run(
+        self,
+        state: _State,
+        stage: str,
+        fields: Sequence[int],
+        find: Callable[[_State], Correspondence],
+        record: list[Iteration],
+    ) -> _State:
+        for count in fields:
+            extra = max(0, count - len(state.coefficients))
+            state = _State(np.pad(state.coefficients, ((0, extra), (0, 0))), state.elastic, state.x)
+            for _ in range(self.options.iterations):
+                begin = time.perf_counter()
+                markers = find(state)
+                before = self.objective(state, markers)
+                state, step = self.improve(state, markers, before)
+                after = self.objective(state, markers)
+                record.append(self.measure(state, f"{stage} {count}", after, step, markers, begin))
+                self.report(record[-1])
+                if step < 0.01 or before - after < self.options.progress * before:
+                    break
+                if markers.count and record[-1].marker_max < self.options.enough:
+                    return state
+        return state
+
+    def improve(self, state: _State, markers: Correspondence, before: float) -> tuple[_State, float]:
+        """One Gauss-Newton step (003 Eq. 5.8) with the longest of the steps 1, 1/2, 1/4... that lowers the objective."""
+        direction, motion, slope = self.direction(state, markers)
+        step = 1.0
+        while step >= 0.01:
+            try:
+                trial = self.at(state.coefficients + step * direction, state.x + step * motion)
+            except ConvergenceError:
+                step *= 0.25
+                continue
+            if self.objective(trial, markers) <= before + 0.1 * step * slope:
+                return trial, step
+            step *= 0.5
+        return state, 0.0
+
+    def direction(self, state: _State, markers: Correspondence) -> tuple[Array, Array, float]:
+        """Change of coefficients (k, 6), predicted change of x (n, 3), and the objective's slope along them.
+
+        x follows the strains by J = -K^-1 d(gradient)/dS (003 Eq. 5.10), kept only on the span of the fields.
+        """
+        count = len(state.coefficients)
+        basis = self.basis.first(count)
+        chain = plasticity.per_tet_operator(plasticity.exp_derivative(basis(state.coefficients)))
+        forces = basis.times((state.elastic.strain_jacobian(state.x) @ chain).tocsr())
+        follow = -self.tangent(state).solve(forces)
+        rows, residuals = markers.rows(state.x)
+        springs = sparse.kron(self.attached.matrix, sparse.eye(3), format="csr")
+        z = np.vstack([np.sqrt(self.options.alpha) * (rows @ follow), np.sqrt(self.options.beta) * (springs @ follow)])
+        errors = [np.sqrt(self.options.alpha) * residuals, np.sqrt(self.options.beta) * self.attached.errors(state.x).ravel()]
+        weights = basis.weights(count)
+        gradient = z.T @ np.concatenate(errors) + weights * state.coefficients.ravel()
+        hessian = z.T @ z + np.diag(weights)
+        hessian[np.diag_indices_from(hessian)] += 1e-9 * np.trace(hessian) / len(hessian)
+        change = -np.linalg.solve(hessian, gradient)
+        return change.reshape(-1, 6), (follow @ change).reshape(-1, 3), float(gradient @ change)
+
+    def tangent(self, state: _State):  # type: ignore[no-untyped-def]
+        matrix = state.elastic.hessian(state.x) + self.springs.hessian(state.x)
+        try:
+            return factorise(matrix.tocsr(), positive=False)
+        except SingularMatrix as error:
+            raise ConvergenceError("Shape from plastic strains", "the stiffness matrix is singular") from error
+
+    def measure(
+        self, state: _State, stage: str, objective: float, step: float, markers: Correspondence, begin: float
+    ) -> Iteration:
+        errors = markers.distances(state.x)
+        attached = np.linalg.norm(self.attached.errors(state.x), axis=1)
+        return Iteration(
+            stage=stage,
+            objective=objective,
+            marker_mean=float(errors.mean()) if len(errors) else 0.0,
+            marker_max=float(errors.max(initial=0.0)),
+            attachment_max=float(attached.max(initial=0.0)),
+            eigenvalue=float(plasticity.eigenvalues(state.elastic.strains).min()),
+            step=step,
+            seconds=time.perf_counter() - begin,
+        )
+
+    def report(self, i: Iteration) -> None:
+        text = "%s: objective %.4g, markers mean %.3f max %.3f mm, attachments max %.3f mm, least eigenvalue %.2f, step %.2f"
+        log.info(text, i.stage, i.objective, i.marker_mean, i.marker_max, i.attachment_max, i.eigenvalue, i.step)

@@ -1,0 +1,194 @@
+"""A muscle's template carried to the subject by the bones that both have (003 section 6.1)."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
+from scipy.spatial import cKDTree
+
+from handpipe.errors import ConvergenceError, InputError
+from handpipe.mesh.distance import Distance, sample_points
+from handpipe.mesh.remeshing import remesh
+from handpipe.mesh.surface import Surface
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+log = logging.getLogger(__name__)
+
+SAMPLES = 250  # points a bone that steer the warp
+
+
+@dataclass(frozen=True)
+class Affine:
+    """X -> matrix @ X + offset."""
+
+    matrix: Array
+    offset: Array
+
+    def __call__(self, points: Array) -> Array:
+        return points @ self.matrix.T + self.offset
+
+
+def register_bones(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> dict[str, Affine]:
+    """Affine maps of template bones onto the subject's bones of the same names.
+
+    One similarity of all bones together, which tells right from left and front from back, starts each bone's own
+    iterative closest points: rigid with one scale first, then affine. The template's frame may be turned against
+    the subject's by any angle about the axis of the bones' arrangement as long as the bones' shapes show it.
+    """
+    together = _similarity(templates, bones)
+    return {name: _register(templates[name], bones[name], together) for name in templates}
+
+
+def _similarity(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> Affine:
+    """The best of several similarities from centroids and long axes, refined by closest points of all bones."""
+    source = np.concatenate([sample_points(s, SAMPLES, seed=1) for s in templates.values()])
+    own = np.repeat(np.arange(len(templates)), SAMPLES)
+    targets = [Distance(bones[name]) for name in templates]
+    centres = np.array([s.centroid() for s in templates.values()]), np.array([bones[n].centroid() for n in templates])
+    starts = [_start(source, centres, np.vstack([b.vertices for b in bones.values()]), angle) for angle in range(0, 360, 45)]
+    best: tuple[float, Affine] | None = None
+    for start in starts:
+        guess = start
+        for _ in range(12):
+            guess = fit_similarity(source, _closest(targets, own, guess(source)))
+        moved = guess(source)
+        error = float(np.sqrt(((moved - _closest(targets, own, moved)) ** 2).sum(axis=1).mean()))
+        if best is None or error < best[0]:
+            best = error, guess
+    assert best is not None
+    log.info("template bones: %.2f mm after one similarity", best[0])
+    return best[1]
+
+
+def _start(source: Array, centres: tuple[Array, Array], target: Array, angle: float) -> Affine:
+    """Similarity that matches the bones' centroids, turned by `angle` degrees about their long axis."""
+    from scipy.spatial.transform import Rotation
+
+    a, b = centres
+    if len(a) == 1:  # one bone: its own long axis, towards the same end of the frame
+        ends = [_long_axis(source), _long_axis(target)]
+        a, b = (np.vstack([c, c + e]) for c, e in zip(centres, ends, strict=True))
+    guess = fit_similarity(a, b)
+    axis = _long_axis(b)
+    turn = Rotation.from_rotvec(np.radians(angle) * axis).as_matrix()
+    middle = b.mean(axis=0)
+    return Affine(turn @ guess.matrix, turn @ (guess.offset - middle) + middle)
+
+
+def _long_axis(points: Array) -> Array:
+    """Unit direction of greatest spread, towards the frame's positive octant."""
+    centred = points - points.mean(axis=0)
+    axis = np.linalg.svd(centred, full_matrices=False)[2][0]
+    return axis * np.sign(axis[np.argmax(np.abs(axis))])
+
+
+def _closest(targets: list[Distance], own: IntArray, points: Array) -> Array:
+    out = np.empty_like(points)
+    for i, target in enumerate(targets):
+        out[own == i] = target.closest(points[own == i])[2]
+    return out
+
+
+def fit_similarity(source: Array, target: Array) -> Affine:
+    """Best rotation, scale and translation of points (n, 3) onto points (n, 3) (Umeyama 1991)."""
+    a, b = source.mean(axis=0), target.mean(axis=0)
+    u, s, vt = np.linalg.svd((target - b).T @ (source - a))
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    matrix = (u * signs) @ vt * (signs @ s) / ((source - a) ** 2).sum()
+    return Affine(matrix, b - matrix @ a)
+
+
+def _register(template: Surface, bone: Surface, start: Affine) -> Affine:
+    """Closest points both ways: those of the bone keep an affine map from shrinking into it."""
+    source, back = sample_points(template, 2 * SAMPLES, seed=2), sample_points(bone, 2 * SAMPLES, seed=3)
+    target = Distance(bone)
+    guess = start
+    for iteration in range(40):
+        forth = target.closest(guess(source))[2]
+        moved = template.moved(guess(template.vertices))
+        _, triangles, at = Distance(moved).closest(back)
+        inverse = np.linalg.inv(guess.matrix)
+        origins = (at - guess.offset) @ inverse.T
+        a, b = np.vstack([source, origins]), np.vstack([forth, back])
+        guess = fit_similarity(a, b) if iteration < 20 else _fit_affine(a, b)
+    if not 0.2 < np.linalg.det(guess.matrix) < 5:
+        raise ConvergenceError("Template bone", f"its volume would change by {np.linalg.det(guess.matrix):.2f}")
+    return guess
+
+
+def _fit_affine(source: Array, target: Array) -> Affine:
+    homogeneous = np.column_stack([source, np.ones(len(source))])
+    solution = np.linalg.lstsq(homogeneous, target, rcond=None)[0]
+    return Affine(solution[:3].T, solution[3])
+
+
+class Warp:
+    """A smooth map of the template's space that carries each template bone onto the subject's.
+
+    Each bone's affine map leaves it a little off the subject's surface; points spread over the bones are corrected to
+    the closest ones there, and biharmonic interpolation of all of them carries what lies between the bones.
+    """
+
+    def __init__(self, templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> None:
+        self.registered = register_bones(templates, bones)
+        source, target = [], []
+        for name, affine in self.registered.items():
+            points = sample_points(templates[name], SAMPLES, seed=4)
+            moved = affine(points)
+            source.append(points)
+            target.append(Distance(bones[name]).closest(moved)[2])
+        a, b = np.vstack(source), np.vstack(target)
+        self._interpolate = RBFInterpolator(a, b, kernel="linear", degree=1, smoothing=0.5)
+
+    def __call__(self, points: Array) -> Array:
+        """Template points (n, 3) in the subject's neutral frame."""
+        return self._interpolate(points)
+
+
+@dataclass(frozen=True)
+class Guess:
+    """First guess of a body: a surface, and the vertices attached to each bone."""
+
+    surface: Surface
+    attachments: dict[str, IntArray]
+
+
+def place(template: Surface, attachments: Mapping[str, IntArray], warp: Warp, edge: float) -> Guess:
+    """The warped template, remeshed to an edge length in mm; attached is what lies nearest to an attached vertex."""
+    moved = Surface(warp(template.vertices), template.triangles)
+    owner = np.full(len(moved.vertices), -1)
+    names = list(attachments)
+    for i, name in enumerate(names):
+        owner[attachments[name]] = i
+    fine = remesh(moved, edge)
+    used = np.unique(moved.triangles)
+    nearest = used[cKDTree(moved.vertices[used]).query(fine.vertices)[1]]
+    found = {name: np.flatnonzero(owner[nearest] == i) for i, name in enumerate(names)}
+    for name, ids in found.items():
+        if len(ids) < 3:
+            problem = f"only {len(ids)} vertices of the remeshed template attach to it"
+            raise InputError("attachments", name, problem, "Mark more vertices, or use a shorter edge")
+    return Guess(fine, found)
+
+
+def read_attachments(path: str | Path, template: Surface) -> dict[str, IntArray]:
+    """Vertex ids by bone of a JSON file {bone: [ids]}; raises `InputError` where malformed or out of range."""
+    remedy = "Give {bone: [template vertex ids]}"
+    try:
+        content = json.loads(Path(path).read_text())
+        found = {str(bone): np.unique(np.asarray(ids, dtype=np.int64)) for bone, ids in content.items()}
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise InputError(path, "content", f"cannot be read ({error})", remedy) from error
+    for bone, ids in found.items():
+        if len(ids) == 0 or ids.min() < 0 or ids.max() >= len(template.vertices):
+            raise InputError(path, bone, f"has ids outside 0..{len(template.vertices) - 1}, or none", remedy)
+    return found
