@@ -14,7 +14,7 @@ PAPER = {
 
 
 def with_statistics(mean: float, median: float, largest: float) -> np.ndarray:
-    """Distances that have just these statistics: three small values, the median, two that carry the mean, the maximum."""
+    """Seven distances that have just these statistics."""
     low = np.zeros(3)
     high = np.full(2, (7 * mean - median - largest) / 2)
     return np.concatenate([low, [median], high, [largest]])

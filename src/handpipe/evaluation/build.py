@@ -15,7 +15,7 @@ MIB_PER_GIB = 1024.0
 
 @dataclass(frozen=True)
 class Job:
-    """One job: seconds of wall clock and of processors, peak memory in GiB, and its end in s since the epoch."""
+    """One job: seconds by the clock and of processors, peak memory in GiB, end in s since the epoch."""
 
     rule: str
     seconds: float

@@ -1,4 +1,4 @@
-"""Tables of the report: skin errors by pose and model (Zheng 2022, Table 4), rig errors (Wang 2019, Table 1)."""
+"""Tables of the report: skin errors by pose and model, rig errors by joint, figures by stage."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under column heads; numbers show `digits` decimals, None an empty cell; the first cell heads its row."""
+    """Rows under column heads; numbers show `digits` decimals, None is an empty cell."""
 
     title: str
     columns: Sequence[str]
@@ -58,8 +58,8 @@ class Table:
 def skin_metrics(distances: Mapping[str, Mapping[str, Array]]) -> Metrics:
     """Metrics `skin_{pose}_{model}_{statistic}` in mm of distances by pose and model ("m0", "m1", "m2").
 
-    The pose "all" holds, as in Zheng 2022, the mean of the means, the median of the medians, the largest maximum;
-    `skin_{pose}_ratio_{statistic}` is m0 / m2 in %.
+    The pose "all" holds the mean of the means, the median of the medians and the largest maximum, as does
+    Zheng 2022, Table 4; `skin_{pose}_ratio_{statistic}` is m0 / m2 in %.
     """
     metrics: Metrics = {}
     for pose, by_model in distances.items():
@@ -78,7 +78,7 @@ def skin_metrics(distances: Mapping[str, Mapping[str, Array]]) -> Metrics:
 
 
 def skin_table(metrics: Metrics, roles: Mapping[str, str]) -> Table | None:
-    """Table 4 of Zheng 2022 from `skin_metrics`; `roles` (pose -> role) gives the rows; None without figures."""
+    """Table 4 of Zheng 2022 from `skin_metrics`, rows by `roles` (pose -> role); None without figures."""
     models = [m for m in MODELS if any(f"skin_{p}_{m}_mean" in metrics for p in roles)]
     if not models:
         return None
@@ -99,8 +99,10 @@ def skin_table(metrics: Metrics, roles: Mapping[str, str]) -> Table | None:
 
 @dataclass(frozen=True)
 class JointErrors:
-    """Mean errors of one joint over the poses: rotations in degrees, translations in mm; "full" with the residual
-    functions, "partial" without."""
+    """Mean errors of one joint over the poses, rotations in degrees, translations in mm.
+
+    "full" is the model with residual functions, "partial" without.
+    """
 
     full_rotation: float
     partial_rotation: float
@@ -141,7 +143,7 @@ def rig_table(metrics: Metrics) -> Table | None:
 
 
 def metrics_table(title: str, metrics: Metrics, poses: Sequence[str]) -> Table:
-    """All figures of a stage: a row per measure, a column per pose for those whose name holds a pose's name."""
+    """All figures of a stage: a row per measure, a column per pose that the metrics' names hold."""
     values: dict[tuple[str, str], dict[str, float]] = {}
     for name, (value, unit) in metrics.items():
         measure, pose = _split(name, poses)

@@ -1,4 +1,7 @@
-"""Views of simulated frames for other programs: VTU with .pvd (ParaView), OBJ sequence, animated glTF."""
+"""Views of simulated frames for other programs: VTU with .pvd (ParaView), OBJ sequence, animated glTF.
+
+VTU holds every body; OBJ and glTF, made for looking, leave out the fat's tetrahedra where there is a skin.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from numpy.typing import NDArray
 
 from handpipe.artifacts import atomic
 from handpipe.config import LAYERS
-from handpipe.hand.appearance import colour, opacity
+from handpipe.hand.appearance import colour, opacity, shown, tissue
 from handpipe.hand.frames import SimulatedFrame
 from handpipe.layers import Array, IntArray, Shape
 from handpipe.mesh.surface import Surface
@@ -81,13 +84,12 @@ def write_obj_sequence(folder: str | Path, frames: Sequence[SimulatedFrame]) -> 
         path = Path(folder) / f"frame-{number:04d}.obj"
         with atomic(path) as temporary, open(temporary, "w") as file:
             first = 1
-            for layer, shapes in layers.items():
-                for body, shape in shapes.items():
-                    file.write(f"g {layer}_{body}\n")
-                    np.savetxt(file, shape.vertices, "v %.6f %.6f %.6f")
-                    cells = surface_triangles(shape.cells) + first
-                    np.savetxt(file, cells, "l %d %d" if cells.shape[1] == 2 else "f %d %d %d")
-                    first += len(shape.vertices)
+            for layer, body, shape in shown(layers):
+                file.write(f"g {layer}_{body}\n")
+                np.savetxt(file, shape.vertices, "v %.6f %.6f %.6f")
+                cells = surface_triangles(shape.cells) + first
+                np.savetxt(file, cells, "l %d %d" if cells.shape[1] == 2 else "f %d %d %d")
+                first += len(shape.vertices)
         paths.append(path)
     return paths
 
@@ -105,9 +107,8 @@ def write_glb(
     names = [frame.name for frame, _ in frames]
     bodies: dict[tuple[str, str], dict[int, Shape]] = {}
     for number, (_, layers) in enumerate(frames):
-        for layer, shapes in layers.items():
-            for body, shape in shapes.items():
-                bodies.setdefault((layer, body), {})[number] = shape
+        for layer, body, shape in shown(layers):
+            bodies.setdefault((layer, body), {})[number] = shape
     writer = _GlbWriter(names, fps, "STEP" if step else "LINEAR")
     for (layer, body), shapes_of_body in bodies.items():
         writer.add(layer, body, shapes_of_body)
@@ -144,7 +145,7 @@ class _GlbWriter:
             ),
             indices=self._accessor(local.reshape(-1, 1).astype(np.uint32), gltf.ELEMENT_ARRAY_BUFFER),
             mode=gltf.LINES if cells.shape[1] == 2 else gltf.TRIANGLES,
-            material=self._material(layer),
+            material=self._material(tissue(layer, body)),
             targets=[{"POSITION": self._accessor(_to_gltf(x - rest), bounds=True)} for x in moved],
         )
         if cells.shape[1] == 3:
@@ -175,17 +176,17 @@ class _GlbWriter:
         self.document.set_binary_blob(bytes(self.blob))
         return self.document
 
-    def _material(self, layer: str) -> int:
-        if layer not in self.materials:
-            linear = [c**2.2 for c in colour(layer)]  # glTF factors are linear light
+    def _material(self, look: str) -> int:
+        if look not in self.materials:
+            linear = [c**2.2 for c in colour(look)]  # glTF factors are linear light
             surface = gltf.PbrMetallicRoughness(
-                baseColorFactor=[*linear, opacity(layer)], metallicFactor=0.0, roughnessFactor=0.6
+                baseColorFactor=[*linear, opacity(look)], metallicFactor=0.0, roughnessFactor=0.6
             )
-            material = gltf.Material(name=layer, pbrMetallicRoughness=surface, doubleSided=True)
-            material.alphaMode = gltf.BLEND if opacity(layer) < 1 else gltf.OPAQUE
-            self.materials[layer] = len(self.document.materials)
+            material = gltf.Material(name=look, pbrMetallicRoughness=surface, doubleSided=True)
+            material.alphaMode = gltf.BLEND if opacity(look) < 1 else gltf.OPAQUE
+            self.materials[look] = len(self.document.materials)
             self.document.materials.append(material)
-        return self.materials[layer]
+        return self.materials[look]
 
     def _accessor(self, values: NDArray, target: int | None = None, *, bounds: bool = False) -> int:
         """Append an array (n, 1 or 3) of float32 or uint32 to the buffer; return its accessor."""
