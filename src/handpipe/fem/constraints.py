@@ -5,7 +5,7 @@ Stiffnesses are in mN/mm, one for all points or one a point.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,10 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from handpipe.errors import InputError
 from handpipe.fem.points import PointPotential, per_point
+from handpipe.mesh.distance import Distance
 
 Array = NDArray[np.float64]
-Operator = sp.spmatrix | sp.sparray
-SignedDistance = Callable[[Array], tuple[Array, Array]]
+Operator: TypeAlias = sp.spmatrix | sp.sparray
+
+ON_SURFACE = 1e-9  # mm; nearer than this the direction to the closest point means nothing
 
 
 class Attachment(PointPotential):
@@ -84,17 +86,17 @@ class Contact(Sliding):
 
 
 class SurfaceContact(PointPotential):
-    """Points are kept `thickness` mm outside a closed surface given by its signed distance.
+    """Points are kept `thickness` mm outside a closed surface.
 
-    `distance(points (k, 3)) -> (signed distances (k,), positive outside, their gradients (k, 3))`. It is asked at every
-    evaluation, so energy and gradient belong together however far a point has slid. The Hessian leaves the
-    surface's curvature out; it is exact over faces and positive semidefinite everywhere.
+    The signed distance is computed anew at every evaluation, so energy and gradient belong together
+    however far a point has slid. The Hessian leaves the surface's curvature out: it is exact where the
+    closest point is inside a face, and positive semidefinite everywhere.
     """
 
     def __init__(
         self,
         operator: Operator,
-        distance: SignedDistance,
+        distance: Distance,
         stiffness: ArrayLike,
         thickness: float = 0.0,
         onset: float = 0.05,
@@ -106,8 +108,12 @@ class SurfaceContact(PointPotential):
         self._last: tuple[Array, Array, Array] | None = None
 
     def _query(self, points: Array) -> tuple[Array, Array]:
+        """Signed distances (k,) and their gradients (k, 3)."""
         if self._last is None or not np.array_equal(self._last[0], points):
-            self._last = (points.copy(), *self.distance(points))
+            signed, _, closest, normals = self.distance.signed(points)
+            away = np.abs(signed) > ON_SURFACE
+            normals[away] = (points[away] - closest[away]) / signed[away, None]
+            self._last = points.copy(), signed, normals
         return self._last[1], self._last[2]
 
     def depths(self, points: Array) -> Array:

@@ -1,0 +1,63 @@
+"""The block of a symmetric matrix that belongs to the unknowns, gathered by indices found once a pattern."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Int32Array = NDArray[np.int32]
+
+
+class FreeBlock:
+    """Rows and columns of a mask of unknowns (N,), for all matrices of the pattern of `source`."""
+
+    def __init__(self, source: sp.csr_matrix, free: NDArray[np.bool_]) -> None:
+        source.sort_indices()
+        self.source = source
+        self.size = int(free.sum())
+        self._all = bool(free.all())
+        if not self._all:
+            self._indptr, self._indices, self._places = _pattern(source.indptr, source.indices, free)
+
+    def matrix(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
+        """The block of a matrix of the same pattern; all blocks share their index arrays."""
+        if self._all:
+            return matrix
+        data = matrix.data[self._places]
+        shape = (self.size, self.size)
+        return sp.csr_matrix((data, self._indices, self._indptr), shape=shape, copy=False)
+
+
+@njit(cache=True)
+def _pattern(
+    indptr: Int32Array, indices: Int32Array, free: NDArray[np.bool_]
+) -> tuple[Int32Array, Int32Array, Int32Array]:
+    n = len(free)
+    number = np.full(n, -1, dtype=np.int32)
+    count = 0
+    for i in range(n):
+        if free[i]:
+            number[i] = count
+            count += 1
+    starts = np.zeros(count + 1, dtype=np.int32)
+    for i in range(n):
+        if free[i]:
+            kept = 0
+            for k in range(indptr[i], indptr[i + 1]):
+                if free[indices[k]]:
+                    kept += 1
+            starts[number[i] + 1] = starts[number[i]] + kept
+    columns = np.empty(starts[count], dtype=np.int32)
+    places = np.empty(starts[count], dtype=np.int32)
+    at = 0
+    for i in range(n):
+        if free[i]:
+            for k in range(indptr[i], indptr[i + 1]):
+                if free[indices[k]]:
+                    columns[at] = number[indices[k]]
+                    places[at] = k
+                    at += 1
+    return starts, columns, places
