@@ -30,6 +30,7 @@ class Options:
     smallest_step: float = 1e-7
     max_iterations: int = 200
     largest_turn: float = 0.5  # rad a step
+    accept_unfinished: bool = False  # after `max_iterations`, for callers that iterate themselves
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,11 @@ def solve(energies: Sequence[RodEnergy], x: Array, options: Options | None = Non
         if step <= options.smallest_step and shortened == 1.0:
             return Equilibrium(moved, tension, iteration, residual)
         x = np.vstack([first, moved[1:]])
-    raise ConvergenceError("The rod", f"unbalanced force {residual:.1e} of the tension after {iteration + 1} steps")
+    if options.accept_unfinished:
+        return Equilibrium(x, tension, options.max_iterations, residual)
+    raise ConvergenceError(
+        "The rod", f"unbalanced force {residual:.1e} of the tension after {iteration + 1} steps"
+    )
 
 
 def _line_search(

@@ -1,0 +1,145 @@
+"""Hooks: points that a tendon slides through, carried by bones with pose-space corrections (sec. 5.4, Eq. 19-21)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.tendons.rod import Array, arc_length, closest_on_rod, point_at, unit
+
+Bones = Mapping[str, RigidTransform]
+
+
+class Interpolation(Protocol):
+    """What hooks need of a pose space."""
+
+    def interpolate(self, values: NDArray, bones: Bones) -> NDArray:
+        """Values (N, ...) at the N example poses, interpolated at a pose (...)."""
+        ...
+
+
+@dataclass(frozen=True)
+class HookSet:
+    """rest (k, 3) on the neutral rod; weights (k, n_bones) by the order of `bones`; corrections (N, k, 3) in mm.
+
+    All in the frame of the base bone, the last of `bones`.
+    """
+
+    bones: tuple[str, ...]
+    rest: Array
+    weights: Array
+    corrections: Array
+
+    def skinned(self, bones: Bones) -> Array:
+        """Positions (k, 3) by linear blend skinning alone."""
+        return _skinned(self.rest, self.weights, [bones[name] for name in self.bones])
+
+    def positions(self, bones: Bones, space: Interpolation) -> Array:
+        """Positions (k, 3) with the interpolated corrections; `bones` relative to the base bone."""
+        return self.skinned(bones) + space.interpolate(self.corrections, bones)
+
+
+def _skinned(points: Array, weights: Array, transforms: Sequence[RigidTransform]) -> Array:
+    moved = np.stack([t(points) for t in transforms])
+    return np.einsum("kb,bkj->kj", weights, moved)
+
+
+def sample_hooks(
+    rest: Array, bones: Mapping[str, Surface], spacing: float = 4.0, near_joints: float = 2.0
+) -> Array:
+    """Points (k, 3) on a rod, every `spacing` mm, or `near_joints` mm where two bones are about as close."""
+    arc = arc_length(rest)
+    distances = np.sort(bone_distances(rest, bones), axis=1)
+    at_joint = (
+        distances[:, 1] - distances[:, 0] < 5.0 if distances.shape[1] > 1 else np.zeros(len(rest), bool)
+    )
+    rate = np.where(at_joint, 1.0 / near_joints, 1.0 / spacing)
+    counted = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(arc))])
+    count = max(int(counted[-1]), 2)
+    at = np.interp((np.arange(count) + 0.5) * counted[-1] / count, counted, arc)
+    return np.stack([np.interp(at, arc, rest[:, c]) for c in range(3)], axis=1)
+
+
+def bone_distances(points: Array, bones: Mapping[str, Surface]) -> Array:
+    """Signed distances (n, n_bones) in mm of points to bones in the same pose, negative inside."""
+    return np.stack([Distance(surface).signed(points)[0] for surface in bones.values()], axis=1)
+
+
+def past_end(x: Array, reach: float = 40.0) -> Array:
+    """A rod with a straight continuation past its free end, where hooks that it has slid out of still lie."""
+    return np.vstack([x, x[-1] + reach * unit(x[-1] - x[-2])])
+
+
+def closest_points(points: Array, x: Array) -> Array:
+    """Closest points (k, 3) of a polyline."""
+    segment, t, _ = closest_on_rod(points, x)
+    return point_at(x, segment, t)
+
+
+def fit_weights(
+    rest: Array,
+    pair: NDArray[np.int64],
+    rods: Sequence[Array],
+    poses: Sequence[Sequence[RigidTransform]],
+    *,
+    tolerance: float = 1e-4,
+    max_iterations: int = 200,
+) -> Array:
+    """Skinning weights (k,) of the first bone of each hook's pair (k, 2), the second has the rest (Eq. 19-21).
+
+    Points rest (k, 3), example rods (Q+1, 3), and each pose's transforms by bone number. Closest points on the
+    rods are found again after each closed-form minimisation, from weight one on the closest bone.
+    """
+    moved = np.stack([[t(rest) for t in pose] for pose in poses])  # (N, n_bones, k, 3)
+    k = np.arange(len(rest))
+    first, second = moved[:, pair[:, 0], k], moved[:, pair[:, 1], k]
+    apart = first - second
+    size = np.maximum(np.sum(apart**2, axis=(0, 2)), 1e-12)
+    extended = [past_end(x) for x in rods]
+    weight = np.ones(len(rest))
+    for _ in range(max_iterations):
+        hooks = weight[:, None] * first + (1.0 - weight)[:, None] * second
+        feet = np.stack([closest_points(h, x) for h, x in zip(hooks, extended, strict=True)])
+        fitted = np.clip(np.sum(apart * (feet - second), axis=(0, 2)) / size, 0.0, 1.0)
+        done = np.abs(fitted - weight).max() <= tolerance
+        weight = fitted
+        if done:
+            break
+    return weight
+
+
+def fit_hooks(
+    rest: Array,
+    neutral_bones: Mapping[str, Surface],
+    order: tuple[str, ...],
+    rods: Sequence[Array],
+    poses: Sequence[Bones],
+) -> HookSet:
+    """Hooks of a tendon from its rods (Q+1, 3) in the example poses, N_s = 2 closest bones each (sec. 5.4).
+
+    `rods` and `poses` relative to the base bone, the last of `order`. A correction is the vector from the
+    skinned hook to the closest point of the pose's rod.
+    """
+    surfaces = {name: neutral_bones[name] for name in order}
+    points = sample_hooks(rest, surfaces)
+    by_pose = [[pose[name] for name in order] for pose in poses]
+    weights = np.zeros((len(points), len(order)))
+    if len(order) == 1 or not poses:
+        weights[np.arange(len(points)), np.argmin(bone_distances(points, surfaces), axis=1)] = 1.0
+    else:
+        pair = np.argsort(bone_distances(points, surfaces), axis=1)[:, :2]
+        share = fit_weights(points, pair, rods, by_pose)
+        weights[np.arange(len(points)), pair[:, 0]] = share
+        weights[np.arange(len(points)), pair[:, 1]] = 1.0 - share
+    corrections = np.zeros((len(poses), len(points), 3))
+    for n, (rod, transforms) in enumerate(zip(rods, by_pose, strict=True)):
+        skinned = _skinned(points, weights, transforms)
+        corrections[n] = closest_points(skinned, past_end(rod)) - skinned
+    return HookSet(order, points, weights, corrections)

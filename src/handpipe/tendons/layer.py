@@ -1,0 +1,38 @@
+"""The tendons as a layer of the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from handpipe.layers import Frame, Shape, Shapes
+from handpipe.tendons.tendon import Tendon
+
+
+class TendonLayer:
+    """Tendons of loaded artifacts. Frames do not depend on one another: each starts from the skinned rest rod."""
+
+    name = "tendons"
+    needs: tuple[str, ...] = ("bones", "bone_fascia")
+
+    def __init__(self, tendons: Iterable[Tendon]) -> None:
+        self.tendons = {t.name: t for t in tendons}
+        self._rest = {t.name: t.rest.surface().vertices for t in self.tendons.values()}
+
+    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """For each tendon its surface, and its rod under `{tendon}_centreline` with segments as cells.
+
+        The rod's field "tension" (Q,) is in the unit of the pull (mN if that is). Hooks follow the bones alone,
+        so that `below` is not read. Raises `ConvergenceError`.
+        """
+        shapes: Shapes = {}
+        for name, tendon in self.tendons.items():
+            found = tendon.solve(frame.bones)
+            surface = tendon.surface(found.x, frame.bones)
+            shapes[name] = Shape(self._rest[name], surface.vertices, surface.triangles)
+            n = len(found.x)
+            segments = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
+            fields = {"tension": found.tension}
+            shapes[f"{name}_centreline"] = Shape(tendon.rest.x, found.x, segments, fields)
+        return shapes

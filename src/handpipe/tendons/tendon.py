@@ -1,0 +1,146 @@
+"""A tendon as it is simulated: a rod that slides through hooks, and its surface (Zheng et al. 2022, sec. 5.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from handpipe import artifacts
+from handpipe.errors import ConvergenceError
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.skeleton.pose_space import PoseSpace
+from handpipe.tendons.energies import Bend, Hooks
+from handpipe.tendons.equilibrium import Equilibrium, solve
+from handpipe.tendons.hooks import HookSet, closest_points, fit_hooks, past_end
+from handpipe.tendons.motion import Bones, relative_to
+from handpipe.tendons.rest import PULL, RestTendon
+from handpipe.tendons.rod import Array, closest_on_rod, frames, point_at
+from handpipe.tendons.tube import Tube
+
+BEND_LENGTH = 1.5  # mm over which the rod rounds the kink at a hook
+CALIBRATIONS = 6
+
+
+@dataclass(frozen=True)
+class Tendon:
+    """name, rest tendon, radius in mm, hooks, and the pose space of their corrections."""
+
+    name: str
+    rest: RestTendon
+    radius: float
+    hooks: HookSet
+    space: PoseSpace
+
+    def solve(self, bones: Bones, start: Array | None = None) -> Equilibrium:
+        """Static equilibrium (Eq. 4-12) for bone transforms from neutral; the rod x (Q+1, 3) in their frame.
+
+        `start` (Q+1, 3) is another rod to start from; by default the skinned rest rod. Raises `ConvergenceError`.
+        """
+        base = bones[self.rest.bones[-1]]
+        relative = relative_to(
+            {name: bones[name] for name in {*self.rest.bones, *self.space.bones}}, self.rest.bones[-1]
+        )
+        hooks = Hooks(self.hooks.positions(relative, self.space))
+        bend = Bend(PULL * BEND_LENGTH**2, self.rest.length)
+        x = self.rest.carried(relative) if start is None else base.inverse()(start)
+        try:
+            found = solve([hooks, self.rest.pull(relative), bend], x)
+        except ConvergenceError as error:
+            raise ConvergenceError(f"Tendon {self.name}", str(error)) from error
+        return replace(found, x=base(found.x))
+
+    def frames(self, x: Array, bones: Bones) -> Array:
+        """Untwisted frames (Q, 3, 3) of a rod x (Q+1, 3) in a pose."""
+        return frames(x, self.rest.first_normal(bones))
+
+    def surface(self, x: Array, bones: Bones) -> Surface:
+        """The tube's surface about a rod x (Q+1, 3) in a pose."""
+        return Surface(self.rest.tube.skin(x, self.frames(x, bones)), self.rest.tube.triangles)
+
+    def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
+        """Write the artifact of kind "tendon"."""
+        tube, hooks = self.rest.tube, self.hooks
+        data = {
+            "name": self.name,
+            "radius": self.radius,
+            "bones": list(self.rest.bones),
+            "rod": {"x": self.rest.x, "normal": self.rest.normal, "skinning": self.rest.skinning},
+            "tube": {
+                "triangles": tube.triangles,
+                "first": tube.first,
+                "weights": tube.weights,
+                "local": tube.local,
+            },
+            "hooks": {"rest": hooks.rest, "weights": hooks.weights, "corrections": hooks.corrections},
+            "pose_space": self.space.to_group(),
+        }
+        units = {
+            "radius": "mm",
+            "rod/x": "mm",
+            "tube/local": "mm",
+            "hooks/rest": "mm",
+            "hooks/corrections": "mm",
+        }
+        artifacts.write(path, data, kind="tendon", units=units, inputs=inputs)
+
+    @staticmethod
+    def load(path: str | Path) -> Tendon:
+        """Read what `save` wrote. Raises `InputError`."""
+        data = artifacts.read(path, "tendon")
+        bones = tuple(str(b) for b in data["bones"])
+        rod, tube, hooks = data["rod"], data["tube"], data["hooks"]
+        rest = RestTendon(rod["x"], Tube(**tube), rod["normal"], bones, rod["skinning"])
+        space = PoseSpace.from_group(data["pose_space"])
+        return Tendon(
+            str(data["name"]),
+            rest,
+            float(data["radius"]),
+            HookSet(bones, hooks["rest"], hooks["weights"], hooks["corrections"]),
+            space,
+        )
+
+
+def build_tendon(
+    name: str,
+    rest: RestTendon,
+    radius: float,
+    neutral_bones: Mapping[str, Surface],
+    rods: Mapping[str, Array],
+    poses: Mapping[str, Mapping[str, RigidTransform]],
+    parents: Mapping[str, str],
+) -> Tendon:
+    """Fit hooks to registered rods: pose name -> x (Q+1, 3), and pose name -> bone -> transform from neutral.
+
+    The neutral pose belongs in both, with the rest rod and identities: there corrections are zero.
+    `parents` is bone -> parent bone, for the pose space.
+    """
+    base = rest.bones[-1]
+    relative = {pose: relative_to(poses[pose], base) for pose in rods}
+    local = {pose: poses[pose][base].inverse()(x) for pose, x in rods.items()}
+    space = PoseSpace.build(rest.bones, parents, relative)
+    hooks = fit_hooks(rest.x, neutral_bones, rest.bones, list(local.values()), list(relative.values()))
+    tendon = Tendon(name, rest, radius, hooks, space)
+    for _ in range(CALIBRATIONS):
+        tendon = _calibrated(tendon, local, relative)
+    return tendon
+
+
+def _calibrated(tendon: Tendon, rods: Mapping[str, Array], poses: Mapping[str, Bones]) -> Tendon:
+    """Move each example's corrections by what the simulated rod misses of the registered one at the hooks.
+
+    Under its pull, the rod lies a little inside the curve of its hooks: Eq. 4 alone never meets the examples.
+    """
+    corrections = tendon.hooks.corrections.copy()
+    for n, (pose, rod) in enumerate(rods.items()):
+        x = tendon.solve(poses[pose]).x
+        hooks = tendon.hooks.positions(poses[pose], tendon.space)
+        segment, t, _ = closest_on_rod(hooks, x)
+        contact = point_at(x, segment, t)
+        past = (segment == len(x) - 2) & (t == 1.0)
+        miss = closest_points(contact, past_end(rod)) - contact
+        corrections[n] += np.where(past[:, None], 0.0, miss)
+    return replace(tendon, hooks=replace(tendon.hooks, corrections=corrections))
