@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from handpipe.imaging.volume import Volume
 
 SPACING = 0.5

@@ -1,8 +1,8 @@
 """The whole bone in the neutral pose: its marrow and the dark cortical shell around it.
 
-Tendons and ligaments are as dark as cortical bone, and where they touch it the image shows no edge. The shell's
-thickness varies slowly over the bone, so it is measured where the shell's outer face is seen and carried
-smoothly over to where a dark neighbour hides it.
+Tendons and ligaments are as dark as cortical bone, and where they touch it the image shows no edge. The
+shell's thickness varies slowly over the bone, so it is measured where the shell's outer face is seen and
+carried smoothly over to where a dark neighbour hides it.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from handpipe.imaging.marrow import Levels, contour, cortical_layers
+from handpipe.imaging.marrow import Cortex, contour, cortical_layers
 from handpipe.imaging.profiles import graph_laplacian, smooth_field
-from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings
+from handpipe.imaging.segmentation import BoneProbability
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.smoothing import taubin
@@ -23,24 +23,20 @@ Array = NDArray[np.float64]
 
 THICKEST = 2.2  # mm of cortical bone in a hand
 STIFFNESS = 3.0
-OUTLIER, OUTLIER_THICKER = 0.3, 0.15  # mm; a dark neighbour only ever thickens the shell
+OUTLIER, OUTLIER_THICKER = 0.3, 0.2  # mm; a dark neighbour only ever thickens the shell
 
 
-def whole_bone(
-    volume: Volume, bone: BoneProbability, marrow: Surface, settings: SegmentationSettings
-) -> Surface:
+def whole_bone(volume: Volume, bone: BoneProbability, marrow: Surface) -> Surface:
     """Closed smooth surface of marrow and cortical shell, from the marrow's surface, world mm."""
-    thickness = shell_thickness(volume, bone, marrow, settings)
+    thickness = shell_thickness(volume, bone, marrow)
     return taubin(offset_surface(marrow, thickness, float(volume.spacing.min())), 5)
 
 
-def shell_thickness(
-    volume: Volume, bone: BoneProbability, marrow: Surface, settings: SegmentationSettings
-) -> Array:
+def shell_thickness(volume: Volume, bone: BoneProbability, marrow: Surface) -> Array:
     """Thickness (n,) of the cortical shell in mm at the marrow's vertices."""
-    levels = Levels.of(volume, bone, settings)
+    cortex = Cortex.estimate(volume, bone, marrow)
     reach = float(volume.spacing.mean())
-    layers, _ = cortical_layers(volume, marrow, levels, reach, outwards=THICKEST + reach)
+    layers, _ = cortical_layers(volume, marrow, cortex, reach, outwards=THICKEST + reach)
     outer = layers.inner + layers.thickness
     confidence = layers.thickness_confidence * (outer < THICKEST)
     laplacian = graph_laplacian(marrow.triangles, len(marrow.vertices))

@@ -16,17 +16,18 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+WINDOW = 2.5  # deviations of the blur beyond a face that the fit looks at
 SIGNIFICANT = 0.25  # least rise to the outer tissue, of the inner tissue's contrast with the layer
 
 
 class DarkLayers(NamedTuple):
-    """Per profile (n,): inner face and thickness in mm; confidences in [0, 1]; outer tissue's level."""
+    """Per profile (n,): inner face and thickness in mm; confidences in [0, 1]; misfit in noise variances."""
 
     inner: Array
     thickness: Array
     inner_confidence: Array
     thickness_confidence: Array
-    outer_level: Array
+    misfit: Array
 
 
 def fit_dark_layers(
@@ -53,7 +54,22 @@ def fit_dark_layers(
     )
     inner_confidence = inside * good / (1 + (deviation_inner / 0.2) ** 2)
     thick_confidence = inside * found * good / (1 + (deviation_thick / 0.2) ** 2)
-    return DarkLayers(inner, thick, inner_confidence, thick_confidence, high)
+    return DarkLayers(inner, thick, inner_confidence, thick_confidence, misfit)
+
+
+def fit_dark_level(
+    profiles: Array,
+    offsets: Array,
+    candidates: Array,
+    blur: float,
+    noise: float,
+    reach: float,
+    thickness: float,
+) -> float:
+    """The layer's level among candidates (c,) for which the model explains the profiles best."""
+    arguments = (blur, noise, reach, thickness)
+    misfits = [np.median(fit_dark_layers(profiles, offsets, c, *arguments).misfit) for c in candidates]
+    return float(candidates[int(np.argmin(misfits))])
 
 
 @njit(cache=True)
@@ -70,15 +86,12 @@ def _model(s, p, dark, blur):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _start(profile, offsets, dark, reach, thickness, p):  # type: ignore[no-untyped-def]
-    """First guess from the levels at the ends and the crossings half-way from them to the layer."""
+    """First guess from the levels on either side and the crossings half-way from them to the layer."""
     m = len(offsets)
-    inner = 0.0
-    count = 0
+    p[2] = dark
     for q in range(m):
-        if offsets[q] < -reach:
-            inner += profile[q]
-            count += 1
-    p[2] = inner / max(count, 1)
+        if offsets[q] <= 0:
+            p[2] = max(p[2], profile[q])
     half = 0.5 * (p[2] + dark)
     p[0] = 0.0
     best = reach
@@ -116,14 +129,14 @@ def _prior(p, start, precision, h, g):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _normal_equations(profile, offsets, dark, blur, noise, window, p, h, g):  # type: ignore[no-untyped-def]
-    """Gauss-Newton matrix h and gradient g of the misfit up to one window beyond the outer face; its mean."""
+    """Gauss-Newton matrix h and gradient g of the misfit up to one window beyond either face; its mean."""
     h[:] = 0.0
     g[:] = 0.0
     energy = 0.0
     weight_sum = 0.0
     j = np.empty(4)
     for q in range(len(offsets)):
-        beyond = offsets[q] - p[0] - p[1] - window
+        beyond = max(offsets[q] - p[0] - p[1] - window, p[0] - window - offsets[q])
         weight = 1.0 if beyond < 0 else math.exp(-0.5 * (beyond / blur) ** 2)
         if weight < 1e-3:
             continue
@@ -145,7 +158,7 @@ def _fit(profiles, offsets, dark, blur, noise, reach, thickness):  # type: ignor
     out = np.zeros((n, 7))
     h, g, start, trial = np.zeros((4, 4)), np.zeros(4), np.zeros(4), np.zeros(4)
     h2, g2 = np.zeros((4, 4)), np.zeros(4)
-    window = 3 * blur
+    window = WINDOW * blur
     longest = offsets[-1]
     for i in range(n):
         profile = profiles[i]

@@ -36,8 +36,12 @@ class MarkerSettings(Model):
 
     search: float = Field(3.0, gt=0, description="along the normals, either way, mm")
     contrast: float = Field(0.3, gt=0, description="least step at an edge, as a part of the muscle's level")
-    likeness: float = Field(0.2, gt=0, description="how far inside may be from the muscle's level, as a part of it")
-    agreement: float = Field(0.6, gt=0, description="distance from the neighbours' edges at which trust falls, mm")
+    likeness: float = Field(
+        0.2, gt=0, description="how far inside may be from the muscle's level, as a part of it"
+    )
+    agreement: float = Field(
+        0.6, gt=0, description="distance from the neighbours' edges at which trust falls, mm"
+    )
     least_confidence: float = Field(0.3, ge=0, le=1, description="markers below it are dropped")
 
 
@@ -85,7 +89,9 @@ def estimate_muscle_level(volume: Volume, surface: Surface) -> float:
     """The commonest intensity within a guess of a muscle (mode of the values a few mm below its surface)."""
     depths = -np.linspace(1.0, 3.5, 6)
     values = sample_profiles(volume, surface.vertices, surface.vertex_normals(), depths).ravel()
-    grey = values[(values > 0.2 * np.percentile(volume.values, 98)) & (values < 0.7 * np.percentile(volume.values, 98))]
+    grey = values[
+        (values > 0.2 * np.percentile(volume.values, 98)) & (values < 0.7 * np.percentile(volume.values, 98))
+    ]
     values = np.sort(grey if len(grey) > len(values) // 10 else values)
     half = max(len(values) // 3, 1)
     start = int(np.argmin(values[half:] - values[:-half])) if len(values) > half else 0
@@ -153,7 +159,9 @@ def read_markers(path: str | Path) -> tuple[Array, list[str]]:
             points.append(flip * position)
             labels.append(str(point.get("label", "")))
     if not points:
-        raise InputError(path, "controlPoints", "there are none", "Place at least one point and save it again")
+        raise InputError(
+            path, "controlPoints", "there are none", "Place at least one point and save it again"
+        )
     return np.array(points), labels
 
 
@@ -187,13 +195,17 @@ def _position(path: str | Path, field: str, point: Any) -> Array:
     try:
         position = np.asarray(point["position"], dtype=float)
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(path, f"{field}.position", "is missing or not three numbers", "Place the point") from error
+        raise InputError(
+            path, f"{field}.position", "is missing or not three numbers", "Place the point"
+        ) from error
     if position.shape != (3,) or not np.isfinite(position).all():
         raise InputError(path, f"{field}.position", "is not three finite numbers", "Place the point")
     return position
 
 
-def write_markers(path: str | Path, points: Array, labels: list[str] | None = None, kind: str = "Fiducial") -> None:
+def write_markers(
+    path: str | Path, points: Array, labels: list[str] | None = None, kind: str = "Fiducial"
+) -> None:
     """Write points (k, 3) in RAS mm as one markup of 3D Slicer; kind is Fiducial or Curve."""
     names = labels or [str(i) for i in range(len(points))]
     controls = [

@@ -10,9 +10,9 @@ from scipy import ndimage
 from skimage import measure
 
 from handpipe.errors import InputError
-from handpipe.imaging.dark_layer import DarkLayers, fit_dark_layers
-from handpipe.imaging.profiles import graph_laplacian, sample_profiles, smooth_field
-from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings
+from handpipe.imaging.dark_layer import WINDOW, DarkLayers, fit_dark_layers, fit_dark_level
+from handpipe.imaging.profiles import graph_laplacian, sample_profiles, smooth_field, summed_curvature
+from handpipe.imaging.segmentation import BoneProbability
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.smoothing import taubin
 from handpipe.mesh.surface import Surface
@@ -20,27 +20,33 @@ from handpipe.mesh.surface import Surface
 Array = NDArray[np.float64]
 
 BLUR = 0.5  # voxels: deviation of a voxel's box, 0.29, and of trilinear interpolation, 0.41, together
-REACH = 2.0  # voxels that the image may move the walker's surface
-USUAL_THICKNESS = 0.6  # mm, of cortical bone in a finger: where fits start
+REACH = 1.25  # voxels that the image may move the walker's surface
+USUAL_THICKNESS = 0.8  # mm, of cortical bone in a finger: where fits start
 STIFFNESS = 1.0
 OUTLIER = 0.25  # mm from the neighbours' face
 
 
 @dataclass(frozen=True)
-class Levels:
-    """Intensities near one bone: cortical bone's, and the deviation of the noise."""
+class Cortex:
+    """How cortical bone shows in one image: its level, the noise's deviation, and the blur's in mm."""
 
-    dark: float
+    level: float
     noise: float
+    blur: float
 
     @staticmethod
-    def of(volume: Volume, bone: BoneProbability, settings: SegmentationSettings) -> Levels:
-        """Estimate from a bone's local region: dark away from edges, noise from second differences."""
+    def estimate(volume: Volume, bone: BoneProbability, surface: Surface) -> Cortex:
+        """From the profiles across a bone's marrow surface: the level that explains them best."""
         values = volume.values[bone.slices]
-        marrow = np.median(values[bone.probability > 0.5])
-        dark = ndimage.binary_erosion(values < settings.dark * marrow)
-        noise = _noise(values)
-        return Levels(float(np.median(values[dark])) if dark.any() else noise, noise)
+        marrow = float(np.median(values[bone.probability > 0.5]))
+        noise, spacing = _noise(values), float(volume.spacing.mean())
+        normals = surface.vertex_normals()
+        some = slice(None, None, max(len(normals) // 300, 1))
+        offsets = profile_offsets(spacing, spacing)
+        profiles = sample_profiles(volume, surface.vertices[some], normals[some], offsets)
+        candidates = marrow * np.arange(0.0, 0.25, 0.03)
+        level = fit_dark_level(profiles, offsets, candidates, BLUR * spacing, noise, spacing, USUAL_THICKNESS)
+        return Cortex(level, noise, BLUR * spacing)
 
 
 def _noise(values: NDArray) -> float:
@@ -62,7 +68,7 @@ def contour(field: Volume, level: float) -> Surface:
     return surface if surface.volume() > 0 else surface.flipped()
 
 
-def marrow_surface(volume: Volume, bone: BoneProbability, settings: SegmentationSettings) -> Surface:
+def marrow_surface(volume: Volume, bone: BoneProbability) -> Surface:
     """Closed smooth surface of a bone's marrow, world mm.
 
     Starts from the isosurface 0.5 of the probability, then follows the inner face of the dark layer that
@@ -71,24 +77,36 @@ def marrow_surface(volume: Volume, bone: BoneProbability, settings: Segmentation
     local = volume.crop(bone.offset, bone.offset + bone.probability.shape)
     probability = ndimage.gaussian_filter(bone.probability.astype(np.float32), 0.7)
     surface = taubin(contour(local.like(probability), 0.5), 10)
-    levels = Levels.of(volume, bone, settings)
+    cortex = Cortex.estimate(local, BoneProbability(np.zeros(3, int), bone.probability), surface)
     laplacian = graph_laplacian(surface.triangles, len(surface.vertices))
     for _ in range(2):
-        layers, normals = cortical_layers(local, surface, levels, REACH * float(local.spacing.mean()))
+        layers, normals = cortical_layers(local, surface, cortex, REACH * float(local.spacing.mean()))
         move, _ = smooth_field(laplacian, layers.inner, layers.inner_confidence, STIFFNESS, OUTLIER)
         surface = taubin(surface.moved(surface.vertices + move[:, None] * normals), 5)
     return surface
 
 
+def profile_offsets(spacing: float, reach: float, outwards: float = 2.6) -> Array:
+    """Offsets (m,) in mm along a normal: `reach` and the fit's window inwards, `outwards` outwards."""
+    return np.arange(-reach - WINDOW * BLUR * spacing, outwards + 1e-9, 0.4 * spacing)
+
+
 def cortical_layers(
-    volume: Volume, surface: Surface, levels: Levels, reach: float, outwards: float = 2.6
+    volume: Volume, surface: Surface, cortex: Cortex, reach: float, outwards: float = 2.6
 ) -> tuple[DarkLayers, Array]:
-    """Dark layers fitted along the normals (n, 3) at a marrow surface's vertices, up to `outwards` mm."""
-    spacing = float(volume.spacing.mean())
-    offsets = np.arange(-reach - 2.5 * spacing, outwards + 1e-9, 0.4 * spacing)
+    """Dark layers fitted along the normals (n, 3) at a marrow surface's vertices, up to `outwards` mm.
+
+    Blur moves the half-intensity surface of a curved edge by half its variance times the summed
+    curvature, as heat flow does; the faces are moved back by that.
+    """
+    offsets = profile_offsets(float(volume.spacing.mean()), reach, outwards)
     normals = surface.vertex_normals()
     profiles = sample_profiles(volume, surface.vertices, normals, offsets)
     layers = fit_dark_layers(
-        profiles, offsets, levels.dark, BLUR * spacing, levels.noise, reach, USUAL_THICKNESS
+        profiles, offsets, cortex.level, cortex.blur, cortex.noise, reach, USUAL_THICKNESS
     )
-    return layers, normals
+    curvature = summed_curvature(surface)
+    outer_curvature = curvature / np.maximum(1 + 0.75 * layers.thickness * curvature, 0.5)
+    shift, outer_shift = 0.5 * cortex.blur**2 * curvature, 0.5 * cortex.blur**2 * outer_curvature
+    moved = layers._replace(inner=layers.inner + shift, thickness=layers.thickness + outer_shift - shift)
+    return moved, normals

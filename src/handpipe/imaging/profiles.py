@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from handpipe.imaging.volume import Volume
+from handpipe.mesh.smoothing import averaging
+from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -52,3 +54,21 @@ def smooth_field(
         width = scale if upper_scale is None else np.where(residual > 0, upper_scale, scale)
         weights = confidence / (1 + (residual / width) ** 2) ** 2
     return field, weights
+
+
+def summed_curvature(surface: Surface, smoothing: int = 4) -> Array:
+    """Sum of the principal curvatures (n,) in 1/mm, positive where convex, averaged over a few rings.
+
+    Twice the mean over a vertex's edges of the normal curvature (n_j - n_i) . (x_j - x_i) / |x_j - x_i|^2.
+    """
+    i, j = surface.edges().T
+    normals = surface.vertex_normals()
+    along = surface.vertices[j] - surface.vertices[i]
+    normal_curvature = ((normals[j] - normals[i]) * along).sum(axis=1) / (along**2).sum(axis=1)
+    ends, count = np.r_[i, j], len(surface.vertices)
+    total = np.bincount(ends, np.r_[normal_curvature, normal_curvature], count)
+    curvature = 2 * total / np.maximum(np.bincount(ends, minlength=count), 1)
+    mean = averaging(surface)
+    for _ in range(smoothing):
+        curvature = 0.5 * (curvature + mean @ curvature)
+    return curvature

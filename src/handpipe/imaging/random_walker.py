@@ -2,9 +2,10 @@
 
 The probability that a walk from a voxel reaches an inside seed first is harmonic: L p = 0 with the
 seeds' values as boundary data, where L is the graph Laplacian with edge weights exp(-beta (g_i - g_j)^2)
-(Grady 2006, Eqs. 1 and 10). The seven-point operator is kept as arrays of edge weights and never leaves
-the grid, whose rim of one voxel has no edges and spares the border's special cases. Conjugate gradients are preconditioned by multigrid with 2 x 2 x 2 aggregates: summing the edges
-between aggregates is the Galerkin product, so that every level is again such a grid.
+(Grady 2006, Eqs. 1 and 10). The seven-point operator is kept as arrays of edge weights on the grid, whose rim
+of one voxel has no edges and spares the border's special cases. Conjugate gradients are preconditioned by
+multigrid with 2 x 2 x 2 aggregates: summing the edges between aggregates is the Galerkin product, so that
+every level is again such a grid.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ SWEEPS_COARSEST = 12
 
 
 class Level(NamedTuple):
-    """Edges (3, nx, ny, nz) from each free voxel to its next along each axis; diagonal (nx, ny, nz); with rim."""
+    """Edges (3, nx, ny, nz) from each free voxel to its next along each axis, diagonal (nx, ny, nz)."""
 
     edges: NDArray[np.float64]
     diagonal: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Marrow of each bone by a random walker in its local region, and the merging of bones (Wang 2019, Sec. 3.1)."""
+"""Marrow of each bone by a random walker in its local region, and the bones' merging (Wang 2019, Sec. 3.1)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class SegmentationSettings(Model):
 
 @dataclass(frozen=True)
 class BoneProbability:
-    """Probability (nx, ny, nz) of marrow in a local region whose first voxel is `offset` (3,) of the volume."""
+    """Probability (nx, ny, nz) of marrow in a local region; its first voxel is `offset` (3,) of the volume."""
 
     offset: NDArray[np.int64]
     probability: NDArray[np.float32]

@@ -42,7 +42,9 @@ def trace(volume: Volume, points: Array, margin: float = 6.0) -> Array:
     """
     index = volume.to_index(points)
     if (index < -0.5).any() or (index > np.array(volume.shape) - 0.5).any():
-        raise InputError("curve", "points", "some lie outside the volume", "Check the curve's coordinate system")
+        raise InputError(
+            "curve", "points", "some lie outside the volume", "Check the curve's coordinate system"
+        )
     reach = np.ceil(margin / volume.spacing).astype(int)
     lower = np.maximum(np.floor(index.min(0)).astype(int) - reach, 0)
     local = volume.crop(lower, np.ceil(index.max(0)).astype(int) + reach + 1)
@@ -86,7 +88,12 @@ def parallel_frames(tangents: Array) -> tuple[Array, Array]:
 
 
 def darkness_centre(
-    volume: Volume, points: Array, tangents: Array, radius: float, bones: Distance | None = None, iterations: int = 3
+    volume: Volume,
+    points: Array,
+    tangents: Array,
+    radius: float,
+    bones: Distance | None = None,
+    iterations: int = 3,
 ) -> Sections:
     """Circles fitted to the edges of a dark tube in the planes through points (n, 3) across tangents (n, 3).
 

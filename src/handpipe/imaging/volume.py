@@ -142,7 +142,7 @@ def _read_nifti(path: Path) -> tuple[NDArray, Array]:
     unit = image.header.get_xyzt_units()[0]  # type: ignore[attr-defined]
     if unit not in ("mm", "unknown"):
         raise InputError(path, "units", f"the header says {unit}", "Write voxel sizes in mm")
-    return values, np.asarray(image.affine, float)  # type: ignore[attr-defined]
+    return values, np.asarray(image.affine, np.float64)  # type: ignore[attr-defined]
 
 
 def _read_nrrd(path: Path) -> tuple[NDArray, Array]:
