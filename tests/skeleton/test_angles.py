@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from handpipe.errors import InputError
+from handpipe.skeleton.angles import check_angles, read_angles, write_angles
+
+LIMITS = {"MP2_flexion": tuple(np.radians([-20, 90])), "MP2_abduction": tuple(np.radians([-20, 20]))}
+HEADER = "frame,MP2_flexion [deg],MP2_abduction [deg]\n"
+
+
+def test_round_trip(tmp_path):
+    frames = {
+        "a": {"MP2_flexion": 0.3, "MP2_abduction": -0.1},
+        "b": {"MP2_flexion": 1.0, "MP2_abduction": 0.2},
+    }
+    write_angles(tmp_path / "f.csv", frames)
+    assert (tmp_path / "f.csv").read_text().startswith("frame,MP2_flexion [deg],MP2_abduction [deg]\na,17.18")
+    found = read_angles(tmp_path / "f.csv", LIMITS)
+    assert list(found) == ["a", "b"]
+    for name, angles in frames.items():
+        assert found[name] == pytest.approx(angles, abs=1e-14)
+
+
+def test_columns_may_stand_in_any_order_and_limits_belong(tmp_path):
+    path = tmp_path / "f.csv"
+    path.write_text("frame, MP2_abduction [deg], MP2_flexion [deg]\nx, -20, 90\n\n")
+    assert read_angles(path, LIMITS)["x"] == pytest.approx(
+        {"MP2_flexion": np.pi / 2, "MP2_abduction": -np.pi / 9}
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "problem"),
+    [
+        ("", "header", "frame"),
+        ("time,MP2_flexion [deg]\n", "header", "frame"),
+        ("frame,MP2_flexion [deg]\nx,1\n", "MP2_abduction [deg]", "missing"),
+        ("frame,MP2_flexion,MP2_abduction [deg]\n", "MP2_flexion", "unit"),
+        (HEADER.replace("abduction", "twist") + "x,1,2\n", "MP2_twist", "not an angle"),
+        ("frame,MP2_flexion [deg],MP2_flexion [deg],MP2_abduction [deg]\n", "MP2_flexion", "twice"),
+        (HEADER + "x,1,2\ny,1\n", "row 3", "2 cells"),
+        (HEADER + "x,1,2\nx,1,3\n", "row 3, frame", "another frame"),
+        (HEADER + "x,one,2\n", "row 2 (frame x), MP2_flexion", "'one' is not a number"),
+        (HEADER + "x,1,nan\n", "row 2 (frame x), MP2_abduction", "finite"),
+        (
+            HEADER + "x,1,2\ny,90.5,0\n",
+            "row 3 (frame y), MP2_flexion",
+            "90.5 deg is outside its limits of -20 to 90",
+        ),
+    ],
+)
+def test_errors_say_where_and_what(tmp_path, text, field, problem):
+    path = tmp_path / "frames.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as error:
+        read_angles(path, LIMITS)
+    assert error.value.source == str(path)
+    assert field in error.value.field
+    assert problem in error.value.problem
+
+
+def test_missing_file():
+    with pytest.raises(InputError, match="does not exist"):
+        read_angles("nowhere.csv", LIMITS)
+
+
+def test_unknown_and_missing_angles():
+    with pytest.raises(InputError, match="PIP2_flexion"):
+        check_angles({"MP2_flexion": 0, "MP2_abduction": 0, "PIP2_flexion": 0}, LIMITS, "here")
+    with pytest.raises(InputError, match="MP2_abduction: is missing"):
+        check_angles({"MP2_flexion": 0}, LIMITS, "here")

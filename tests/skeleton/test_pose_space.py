@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+from manufactured import turn
+
+from handpipe import artifacts
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.skeleton.pose_space import PoseSpace, pose_vector, reference_bone
+
+PARENTS = {"proximal": "metacarpal", "middle": "proximal"}
+BONES = ("metacarpal", "proximal", "middle")
+KINDS = ["inverse-distance", "inverse-square", "rbf"]
+
+
+def pose(flexion, abduction=0.0, bend=0.0, root=None):
+    root = RigidTransform.identity() if root is None else root
+    proximal = root @ RigidTransform(turn([0, flexion, abduction]), np.array([40.0, 0, 1]))
+    return {
+        "metacarpal": root,
+        "proximal": proximal,
+        "middle": proximal @ RigidTransform(turn([0, bend, 0]), np.ones(3)),
+    }
+
+
+EXAMPLES = {
+    "neutral": pose(0),
+    "bow": pose(1.2),
+    "hook": pose(0.1, 0.05, 1.6),
+    "fist": pose(1.4, 0.0, 1.7),
+    "spread": pose(0.05, 0.35),
+    "close": pose(0.3, -0.3, 0.2),
+    "curl": pose(0.6, 0.0, 0.9),
+}
+
+
+def space(kind):
+    return PoseSpace.build(BONES, PARENTS, EXAMPLES, kind)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_exact_at_the_examples_and_a_partition_of_unity(kind):
+    s = space(kind)
+    for i, bones in enumerate(EXAMPLES.values()):
+        assert np.allclose(s.weights(bones), np.eye(len(EXAMPLES))[i], atol=1e-12)
+        near = dict(bones, middle=bones["middle"] @ RigidTransform(turn([0, 1e-5, 0]), np.zeros(3)))
+        assert np.allclose(s.weights(near), np.eye(len(EXAMPLES))[i], atol=1e-3)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        w = s.weights(pose(*rng.uniform(-0.2, 1.5, 3)))
+        assert abs(w.sum() - 1) < 1e-9
+        assert kind == "rbf" or (w > 0).all()
+
+
+def test_inverse_distance_weights_are_equation_1():
+    s = space("inverse-distance")
+    bones = pose(0.7, 0.1, 0.4)
+    a = s.vector(bones)
+    phi = np.array([1 / np.sqrt(((a - b) ** 2).sum()) for b in s.examples])
+    assert np.allclose(s.weights(bones), phi / phi.sum())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_common_motion_changes_nothing(kind):
+    s = space(kind)
+    root = RigidTransform(turn([0.7, -1.1, 0.3]), np.array([5.0, -20, 9]))
+    assert np.allclose(s.weights(pose(0.7, 0.1, 0.4)), s.weights(pose(0.7, 0.1, 0.4, root)), atol=1e-12)
+
+
+def test_the_reference_has_most_controlling_descendants():
+    assert reference_bone(BONES, PARENTS) == "metacarpal"
+    assert reference_bone(("middle", "proximal"), PARENTS) == "proximal"
+    forked = {"a": "root", "b": "root", "c": "b"}
+    assert reference_bone(("a", "c", "b"), forked) == "b"
+    assert pose_vector(("proximal", "middle"), "proximal", pose(1.0, 0.2, 0.5)) == pytest.approx([0, 0.5, 0])
+
+
+def test_rbf_reproduces_linear_functions_also_beyond_the_examples():
+    rng = np.random.default_rng(1)
+    examples = rng.normal(size=(9, 3))
+    s = PoseSpace(("a", "b"), "a", examples, tuple("123456789"), "rbf")
+    slope, offset = rng.normal(size=(3, 4)), rng.normal(size=4)
+    for scale in (0.3, 3.0):
+        at = scale * rng.normal(size=3)
+        assert np.allclose(s.weights_at(at) @ (examples @ slope + offset), at @ slope + offset, atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_rbf_with_few_examples_stays_bounded(count):
+    some = dict(list(EXAMPLES.items())[:count])
+    s = PoseSpace.build(BONES, PARENTS, some, "rbf")
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        w = s.weights(pose(*rng.uniform(-0.2, 1.5, 3)))
+        assert abs(w.sum() - 1) < 1e-9 and np.abs(w).max() < 2.5
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_examples_that_coincide_share(kind):
+    twice = EXAMPLES | {"again": EXAMPLES["bow"]}
+    s = PoseSpace.build(BONES, PARENTS, twice, kind)
+    w = s.weights(pose(0.8, 0.1, 0.2))
+    assert abs(w.sum() - 1) < 1e-9 and abs(w[1] - w[-1]) < 1e-9
+    assert s.weights(EXAMPLES["bow"])[[1, -1]] == pytest.approx([0.5, 0.5])
+
+
+def test_rbf_predicts_a_smooth_function_better_than_inverse_distance():
+    rng = np.random.default_rng(3)
+    unseen = [tuple(v) for v in rng.uniform([0, -0.2, 0], [1.3, 0.3, 1.6], size=(40, 3))]
+
+    def truth(bones):
+        a = pose_vector(BONES, "metacarpal", bones)
+        return np.array([np.sin(a[1]), a[4] - 0.2 * a[1] ** 2, np.exp(0.3 * a[2])])
+
+    values = np.array([truth(b) for b in EXAMPLES.values()])
+    errors = {
+        k: np.mean([np.abs(space(k).interpolate(values, pose(*u)) - truth(pose(*u))) for u in unseen])
+        for k in KINDS
+    }
+    assert errors["rbf"] < 0.6 * errors["inverse-distance"]
+
+
+def test_interpolated_values_and_round_trip(tmp_path):
+    s = space("rbf")
+    values = np.random.default_rng(0).normal(size=(len(EXAMPLES), 5, 6))
+    assert np.allclose(s.interpolate(values, EXAMPLES["fist"]), values[3])
+    artifacts.write(tmp_path / "s.h5", {"pose_space": s.to_group()}, kind="test")
+    t = PoseSpace.from_group(artifacts.read(tmp_path / "s.h5", "test")["pose_space"])
+    assert (t.bones, t.reference, t.poses, t.interpolation) == (
+        s.bones,
+        s.reference,
+        s.poses,
+        s.interpolation,
+    )
+    assert np.array_equal(t.weights(pose(0.3, 0.2, 0.1)), s.weights(pose(0.3, 0.2, 0.1)))
+
+
+def test_unknown_interpolation_is_refused():
+    with pytest.raises(ValueError, match="nearest"):
+        PoseSpace(("a", "b"), "a", np.zeros((1, 3)), ("p",), "nearest")
