@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.evaluation.table import Table
+from handpipe.evaluation.table import Cell, Table
 from handpipe.metrics import Metrics
 
 MIB_PER_GIB = 1024.0
@@ -68,7 +68,9 @@ def cost_table(jobs: Sequence[Job]) -> Table | None:
     keys = ("jobs", "job_seconds", "longest_seconds", "cpu_seconds", "peak_memory")
     ordered = sorted(rules.items(), key=lambda item: (-item[1]["job_seconds"][0], item[0]))
     total = ("all", _totals("", jobs))
-    rows = [[rule, str(int(t["jobs"][0])), *(t[key][0] for key in keys[1:])] for rule, t in (*ordered, total)]
+    rows: list[list[Cell]] = [
+        [rule, str(int(t["jobs"][0])), *(t[key][0] for key in keys[1:])] for rule, t in (*ordered, total)
+    ]
     columns = [
         "rule",
         "jobs",

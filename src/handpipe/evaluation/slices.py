@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import trimesh
@@ -87,7 +88,7 @@ class Contours:
     name: str
     surfaces: Sequence[Surface]
     colour: str | tuple[float, float, float]
-    style: str = "-"
+    style: Literal["-", ":"] = "-"
 
 
 def draw_slice(

@@ -1,0 +1,132 @@
+"""Pictures of a simulated pose: skin, organs beneath it, error colours, slices with contours."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+from PIL import Image as PillowImage
+
+from handpipe.evaluation.render import Body, Camera, Image, on_background, render
+from handpipe.evaluation.slices import Contours, Plane, Sample, draw_slice
+from handpipe.evaluation.surfaces import surface_distance
+from handpipe.hand.appearance import COLOURS, OTHER, colour, opacity, shown, tissue
+from handpipe.hand.export import surface_triangles
+from handpipe.layers import Shape, Shapes
+from handpipe.mesh.surface import Surface
+from handpipe.tendons.tube import round_surface
+
+Array = NDArray[np.float64]
+
+ROD_RADIUS = 1.0  # mm, of a tendon that is given as a line
+CONTOUR_COLOURS = {  # skin and muscles as in Zheng 2022, Fig. 32
+    "skin": "#19e03c",
+    "muscles": "#ffd500",
+    "bones": "#35d6ff",
+    "tendons": "#ff8a1f",
+    "ligaments": "#ff5ad1",
+}
+
+
+def body_surface(shape: Shape) -> Surface:
+    """The surface of a body: its triangles, its tetrahedra's boundary, or a tube about its segments."""
+    if shape.cells.shape[1] == 2:
+        return round_surface(shape.vertices, ROD_RADIUS, sides=10)
+    return Surface(shape.vertices, surface_triangles(shape.cells)).compact()
+
+
+def bodies(layers: Mapping[str, Shapes], *, skin_opacity: float | None = None) -> list[Body]:
+    """What is drawn of a frame; `skin_opacity` None leaves the skin out."""
+    drawn = []
+    for layer, body, shape in shown(layers):
+        look = tissue(layer, body)
+        if look == "skin" and skin_opacity is None:
+            continue
+        solidity = skin_opacity if look == "skin" and skin_opacity is not None else opacity(look)
+        drawn.append(Body(body_surface(shape), colour(look), solidity))
+    return drawn
+
+
+def skin_surface(layers: Mapping[str, Shapes]) -> Surface | None:
+    """The simulated skin of a frame, None where it has none."""
+    found = [s for layer, body, s in shown(layers) if tissue(layer, body) == "skin"]
+    return body_surface(found[0]) if found else None
+
+
+def outer_picture(layers: Mapping[str, Shapes], camera: Camera, size: tuple[int, int]) -> Image:
+    """The frame from outside, skin opaque."""
+    return on_background(render(bodies(layers, skin_opacity=1.0), camera, size))
+
+
+def inner_picture(layers: Mapping[str, Shapes], camera: Camera, size: tuple[int, int]) -> Image:
+    """The organs, the skin transparent."""
+    return on_background(render(bodies(layers, skin_opacity=opacity("skin")), camera, size))
+
+
+def error_picture(
+    scan: Surface, skin: Surface, camera: Camera, size: tuple[int, int], largest: float
+) -> Image:
+    """Scanned skin coloured by its distance to the simulated one, 0 to `largest` mm (Zheng 2022, Fig. 30)."""
+    distances = np.clip(surface_distance(scan.vertices, skin) / largest, 0, 1)
+    rgb = matplotlib.colormaps["viridis"](distances)[:, :3]
+    return on_background(render([Body(scan, rgb)], camera, size))
+
+
+def contours(layers: Mapping[str, Shapes], truth: Mapping[str, Sequence[Surface]]) -> list[Contours]:
+    """Contours of a frame's tissues, full lines, and of the true ones, dotted."""
+    simulated: dict[str, list[Surface]] = {}
+    for layer, body, shape in shown(layers):
+        simulated.setdefault(tissue(layer, body), []).append(body_surface(shape))
+    drawn = [Contours(k, s, CONTOUR_COLOURS[k]) for k, s in simulated.items() if k in CONTOUR_COLOURS]
+    drawn += [
+        Contours(f"{k}, truth", s, CONTOUR_COLOURS[k], ":") for k, s in truth.items() if k in CONTOUR_COLOURS
+    ]
+    return drawn
+
+
+def slices_figure(sample: Sample | None, planes: Mapping[str, Plane], drawn: Sequence[Contours]) -> Figure:
+    """Slices side by side under their names, with one legend."""
+    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    axes = figure.subplots(1, len(planes), squeeze=False, width_ratios=[2.0] + [1.0] * (len(planes) - 1))[0]
+    for ax, (name, plane) in zip(axes, planes.items(), strict=True):
+        draw_slice(ax, sample, plane, drawn)
+        ax.set_title(name, fontsize=10)
+        ax.tick_params(labelsize=8)
+        if sample is None:
+            ax.set_facecolor("#222222")
+    handles = [Line2D([], [], color=c.colour, linestyle=c.style, label=c.name) for c in drawn]
+    if handles:
+        legend = figure.legend(
+            handles=handles, loc="outside lower center", ncols=6, fontsize=9, facecolor="#333333"
+        )
+        for text in legend.get_texts():
+            text.set_color("white")
+    return figure
+
+
+def legend(looks: Sequence[str]) -> list[tuple[str, str]]:
+    """Name and CSS colour of each tissue, in the order of the layers."""
+    order = [look for look in COLOURS if look in looks] + [look for look in looks if look not in COLOURS]
+    return [(look.replace("_", " "), _css(COLOURS.get(look, OTHER))) for look in order]
+
+
+def _css(rgb: tuple[float, float, float]) -> str:
+    return "#" + "".join(f"{round(255 * c):02x}" for c in rgb)
+
+
+def data_uri(picture: Image | Figure) -> str:
+    """A picture (h, w, 3) or figure as a PNG in a data URI."""
+    file = io.BytesIO()
+    if isinstance(picture, Figure):
+        FigureCanvasAgg(picture)
+        picture.savefig(file, format="png", dpi=110)
+    else:
+        PillowImage.fromarray(picture).save(file, format="png", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode("ascii")

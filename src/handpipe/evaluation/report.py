@@ -1,0 +1,217 @@
+"""The report: one HTML file with everything in it, pictures, tables and a 3D view."""
+
+from __future__ import annotations
+
+import logging
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe import __version__
+from handpipe.artifacts import write_text
+from handpipe.config import Dataset
+from handpipe.evaluation import pictures
+from handpipe.evaluation.build import Job, cost_table
+from handpipe.evaluation.render import Camera
+from handpipe.evaluation.slices import Plane, Sample, sagittal_plane, transversal_plane
+from handpipe.evaluation.surfaces import surface_distance
+from handpipe.evaluation.table import Table, metrics_table, rig_table, skin_table
+from handpipe.evaluation.viewer import view_data
+from handpipe.hand.appearance import shown, tissue
+from handpipe.hand.frames import SimulatedFrame
+from handpipe.layers import Frame, Shapes
+from handpipe.mesh.surface import Surface
+from handpipe.metrics import Metrics
+
+log = logging.getLogger(__name__)
+Array = NDArray[np.float64]
+
+SIZE = (520, 390)  # pixels of a picture
+ALONG, ACROSS, DORSAL = np.eye(3)  # distal, radial, dorsal in the neutral frame
+VIEW = ACROSS - 0.25 * ALONG - 0.35 * DORSAL  # from the ulnar side, somewhat from above
+
+
+@dataclass
+class PoseView:
+    """One pose: what was simulated, and what it is compared with, all in the frame of the root bone at rest.
+
+    `sample` gives the volume's grey values at points (n, 3) in mm; `truth` the true surfaces by tissue
+    ("skin", "muscles", ...). A pose's images have a frame of their own: the caller brings them here.
+    """
+
+    frame: Frame
+    layers: Mapping[str, Shapes]
+    role: str
+    sample: Sample | None = None
+    scan: Surface | None = None
+    truth: Mapping[str, Sequence[Surface]] = field(default_factory=dict)
+
+
+@dataclass
+class ReportInput:
+    """All that a report shows; what is empty is left out of it.
+
+    `metrics` by stage, in the order shown; `scenes` frames for the 3D view by scene; `finger` the bones, from
+    proximal to distal, whose planes cut the slices (by default all); `settings` what a person chose, by name;
+    `limits` sentences.
+    """
+
+    dataset: Dataset
+    poses: Sequence[PoseView] = ()
+    metrics: Mapping[str, Metrics] = field(default_factory=dict)
+    scenes: Mapping[str, Sequence[SimulatedFrame]] = field(default_factory=dict)
+    jobs: Sequence[Job] = ()
+    settings: Mapping[str, str] = field(default_factory=dict)
+    limits: Sequence[str] = ()
+    finger: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture with the text that stands for it and the caption below it."""
+
+    uri: str
+    alt: str
+    caption: str
+    wide: bool = False
+
+
+def write_report(path: str | Path, report: ReportInput) -> None:
+    """Write the report as one HTML file without links to anything outside of it."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("handpipe.evaluation", "."),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    write_text(path, environment.get_template("report.html.jinja").render(_content(report)))
+
+
+def _content(report: ReportInput) -> dict[str, Any]:
+    roles = {name: str(pose.role) for name, pose in report.dataset.poses.items()}
+    every = {name: value for stage in report.metrics.values() for name, value in stage.items()}
+    main_tables = [t for t in (skin_table(every, roles), rig_table(every)) if t]
+    looks = {tissue(layer, body) for p in report.poses for layer, body, _ in shown(p.layers)}
+    return {
+        "subject": report.dataset.name,
+        "facts": _facts(report.dataset),
+        "versions": {"handpipe": __version__, "Python": platform.python_version(), **report.settings},
+        "poses": [(p.frame.name, p.role, _angles(p.frame), made) for p, made in _pictures(report)],
+        "view": "Seen from the ulnar side and somewhat from above; distal is to the right, dorsal upwards.",
+        "legend": pictures.legend(sorted(looks)),
+        "tables": [table.html() for table in main_tables],
+        "stages": [
+            (stage, metrics_table(f"Stage {stage}.", metrics, list(roles)).html())
+            for stage, metrics in report.metrics.items()
+            if metrics
+        ],
+        "costs": [t.html() for t in (_stage_costs(report.metrics), cost_table(report.jobs)) if t],
+        "scenes": [
+            (name, data) for name, frames in report.scenes.items() if (data := view_data(frames))["bodies"]
+        ],
+        "limits": list(report.limits),
+    }
+
+
+def _facts(dataset: Dataset) -> dict[str, str]:
+    by_role = {role: [n for n, p in dataset.poses.items() if str(p.role) == role] for role in _roles(dataset)}
+    facts = {f"{role} poses": ", ".join(names) for role, names in by_role.items()}
+    for kind in ("bones", "joints", "muscles", "ligaments", "tendons", "nails"):
+        names = list(getattr(dataset, kind))
+        if names:
+            facts[kind] = f"{len(names)}: {', '.join(names)}"
+    facts["hand"] = dataset.hand
+    if dataset.generator:
+        facts["images"] = f"generated by {dataset.generator}, seed {dataset.seed}"
+    facts["truth"] = "known" if dataset.truth else "not known"
+    return facts
+
+
+def _roles(dataset: Dataset) -> list[str]:
+    return list(dict.fromkeys(str(p.role) for p in dataset.poses.values()))
+
+
+def _angles(frame: Frame) -> str:
+    return ", ".join(f"{name.replace('_', ' ')} {np.degrees(a):.0f}°" for name, a in frame.angles.items())
+
+
+def _stage_costs(metrics: Mapping[str, Metrics]) -> Table | None:
+    rows = [
+        [stage, *(found.get(key, (None, ""))[0] for key in ("seconds", "peak_memory"))]
+        for stage, found in metrics.items()
+        if "seconds" in found
+    ]
+    if not rows:
+        return None
+    return Table("Time and memory by stage.", ["stage", "time [s]", "peak memory [GiB]"], rows)
+
+
+def _pictures(report: ReportInput) -> list[tuple[PoseView, list[Picture]]]:
+    """Pictures of each pose; all poses are drawn at one scale."""
+    if not report.poses:
+        return []
+    cameras = [
+        Camera.fit(pictures.bodies(p.layers, skin_opacity=1.0), VIEW, DORSAL, SIZE) for p in report.poses
+    ]
+    height = max(camera.height for camera in cameras)
+    largest = _largest_error(report.poses)
+    made = []
+    for pose, camera in zip(report.poses, cameras, strict=True):
+        log.info("pictures of pose %s", pose.frame.name)
+        camera = replace(camera, height=height)
+        made.append((pose, _pose_pictures(pose, report, camera, largest)))
+    return made
+
+
+def _pose_pictures(pose: PoseView, report: ReportInput, camera: Camera, largest: float) -> list[Picture]:
+    name, skin = pose.frame.name, pictures.skin_surface(pose.layers)
+    made = []
+    if skin is not None:
+        uri = pictures.data_uri(pictures.outer_picture(pose.layers, camera, SIZE))
+        made.append(Picture(uri, f"Simulated skin in pose {name}", "Simulated skin."))
+    uri = pictures.data_uri(pictures.inner_picture(pose.layers, camera, SIZE))
+    made.append(
+        Picture(uri, f"Simulated organs in pose {name}", "Simulated organs; the skin is transparent.")
+    )
+    if skin is not None and pose.scan is not None:
+        uri = pictures.data_uri(pictures.error_picture(pose.scan, skin, camera, SIZE, largest))
+        caption = f"Scanned skin: distance to the simulated skin, 0 (dark) to {largest:.2g} mm (yellow)."
+        made.append(Picture(uri, f"Distance of scanned from simulated skin in pose {name}", caption))
+    planes = _planes(pose, report.finger or list(report.dataset.bones))
+    if planes:
+        drawn = pictures.contours(pose.layers, pose.truth)
+        uri = pictures.data_uri(pictures.slices_figure(pose.sample, planes, drawn))
+        caption = "Simulated contours" + (" over the image" if pose.sample else "")
+        caption += "; dotted: truth." if pose.truth else "."
+        alt = f"Slices through pose {name} with contours of the tissues"
+        made.append(Picture(uri, alt, caption, wide=True))
+    return made
+
+
+def _largest_error(poses: Sequence[PoseView]) -> float:
+    """Upper end in mm of the error colours: the 99th percentile over all poses."""
+    found = [
+        surface_distance(pose.scan.vertices, skin)
+        for pose in poses
+        if pose.scan is not None and (skin := pictures.skin_surface(pose.layers)) is not None
+    ]
+    return max(float(np.percentile(np.concatenate(found), 99)), 0.1) if found else 1.0
+
+
+def _planes(pose: PoseView, finger: Sequence[str]) -> dict[str, Plane]:
+    found = [b for b in finger if b in pose.layers.get("bones", {})]
+    if len(found) < 2:
+        return {}
+    centroids = np.array([pose.layers["bones"][b].vertices.mean(axis=0) for b in found])
+    planes = {"sagittal": sagittal_plane(centroids, -ACROSS, ALONG)}
+    for bone in found[:2]:
+        up = pose.frame.bones[bone].rotation @ DORSAL if bone in pose.frame.bones else DORSAL
+        planes[f"transversal, {bone}"] = transversal_plane(pose.layers["bones"][bone].vertices, up)
+    return planes

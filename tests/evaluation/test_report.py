@@ -1,0 +1,188 @@
+"""The report of a tiny made-up subject: everything inside, nothing outside, what is missing left out."""
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from handpipe.config import Bone, Dataset, Joint, Pose
+from handpipe.evaluation.build import Job
+from handpipe.evaluation.report import PoseView, ReportInput, write_report
+from handpipe.evaluation.table import JointErrors, rig_metrics, skin_metrics
+from handpipe.evaluation.viewer import view_data
+from handpipe.layers import Frame, Shape
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+
+BONES = ("metacarpal2", "proximal2")
+
+
+def capsule(radius: float, low: float, high: float) -> Surface:
+    mesh = trimesh.creation.capsule(height=high - low, radius=radius, count=[12, 12])
+    turned = np.asarray(mesh.vertices)[:, [2, 0, 1]]  # along x; a cyclic change of axes keeps the orientation
+    return Surface(turned + [low + 0.5 * (high - low), 0, 0], np.asarray(mesh.faces))
+
+
+def shape(surface: Surface, shift: float) -> Shape:
+    return Shape(surface.vertices, surface.vertices + [0, 0, shift], surface.triangles)
+
+
+def simulated(name: str, shift: float):
+    layers = {
+        "bones": {BONES[0]: shape(capsule(4, 0, 40), shift), BONES[1]: shape(capsule(3, 50, 80), shift)},
+        "muscles": {"lumbrical1": shape(capsule(2, 5, 30), shift - 6)},
+        "skin": {"skin": shape(capsule(12, -5, 85), shift)},
+    }
+    bones = {b: RigidTransform(np.eye(3), np.array([0, 0, shift])) for b in BONES}
+    return Frame(name, {"MP2_flexion": 0.1 * shift}, bones), layers
+
+
+@pytest.fixture
+def dataset() -> Dataset:
+    return Dataset(
+        name="tiny",
+        root=Path("nowhere"),
+        poses={
+            n: Pose(role=r, volume="v", seeds="s") for n, r in {"flat": "neutral", "fist": "example"}.items()
+        },
+        bones={b: Bone(label=i + 1) for i, b in enumerate(BONES)},
+        joints={
+            "MP2": Joint(
+                parent=BONES[0],
+                child=BONES[1],
+                angles=("MP2_flexion",),
+                limits_deg=((-20, 90),),
+                axis_hints=((0, 1, 0),),
+            )
+        },
+    )
+
+
+@pytest.fixture
+def full(dataset: Dataset) -> ReportInput:
+    frame, layers = simulated("fist", 3.0)
+    scan = capsule(12.5, -5, 85).moved(capsule(12.5, -5, 85).vertices + [0, 0, 3])
+    pose = PoseView(frame, layers, "example", lambda p: p[:, 0], scan, {"skin": [scan]})
+    return ReportInput(
+        dataset,
+        [pose],
+        metrics={
+            "rig": rig_metrics({"MP2": JointErrors(1.58, 1.82, 0.55, 0.76)}),
+            "skin": skin_metrics({"fist": {"m0": np.array([0.1, 0.3]), "m2": np.array([1.0, 3.0])}})
+            | {"seconds": (12.5, "s"), "peak_memory": (0.75, "GiB")},
+        },
+        scenes={"close": [simulated("a", 0.0), simulated("b", 5.0)]},
+        jobs=[Job("fit_rig", 4.0, 3.0, 0.5, 100.0)],
+        settings={"material": "stable neo-Hookean"},
+        limits=["Frames between examples are <interpolated>."],
+    )
+
+
+class Page(HTMLParser):
+    """Attributes of tags, text, and whether tags close in order."""
+
+    VOID = {"meta", "img", "input", "br", "link"}
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_report_is_one_well_formed_file_without_links(full: ReportInput, tmp_path: Path):
+    write_report(tmp_path / "report.html", full)
+    text = (tmp_path / "report.html").read_text()
+    page = Page(text)
+    assert not page.open
+    assert (
+        re.search(
+            r"(https?:)?//[a-z]+\.", re.sub(r"base64,[A-Za-z0-9+/=]+|\"[A-Za-z0-9+/=]{200,}\"", "", text)
+        )
+        is None
+    )
+    for tag, attributes in page.tags:
+        for key in ("src", "href"):
+            if attributes.get(key):
+                assert attributes[key].startswith(("data:", "#"))
+        assert not (tag == "link" or "@import" in text)
+
+
+def test_report_holds_pictures_with_text_and_figures_with_units(full: ReportInput, tmp_path: Path):
+    write_report(tmp_path / "report.html", full)
+    text = (tmp_path / "report.html").read_text()
+    images = [a for t, a in Page(text).tags if t == "img"]
+    assert len(images) == 4 and all(a["alt"] for a in images)
+    for image in images:
+        assert base64.b64decode(image["src"].removeprefix("data:image/png;base64,")).startswith(b"\x89PNG")
+    for expected in (
+        "FM_R [deg]",
+        "1.58",
+        "0.76",
+        "mean m0/m2 [%]",
+        "10.00",
+        "12.50",
+        "fit_rig",
+        "MP2 flexion 17°",
+    ):
+        assert expected in text
+    assert "&lt;interpolated&gt;" in text and "stable neo-Hookean" in text
+
+
+def test_report_of_a_bare_dataset_leaves_sections_out(dataset: Dataset, tmp_path: Path):
+    write_report(tmp_path / "report.html", ReportInput(dataset))
+    text = (tmp_path / "report.html").read_text()
+    assert "tiny" in text
+    ids = [a.get("id") for _, a in Page(text).tags if a.get("id")]
+    assert ids == ["subject"]
+
+
+def test_pose_without_skin_image_and_truth_still_has_pictures(dataset: Dataset, tmp_path: Path):
+    frame, layers = simulated("flat", 0.0)
+    bare = PoseView(frame, {"bones": layers["bones"]}, "neutral")
+    write_report(tmp_path / "report.html", ReportInput(dataset, [bare]))
+    images = [a for t, a in Page((tmp_path / "report.html").read_text()).tags if t == "img"]
+    assert len(images) == 2
+
+
+def test_view_data_gives_back_positions_of_every_frame():
+    frames = [simulated("a", 0.0), simulated("b", 5.0)]
+    data = json.loads(json.dumps(view_data(frames)))
+    assert data["frames"] == ["a", "b"]
+    for body, shape_a, shape_b in zip(
+        data["bodies"],
+        (s for shapes in frames[0][1].values() for s in shapes.values()),
+        (s for shapes in frames[1][1].values() for s in shapes.values()),
+        strict=True,
+    ):
+        integers = np.frombuffer(base64.b64decode(body["positions"]), "<u2").reshape(2, -1, 4)[..., :3]
+        positions = np.array(data["low"]) + data["scale"] * integers
+        np.testing.assert_allclose(positions[0], shape_a.vertices, atol=data["scale"])
+        np.testing.assert_allclose(positions[1], shape_b.vertices, atol=data["scale"])
+    assert data["scale"] < 0.005
+
+
+def test_decimated_view_stays_on_the_surface():
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=10)
+    rest = np.asarray(ball.vertices)
+    layers = [{"bones": {"b": Shape(rest, rest * f, np.asarray(ball.faces))}} for f in (1.0, 2.0)]
+    data = view_data([(Frame(str(i), {}, {}), x) for i, x in enumerate(layers)], triangles=800)
+    body = data["bodies"][0]
+    assert len(base64.b64decode(body["triangles"])) == pytest.approx(800 * 12, rel=0.02)
+    integers = np.frombuffer(base64.b64decode(body["positions"]), "<u2").reshape(2, -1, 4)[..., :3]
+    radii = np.linalg.norm(np.array(data["low"]) + data["scale"] * integers, axis=-1)
+    np.testing.assert_allclose(radii[0], 10, atol=0.05)
+    np.testing.assert_allclose(radii[1], 20, atol=0.1)
