@@ -1,8 +1,8 @@
 """Sparsity patterns computed once, and element matrices scattered into them by index.
 
-A cell is a list of vertices whose coordinates are coupled. The pattern is built from 3x3 blocks: block b of row
-vertex i, with `starts[i] <= b < starts[i + 1]`, begins at `9 starts[i] + 3 (b - starts[i])` in the data of the scalar
-matrix, and the rows below it follow `3 (starts[i + 1] - starts[i])` entries apart.
+A cell is a list of vertices whose coordinates are coupled. The pattern is built from 3x3 blocks: block b
+of row vertex i, with `starts[i] <= b < starts[i + 1]`, begins at `9 starts[i] + 3 (b - starts[i])` in the data
+of the scalar matrix, and the rows below it follow `3 (starts[i + 1] - starts[i])` entries apart.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ Int32Array = NDArray[np.int32]
 class Pattern:
     """Pattern of the Hessian of cells over n vertices, in CSR form with sorted indices.
 
-    slots (sum of k^2 over cells,): for each cell of k vertices, its k x k entries by rows, where the 3x3 block of the
-    vertex pair begins in the data; strides (n,): from one row of such a block to the next.
+    slots (sum of k^2 over cells,): for each cell of k vertices, its k x k entries by rows, where the 3x3
+    block of the vertex pair begins in the data; strides (n,): from one row of such a block to the next.
     """
 
     vertices: int
@@ -75,7 +75,7 @@ def _incidence(starts: IntArray, members: IntArray, vertices: int) -> tuple[IntA
 
 @njit(cache=True)
 def _blocks(starts: IntArray, members: IntArray, vertices: int) -> tuple[IntArray, IntArray, IntArray]:
-    """Block CSR (starts, sorted columns) with every diagonal block, and the block of each cell's vertex pair."""
+    """Block CSR (starts, sorted columns) and the block of each cell's vertex pair; has every diagonal."""
     first, positions = _incidence(starts, members, vertices)
     cell_of = np.empty(len(members), dtype=np.int64)
     pair_starts = np.zeros(len(starts), dtype=np.int64)

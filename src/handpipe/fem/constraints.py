@@ -40,7 +40,7 @@ class Attachment(PointPotential):
 
 
 class Sliding(PointPotential):
-    """Sliding constraint: springs k/2 ((p - q) . n)^2 to planes through points q (k, 3) with normals n (k, 3)."""
+    """Sliding constraint: springs k/2 ((p - q) . n)^2 to planes through q (k, 3) with normals n (k, 3)."""
 
     def __init__(self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike) -> None:
         super().__init__(operator)

@@ -58,7 +58,7 @@ class Elastic:
             worst = int(np.argmin(ratios))
             problem = f"tet {worst} has determinant {ratios[worst]:.3g}"
             raise InputError("plastic strains", "strains", problem, "Use positive definite strains")
-        inverses = np.linalg.inv(plasticity.to_matrices(self.strains))
+        inverses = plasticity.inverse_matrices(self.strains)
         # F Fp^-1 is linear in x with the gradients B Fp^-1: plastic strain costs the kernels nothing.
         self._gradients = np.ascontiguousarray(self.rest_gradients @ inverses)
         self._energies = self.weights * self.volumes * ratios
@@ -95,10 +95,10 @@ class Elastic:
         return deformation_gradients(x, self.tets, self._gradients)
 
     def strain_jacobian(self, x: Array) -> sp.csr_matrix:
-        """Derivative (3n, 6m) of the gradient with respect to the strains; column 6 e + j is number j of tet e."""
+        """Derivative (3n, 6m) of the gradient by the strains; column 6 e + j is number j of tet e."""
         data = _strain_jacobian(
             self.elastic_gradients(x),
-            np.linalg.inv(plasticity.to_matrices(self.strains)),
+            plasticity.inverse_matrices(self.strains),
             self.rest_gradients,
             self._energies,
             self._model,
@@ -112,7 +112,7 @@ class Elastic:
 
 
 def shape_gradients(vertices: Array, tets: IntArray) -> tuple[Array, Array]:
-    """Gradients (m, 4, 3) of the linear shape functions, and volumes (m,); `InputError` unless all are positive."""
+    """Gradients (m, 4, 3) of the linear shape functions, and volumes (m,), of which all must be positive."""
     corners = vertices[tets]
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     volumes = np.linalg.det(edges) / 6

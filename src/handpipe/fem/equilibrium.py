@@ -144,7 +144,9 @@ def _free(fixed: NDArray | None, size: int) -> NDArray[np.bool_]:
     array = np.asarray(fixed)
     if array.dtype == bool:
         if array.size != size:
-            raise InputError("equilibrium", "fixed", f"has {array.size} entries, not {size}", "Give a mask (3n,)")
+            raise InputError(
+                "equilibrium", "fixed", f"has {array.size} entries, not {size}", "Give a mask (3n,)"
+            )
         return ~array.ravel()
     free[array.ravel()] = False
     return free

@@ -46,7 +46,7 @@ class Factor(Protocol):
 def factorise(matrix: sp.csr_matrix, positive: bool = True) -> Factor:
     """Factorise a full symmetric CSR matrix (N, N); `positive` asks for a Cholesky factorisation.
 
-    Raises `NotPositiveDefinite` where that was asked for and is impossible, `SingularMatrix` on other failures.
+    Raises `NotPositiveDefinite` where that was asked for and is impossible, `SingularMatrix` otherwise.
     """
     return PardisoFactor(matrix, positive) if _mkl is not None else SuperLUFactor(matrix, positive)
 
@@ -78,7 +78,7 @@ def _as_pointer(array: NDArray) -> ctypes.c_void_p:
 
 
 class PardisoFactor:
-    """Intel MKL Pardiso, matrix type 2 (positive definite) or -2 (indefinite), upper triangle, one-based off."""
+    """Intel MKL Pardiso, matrix type 2 (positive definite) or -2 (indefinite), from the upper triangle."""
 
     def __init__(self, matrix: sp.csr_matrix, positive: bool = True) -> None:
         self._handle = np.zeros(64, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Isotropic hyperelastic materials: energy density, first Piola stress and its derivative, per deformation gradient.
+"""Isotropic hyperelastic materials: energy density, first Piola stress and its derivative.
 
 Derivatives are (9, 9) in the row-major order of F: entry (3 i + k, 3 j + l) is d P_ik / d F_jl.
 """
@@ -146,7 +146,7 @@ def _add_stvk_stiffness(f: Array, mu: float, lam: float, out: Array, work: Array
 
 @njit(cache=True)
 def projected_stiffness(model: int, f: Array, mu: float, lam: float, out: Array, work: Array) -> None:
-    """Nearest positive semidefinite derivative (9, 9), from its closed-form eigenvectors (Smith et al. 2018, 2019).
+    """Nearest positive semidefinite derivative (9, 9), by closed-form eigenvectors (Smith et al. 2019).
 
     With U, sigma, V the rotational SVD: three eigenvectors U diag(.) V^T scale, three twist, three flip. The
     quotients (psi_i -+ psi_j) / (sigma_i -+ sigma_j) are polynomials here, safe at equal singular values.

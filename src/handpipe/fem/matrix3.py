@@ -1,4 +1,4 @@
-"""3x3 matrices inside compiled loops: determinant, cofactors, inverse, symmetric eigenvectors, rotational SVD."""
+"""3x3 matrices inside compiled loops: determinant, cofactors, symmetric eigenvectors, rotational SVD."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def cofactor(a: Array, out: Array) -> None:
 
 @njit(cache=True)
 def symmetric_eigen(a: Array, values: Array, vectors: Array) -> None:
-    """Eigenvalues (3,) and eigenvectors (columns) of a symmetric (3, 3) by cyclic Jacobi; `a` is overwritten."""
+    """Eigenvalues (3,) and eigenvectors (columns) of a symmetric (3, 3) by Jacobi; `a` is overwritten."""
     vectors[:] = 0.0
     for i in range(3):
         vectors[i, i] = 1.0

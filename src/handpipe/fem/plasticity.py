@@ -1,4 +1,4 @@
-"""Symmetric strains as six numbers a tet (xx, xy, xz, yy, yz, zz), and the polar decomposition with its derivatives.
+"""Symmetric strains as six numbers a tet (xx, xy, xz, yy, yz, zz), and the polar decomposition.
 
 All functions take many tets at once. Matrices flatten row-major: entry (i, k) of F is number 3 i + k of 9.
 """
@@ -39,17 +39,22 @@ def from_matrices(matrices: Array) -> Array:
 
 def eigenvalues(strains: Array) -> Array:
     """Principal values (m, 3), ascending."""
-    return np.linalg.eigvalsh(to_matrices(strains))
+    return np.linalg.eigvalsh(to_matrices(strains)).astype(np.float64)
 
 
 def determinants(strains: Array) -> Array:
     """Volume ratios (m,)."""
-    return np.linalg.det(to_matrices(strains))
+    return np.linalg.det(to_matrices(strains)).astype(np.float64)
 
 
 def inverse(strains: Array) -> Array:
     """Strains (m, 6) of the inverse matrices."""
-    return from_matrices(np.linalg.inv(to_matrices(strains)))
+    return from_matrices(inverse_matrices(strains))
+
+
+def inverse_matrices(strains: Array) -> Array:
+    """Inverse matrices (m, 3, 3)."""
+    return np.linalg.inv(to_matrices(strains)).astype(np.float64)
 
 
 def exp(strains: Array) -> Array:
@@ -158,8 +163,8 @@ def polar_hessian(f: Array, weights: Array) -> Array:
     """Second derivative (m, 9, 9) of w . S(F) for weights w (m, 6) on the six numbers of S.
 
     In the frame of the SVD, dR = Omega with Omega_ij = (D_ij - D_ji) / (sigma_i + sigma_j). Differentiating
-    S = R^T F twice and asking for symmetry gives d2S = T(M), M = (O1 O2 + O2 O1) Sigma / 2 - O1 D2 - O2 D1, where T
-    is the map of `polar_gradient`. The adjoint of T takes the weights to N once, so that no third-order
+    S = R^T F twice and asking for symmetry gives d2S = T(M), where T is the map of `polar_gradient` and
+    M = (O1 O2 + O2 O1) Sigma / 2 - O1 D2 - O2 D1. The adjoint of T takes the weights to N once, so that no third-order
     array is formed; unlike 003 Eq. E.5 nothing is divided by a single singular value, which may vanish.
     """
     out = np.empty((len(f), 9, 9))

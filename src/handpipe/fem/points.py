@@ -64,7 +64,7 @@ class PointPotential:
 
 
 def per_point(value: ArrayLike, count: int, name: str) -> Array:
-    """A number or an array (k,) as an array (k,); raises `InputError` where negative or of the wrong length."""
+    """A number or an array (k,) as an array (k,); raises `InputError` where negative or misshapen."""
     array = np.asarray(value, dtype=float)
     if array.ndim > 0 and array.shape != (count,):
         raise InputError(

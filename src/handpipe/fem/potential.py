@@ -18,8 +18,9 @@ Int32Array = NDArray[np.int32]
 class Potential(Protocol):
     """An energy of positions x (n, 3) in mm. Degree of freedom of vertex i, coordinate c is 3 i + c.
 
-    A potential may also offer `max_step(x, step) -> float`, the largest fraction in (0, 1] of a displacement that it
-    allows, and `refresh(x) -> None`, called between Newton steps, where it may renew what it holds constant.
+    A potential may also offer `max_step(x, step) -> float`, the largest fraction in (0, 1] of a displacement
+    that it allows, and `refresh(x) -> None`, called between Newton steps, where it may renew what it holds
+    constant.
     """
 
     def value(self, x: Array) -> float:
@@ -36,7 +37,7 @@ class Potential(Protocol):
 
 
 class Sum:
-    """The sum of potentials. The union of their patterns is computed once for as long as these stay the same."""
+    """The sum of potentials. The union of their patterns is kept for as long as these stay the same."""
 
     def __init__(self, potentials: Sequence[Potential]) -> None:
         self.potentials = list(potentials)
