@@ -32,10 +32,14 @@ class Distance:
         squared, triangles, closest = self._tree.squared_distance(
             self.surface.vertices, self.surface.triangles, queries
         )
-        return np.sqrt(squared).reshape(-1), triangles.reshape(-1), np.ascontiguousarray(closest).reshape(-1, 3)
+        return (
+            np.sqrt(squared).reshape(-1),
+            triangles.reshape(-1),
+            np.ascontiguousarray(closest).reshape(-1, 3),
+        )
 
     def signed(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
-        """Signed distances (n,), negative inside; triangles (n,); closest points and unit pseudonormals (n, 3).
+        """Signed distances (n,), negative inside; triangles (n,); closest points, unit pseudonormals (n, 3).
 
         Exact for a closed surface that does not cut itself; near the rim of an open one the sign is that of
         the nearest triangle.
@@ -52,7 +56,7 @@ class Distance:
 
 
 def _pseudonormals(surface: Surface) -> tuple[Array, Array, Array]:
-    """Normals of triangles (k, 3), of each triangle's edges (k, 3, 3) from corner i to i + 1, of vertices (n, 3)."""
+    """Normals of triangles (k, 3), of their edges from corner i to i + 1 (k, 3, 3), of vertices (n, 3)."""
     triangles, normals = surface.triangles, surface.triangle_normals()
     ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     _, edge = np.unique(ends, axis=0, return_inverse=True)

@@ -26,7 +26,7 @@ class Embedding:
 
     @staticmethod
     def of(points: Array, mesh: TetMesh) -> Embedding:
-        """Embed points (n, 3): in the tet around each, or extrapolated from the tet of the nearest boundary face."""
+        """Embed points (n, 3) in the tet around each, or in the tet of the nearest boundary face."""
         points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         tree = igl.AABB()
         tree.init(mesh.vertices, mesh.tets)
@@ -54,10 +54,8 @@ class Embedding:
     def matrix(self, n_vertices: int) -> sparse.csr_matrix:
         """The same map as a matrix (n, N)."""
         n = len(self.cells)
-        starts = 4 * np.arange(n + 1)
-        matrix = sparse.csr_matrix((self.weights.ravel(), self.cells.ravel(), starts), shape=(n, n_vertices))
-        matrix.sort_indices()
-        return matrix
+        rows = np.repeat(np.arange(n), 4)
+        return sparse.csr_matrix((self.weights.ravel(), (rows, self.cells.ravel())), shape=(n, n_vertices))
 
     def matrix3(self, n_vertices: int) -> sparse.csr_matrix:
         """The same map on flattened positions, a matrix (3 n, 3 N)."""

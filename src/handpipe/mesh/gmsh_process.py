@@ -67,7 +67,9 @@ def _size(vertices: Array, triangles: IntArray, edge_length: float):  # type: ig
     """Size at a point: the surface's own where it is near, `edge_length` in the depth, graded between."""
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     lengths = np.linalg.norm(vertices[start] - vertices[end], axis=1)
-    local = np.bincount(start, lengths, len(vertices)) / np.maximum(np.bincount(start, minlength=len(vertices)), 1)
+    local = np.bincount(start, lengths, len(vertices)) / np.maximum(
+        np.bincount(start, minlength=len(vertices)), 1
+    )
     tree = cKDTree(vertices)
 
     def size(x: float, y: float, z: float) -> float:

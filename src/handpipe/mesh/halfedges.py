@@ -1,7 +1,7 @@
 """Local changes of a closed triangle mesh: split, collapse and flip an edge.
 
-Half-edge h = 3 f + k runs from corner k of triangle f to its next corner; `twin[h]` is the half-edge that runs
-the other way, `out[v]` a half-edge that leaves vertex v. A removed triangle has the corner -1.
+Half-edge h = 3 f + k runs from corner k of triangle f to its next corner; `twin[h]` is the half-edge that
+runs the other way, `out[v]` a half-edge that leaves vertex v. A removed triangle has the corner -1.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def _valence(a, twin, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def split_long(x, corner, twin, out, fixed, length, n_vertices, n_faces):  # type: ignore[no-untyped-def]
-    """Halve every edge longer than SPLIT times `length`, but those between fixed vertices; returns new counts."""
+    """Halve edges longer than SPLIT times `length`, but not between fixed vertices; returns new counts."""
     faces_before = n_faces
     for h in range(3 * faces_before):
         if corner[h] < 0 or n_vertices == len(x) or n_faces + 2 > len(corner) // 3:
@@ -215,8 +215,13 @@ def flip_to_delaunay(x, corner, twin, out, fixed, n_faces):  # type: ignore[no-u
         old = _normal(x[a], x[b], x[c]) + _normal(x[b], x[a], x[d])
         first, second = _normal(x[a], x[d], x[c]), _normal(x[d], x[b], x[c])
         size = np.sqrt(old @ old)
-        if min(first @ old - FLATNESS * size * np.sqrt(first @ first),
-               second @ old - FLATNESS * size * np.sqrt(second @ second)) <= 0:
+        if (
+            min(
+                first @ old - FLATNESS * size * np.sqrt(first @ first),
+                second @ old - FLATNESS * size * np.sqrt(second @ second),
+            )
+            <= 0
+        ):
             continue
         ta, tb, sa, sb = twin[_previous(h)], twin[_next(h)], twin[_next(t)], twin[_previous(t)]
         f1, f2 = h // 3, t // 3

@@ -42,17 +42,21 @@ class Grid:
 def isosurface(values: Array, grid: Grid, level: float = 0.0) -> Surface:
     """The surface of the region below a level, closed and facing outwards; values (n,) or `grid.shape`.
 
-    Where the region reaches the grid's border the surface is closed there. Raises `HandpipeError` where
-    no value, or every value, is below the level.
+    Where the region reaches the grid's border, the surface is closed half a spacing beyond it. Raises
+    `HandpipeError` where no value is below the level.
     """
     values = np.asarray(values, dtype=np.float64).reshape(grid.shape)
     if not values.min() < level:
-        raise HandpipeError(f"isosurface: no value below {level:g} (the least is {values.min():g}); check the level")
+        raise HandpipeError(
+            f"isosurface: no value below {level:g} (the least is {values.min():g}); check the level"
+        )
     # Values exactly on the level make triangles without area: shift them by far less than anyone can see.
     distance = values - level
     tiny = 1e-6 * max(float(np.abs(distance).max()), 1e-300)
     distance = np.where(np.abs(distance) < tiny, tiny, distance)
-    padded = np.pad(distance, 1, constant_values=max(float(distance.max()), tiny))
+    inside = tuple(slice(1, n + 1) for n in grid.shape)
+    padded = np.abs(np.pad(distance, 1, mode="edge"))
+    padded[inside] = distance
     vertices, triangles, _, _ = marching_cubes(padded, 0.0, gradient_direction="ascent")
     surface = Surface(grid.origin + grid.spacing * (vertices.astype(np.float64) - 1), triangles)
     return surface if surface.volume() > 0 else surface.flipped()
@@ -80,9 +84,14 @@ def smooth_minimum(a: Array, b: Array, width: float) -> Array:
 
 
 def union_surface(
-    surfaces: list[Surface], spacing: float, offset: float = 0.0, *, smooth: float = 0.0, edge_length: float = 0.0
+    surfaces: list[Surface],
+    spacing: float,
+    offset: float = 0.0,
+    *,
+    smooth: float = 0.0,
+    edge_length: float = 0.0,
 ) -> Surface:
-    """Surface of the union of closed surfaces, grown by `offset` and rounded where they meet by `smooth` (mm).
+    """Surface of the union of closed surfaces, grown by `offset`, rounded where they meet by `smooth` (mm).
 
     `spacing` is that of the grid; the triangles have `edge_length`, or 1.2 times the spacing.
     """

@@ -17,7 +17,8 @@ from handpipe.mesh.surface import Surface, component_labels, concatenate, requir
 from handpipe.mesh.tetrahedra import TetMesh
 
 LIBRARIES = (
-    "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxext6 libxft2 libxinerama1 libx11-6 libfontconfig1"
+    "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 "
+    "libxext6 libxft2 libxinerama1 libx11-6 libfontconfig1"
 )
 VOLUME_TOLERANCE = 0.02
 
@@ -43,11 +44,15 @@ def tetrahedralise(surface: Surface, edge_length: float, *, keep_surface: bool =
 def _shells(surface: Surface) -> NDArray[np.int64]:
     """The shell of each triangle (k,): 0 for the outer one, which faces outwards, then the holes."""
     labels = component_labels(surface.triangles)
-    parts = [Surface(surface.vertices, surface.triangles[labels == i]).compact() for i in range(labels.max() + 1)]
+    parts = [
+        Surface(surface.vertices, surface.triangles[labels == i]).compact() for i in range(labels.max() + 1)
+    ]
     outer = [i for i, part in enumerate(parts) if part.volume() > 0]
     if len(outer) != 1:
         problem = f"has {len(outer)} closed parts that face outwards, not one"
-        raise InputError("tetrahedralise", "surface", problem, "Mesh its parts apart; holes must face inwards")
+        raise InputError(
+            "tetrahedralise", "surface", problem, "Mesh its parts apart; holes must face inwards"
+        )
     order = [outer[0], *(i for i in range(len(parts)) if i != outer[0])]
     return np.argsort(order)[labels]
 
@@ -77,7 +82,12 @@ def _explain(log: str) -> None:
     tail = "\n".join(log.strip().splitlines()[-20:])
     if "OSError" in log and ".so" in log:
         raise HandpipeError(f"gmsh cannot load a library. On Debian: apt-get install {LIBRARIES}\n{tail}")
-    if "intersect" in log or "PLC Error" in log or "Invalid boundary mesh" in log or "No elements in volume" in log:
+    if (
+        "intersect" in log
+        or "PLC Error" in log
+        or "Invalid boundary mesh" in log
+        or "No elements in volume" in log
+    ):
         problem = f"cuts or touches itself, or its triangles overlap; gmsh says:\n{tail}\n"
         remedy = "Repair it with handpipe.mesh.repair.repair"
         raise InputError("tetrahedralise", "surface", problem, remedy)

@@ -18,7 +18,7 @@ IntArray = NDArray[np.int64]
 def rest_inverses(vertices: Array, tets: IntArray) -> Array:
     """Inverses (m, 3, 3) of the matrices whose columns are each tet's edges from its first corner."""
     corners = vertices[tets]
-    return np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
+    return np.asarray(np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)), dtype=np.float64)
 
 
 def shape_gradients(vertices: Array, tets: IntArray) -> Array:
@@ -90,4 +90,6 @@ def vertex_volumes(mesh: TetMesh) -> Array:
 
 
 def _gather(cells: IntArray, shares: Array, n: int) -> Array:
-    return np.bincount(cells.ravel(), weights=np.repeat(shares, cells.shape[1]), minlength=n)
+    sums = np.zeros(n)
+    np.add.at(sums, cells, shares[:, None])
+    return sums

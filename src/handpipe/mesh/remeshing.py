@@ -23,7 +23,9 @@ def remesh(surface: Surface, edge_length: float, *, iterations: int = 10) -> Sur
     """
     distance = Distance(surface)
     free = np.zeros(len(surface.vertices), dtype=bool)
-    return remesh_free(surface, edge_length, free, lambda points: distance.closest(points)[2], iterations=iterations)
+    return remesh_free(
+        surface, edge_length, free, lambda points: distance.closest(points)[2], iterations=iterations
+    )
 
 
 def remesh_free(

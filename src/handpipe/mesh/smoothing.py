@@ -22,7 +22,7 @@ def averaging(surface: Surface) -> sparse.csr_matrix:
 
 
 def laplacian(surface: Surface, iterations: int, *, step: float = 0.5) -> Surface:
-    """Laplacian smoothing; a closed surface keeps its volume, by an offset along its normals after every step."""
+    """Laplacian smoothing; a closed surface keeps its volume, by an offset along normals after every step."""
     closed, volume = surface.is_closed(), surface.volume()
     mean = averaging(surface)
     for _ in range(iterations):

@@ -26,8 +26,12 @@ class Surface:
     triangles: IntArray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3))
-        object.__setattr__(self, "triangles", np.ascontiguousarray(self.triangles, dtype=np.int64).reshape(-1, 3))
+        object.__setattr__(
+            self, "vertices", np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3)
+        )
+        object.__setattr__(
+            self, "triangles", np.ascontiguousarray(self.triangles, dtype=np.int64).reshape(-1, 3)
+        )
 
     def _area_vectors(self) -> Array:
         a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
@@ -108,7 +112,9 @@ class Surface:
     def components(self) -> list[Surface]:
         """The parts connected by edges, largest area first."""
         labels = component_labels(self.triangles)
-        parts = [Surface(self.vertices, self.triangles[labels == i]).compact() for i in range(labels.max() + 1)]
+        parts = [
+            Surface(self.vertices, self.triangles[labels == i]).compact() for i in range(labels.max() + 1)
+        ]
         return sorted(parts, key=lambda part: -part.area())
 
     def largest_component(self) -> Surface:
@@ -181,9 +187,9 @@ def _read(path: Path) -> meshio.Mesh:
 
 
 def _check(surface: Surface, path: str | Path) -> None:
-    bad = ~np.isfinite(surface.vertices).all(axis=1)
-    if bad.any():
-        problem = f"NaN or infinite coordinates in {bad.sum()} of {len(bad)}, first in vertex {np.flatnonzero(bad)[0]}"
+    bad = np.flatnonzero(~np.isfinite(surface.vertices).all(axis=1))
+    if len(bad):
+        problem = f"NaN or infinite coordinates in {len(bad)} vertices, the first is vertex {bad[0]}"
         raise InputError(path, "vertices", problem, "Remove these vertices or export the surface again")
     if surface.triangles.min() < 0 or surface.triangles.max() >= len(surface.vertices):
         raise InputError(path, "triangles", "name vertices that do not exist", "Export the surface again")
@@ -202,7 +208,9 @@ def require_closed(surface: Surface, source: str | Path) -> None:
         problem = f"is open: {len(boundary)} boundary edges, the first near ({place})"
     else:
         problem = "has edges with more than two triangles, or neighbours that face opposite ways"
-    raise InputError(source, "triangles", problem, "Close it with handpipe.mesh.repair.repair or in a mesh editor")
+    raise InputError(
+        source, "triangles", problem, "Close it with handpipe.mesh.repair.repair or in a mesh editor"
+    )
 
 
 def write_surface(path: str | Path, surface: Surface) -> None:

@@ -26,7 +26,9 @@ class TetMesh:
     tets: IntArray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3))
+        object.__setattr__(
+            self, "vertices", np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3)
+        )
         object.__setattr__(self, "tets", np.ascontiguousarray(self.tets, dtype=np.int64).reshape(-1, 4))
 
     def volumes(self) -> Array:
@@ -67,13 +69,17 @@ class TetMesh:
         return float(self.dihedral_angles().min())
 
     def checked(self, source: str | Path) -> TetMesh:
-        """This mesh; raises `InputError` where a vertex is missing or NaN, or a tet has no positive volume."""
+        """This mesh; raises `InputError` where a vertex is missing or NaN, or a tet is inverted or flat."""
         if not np.isfinite(self.vertices).all():
             raise InputError(source, "vertices", "NaN or infinite coordinates", "Make the mesh again")
         if len(self.tets) == 0 or self.tets.min() < 0 or self.tets.max() >= len(self.vertices):
-            raise InputError(source, "tets", "none, or they name vertices that do not exist", "Make the mesh again")
+            raise InputError(
+                source, "tets", "none, or they name vertices that do not exist", "Make the mesh again"
+            )
         bad = np.flatnonzero(self.volumes() <= 0)
         if len(bad):
             problem = f"{len(bad)} of {len(self.tets)} inverted or flat, the first is tet {bad[0]}"
-            raise InputError(source, "tets", problem, "Reorder two of their vertices, or mesh the surface again")
+            raise InputError(
+                source, "tets", problem, "Reorder two of their vertices, or mesh the surface again"
+            )
         return self

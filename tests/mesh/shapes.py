@@ -1,0 +1,51 @@
+"""Shapes whose measures are known."""
+
+from __future__ import annotations
+
+import igl
+import numpy as np
+
+from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
+
+
+def sphere(radius: float = 10.0, levels: int = 4) -> Surface:
+    vertices, triangles = igl.icosahedron()
+    surface = Surface(vertices, triangles)
+    for _ in range(levels):
+        finer, split = igl.upsample(surface.vertices, surface.triangles)
+        surface = Surface(finer / np.linalg.norm(finer, axis=1, keepdims=True), split)
+    surface = surface.moved(
+        radius * surface.vertices / np.linalg.norm(surface.vertices, axis=1, keepdims=True)
+    )
+    return surface if surface.volume() > 0 else surface.flipped()
+
+
+def box(size: tuple[float, float, float] = (4.0, 3.0, 2.0)) -> Surface:
+    """The box from the origin to `size`, two triangles a side."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * np.array(size)
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    return Surface(corners, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+
+
+def box_tets(n: int = 3, seed: int = 0) -> TetMesh:
+    """The unit cube cut into n^3 cells of six tets each, inner vertices moved at random."""
+    vertices = np.indices((n + 1, n + 1, n + 1)).reshape(3, -1).T / n
+    steps = np.array([(n + 1) ** 2, n + 1, 1])
+    first = (np.indices((n, n, n)).reshape(3, -1).T @ steps)[:, None]
+    tets = []
+    for order in ([0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]):
+        path = first + np.concatenate([[0], np.cumsum(steps[order])])
+        even = np.linalg.det(np.eye(3)[order]) > 0
+        tets.append(path if even else path[:, [0, 2, 1, 3]])
+    inner = ((vertices > 0) & (vertices < 1)).all(axis=1)
+    vertices[inner] += np.random.default_rng(seed).uniform(-0.15, 0.15, (inner.sum(), 3)) / n
+    return TetMesh(vertices, np.concatenate(tets))
+
+
+def smallest_angles(surface: Surface) -> np.ndarray:
+    """Smallest angle of each triangle in degrees, by the law of cosines."""
+    a, b, c = np.moveaxis(surface.vertices[surface.triangles], 1, 0)
+    la, lb, lc = (np.linalg.norm(e, axis=1) for e in (c - b, a - c, b - a))
+    cosines = [(y**2 + z**2 - x**2) / (2 * y * z) for x, y, z in ((la, lb, lc), (lb, lc, la), (lc, la, lb))]
+    return np.degrees(np.arccos(np.clip(cosines, -1, 1))).min(axis=0)

@@ -1,0 +1,60 @@
+import igl
+import numpy as np
+import pytest
+
+from handpipe.mesh.distance import Distance, sample_points, surface_errors
+from handpipe.mesh.surface import Surface
+
+from .shapes import box, sphere
+
+
+def box_distance(points, size):
+    beyond = np.abs(points - size / 2) - size / 2
+    return np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)
+
+
+def test_signed_distance_of_a_box_is_exact_at_sides_edges_and_corners():
+    size = np.array([4.0, 3.0, 2.0])
+    points = np.random.default_rng(0).uniform(-3, 6, (5000, 3))
+    signed, triangles, closest, normals = Distance(box(tuple(size))).signed(points)
+    np.testing.assert_allclose(signed, box_distance(points, size), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(points - closest, axis=1), np.abs(signed), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1)
+    assert triangles.max() < 12
+
+
+def test_signed_distance_of_a_sphere():
+    points = np.random.default_rng(1).normal(size=(3000, 3)) * 8
+    signed = Distance(sphere(10, 5)).signed(points)[0]
+    assert np.abs(signed - (np.linalg.norm(points, axis=1) - 10)).max() < 4e-3
+
+
+def test_signs_agree_with_libigl_on_a_shape_with_folds():
+    shape = sphere(10, 4)
+    waves = 1 + 0.3 * np.sin(shape.vertices[:, :1]) * np.cos(1.3 * shape.vertices[:, 1:2])
+    shape = shape.moved(shape.vertices * waves)
+    points = np.random.default_rng(2).normal(size=(3000, 3)) * 7
+    expected = igl.signed_distance(
+        points, shape.vertices, shape.triangles, igl.SIGNED_DISTANCE_TYPE_WINDING_NUMBER
+    )[0]
+    np.testing.assert_allclose(Distance(shape).signed(points)[0], expected, atol=1e-9)
+
+
+def test_no_points_give_no_distances():
+    assert Distance(box()).signed(np.zeros((0, 3)))[0].shape == (0,)
+
+
+def test_samples_lie_evenly_on_the_surface():
+    points = sample_points(box((4, 3, 2)), 20_000, seed=3)
+    assert np.abs(box_distance(points, np.array([4.0, 3.0, 2.0]))).max() < 1e-12
+    assert (points[:, 2] > 2 - 1e-9).mean() == pytest.approx(12 / 52, abs=0.02)
+
+
+def test_errors_between_concentric_spheres():
+    assert surface_errors(sphere(10, 3), sphere(9, 5)) == pytest.approx(1, abs=5e-3)
+    assert surface_errors(sphere(10, 5), sphere(9, 5), samples=500) == pytest.approx(1, abs=1e-2)
+
+
+def test_vertices_that_no_triangle_uses_are_no_error():
+    far = Surface(np.concatenate([box().vertices, [[99.0, 0, 0]]]), box().triangles)
+    assert surface_errors(far, box()).max() == 0
