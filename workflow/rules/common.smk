@@ -89,7 +89,7 @@ def of_pose(field):
     def files(wildcards):
         data = dataset(wildcards.subject)
         path = getattr(data.poses[wildcards.pose], field)
-        return [] if path is None else [data.path(path)]
+        return [] if path is None else data.path(path)
 
     return files
 
@@ -143,7 +143,7 @@ def scribbles(subject, pose, bone):
     """Extra seeds of one bone: a change there reruns that bone alone."""
     data = dataset(subject)
     extra = data.poses[pose].scribbles.get(bone)
-    return [] if extra is None else [data.path(extra)]
+    return [] if extra is None else data.path(extra)
 
 
 def template_files(subject):

@@ -1,0 +1,110 @@
+"""A fascia: a shrunk cloth around bodies, held by fixed, sliding and contact vertices (000 section 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from handpipe import artifacts
+from handpipe.fem import equilibrium
+from handpipe.fem.cloth import Membrane
+from handpipe.fem.constraints import Attachment, SurfaceContact
+from handpipe.fem.equilibrium import Options
+from handpipe.fem.materials import Material
+from handpipe.fem.potential import Potential
+from handpipe.fem.surface_sliding import SurfaceSliding
+from handpipe.layers import Region
+from handpipe.mesh.anchors import Anchors
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.operators import mass_lumped
+from handpipe.mesh.surface import Surface
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+THICKNESS = 1.0  # mm, of the membrane that `young` belongs to
+
+
+@dataclass(frozen=True)
+class ClothSettings:
+    """Young's modulus in kPa of a membrane 1 mm thick; shrink: rest size over true size (000 Table 2)."""
+
+    young: float = 0.1
+    poisson: float = 0.48
+    shrink: float = 0.35
+    stiffness: float = 20.0  # of constraints, kPa/mm: far above the cloth's own, so that they hold to microns
+
+
+@dataclass(frozen=True)
+class Fascia:
+    """The cloth's neutral surface, each vertex's region (n,) and the body (n,) that carries it."""
+
+    name: str
+    surface: Surface
+    regions: IntArray
+    owners: IntArray
+    bodies: tuple[str, ...]
+    settings: ClothSettings = field(default_factory=ClothSettings)
+
+    @staticmethod
+    def around(
+        name: str, surface: Surface, regions: IntArray, bodies: Mapping[str, Surface], settings: ClothSettings
+    ) -> Fascia:
+        """Each vertex is carried by the body that is nearest in neutral."""
+        heights = np.stack([np.abs(Anchors.of(surface.vertices, b).heights) for b in bodies.values()])
+        return Fascia(name, surface, regions, heights.argmin(axis=0), tuple(bodies), settings)
+
+    def carried(self, rest: Mapping[str, Surface], posed: Mapping[str, Surface]) -> Array:
+        """Each vertex (n, 3) as its body carries it."""
+        points = np.empty_like(self.surface.vertices)
+        for index, body in enumerate(self.bodies):
+            mine = self.owners == index
+            if mine.any():
+                anchors = Anchors.of(self.surface.vertices[mine], rest[body])
+                points[mine] = anchors(posed[body].vertices)
+        return points
+
+    def solve(self, rest: Mapping[str, Surface], posed: Mapping[str, Surface], start: Array) -> Array:
+        """Equilibrium (n, 3) of the shrunk cloth over posed bodies, from a start (n, 3)."""
+        settings, drawn = self.settings, self.surface
+        carried = self.carried(rest, posed)
+        stiffness = settings.stiffness * mass_lumped(drawn.vertices, drawn.triangles)
+        fixed, sliding = self.regions == Region.fixed, self.regions == Region.sliding
+        identity = sparse.identity(len(start), format="csr")
+        material = Material(settings.young, settings.poisson)
+        potentials: list[Potential] = [
+            Membrane(drawn.vertices, drawn.triangles, material, THICKNESS, settings.shrink),
+            Attachment(identity[fixed], carried[fixed], stiffness[fixed]),
+        ]
+        for index, body in enumerate(self.bodies):
+            distance, slides = Distance(posed[body]), sliding & (self.owners == index)
+            touches = ~fixed & ~slides
+            potentials.append(SurfaceContact(identity[touches], distance, stiffness[touches]))
+            potentials.append(SurfaceSliding(identity[slides], distance, stiffness[slides]))
+        start = np.where(fixed[:, None], carried, start)
+        return equilibrium.solve(potentials, start, options=Options(name=self.name)).x
+
+    def save(self, path: str | Path, inputs: list[str | Path]) -> None:
+        """Write as an artifact of kind "fascia"."""
+        data = {
+            "name": self.name,
+            "surface": {"vertices": self.surface.vertices, "triangles": self.surface.triangles},
+            "regions": self.regions,
+            "owners": self.owners,
+            "bodies": list(self.bodies),
+            "settings": vars(self.settings),
+        }
+        artifacts.write(path, data, kind="fascia", units={"surface/vertices": "mm"}, inputs=inputs)
+
+    @staticmethod
+    def load(path: str | Path) -> Fascia:
+        """Read what `save` wrote."""
+        d = artifacts.read(path, "fascia")
+        surface = Surface(d["surface"]["vertices"], d["surface"]["triangles"])
+        settings = ClothSettings(**{k: float(v) for k, v in d["settings"].items()})
+        return Fascia(str(d["name"]), surface, d["regions"], d["owners"], tuple(d["bodies"]), settings)

@@ -1,0 +1,35 @@
+"""Bone surfaces and registered transforms as artifacts hold them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from handpipe import artifacts
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+
+
+def write_surfaces(path: str | Path, surfaces: Mapping[str, Mapping[str, Surface]], inputs: list[str | Path]) -> None:
+    """Write surfaces by bone and part ("marrow", in neutral also "whole")."""
+    data = {
+        bone: {part: {"vertices": s.vertices, "triangles": s.triangles} for part, s in parts.items()}
+        for bone, parts in surfaces.items()
+    }
+    artifacts.write(path, data, kind="bone_surfaces", units=dict.fromkeys(_vertex_keys(surfaces), "mm"), inputs=inputs)
+
+
+def _vertex_keys(surfaces: Mapping[str, Mapping[str, Surface]]) -> list[str]:
+    return [f"{bone}/{part}/vertices" for bone, parts in surfaces.items() for part in parts]
+
+
+def read_surfaces(path: str | Path, part: str) -> dict[str, Surface]:
+    """One part of each bone's surfaces, by bone."""
+    data = artifacts.read(path, "bone_surfaces")
+    return {bone: Surface(parts[part]["vertices"], parts[part]["triangles"]) for bone, parts in data.items()}
+
+
+def read_registration(path: str | Path) -> dict[str, RigidTransform]:
+    """Transforms from neutral into a pose's frame, by bone."""
+    data = artifacts.read(path, "registration")
+    return {bone: RigidTransform(d["rotation"], d["translation"]) for bone, d in data.items()}
