@@ -61,6 +61,13 @@ def test_remeshing_gives_good_triangles_on_the_same_surface(edge_length):
     assert surface_errors(shape, result).max() < chord
 
 
+def test_remeshing_refines_very_coarse_triangles():
+    result = remesh(box((8, 6, 4)), 0.2)
+    assert result.edge_lengths().max() < 0.35
+    assert smallest_angles(result).min() > 20
+    assert result.volume() == pytest.approx(192, rel=0.01)
+
+
 def test_remeshing_is_deterministic():
     first, second = remesh(ellipsoid(), 0.8), remesh(ellipsoid(), 0.8)
     assert np.array_equal(first.vertices, second.vertices)

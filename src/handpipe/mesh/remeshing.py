@@ -38,7 +38,8 @@ def remesh_free(
     require_closed(surface, "remeshing")
     x, corner, twin, out, held = _half_edges(surface, fixed)
     n_vertices, n_faces = len(held), len(corner) // 3
-    for _ in range(iterations):
+    halvings = max(0, int(np.ceil(np.log2(surface.edge_lengths().max() / edge_length))))
+    for _ in range(iterations + halvings):
         needed = _splits(x, corner, edge_length)
         x, out, held = (_grown(array, n_vertices + needed) for array in (x, out, held))
         corner, twin = (_grown(array, 3 * n_faces + 6 * needed) for array in (corner, twin))

@@ -18,7 +18,7 @@ IntArray = NDArray[np.int64]
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TetMesh:
     """Vertices (n, 3) in mm and tets (m, 4) of positive volume."""
 
