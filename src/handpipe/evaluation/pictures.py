@@ -95,16 +95,19 @@ def slices_figure(sample: Sample | None, planes: Mapping[str, Plane], drawn: Seq
     """Slices side by side under their names, with one legend."""
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     axes = figure.subplots(1, len(planes), squeeze=False, width_ratios=[2.0] + [1.0] * (len(planes) - 1))[0]
-    for ax, (name, plane) in zip(axes, planes.items(), strict=True):
-        draw_slice(ax, sample, plane, drawn)
-        ax.set_title(name, fontsize=10)
+    seen: set[str] = set()
+    for ax, (title, plane) in zip(axes, planes.items(), strict=True):
+        seen |= {name for name, segments in draw_slice(ax, sample, plane, drawn).items() if len(segments)}
+        ax.set_title(title, fontsize=10)
         ax.tick_params(labelsize=8)
         if sample is None:
             ax.set_facecolor("#222222")
-    handles = [Line2D([], [], color=c.colour, linestyle=c.style, label=c.name) for c in drawn]
+    handles = [
+        Line2D([], [], color=c.colour, linestyle=c.style, label=c.name) for c in drawn if c.name in seen
+    ]
     if handles:
         legend = figure.legend(
-            handles=handles, loc="outside lower center", ncols=6, fontsize=9, facecolor="#333333"
+            handles=handles, loc="outside lower center", ncols=8, fontsize=9, facecolor="#333333"
         )
         for text in legend.get_texts():
             text.set_color("white")

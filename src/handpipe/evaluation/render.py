@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 Image = NDArray[np.uint8]
 
-AMBIENT, HEADLIGHT, SIDELIGHT = 0.30, 0.50, 0.25
+AMBIENT, HEADLIGHT, SIDELIGHT = 0.35, 0.55, 0.20
 SUPERSAMPLING = 2  # rays per pixel and direction
 TILE = 1 << 18  # rays in flight: bounds the memory of a large picture
 
@@ -86,7 +87,7 @@ def render(
     corners = np.concatenate([body.surface.vertices for body in bodies])
     distance = 1.0 + float(np.linalg.norm(corners - camera.centre, axis=1).max())
     origins, forward = camera.rays(fine, distance)
-    tracers = [_Tracer(body, camera.axes) for body in bodies]
+    tracers = [_Tracer(body, camera.axes, capped=cut is not None) for body in bodies]
     colour = np.zeros((len(origins), 4), np.float32)  # premultiplied by its opacity
     for begin in range(0, len(origins), TILE):
         tile = slice(begin, begin + TILE)
@@ -106,12 +107,12 @@ def on_background(image: Image, rgb: tuple[float, float, float] = (1, 1, 1)) -> 
 class _Tracer:
     """One body's Embree scene and what its shading needs."""
 
-    def __init__(self, body: Body, axes: Array) -> None:
+    def __init__(self, body: Body, axes: Array, capped: bool) -> None:
         self.vertices, self.triangles = body.surface.vertices, body.surface.triangles
         self.normals = body.surface.vertex_normals()
         self.rgb = np.broadcast_to(np.asarray(body.rgb, float), (len(self.vertices), 3))
         self.opacity = body.opacity
-        self.closed = body.surface.is_closed()
+        self.capped = capped and body.surface.is_closed()
         right, up, forward = axes
         self.headlight = -forward
         self.sidelight = _unit(up - 0.6 * right - 0.4 * forward)
@@ -119,11 +120,13 @@ class _Tracer:
         vertices, triangles = self.vertices.astype(np.float32), self.triangles.astype(np.int32)
         self.mesh = TriangleMesh(self.scene, vertices, triangles)
 
-    def trace(self, origins: Array, forward: Array, begin: Array, end: Array) -> tuple[Array, Array]:
-        """Distance (n,) of each ray's first hit in [begin, end], inf where none, and its colour (n, 3)."""
+    def trace(
+        self, origins: Array, forward: Array, begin: Array, end: Array
+    ) -> tuple[IntArray, Array, Array]:
+        """Rays (k,) that hit the body within [begin, end]: their indices, distances and colours (k, 3)."""
         starts = (origins + begin[:, None] * forward).astype(np.float32)
         hits = self.scene.run(starts, np.broadcast_to(forward, starts.shape).astype(np.float32), output=True)
-        hit = (hits["primID"] >= 0) & (begin + hits["tfar"] <= end)
+        hit = np.flatnonzero((hits["primID"] >= 0) & (begin + hits["tfar"] <= end))
         corners = self.triangles[hits["primID"][hit]]
         u, v = hits["u"][hit], hits["v"][hit]
         weights = np.column_stack([1 - u - v, u, v])
@@ -132,11 +135,9 @@ class _Tracer:
         inside = hits["Ng"][hit] @ forward > 0  # the ray meets the back of the sheet
         light = self._light(np.where(inside[:, None], -normal, normal))
         distance = hits["tfar"][hit].astype(float)
-        if self.closed:  # a cut opened the body: draw its cap, where the ray starts
+        if self.capped:  # a cut opened the body: draw its cap, where the ray starts
             light[inside], distance[inside] = AMBIENT + HEADLIGHT, 0.0
-        depth, colour = np.full(len(origins), np.inf), np.zeros((len(origins), 3))
-        depth[hit], colour[hit] = begin[hit] + distance, rgb * light[:, None]
-        return depth, colour
+        return hit, begin[hit] + distance, np.minimum(rgb * light[:, None], 1.0)
 
     def _light(self, normal: Array) -> Array:
         front = HEADLIGHT * np.maximum(normal @ self.headlight, 0)
@@ -146,17 +147,27 @@ class _Tracer:
 def _composite(
     tracers: Sequence[_Tracer], origins: Array, forward: Array, reach: float, cut: Cut | None
 ) -> Array:
-    """Premultiplied RGBA (n, 4) of the rays: the bodies' sheets laid over one another from front to back."""
+    """Premultiplied RGBA (n, 4): the nearest opaque sheet, and transparent ones over it from the back."""
     begin, end = _kept(origins, forward, reach, cut)
-    depths, colours = zip(*(t.trace(origins, forward, begin, end) for t in tracers), strict=True)
-    depth, colour = np.stack(depths, axis=1), np.stack(colours, axis=1)
-    opacity = np.where(np.isfinite(depth), [t.opacity for t in tracers], 0.0)
-    order = np.argsort(depth, axis=1, kind="stable")
-    opacity = np.take_along_axis(opacity, order, axis=1)
-    colour = np.take_along_axis(colour, order[..., None], axis=1)
-    through = np.cumprod(1 - opacity, axis=1)
-    weight = opacity * np.column_stack([np.ones(len(origins)), through[:, :-1]])
-    return np.column_stack([np.einsum("nk,nkc->nc", weight, np.minimum(colour, 1.0)), 1 - through[:, -1]])
+    nearest, out = np.full(len(origins), np.inf), np.zeros((len(origins), 4))
+    veils = []
+    for tracer in tracers:
+        ray, depth, colour = tracer.trace(origins, forward, begin, end)
+        if tracer.opacity < 1:
+            veils.append((np.full(len(origins), np.inf), np.zeros((len(origins), 4))))
+            veils[-1][0][ray] = depth
+            veils[-1][1][ray] = tracer.opacity * np.column_stack([colour, np.ones(len(ray))])
+            continue
+        front = depth < nearest[ray]
+        nearest[ray[front]] = depth[front]
+        out[ray[front], :3], out[ray[front], 3] = colour[front], 1.0
+    if veils:
+        depths, colours = np.stack([d for d, _ in veils]), np.stack([c for _, c in veils])
+        rays = np.arange(len(origins))
+        for farthest in np.argsort(-depths, axis=0, kind="stable"):
+            over = colours[farthest, rays] * (depths[farthest, rays] < nearest)[:, None]
+            out = over + (1 - over[:, 3:]) * out
+    return out
 
 
 def _kept(origins: Array, forward: Array, reach: float, cut: Cut | None) -> tuple[Array, Array]:

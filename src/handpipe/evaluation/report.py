@@ -26,6 +26,7 @@ from handpipe.evaluation.viewer import view_data
 from handpipe.hand.appearance import shown, tissue
 from handpipe.hand.frames import SimulatedFrame
 from handpipe.layers import Frame, Shapes
+from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.metrics import Metrics
 
@@ -42,7 +43,7 @@ class PoseView:
     """One pose: what was simulated, and what it is compared with, all in the frame of the root bone at rest.
 
     `sample` gives the volume's grey values at points (n, 3) in mm; `truth` the true surfaces by tissue
-    ("skin", "muscles", ...). A pose's images have a frame of their own: the caller brings them here.
+    ("skin", "muscles", ...). A pose's images have a frame of their own: see `from_scanner`.
     """
 
     frame: Frame
@@ -51,6 +52,30 @@ class PoseView:
     sample: Sample | None = None
     scan: Surface | None = None
     truth: Mapping[str, Sequence[Surface]] = field(default_factory=dict)
+
+    @staticmethod
+    def from_scanner(
+        frame: Frame,
+        layers: Mapping[str, Shapes],
+        role: str,
+        root: RigidTransform,
+        sample: Sample | None = None,
+        scan: Surface | None = None,
+        truth: Mapping[str, Sequence[Surface]] | None = None,
+    ) -> PoseView:
+        """A pose with volume, scan and truth in the scanner's frame.
+
+        `root`, the root bone's registered transform, carries the simulation's frame into it.
+        """
+        back = root.inverse()
+        return PoseView(
+            frame,
+            layers,
+            role,
+            None if sample is None else lambda points: sample(root(points)),
+            None if scan is None else scan.moved(back(scan.vertices)),
+            {name: [s.moved(back(s.vertices)) for s in found] for name, found in (truth or {}).items()},
+        )
 
 
 @dataclass
