@@ -62,11 +62,11 @@ class ShapeOptions:
     each stage; enough: mm of largest marker error that ends the search; progress: relative decrease of the objective
     below which a stage ends; tangential: share of a marker's error that counts along the surface."""
 
-    alpha: float = 1e3
-    beta: float = 1e2
+    alpha: float = 0.1
+    beta: float = 0.1
     spring: float = 500.0
-    fields: tuple[int, ...] = (1, 12, 80)
-    iterations: int = 8
+    fields: tuple[int, ...] = (1, 12, 60)
+    iterations: int = 6
     enough: float = 0.05
     progress: float = 0.01
     tangential: float = 0.05

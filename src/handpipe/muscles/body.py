@@ -1,0 +1,91 @@
+"""A soft body between bones: a surface embedded in tetrahedra, and the surface vertices that bones hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from handpipe.mesh.embedding import Embedding
+from handpipe.mesh.meshing import tetrahedralise
+from handpipe.mesh.remeshing import remesh
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.muscles.shape import Attached
+from handpipe.skeleton.skinning import blend, bone_weights
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Transforms = Mapping[str, RigidTransform]
+
+
+@dataclass(frozen=True)
+class Body:
+    """The neutral shape: surface (v vertices), mesh (n vertices) that carries it, vertices held by each bone."""
+
+    surface: Surface
+    mesh: TetMesh
+    embedding: Embedding
+    attachments: dict[str, IntArray]
+
+    @staticmethod
+    def of(surface: Surface, attachments: Mapping[str, IntArray], edge: float) -> Body:
+        """Fill a surface with tetrahedra of about `edge` mm; the surface may be finer than they are."""
+        mesh = tetrahedralise(remesh(surface, edge), 1.3 * edge)
+        return Body(surface, mesh, Embedding.of(surface.vertices, mesh), dict(attachments))
+
+    @property
+    def matrix(self) -> sparse.csr_matrix:
+        """Matrix (v, n) that carries the surface."""
+        return self.embedding.matrix(len(self.mesh.vertices))
+
+    @property
+    def held(self) -> IntArray:
+        """Surface vertices (t,) that bones hold, bone by bone."""
+        return np.concatenate([self.attachments[b] for b in self.attachments])
+
+    def targets(self, transforms: Transforms) -> Array:
+        """Where the bones hold these vertices, (t, 3)."""
+        moved = [transforms[b](self.surface.vertices[ids]) for b, ids in self.attachments.items()]
+        return np.concatenate(moved)
+
+    def attached(self, transforms: Transforms) -> Attached:
+        """The held vertices at the places where the bones take them."""
+        return Attached(self.matrix[self.held], self.targets(transforms))
+
+    def surface_at(self, x: Array) -> Surface:
+        """The surface carried by mesh vertices (n, 3)."""
+        return self.surface.moved(self.embedding(x))
+
+    def follow(self, bones: Mapping[str, Surface], transforms: Transforms) -> Array:
+        """Mesh vertices (n, 3) moved by a smooth blend of the motions of the bones that hold the body."""
+        own = {b: bones[b] for b in self.attachments}
+        weights = bone_weights(self.mesh.vertices, own)
+        return blend(self.mesh.vertices, weights, {b: transforms[b] for b in own})
+
+    def to_group(self) -> dict[str, Any]:
+        """Content for an artifact's group."""
+        return {
+            "vertices": self.surface.vertices,
+            "triangles": self.surface.triangles,
+            "mesh/vertices": self.mesh.vertices,
+            "mesh/tets": self.mesh.tets,
+            "embedding/cells": self.embedding.cells,
+            "embedding/weights": self.embedding.weights,
+            **{f"attachments/{bone}": ids for bone, ids in self.attachments.items()},
+        }
+
+    @staticmethod
+    def from_group(group: Mapping[str, Any]) -> Body:
+        """What `to_group` gave, as an artifact returned it."""
+        return Body(
+            Surface(group["vertices"], group["triangles"]),
+            TetMesh(group["mesh"]["vertices"], group["mesh"]["tets"]),
+            Embedding(group["embedding"]["cells"], group["embedding"]["weights"]),
+            dict(group["attachments"]),
+        )
