@@ -13,7 +13,7 @@ import trimesh
 from handpipe.config import Bone, Dataset, Joint, Pose
 from handpipe.evaluation.build import Job
 from handpipe.evaluation.report import PoseView, ReportInput, write_report
-from handpipe.evaluation.table import JointErrors, rig_metrics, skin_metrics
+from handpipe.evaluation.table import skin_metrics, skin_rows
 from handpipe.evaluation.viewer import view_data
 from handpipe.layers import Frame, Shape
 from handpipe.mesh.rigid import RigidTransform
@@ -68,13 +68,16 @@ def full(dataset: Dataset) -> ReportInput:
     frame, layers = simulated("fist", 3.0)
     scan = capsule(12.5, -5, 85).moved(capsule(12.5, -5, 85).vertices + [0, 0, 3])
     pose = PoseView(frame, layers, "example", lambda p: p[:, 0], scan, {"skin": [scan]})
+    distances = {"fist": {"m0": np.array([0.1, 0.3]), "m2": np.array([1.0, 3.0])}}
+    skin = skin_rows(distances, {"fist": "example"})
     return ReportInput(
         dataset,
         [pose],
+        skin,
+        [{"joint": "MP2", "FM_R": 1.58, "PM_R": 1.82, "FM_x": 0.55, "PM_x": 0.76}],
         metrics={
-            "rig": rig_metrics({"MP2": JointErrors(1.58, 1.82, 0.55, 0.76)}),
-            "skin": skin_metrics({"fist": {"m0": np.array([0.1, 0.3]), "m2": np.array([1.0, 3.0])}})
-            | {"seconds": (12.5, "s"), "peak_memory": (0.75, "GiB")},
+            "rig": {"rotation_error_mean": (1.58, "deg")},
+            "skin": skin_metrics(skin) | {"seconds": (12.5, "s"), "peak_memory": (0.75, "GiB")},
         },
         scenes={"close": [simulated("a", 0.0), simulated("b", 5.0)]},
         jobs=[Job("fit_rig", 4.0, 3.0, 0.5, 100.0)],

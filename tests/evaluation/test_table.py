@@ -25,7 +25,7 @@ def test_ratios_and_totals_follow_the_papers_rule():
         f"pose{p}": {m: with_statistics(s[0] + 2, s[1], s[2] + 9) for m, s in models.items()}
         for p, models in PAPER.items()
     }
-    metrics = table.skin_metrics(distances)
+    metrics = table.skin_metrics(table.skin_rows(distances, dict.fromkeys(distances, "example")))
     assert metrics["skin_pose3_m2_mean"] == (pytest.approx(3.19), "mm")
     assert metrics["skin_pose3_m2_median"][0] == pytest.approx(0.88)
     assert metrics["skin_all_m0_mean"][0] == pytest.approx(2 + (0.23 + 0.14 + 0.11) / 3)
@@ -34,23 +34,33 @@ def test_ratios_and_totals_follow_the_papers_rule():
     assert metrics["skin_pose2_ratio_median"] == (pytest.approx(100 * 0.13 / 1.22), "%")
 
 
-def test_skin_table_leaves_out_what_is_missing():
-    metrics = table.skin_metrics({"fist": {"m0": np.array([1.0, 2.0, 6.0])}})
-    made = table.skin_table(metrics, {"neutral": "neutral", "fist": "example"})
+def test_skin_table_has_totals_by_role_and_leaves_out_what_is_missing():
+    distances = {"fist": {"m0": np.array([1.0, 2.0, 6.0])}, "half": {"m0": np.array([3.0, 4.0, 5.0])}}
+    made = table.skin_table(table.skin_rows(distances, {"fist": "example", "half": "heldout"}))
     assert made is not None
     assert list(made.columns) == ["pose", "mean m0 [mm]", "median m0 [mm]", "max m0 [mm]"]
-    assert [list(r) for r in made.rows] == [["fist (example)", 3.0, 2.0, 6.0], ["all", 3.0, 2.0, 6.0]]
-    assert table.skin_table({"seconds": (1.0, "s")}, {"fist": "example"}) is None
+    assert [list(r) for r in made.rows] == [
+        ["fist (example)", 3.0, 2.0, 6.0],
+        ["half (heldout)", 4.0, 4.0, 5.0],
+        ["example", 3.0, 2.0, 6.0],
+        ["heldout", 4.0, 4.0, 5.0],
+        ["all", 3.5, 3.0, 6.0],
+    ]
+    assert table.skin_table([]) is None
 
 
-def test_rig_table_has_the_papers_columns_and_average_last():
-    metrics = table.rig_metrics(
-        {"DIP2": table.JointErrors(2.10, 3.25, 0.31, 0.40), "PIP2": table.JointErrors(1.90, 2.08, 0.32, 0.36)}
+def test_rig_table_has_the_papers_columns_and_the_average_last():
+    made = table.rig_table(
+        [
+            {"joint": "DIP2", "FM_R": 2.10, "FM_x": 0.31, "PM_R": 3.25, "PM_x": 0.40},
+            {"joint": "PIP2", "FM_R": 1.90, "FM_x": 0.32, "PM_R": 2.08, "PM_x": 0.36},
+        ]
     )
-    made = table.rig_table(metrics)
     assert made is not None
-    assert list(made.rows[0]) == ["DIP2", 2.10, 3.25, 0.31, 0.40]
-    assert list(made.rows[-1]) == ["average", *map(pytest.approx, (2.0, 2.665, 0.315, 0.38))]
+    assert list(made.columns) == ["joint", "FM_R [deg]", "FM_x [mm]", "PM_R [deg]", "PM_x [mm]"]
+    assert list(made.rows[0]) == ["DIP2", 2.10, 0.31, 3.25, 0.40]
+    assert made.rows[-1][0] == "average"
+    assert list(made.rows[-1][1:]) == pytest.approx([2.0, 0.315, 2.665, 0.38])
 
 
 def test_metrics_with_a_poses_name_become_columns():

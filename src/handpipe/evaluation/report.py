@@ -21,7 +21,7 @@ from handpipe.evaluation.build import Job, cost_table
 from handpipe.evaluation.render import Camera
 from handpipe.evaluation.slices import Plane, Sample, sagittal_plane, transversal_plane
 from handpipe.evaluation.surfaces import surface_distance
-from handpipe.evaluation.table import Table, metrics_table, rig_table, skin_table
+from handpipe.evaluation.table import Row, Table, metrics_table, rig_table, skin_table
 from handpipe.evaluation.viewer import view_data
 from handpipe.hand.appearance import shown, tissue
 from handpipe.hand.frames import SimulatedFrame
@@ -82,13 +82,16 @@ class PoseView:
 class ReportInput:
     """All that a report shows; what is empty is left out of it.
 
-    `metrics` by stage, in the order shown; `scenes` frames for the 3D view by scene; `finger` the bones, from
+    `skin_rows` of `table.skin_rows`, `rig_rows` of `skeleton.table.joint_table`; `metrics` by stage, in the
+    order shown; `scenes` frames for the 3D view by scene; `finger` the bones, from
     proximal to distal, whose planes cut the slices (by default all); `settings` what a person chose, by name;
     `limits` sentences.
     """
 
     dataset: Dataset
     poses: Sequence[PoseView] = ()
+    skin_rows: Sequence[Row] = ()
+    rig_rows: Sequence[Row] = ()
     metrics: Mapping[str, Metrics] = field(default_factory=dict)
     scenes: Mapping[str, Sequence[SimulatedFrame]] = field(default_factory=dict)
     jobs: Sequence[Job] = ()
@@ -120,9 +123,7 @@ def write_report(path: str | Path, report: ReportInput) -> None:
 
 
 def _content(report: ReportInput) -> dict[str, Any]:
-    roles = {name: str(pose.role) for name, pose in report.dataset.poses.items()}
-    every = {name: value for stage in report.metrics.values() for name, value in stage.items()}
-    main_tables = [t for t in (skin_table(every, roles), rig_table(every)) if t]
+    main_tables = [t for t in (skin_table(report.skin_rows), rig_table(report.rig_rows)) if t]
     looks = {tissue(layer, body) for p in report.poses for layer, body, _ in shown(p.layers)}
     return {
         "subject": report.dataset.name,
@@ -133,7 +134,7 @@ def _content(report: ReportInput) -> dict[str, Any]:
         "legend": pictures.legend(sorted(looks)),
         "tables": [table.html() for table in main_tables],
         "stages": [
-            (stage, metrics_table(f"Stage {stage}.", metrics, list(roles)).html())
+            (stage, metrics_table(f"Stage {stage}.", metrics, list(report.dataset.poses)).html())
             for stage, metrics in report.metrics.items()
             if metrics
         ],
@@ -180,15 +181,14 @@ def _stage_costs(metrics: Mapping[str, Metrics]) -> Table | None:
 
 def _pictures(report: ReportInput) -> list[tuple[PoseView, list[Picture]]]:
     """Pictures of each pose; all poses are drawn at one scale."""
-    if not report.poses:
+    poses = [pose for pose in report.poses if any(shown(pose.layers))]
+    if not poses:
         return []
-    cameras = [
-        Camera.fit(pictures.bodies(p.layers, skin_opacity=1.0), VIEW, DORSAL, SIZE) for p in report.poses
-    ]
+    cameras = [Camera.fit(pictures.bodies(p.layers, skin_opacity=1.0), VIEW, DORSAL, SIZE) for p in poses]
     height = max(camera.height for camera in cameras)
-    largest = _largest_error(report.poses)
+    largest = _largest_error(poses)
     made = []
-    for pose, camera in zip(report.poses, cameras, strict=True):
+    for pose, camera in zip(poses, cameras, strict=True):
         log.info("pictures of pose %s", pose.frame.name)
         camera = replace(camera, height=height)
         made.append((pose, _pose_pictures(pose, report, camera, largest)))

@@ -13,6 +13,7 @@ from handpipe.metrics import Metrics
 
 Array = NDArray[np.float64]
 Cell = str | float | None
+Row = Mapping[str, str | float]
 
 MODELS = {
     "m0": "m0: full model",
@@ -55,91 +56,101 @@ class Table:
         return escape(cell) if isinstance(cell, str) else f"{cell:.{self.digits}f}"
 
 
-def skin_metrics(distances: Mapping[str, Mapping[str, Array]]) -> Metrics:
-    """Metrics `skin_{pose}_{model}_{statistic}` in mm of distances by pose and model ("m0", "m1", "m2").
+def skin_rows(distances: Mapping[str, Mapping[str, Array]], roles: Mapping[str, str]) -> list[Row]:
+    """Rows of Table 4 of Zheng 2022 from distances in mm by pose and model ("m0", "m1", "m2").
 
-    The pose "all" holds the mean of the means, the median of the medians and the largest maximum, as does
-    Zheng 2022, Table 4; `skin_{pose}_ratio_{statistic}` is m0 / m2 in %.
+    A row has `pose`, `role`, `{model}_{statistic}` in mm and `ratio_{statistic}`, m0 / m2 in %. After the
+    poses come totals over each role's poses, named by the role, and over all: the mean of the means, the
+    median of the medians, the largest maximum, as in the paper.
     """
-    metrics: Metrics = {}
-    for pose, by_model in distances.items():
-        for model, d in by_model.items():
-            for name, statistic in STATISTICS.items():
-                metrics[f"skin_{pose}_{model}_{name}"] = (statistic(np.asarray(d, float)), "mm")
-    for name, statistic in STATISTICS.items():
-        for model in dict.fromkeys(m for by_model in distances.values() for m in by_model):
-            values = [metrics[f"skin_{p}_{model}_{name}"][0] for p in distances if model in distances[p]]
-            metrics[f"skin_{ALL}_{model}_{name}"] = (statistic(np.array(values)), "mm")
-        for pose in (*distances, ALL):
-            full, single = (metrics.get(f"skin_{pose}_{model}_{name}") for model in ("m0", "m2"))
-            if full and single and single[0] > 0:
-                metrics[f"skin_{pose}_ratio_{name}"] = (100 * full[0] / single[0], "%")
-    return metrics
+    rows: list[Row] = [
+        {"pose": pose, "role": roles[pose], **_with_ratios(_statistics(by_model))}
+        for pose, by_model in distances.items()
+    ]
+    found = list(dict.fromkeys(str(row["role"]) for row in rows))
+    totals = [_total(role, [row for row in rows if row["role"] == role]) for role in found if len(found) > 1]
+    return rows + totals + ([_total(ALL, rows)] if rows else [])
 
 
-def skin_table(metrics: Metrics, roles: Mapping[str, str]) -> Table | None:
-    """Table 4 of Zheng 2022 from `skin_metrics`, rows by `roles` (pose -> role); None without figures."""
-    models = [m for m in MODELS if any(f"skin_{p}_{m}_mean" in metrics for p in roles)]
-    if not models:
+def _statistics(by_model: Mapping[str, Array]) -> dict[str, float]:
+    return {
+        f"{model}_{name}": statistic(np.asarray(d, float))
+        for model, d in by_model.items()
+        for name, statistic in STATISTICS.items()
+    }
+
+
+def _total(name: str, rows: Sequence[Row]) -> Row:
+    totals: dict[str, float] = {}
+    for model in MODELS:
+        for kind, statistic in STATISTICS.items():
+            values = [float(row[f"{model}_{kind}"]) for row in rows if f"{model}_{kind}" in row]
+            if values:
+                totals[f"{model}_{kind}"] = statistic(np.array(values))
+    return {"pose": name, "role": "", **_with_ratios(totals)}
+
+
+def _with_ratios(values: dict[str, float]) -> dict[str, float]:
+    ratios = {
+        f"ratio_{kind}": 100 * values[f"m0_{kind}"] / values[f"m2_{kind}"]
+        for kind in STATISTICS
+        if f"m0_{kind}" in values and values.get(f"m2_{kind}", 0) > 0
+    }
+    return values | ratios
+
+
+def skin_metrics(rows: Sequence[Row]) -> Metrics:
+    """`skin_{pose}_{model}_{statistic}` in mm and `skin_{pose}_ratio_{statistic}` in % of `skin_rows`."""
+    return {
+        f"skin_{row['pose']}_{key}": (float(value), "%" if key.startswith("ratio") else "mm")
+        for row in rows
+        for key, value in row.items()
+        if key not in ("pose", "role")
+    }
+
+
+def skin_table(rows: Sequence[Row]) -> Table | None:
+    """`skin_rows` as a table; None without rows."""
+    columns = [c for c in (*MODELS, "ratio") if any(f"{c}_mean" in row for row in rows)]
+    if not columns:
         return None
-    columns = [c for c in (*models, "ratio") if c != "ratio" or {"m0", "m2"} <= set(models)]
-    keys = [(name, column) for name in STATISTICS for column in columns]
-    rows: list[list[Cell]] = []
-    for pose in (*roles, ALL):
-        found = [metrics.get(f"skin_{pose}_{column}_{name}") for name, column in keys]
-        if any(found):
-            label = pose if pose == ALL else f"{pose} ({roles[pose]})"
-            rows.append([label, *(None if f is None else f[0] for f in found)])
-    heads = [f"{name} {'m0/m2 [%]' if column == 'ratio' else column + ' [mm]'}" for name, column in keys]
-    note = "Distance of each vertex of the scanned skin to the simulated skin. " + "; ".join(
-        MODELS[m] for m in models
-    )
-    return Table("Simulated against scanned skin (Zheng 2022, Table 4).", ["pose", *heads], rows, note)
+    keys = [(kind, column) for kind in STATISTICS for column in columns]
+    heads = [f"{kind} {'m0/m2 [%]' if column == 'ratio' else column + ' [mm]'}" for kind, column in keys]
+    cells: list[list[Cell]] = [
+        [_pose(row), *(row.get(f"{column}_{kind}") for kind, column in keys)] for row in rows
+    ]
+    models = "; ".join(MODELS[column] for column in columns if column in MODELS)
+    note = f"Distance of each vertex of the scanned skin to the simulated skin. {models}."
+    return Table("Simulated against scanned skin (Zheng 2022, Table 4).", ["pose", *heads], cells, note)
 
 
-@dataclass(frozen=True)
-class JointErrors:
-    """Mean errors of one joint over the poses, rotations in degrees, translations in mm.
+def _pose(row: Row) -> str:
+    return f"{row['pose']} ({row['role']})" if row["role"] else str(row["pose"])
 
-    "full" is the model with residual functions, "partial" without.
+
+def rig_table(rows: Sequence[Row]) -> Table | None:
+    """Table 1 of Wang 2019, its last row the average over joints; None without rows.
+
+    Rows have `joint` and mean errors, those named …_R in degrees and …_x in mm.
     """
-
-    full_rotation: float
-    partial_rotation: float
-    full_translation: float
-    partial_translation: float
-
-
-RIG_COLUMNS = {
-    "full_rotation": ("FM_R [deg]", "deg"),
-    "partial_rotation": ("PM_R [deg]", "deg"),
-    "full_translation": ("FM_x [mm]", "mm"),
-    "partial_translation": ("PM_x [mm]", "mm"),
-}
-
-
-def rig_metrics(errors: Mapping[str, JointErrors]) -> Metrics:
-    """Metrics `{joint}_{full,partial}_{rotation,translation}` and their means under the joint "average"."""
-    metrics: Metrics = {}
-    for column, (_, unit) in RIG_COLUMNS.items():
-        values = {joint: float(getattr(e, column)) for joint, e in errors.items()}
-        metrics |= {f"{joint}_{column}": (value, unit) for joint, value in values.items()}
-        metrics[f"average_{column}"] = (float(np.mean(list(values.values()))), unit)
-    return metrics
-
-
-def rig_table(metrics: Metrics) -> Table | None:
-    """Table 1 of Wang 2019 from `rig_metrics`; None without figures."""
-    suffix = "_full_rotation"
-    joints = [name.removesuffix(suffix) for name in metrics if name.endswith(suffix)]
-    joints = [j for j in joints if j != "average"] + [j for j in joints if j == "average"]
-    if not joints:
+    columns = list(dict.fromkeys(key for row in rows for key in row if key != "joint"))
+    if not columns:
         return None
-    rows = [[j, *(metrics.get(f"{j}_{c}", (None, ""))[0] for c in RIG_COLUMNS)] for j in joints]
-    note = "Rig against registered bones. FM: full model; PM: without residual rotations and translations."
-    return Table(
-        "Bone rig errors (Wang 2019, Table 1).", ["joint", *(h for h, _ in RIG_COLUMNS.values())], rows, note
+    cells: list[list[Cell]] = [[str(row["joint"]), *(row.get(c) for c in columns)] for row in rows]
+    present = {c: [float(row[c]) for row in rows if c in row] for c in columns}
+    cells.append(["average", *(float(np.mean(present[c])) for c in columns)])
+    heads = [
+        f"{c.replace('loo_', 'left out ').replace('heldout_', 'held out ')} [{_unit(c)}]" for c in columns
+    ]
+    note = (
+        "Rig against registered bones; R rotation, x translation. FM: full model; PM: without residual"
+        " rotations and translations. Left out: each fitted pose from the others; held out: poses that no fit saw."
     )
+    return Table("Bone rig errors (Wang 2019, Table 1).", ["joint", *heads], cells, note)
+
+
+def _unit(column: str) -> str:
+    return "deg" if column.endswith("_R") else "mm"
 
 
 def metrics_table(title: str, metrics: Metrics, poses: Sequence[str]) -> Table:
