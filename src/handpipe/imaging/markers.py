@@ -37,11 +37,9 @@ class MarkerSettings(Model):
     search: float = Field(3.0, gt=0, description="along the normals, either way, mm")
     contrast: float = Field(0.3, gt=0, description="least step at an edge, as a part of the muscle's level")
     likeness: float = Field(
-        0.2, gt=0, description="how far inside may be from the muscle's level, as a part of it"
+        0.2, gt=0, description="how unlike the muscle's level inside may be, as a part of it"
     )
-    agreement: float = Field(
-        0.6, gt=0, description="distance from the neighbours' edges at which trust falls, mm"
-    )
+    agreement: float = Field(0.6, gt=0, description="from the neighbours' edges, where trust falls, mm")
     least_confidence: float = Field(0.3, ge=0, le=1, description="markers below it are dropped")
 
 
@@ -68,7 +66,7 @@ def boundary_markers(
     estimated inside the guess. An edge counts where the inside looks like muscle, the step is clear, the
     image's gradient runs along the normal, and the neighbours' edges agree.
     """
-    settings = settings or MarkerSettings()
+    settings = settings or MarkerSettings.model_validate({})
     normals = surface.vertex_normals()
     level = muscle_level if muscle_level is not None else estimate_muscle_level(volume, surface)
     offsets = np.arange(-settings.search - WINDOW, settings.search + WINDOW + STEP / 2, STEP)
@@ -99,7 +97,7 @@ def estimate_muscle_level(volume: Volume, surface: Surface) -> float:
 
 
 def _edges(profiles: Array, offsets: Array, level: float, settings: MarkerSettings) -> tuple[Array, Array]:
-    """Sub-voxel position and score in [0, 1] of the edge at each sample (n, m); score 0 where there is none."""
+    """Sub-voxel position and score in [0, 1] of the edge at each sample (n, m); score 0 where none is."""
     smooth = ndimage.gaussian_filter1d(profiles, 0.25 / STEP, axis=1, mode="nearest")
     slope = np.abs(np.gradient(smooth, axis=1))
     peak = (slope >= np.roll(slope, 1, axis=1)) & (slope > np.roll(slope, -1, axis=1))

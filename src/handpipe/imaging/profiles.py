@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import igl
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -59,16 +60,15 @@ def smooth_field(
 def summed_curvature(surface: Surface, smoothing: int = 4) -> Array:
     """Sum of the principal curvatures (n,) in 1/mm, positive where convex, averaged over a few rings.
 
-    Twice the mean over a vertex's edges of the normal curvature (n_j - n_i) . (x_j - x_i) / |x_j - x_i|^2.
+    The gradient of area along the normal, by the cotangent Laplacian, over area.
     """
-    i, j = surface.edges().T
-    normals = surface.vertex_normals()
-    along = surface.vertices[j] - surface.vertices[i]
-    normal_curvature = ((normals[j] - normals[i]) * along).sum(axis=1) / (along**2).sum(axis=1)
-    ends, count = np.r_[i, j], len(surface.vertices)
-    total = np.bincount(ends, np.r_[normal_curvature, normal_curvature], count)
-    curvature = 2 * total / np.maximum(np.bincount(ends, minlength=count), 1)
+    growth = -np.einsum(
+        "ij,ij->i",
+        igl.cotmatrix(surface.vertices, surface.triangles) @ surface.vertices,
+        surface.vertex_normals(),
+    )
+    area = np.bincount(surface.triangles.ravel(), np.repeat(surface.triangle_areas() / 3, 3), len(growth))
     mean = averaging(surface)
     for _ in range(smoothing):
-        curvature = 0.5 * (curvature + mean @ curvature)
-    return curvature
+        growth, area = 0.5 * (growth + mean @ growth), 0.5 * (area + mean @ area)
+    return growth / np.maximum(area, 1e-12)

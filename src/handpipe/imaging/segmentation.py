@@ -1,4 +1,4 @@
-"""Marrow of each bone by a random walker in its local region, and the bones' merging (Wang 2019, Sec. 3.1)."""
+"""Marrow of each bone by a random walker in its local region; merging of bones (Wang 2019, Sec. 3.1)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class SegmentationSettings(Model):
 
 @dataclass(frozen=True)
 class BoneProbability:
-    """Probability (nx, ny, nz) of marrow in a local region; its first voxel is `offset` (3,) of the volume."""
+    """Probability (nx, ny, nz) of marrow in a local region, whose first voxel is voxel `offset` (3,)."""
 
     offset: NDArray[np.int64]
     probability: NDArray[np.float32]
@@ -181,7 +181,8 @@ def _resolve(
     winner = np.array([0, *rivals], np.uint8)[np.argmax([np.full(free.shape, 0.5), *chances], axis=0)]
     labels[region][free] = winner[free]
     for label, chance in zip(rivals, chances, strict=True):
-        _overwrite(resolved[label], bones[label].offset, lower, chance, free)
+        own = np.where(winner == label, chance, np.minimum(chance, 0.5))  # one owner, to the last digit
+        _overwrite(resolved[label], bones[label].offset, lower, own, free)
 
 
 def _overwrite(

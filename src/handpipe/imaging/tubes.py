@@ -27,7 +27,7 @@ STIFFNESS = 1.0
 
 @dataclass(frozen=True)
 class Sections:
-    """Sections of a tube: centres (n, 3), radii (n,) in mm, confidence (n,), the share of its edge that is seen."""
+    """Centres (n, 3) and radii (n,) in mm of a tube, confidence (n,): the share of its edge that is seen."""
 
     centres: Array
     radii: Array
@@ -115,7 +115,7 @@ def darkness_centre(
 def _ray_edges(
     volume: Volume, centres: Array, frames: tuple[Array, Array], radius: float, bones: Distance | None
 ) -> tuple[Array, Array, tuple[Array, Array]]:
-    """Distance (n, RAYS) of the dark tube's edge along rays, its confidence, and the rays' plane and world directions."""
+    """Distance (n, RAYS) of the tube's edge along rays, its confidence, the rays' plane and world course."""
     angle = 2 * np.pi * np.arange(RAYS) / RAYS
     plane = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     world = plane[:, 0, None] * frames[0][:, None] + plane[:, 1, None] * frames[1][:, None]
@@ -136,7 +136,7 @@ def _ray_edges(
 
 
 def _first_rise(values: Array, offsets: Array, contrast: float) -> tuple[Array, Array]:
-    """Along the last axis: where intensity first rises half-way to the next maximum, and by how much it rises.
+    """Along the last axis: where intensity first rises half-way to the next maximum, and by how much.
 
     The rise is 0 where it never exceeds `contrast`.
     """
@@ -159,9 +159,9 @@ def _first_rise(values: Array, offsets: Array, contrast: float) -> tuple[Array, 
 
 
 def _fit_circles(edge: Array, confidence: Array, plane: Array, radius: float) -> tuple[Array, Array, Array]:
-    """Circles (centre (n, 2), radius (n,)) through edge points on rays, robustly, and the share of rays that count.
+    """Circles (centre (n, 2), radius (n,)) through edge points on rays, and the share of rays that count.
 
-    Linear in the centre and in r^2 - |centre|^2; a weak prior keeps the given radius and place where little is seen.
+    Linear in the centre and in r^2 - |centre|^2, reweighted; a weak prior holds where little is seen.
     """
     points = edge[..., None] * plane
     system = np.concatenate([2 * points, np.ones((*edge.shape, 1))], axis=2)
@@ -180,9 +180,9 @@ def _fit_circles(edge: Array, confidence: Array, plane: Array, radius: float) ->
 
 
 def tube_surface(volume: Volume, centreline: Array, radius: float, bones: Distance | None = None) -> Surface:
-    """Closed surface of the dark tube around a centreline (n, 3), up to the bones' surface where they touch it.
+    """Closed surface of the dark tube around a centreline (n, 3), ending at bones where they touch it.
 
-    The edge's distance from the centreline is a smooth field of place and angle, held by the edges that are seen.
+    The edge's distance from the centreline is a smooth field of place and angle, held by the edges seen.
     """
     frames = parallel_frames(tangents_of(centreline))
     edge, confidence, (_, world) = _ray_edges(volume, centreline, frames, radius, bones)

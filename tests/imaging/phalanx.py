@@ -17,6 +17,11 @@ def points_of(lower, upper, spacing=SPACING):
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), affine
 
 
+def grid_points(volume):
+    """Centres (nx, ny, nz, 3) of a volume's voxels."""
+    return volume.to_world(np.indices(volume.shape).reshape(3, -1).T).reshape(*volume.shape, 3)
+
+
 def voxelised(intensity, lower, upper, noise=0.04, seed=0, spacing=SPACING, fine=3):
     """Volume of a function of points: the mean over each voxel, with Rician noise."""
     points, affine = points_of(lower, upper, spacing)
@@ -71,7 +76,7 @@ class Phalanx:
 
     def seeds(self, volume):
         """A stroke along the axis, and a few voxels around the bone."""
-        points = volume.to_world(np.argwhere(np.ones(volume.shape))).reshape(*volume.shape, 3)
+        points = grid_points(volume)
         seeds = np.zeros(volume.shape, np.uint8)
         seeds[capsule(points, self.a * 0.7, self.b * 0.7) < 0.6] = 1
         far = np.abs(self.bone(points) - 2.5) < 0.3
