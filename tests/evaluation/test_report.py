@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from handpipe.config import Bone, Dataset, Joint, Pose
 from handpipe.evaluation.build import Job
@@ -159,6 +160,21 @@ def test_pose_without_skin_image_and_truth_still_has_pictures(dataset: Dataset, 
     write_report(tmp_path / "report.html", ReportInput(dataset, [bare]))
     images = [a for t, a in Page((tmp_path / "report.html").read_text()).tags if t == "img"]
     assert len(images) == 2
+
+
+def test_scanner_frame_is_brought_to_the_simulations():
+    frame, layers = simulated("flat", 0.0)
+    turn = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
+    root = RigidTransform(turn, np.array([5.0, -2, 9]))
+    skin = capsule(12, -5, 85)
+    in_scanner = skin.moved(root(skin.vertices))
+    view = PoseView.from_scanner(
+        frame, layers, "example", root, lambda p: p[:, 2], in_scanner, {"skin": [in_scanner]}
+    )
+    assert view.scan is not None and view.sample is not None
+    np.testing.assert_allclose(view.scan.vertices, skin.vertices, atol=1e-12)
+    np.testing.assert_allclose(view.truth["skin"][0].vertices, skin.vertices, atol=1e-12)
+    np.testing.assert_allclose(view.sample(skin.vertices), in_scanner.vertices[:, 2], atol=1e-12)
 
 
 def test_view_data_gives_back_positions_of_every_frame():

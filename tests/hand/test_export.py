@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from handpipe.config import LAYERS
 from handpipe.errors import InputError
 from handpipe.hand import export
+from handpipe.hand.appearance import shown
 from handpipe.hand.frames import read_frames, write_frames
 from handpipe.layers import Frame, Shape
 from handpipe.mesh.rigid import RigidTransform
@@ -143,6 +144,13 @@ def test_glb_opens_in_trimesh_in_metres_with_outward_triangles(tmp_path: Path):
     export.write_glb(tmp_path / "hand.glb", simulated(1))
     scene = trimesh.load(tmp_path / "hand.glb")
     assert scene.geometry["muscles/lumbrical1"].volume == pytest.approx(6000e-9, rel=1e-4)
+
+
+def test_what_is_shown_leaves_out_the_fat_beneath_a_skin():
+    ball = Shape(CUBE, CUBE, TETS)
+    layers = {"bones": {"distal2": ball}, "fat": {"skin": ball, "fat_tets": ball}}
+    assert [(layer, body) for layer, body, _ in shown(layers)] == [("bones", "distal2"), ("fat", "skin")]
+    assert [body for _, body, _ in shown({"fat": {"fat_tets": ball}})] == ["fat_tets"]
 
 
 def test_obj_sequence_has_the_frames_points(tmp_path: Path):

@@ -144,7 +144,8 @@ def rig_table(rows: Sequence[Row]) -> Table | None:
     ]
     note = (
         "Rig against registered bones; R rotation, x translation. FM: full model; PM: without residual"
-        " rotations and translations. Left out: each fitted pose from the others; held out: poses that no fit saw."
+        " rotations and translations. Left out: each fitted pose from the others; held out: poses that no fit"
+        " saw."
     )
     return Table("Bone rig errors (Wang 2019, Table 1).", ["joint", *heads], cells, note)
 
