@@ -11,9 +11,12 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
-from handpipe.tendons.rod import Array, IntArray, closest_on_rod, point_at
+from handpipe.tendons.rod import Array, IntArray
 
+BoolArray = NDArray[np.bool_]
 REACH = 3  # vertices i and i + REACH may share a term, no further
 
 
@@ -96,51 +99,103 @@ class Bend:
 class Hooks:
     """weight * squared distance of each hook (k, 3) to the closest point of the rod, Eq. 10.
 
-    The closest point is minimised over at every evaluation, so that the rod slides freely. Hooks that lie
-    past an end of the rod let go of it: pulling the end towards them would stretch a taut rod.
+    The rod's curve is the quadratic B-spline of its vertices, tangent to every segment at its middle: on the
+    polyline itself vertices catch at hooks, and a rod that must slide by many segments sticks. The closest
+    point is minimised over at every evaluation. Hooks past an end of the curve let go of it: pulling the end
+    towards them would stretch a taut rod.
     """
 
     points: Array
-    weights: Array | float = 1.0
-    held: Array = field(init=False)
+    weights: Array
+    held: BoolArray = field(init=False)
 
-    def __post_init__(self) -> None:
-        self.points = np.asarray(self.points, float).reshape(-1, 3)
-        self.weights = np.broadcast_to(np.asarray(self.weights, float), len(self.points))
+    def __init__(self, points: Array, weights: Array | float = 1.0) -> None:
+        self.points = np.ascontiguousarray(points, float).reshape(-1, 3)
+        self.weights = np.broadcast_to(np.asarray(weights, float), len(self.points)).copy()
         self.held = np.ones(len(self.points), bool)
 
     def refresh(self, x: Array) -> None:
-        segment, t, _ = closest_on_rod(self.points, x)
-        self.held = ~(((segment == 0) & (t == 0.0)) | ((segment == len(x) - 2) & (t == 1.0)))
+        piece, t = closest_on_spline(self.points, x)
+        before, after = (piece == 1) & (t == 0.0), (piece == len(x) - 2) & (t == 1.0)
+        self.held = ~(before | after)
+
+    def contacts(self, x: Array) -> Array:
+        """Closest points (k, 3) of the rod's curve."""
+        piece, t = closest_on_spline(self.points, x)
+        return np.einsum("ka,kaj->kj", spline_shape(t), x[_triples(piece)])
 
     def _at(self, x: Array) -> tuple[IntArray, Array, Array, Array]:
-        segment, t, _ = closest_on_rod(self.points[self.held], x)
-        residual = point_at(x, segment, t) - self.points[self.held]
-        return segment, t, residual, self.weights[self.held]
+        piece, t = closest_on_spline(self.points[self.held], x)
+        vertices = _triples(piece)
+        residual = np.einsum("ka,kaj->kj", spline_shape(t), x[vertices]) - self.points[self.held]
+        return vertices, t, residual, self.weights[self.held]
 
     def value(self, x: Array) -> float:
         _, _, r, w = self._at(x)
         return float(w @ np.sum(r * r, axis=1))
 
     def gradient(self, x: Array) -> Array:
-        segment, t, r, w = self._at(x)
+        vertices, t, r, w = self._at(x)
         g = np.zeros_like(x)
-        np.add.at(g, segment, (2.0 * w * (1.0 - t))[:, None] * r)
-        np.add.at(g, segment + 1, (2.0 * w * t)[:, None] * r)
+        np.add.at(g, vertices, 2.0 * (w[:, None] * spline_shape(t))[..., None] * r[:, None])
         return g
 
     def add_hessian(self, x: Array, blocks: Array, exact: bool) -> None:
         """Exact: the Schur complement by t of the Hessian in (x, t). Otherwise its Gauss-Newton part."""
-        segment, t, r, w = self._at(x)
-        e = x[segment + 1] - x[segment]
-        slides = (t > 0.0) & (t < 1.0)
-        shape = (1.0 - t, t)
-        cross = []
-        for a, sign in ((0, -1.0), (1, 1.0)):
-            column = shape[a][:, None] * e + (sign * r if exact else 0.0)
-            cross.append(np.where(slides[:, None], column, 0.0) / np.linalg.norm(e, axis=1)[:, None])
-        for a in range(2):
-            for b in range(a, 2):
-                block = (shape[a] * shape[b])[:, None, None] * np.eye(3)
-                block = block - cross[a][:, :, None] * cross[b][:, None, :]
-                np.add.at(blocks, (segment + a, b - a), 2.0 * w[:, None, None] * block)
+        vertices, t, r, w = self._at(x)
+        shape, slope = spline_shape(t), np.stack([t - 1.0, 1.0 - 2.0 * t, t], axis=1)
+        corners = x[vertices]
+        tangent = np.einsum("ka,kaj->kj", slope, corners)
+        squared = np.sum(tangent**2, axis=1)
+        cross = shape[..., None] * tangent[:, None]
+        if exact:
+            cross = cross + slope[..., None] * r[:, None]
+            squared = squared + np.sum(r * (corners[:, 0] - 2.0 * corners[:, 1] + corners[:, 2]), axis=1)
+        slides = (t > 0.0) & (t < 1.0) & (squared > 1e-12)
+        share = np.where(slides, 1.0 / np.where(slides, squared, 1.0), 0.0)
+        for a in range(3):
+            for b in range(a, 3):
+                block = (shape[:, a] * shape[:, b])[:, None, None] * np.eye(3)
+                block = block - share[:, None, None] * cross[:, a, :, None] * cross[:, b, None, :]
+                np.add.at(blocks[:, b - a], vertices[:, a], 2.0 * w[:, None, None] * block)
+
+
+def _triples(piece: IntArray) -> IntArray:
+    return piece[:, None] + np.array([-1, 0, 1])
+
+
+def spline_shape(t: Array) -> Array:
+    """Weights (k, 3) of vertices i - 1, i, i + 1 on piece i of a uniform quadratic B-spline at t (k,)."""
+    return np.stack([0.5 * (1.0 - t) ** 2, 0.5 + t - t * t, 0.5 * t * t], axis=1)
+
+
+@njit(cache=True)
+def closest_on_spline(points: Array, x: Array) -> tuple[IntArray, Array]:
+    """Piece (k,), 1 .. n - 2, and t in [0, 1] (k,) of the closest point of the B-spline of vertices x (n, 3)."""
+    pieces = np.empty(len(points), np.int64)
+    parameters = np.empty(len(points))
+    for k in range(len(points)):
+        nearest, best = 0, np.inf
+        for i in range(len(x)):
+            squared = np.sum((x[i] - points[k]) ** 2)
+            if squared < best:
+                nearest, best = i, squared
+        best = np.inf
+        for i in range(max(nearest - 2, 1), min(nearest + 2, len(x) - 2) + 1):
+            a, b, c = x[i - 1], x[i], x[i + 1]
+            bend = a - 2.0 * b + c
+            t = 0.5
+            for _ in range(12):
+                r = 0.5 * (1 - t) ** 2 * a + (0.5 + t - t * t) * b + 0.5 * t * t * c - points[k]
+                tangent = (b - a) + t * bend
+                slope, square = np.sum(r * tangent), np.sum(tangent * tangent)
+                curvature = square + np.sum(r * bend)
+                t_new = min(max(t - slope / max(curvature, 0.3 * square), 0.0), 1.0)
+                if abs(t_new - t) < 1e-14:
+                    break
+                t = t_new
+            r = 0.5 * (1 - t) ** 2 * a + (0.5 + t - t * t) * b + 0.5 * t * t * c - points[k]
+            squared = np.sum(r * r)
+            if squared < best:
+                best, pieces[k], parameters[k] = squared, i, t
+    return pieces, parameters

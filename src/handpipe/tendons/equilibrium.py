@@ -24,7 +24,9 @@ BAND = 4 * REACH + 2  # unknowns are ordered x_0, multiplier_0, x_1, multiplier_
 
 @dataclass(frozen=True)
 class Options:
-    """`tolerance`: unbalanced lateral force over the largest tension; `smallest_step` in mm ends it as well."""
+    """`tolerance`: unbalanced lateral force over the largest tension;
+    a whole Newton step below `smallest_step` in mm ends it as well.
+    """
 
     tolerance: float = 1e-7
     smallest_step: float = 1e-7
@@ -84,7 +86,7 @@ def _forces(gradient: Array, d: Array) -> tuple[Array, Array]:
 
 
 def _newton_turn(
-    energies: Sequence[RodEnergy], x: Array, gradient: Array, d: Array, tension: Array, exact: bool
+    energies: Sequence[RodEnergy], x: Array, gradient: Array, d: Array, tension: Array, force: float, exact: bool
 ) -> tuple[Array, float]:
     """Change of the segments' directions (Q, 3), and the energy's slope along it."""
     length = segment_length(x)
@@ -92,7 +94,7 @@ def _newton_turn(
     for energy in energies:
         energy.add_hessian(x, blocks, exact)
     # the constraints' curvature is the tension's; compressed segments are left out to keep a descent direction
-    stiffness = np.maximum(tension, 1e-3 * np.abs(tension).max()) / length
+    stiffness = np.maximum(tension, 1e-3 * force) / length
     rhs = np.zeros(4 * len(x) - 1)
     for c in range(3):
         rhs[4 + c :: 4] = -gradient[1:, c]
@@ -117,7 +119,7 @@ def solve(energies: Sequence[RodEnergy], x: Array, options: Options | None = Non
     are refreshed in each iteration. Raises `ConvergenceError` where no equilibrium is reached.
     """
     options = options or Options()
-    length, first = segment_length(x), x[:1]
+    length = segment_length(x)
     residual = np.inf
     for iteration in range(options.max_iterations):
         for energy in energies:
@@ -127,16 +129,16 @@ def solve(energies: Sequence[RodEnergy], x: Array, options: Options | None = Non
         tension, lateral = _forces(gradient, d)
         scale = max(float(np.abs(tension).max()), 1e-12)
         residual = float(lateral.max()) / scale
+        force = max(scale, float(lateral.max()))
         if residual <= options.tolerance:
             return Equilibrium(x, tension, iteration, residual)
-        turn, slope = _newton_turn(energies, x, gradient, d, tension, exact=residual < 0.05)
+        turn, slope = _newton_turn(energies, x, gradient, d, tension, force, exact=residual < 0.05)
         if slope >= 0.0 and residual < 0.05:
-            turn, slope = _newton_turn(energies, x, gradient, d, tension, exact=False)
+            turn, slope = _newton_turn(energies, x, gradient, d, tension, force, exact=False)
         shortened = min(1.0, options.largest_turn / max(float(np.linalg.norm(turn, axis=1).max()), 1e-300))
-        moved, step = _line_search(energies, x, d, shortened * turn, shortened * slope, length)
-        if step <= options.smallest_step and shortened == 1.0:
-            return Equilibrium(moved, tension, iteration, residual)
-        x = np.vstack([first, moved[1:]])
+        x = _line_search(energies, x, d, shortened * turn, shortened * slope, length)
+        if length * float(np.abs(np.cumsum(turn, axis=0)).max()) <= options.smallest_step:
+            return Equilibrium(x, tension, iteration, residual)
     if options.accept_unfinished:
         return Equilibrium(x, tension, options.max_iterations, residual)
     raise ConvergenceError(
@@ -146,14 +148,14 @@ def solve(energies: Sequence[RodEnergy], x: Array, options: Options | None = Non
 
 def _line_search(
     energies: Sequence[RodEnergy], x: Array, d: Array, turn: Array, slope: float, length: float
-) -> tuple[Array, float]:
-    """The rod after the largest step 1, 1/2, 1/4, ... of enough decrease (Armijo), and its largest motion."""
+) -> Array:
+    """The rod after the largest step 1, 1/2, 1/4, ... of enough decrease (Armijo)."""
     before = sum(energy.value(x) for energy in energies)
     rounding = 1e-14 * (abs(before) + 1.0)
     factor = 1.0
     while factor > 1e-10:
         trial = _turned(x[0], d, factor * turn, length)
         if sum(energy.value(trial) for energy in energies) <= before + 1e-4 * factor * slope + rounding:
-            return trial, float(np.abs(trial - x).max())
+            return trial
         factor *= 0.5
     raise ConvergenceError("The rod", "the line search finds no decrease")

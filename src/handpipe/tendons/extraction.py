@@ -57,11 +57,11 @@ def extract(
     curve = np.vstack([clicked[:1], curve[np.linalg.norm(curve - clicked[0], axis=1) > spacing]])
     x = resample(curve, spacing)
     for _ in range(ROUNDS):
-        found = tubes.darkness_centre(volume, x, tangents(x), radius, bones)
+        found = tubes.darkness_centre(volume, x, tangents(x), radius, bones, iterations=1)
         x = resample(_through_centres(x, found, spacing), spacing)
     found = tubes.darkness_centre(volume, x, tangents(x), radius, bones)
     radii = smoothed(
-        np.append(found.radii, radius)[: len(x), None], found.confidence + 1e-3, spacing, 2.0 * SMOOTHING
+        found.radii[:, None], found.confidence + 1e-3, spacing, 2.0 * SMOOTHING
     )[:, 0]
     return NeutralTendon(x, radii, found.confidence, tubes.tube_surface(volume, x, radius, bones))
 
@@ -75,7 +75,7 @@ def centre_finder(volume: Volume, radius: float, bones: Distance | None = None) 
     """`find_centres(points, tangents) -> (centres, confidence)` of one image, for `registration.register`."""
 
     def find(points: Array, along: Array) -> tuple[Array, Array]:
-        found = tubes.darkness_centre(volume, points, along, radius, bones)
+        found = tubes.darkness_centre(volume, points, along, radius, bones, iterations=1)
         inside = np.all(
             (volume.to_index(points) >= 0) & (volume.to_index(points) <= np.array(volume.shape) - 1), axis=1
         )

@@ -11,7 +11,7 @@ from handpipe.tendons.tendon import Tendon
 
 
 class TendonLayer:
-    """Tendons of loaded artifacts. Frames do not depend on one another: each starts from the skinned rest rod."""
+    """Tendons of loaded artifacts. Frames do not depend on one another: each starts from its own pose space."""
 
     name = "tendons"
     needs: tuple[str, ...] = ("bones", "bone_fascia")

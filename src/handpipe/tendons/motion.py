@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.linalg import expm, logm
@@ -26,14 +26,19 @@ def screw(transform: RigidTransform, share: float) -> RigidTransform:
     return RigidTransform(partial[:3, :3], partial[:3, 3])
 
 
-def steps_towards(bones: Bones, base: str, largest_turn: float) -> list[dict[str, RigidTransform]]:
-    """Poses from neutral to `bones`, by turns of at most `largest_turn` rad against the base bone.
+def steps_towards(bones: Bones, chain: Sequence[str], largest_turn: float) -> list[dict[str, RigidTransform]]:
+    """Poses from neutral to `bones`, by turns of at most `largest_turn` rad of a bone against the next.
 
-    Bones turn about fixed axes of the base bone's frame; the base bone itself is in its place from the start.
+    `chain` names bones from the tip to the base, which is at rest. Each turns about a fixed axis of the next
+    one's frame, as its joint does: turning all of them about axes of the base would pull the joints apart.
     """
-    relative = relative_to(bones, base)
-    turn = max(float(np.linalg.norm(t.rotation_vector())) for t in relative.values())
+    joints = {a: bones[b].inverse() @ bones[a] for a, b in zip(chain[:-1], chain[1:], strict=True)}
+    turn = max([float(np.linalg.norm(t.rotation_vector())) for t in joints.values()], default=0.0)
     count = max(int(np.ceil(turn / largest_turn)), 1)
-    shares = (np.arange(count) + 1) / count
-    poses = [{name: bones[base] @ screw(t, s) for name, t in relative.items()} for s in shares[:-1]]
-    return [*poses, dict(bones)]
+    poses = []
+    for share in (np.arange(count) + 1) / count:
+        pose = {chain[-1]: bones[chain[-1]]}
+        for a, b in reversed(list(zip(chain[:-1], chain[1:], strict=True))):
+            pose[a] = pose[b] @ screw(joints[a], share)
+        poses.append(pose)
+    return poses

@@ -7,11 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.tendons.energies import Bend, Hooks, RodEnergy
+from handpipe.tendons.energies import Bend, Hooks
 from handpipe.tendons.equilibrium import Options, solve
-from handpipe.tendons.motion import steps_towards
+from handpipe.tendons.motion import relative_to, steps_towards
 from handpipe.tendons.rest import PULL, RestTendon
 from handpipe.tendons.rod import Array, closest_on_rod, tangents
 from handpipe.tendons.surface_fit import SurfaceFit, Target
@@ -29,9 +30,10 @@ class Settings:
     largest_turn: float = 0.26  # rad of the bones between two solves of stage 1
     rigid_spacing: float = 4.0  # mm between the rigid points of stage 1
     rigid_weight: float = 0.95  # skinning weight from which a point counts as rigid to its bone
+    rigid_smoothing: float = 2.0
     centre_rounds: int = 6
-    centre_smoothing: float = 2.0
-    surface_smoothing: float = 2.0
+    centre_smoothing: float = 1.0
+    surface_smoothing: float = 1.0
     surface_rounds: int = 30
     surface_step: float = 5e-3  # mm; stage 3 ends where no vertex moves more
 
@@ -46,21 +48,37 @@ class Registration:
     centred: Array
 
 
+def rigid_hooks(tendon: RestTendon, bones: Mapping[str, RigidTransform], settings: Settings) -> Array:
+    """Points (k, 3) of the rod that move rigidly with their bone, carried to a pose.
+
+    On the inner side of a bent joint the courses on its two bones cross: the tendon changes from one to the
+    other where they come closest, and points beyond are left out.
+    """
+    owner = np.argmax(tendon.skinning, axis=1)
+    kept = tendon.skinning.max(axis=1) > settings.rigid_weight
+    points = np.stack([bones[name](tendon.x) for name in tendon.bones])[owner, np.arange(len(owner))]
+    for n in range(len(tendon.bones) - 1):
+        before, after = np.flatnonzero(kept & (owner == n)), np.flatnonzero(kept & (owner == n + 1))
+        if len(before) == 0 or len(after) == 0:
+            continue
+        apart = cdist(points[before], points[after])
+        i, j = np.unravel_index(np.argmin(apart), apart.shape)
+        kept[before[i + 1 :]] = False
+        kept[after[:j]] = False
+    every = max(int(round(settings.rigid_spacing / tendon.length)), 1)
+    kept &= np.arange(len(owner)) % every == every // 2
+    return points[kept]
+
+
 def follow_bones(tendon: RestTendon, bones: Mapping[str, RigidTransform], settings: Settings) -> Array:
     """Stage 1: rigid points as hooks, bones moved slowly from neutral. Returns x (Q+1, 3)."""
-    owner = np.argmax(tendon.skinning, axis=1)
-    rigid = tendon.skinning.max(axis=1) > settings.rigid_weight
-    every = max(int(round(settings.rigid_spacing / tendon.length)), 1)
-    chosen = np.flatnonzero(rigid & (np.arange(len(tendon.x)) % every == every // 2))
-    x = tendon.x
-    bend = Bend(PULL * settings.centre_smoothing**2, tendon.length)
-    for pose in steps_towards(bones, tendon.bones[-1], settings.largest_turn):
-        hooks = np.empty((len(chosen), 3))
-        for n, name in enumerate(tendon.bones):
-            hooks[owner[chosen] == n] = pose[name](tendon.x[chosen[owner[chosen] == n]])
+    x, base = tendon.x, tendon.bones[-1]
+    bend = Bend(PULL * settings.rigid_smoothing**2, tendon.length)
+    for pose in steps_towards(relative_to(bones, base), tendon.bones, settings.largest_turn):
+        hooks = Hooks(rigid_hooks(tendon, pose, settings))
         start = x + (pose[tendon.bones[0]](tendon.x[:1])[0] - x[0])
-        x = solve([Hooks(hooks), tendon.pull(pose), bend], start).x
-    return x
+        x = solve([hooks, tendon.pull(pose), bend], start).x
+    return bones[base](x)
 
 
 def _centre_hooks(x: Array, find_centres: FindCentres) -> Hooks:
@@ -100,16 +118,21 @@ def fit_surface(
     x: Array,
     target: Target,
     settings: Settings,
-    others: tuple[RodEnergy, ...] = (),
+    centres: Hooks | None = None,
 ) -> tuple[Array, Array]:
-    """Stage 3: point-to-plane ICP of the skinned tube. Returns x (Q+1, 3) and twist (Q,)."""
+    """Stage 3: point-to-plane ICP of the skinned tube. Returns x (Q+1, 3) and twist (Q,).
+
+    `centres`, hooks of stage 2, are kept with the surface's stiffness: where the surface is not believed, and at
+    the free end, they hold the rod better than its bending.
+    """
     stiffness = 50.0 * PULL  # c4 : c1 of Table 2
     bend = Bend(stiffness * settings.surface_smoothing**4, tendon.length)
     first, twist = tendon.first_normal(bones), np.zeros(len(x) - 1)
     fit = SurfaceFit(tendon.tube, target, first, stiffness, tendon.length, twist)
+    held = [] if centres is None else [Hooks(centres.points, stiffness * centres.weights)]
     once = Options(max_iterations=1, accept_unfinished=True)
     for n in range(settings.surface_rounds):
-        moved = solve([fit, tendon.pull(bones), bend, *others], x, once).x
+        moved = solve([fit, tendon.pull(bones), bend, *held], x, once).x
         twist = untwisted(twist, 1.0, fit, moved)
         fit.twist = twist
         change = float(np.abs(moved - x).max())
@@ -139,7 +162,8 @@ def register(
     surface = target(centred) if target is not None else None
     if surface is None:
         return Registration(centred, np.zeros(len(centred) - 1), rough, centred)
-    x, twist = fit_surface(tendon, bones, centred, surface, settings)
+    centres = _centre_hooks(centred, find_centres)
+    x, twist = fit_surface(tendon, bones, centred, surface, settings, centres)
     return Registration(x, twist, rough, centred)
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.skinning import blend, bone_weights
@@ -61,10 +59,13 @@ class RestTendon:
         """The first segment's normal (3,), carried by the insertion's bone."""
         return bones[self.bones[0]].rotation @ self.normal
 
+    def skinned(self, bones: Mapping[str, RigidTransform]) -> Array:
+        """The rest vertices (Q+1, 3) moved by smooth blends of the bones' transforms; lengths change."""
+        return blend(self.x, self.skinning, {name: bones[name] for name in self.bones})
+
     def carried(self, bones: Mapping[str, RigidTransform]) -> Array:
-        """A rod (Q+1, 3) of the right segment lengths along the skinned rest shape: where solves start."""
-        own = {name: bones[name] for name in self.bones}
-        curve = blend(self.x, self.skinning, own)
-        curve[0] = own[self.bones[0]](self.x[:1])[0]
+        """A rod (Q+1, 3) of the right segment lengths along the skinned rest shape."""
+        curve = self.skinned(bones)
+        curve[0] = bones[self.bones[0]](self.x[:1])[0]
         end = bones[self.bones[-1]].rotation @ self.pull_direction
         return lay(curve, self.length, len(self.x) - 1, end)

@@ -9,7 +9,7 @@ import numpy as np
 
 from handpipe.mesh.distance import Distance
 from handpipe.tendons.energies import REACH
-from handpipe.tendons.rod import Array, directions, frames
+from handpipe.tendons.rod import Array, IntArray, directions, frames
 from handpipe.tendons.tube import SEGMENTS, Tube
 
 
@@ -26,17 +26,22 @@ class Target:
     margin: float = 0.7
     reach: float = 2.0  # mm; targets further than this from the tube belong to something else
 
-    def closest(self, points: Array, normals: Array) -> tuple[Array, Array, Array]:
-        """Closest points (n, 3), their pseudonormals (n, 3) and robust weights (n,) in [0, 1] (Tukey)."""
+    def closest(self, points: Array, normals: Array, along: Array) -> tuple[Array, Array, Array]:
+        """Closest points (n, 3), their pseudonormals (n, 3) and robust weights (n,) in [0, 1] (Tukey).
+
+        normals, along (n, 3): the tube's own normals, and the rod's tangents: cut ends of either surface, whose
+        normals run along the rod, say nothing of its course.
+        """
         signed, _, closest, target_normals = self.surface.signed(points)
         believed = (np.abs(signed) < self.reach) & (np.sum(normals * target_normals, axis=1) > 0.5)
+        believed &= np.abs(np.sum(along * target_normals, axis=1)) < 0.5
         if self.bone_distance is not None:
             believed &= self.bone_distance(closest) > self.margin
         if not believed.any():
             return closest, target_normals, np.zeros(len(points))
         offset = np.sum((points - closest) * target_normals, axis=1)
         centre = np.median(offset[believed])
-        spread = max(1.4826 * float(np.median(np.abs(offset[believed] - centre))), 0.05)
+        spread = max(1.4826 * float(np.median(np.abs(offset[believed] - centre))), 0.25)
         weights = np.maximum(1.0 - ((offset - centre) / (4.685 * spread)) ** 2, 0.0) ** 2
         return closest, target_normals, np.where(believed, weights, 0.0)
 
@@ -65,7 +70,7 @@ class SurfaceFit:
         self._frames = frames(x, self.first_normal, self.twist)
         v = self.tube.skin(x, self._frames)
         surface_normals = _vertex_normals(v, self.tube.triangles)
-        self.closest, self.normals, weights = self.target.closest(v, surface_normals)
+        self.closest, self.normals, weights = self.target.closest(v, surface_normals, self._frames[self.tube.first + 1, :, 0])
         density = len(v) / ((len(x) - 1) * self.length)
         self.weights = self.stiffness / density * weights
 
@@ -108,7 +113,7 @@ class SurfaceFit:
         left = 2.0 * self.weights[used, None, None] * rows
         for a in range(SEGMENTS + 1):
             for k in range(min(REACH, SEGMENTS - a) + 1):
-                np.add.at(blocks, (first + a, k), left[:, a, :, None] * rows[:, a + k, None, :])
+                np.add.at(blocks[:, k], first + a, left[:, a, :, None] * rows[:, a + k, None, :])
 
 
 def smallest_rotations(a: Array, b: Array) -> Array:
@@ -121,7 +126,7 @@ def smallest_rotations(a: Array, b: Array) -> Array:
     return np.eye(3) + skew + share[:, None, None] * (skew @ skew)
 
 
-def _vertex_normals(vertices: Array, triangles: Array) -> Array:
+def _vertex_normals(vertices: Array, triangles: IntArray) -> Array:
     a, b, c = (vertices[triangles[:, i]] for i in range(3))
     area = np.cross(b - a, c - a)
     normals = np.zeros_like(vertices)

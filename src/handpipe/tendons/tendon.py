@@ -18,7 +18,7 @@ from handpipe.tendons.equilibrium import Equilibrium, solve
 from handpipe.tendons.hooks import HookSet, closest_points, fit_hooks, past_end
 from handpipe.tendons.motion import Bones, relative_to
 from handpipe.tendons.rest import PULL, RestTendon
-from handpipe.tendons.rod import Array, closest_on_rod, frames, point_at
+from handpipe.tendons.rod import Array, frames, lay
 from handpipe.tendons.tube import Tube
 
 BEND_LENGTH = 1.5  # mm over which the rod rounds the kink at a hook
@@ -27,18 +27,23 @@ CALIBRATIONS = 6
 
 @dataclass(frozen=True)
 class Tendon:
-    """name, rest tendon, radius in mm, hooks, and the pose space of their corrections."""
+    """name, rest tendon, radius in mm, hooks, and the pose space of their corrections.
+
+    starts (N, Q+1, 3): from the skinned rest rod to the example rods, in the frame of the base bone. Solves start
+    from their interpolation, near their answer, where sharply bent joints would have other equilibria nearby.
+    """
 
     name: str
     rest: RestTendon
     radius: float
     hooks: HookSet
     space: PoseSpace
+    starts: Array
 
     def solve(self, bones: Bones, start: Array | None = None) -> Equilibrium:
         """Static equilibrium (Eq. 4-12) for bone transforms from neutral; the rod x (Q+1, 3) in their frame.
 
-        `start` (Q+1, 3) is another rod to start from; by default the skinned rest rod. Raises `ConvergenceError`.
+        `start` (Q+1, 3) is another rod to start from. Raises `ConvergenceError`.
         """
         base = bones[self.rest.bones[-1]]
         relative = relative_to(
@@ -46,12 +51,17 @@ class Tendon:
         )
         hooks = Hooks(self.hooks.positions(relative, self.space))
         bend = Bend(PULL * BEND_LENGTH**2, self.rest.length)
-        x = self.rest.carried(relative) if start is None else base.inverse()(start)
+        x = self._start(relative) if start is None else base.inverse()(start)
         try:
             found = solve([hooks, self.rest.pull(relative), bend], x)
         except ConvergenceError as error:
             raise ConvergenceError(f"Tendon {self.name}", str(error)) from error
         return replace(found, x=base(found.x))
+
+    def _start(self, bones: Bones) -> Array:
+        curve = self.rest.skinned(bones) + self.space.interpolate(self.starts, bones)
+        curve[0] = bones[self.rest.bones[0]](self.rest.x[:1])[0]
+        return lay(curve, self.rest.length, len(curve) - 1, self.rest.pull_direction)
 
     def frames(self, x: Array, bones: Bones) -> Array:
         """Untwisted frames (Q, 3, 3) of a rod x (Q+1, 3) in a pose."""
@@ -76,6 +86,7 @@ class Tendon:
                 "local": tube.local,
             },
             "hooks": {"rest": hooks.rest, "weights": hooks.weights, "corrections": hooks.corrections},
+            "starts": self.starts,
             "pose_space": self.space.to_group(),
         }
         units = {
@@ -101,6 +112,7 @@ class Tendon:
             float(data["radius"]),
             HookSet(bones, hooks["rest"], hooks["weights"], hooks["corrections"]),
             space,
+            data["starts"],
         )
 
 
@@ -123,7 +135,8 @@ def build_tendon(
     local = {pose: poses[pose][base].inverse()(x) for pose, x in rods.items()}
     space = PoseSpace.build(rest.bones, parents, relative)
     hooks = fit_hooks(rest.x, neutral_bones, rest.bones, list(local.values()), list(relative.values()))
-    tendon = Tendon(name, rest, radius, hooks, space)
+    starts = np.stack([local[pose] - rest.skinned(bones) for pose, bones in relative.items()])
+    tendon = Tendon(name, rest, radius, hooks, space, starts)
     for _ in range(CALIBRATIONS):
         tendon = _calibrated(tendon, local, relative)
     return tendon
@@ -137,10 +150,9 @@ def _calibrated(tendon: Tendon, rods: Mapping[str, Array], poses: Mapping[str, B
     corrections = tendon.hooks.corrections.copy()
     for n, (pose, rod) in enumerate(rods.items()):
         x = tendon.solve(poses[pose]).x
-        hooks = tendon.hooks.positions(poses[pose], tendon.space)
-        segment, t, _ = closest_on_rod(hooks, x)
-        contact = point_at(x, segment, t)
-        past = (segment == len(x) - 2) & (t == 1.0)
+        hooks = Hooks(tendon.hooks.positions(poses[pose], tendon.space))
+        hooks.refresh(x)
+        contact = hooks.contacts(x)
         miss = closest_points(contact, past_end(rod)) - contact
-        corrections[n] += np.where(past[:, None], 0.0, miss)
+        corrections[n] += np.where(hooks.held[:, None], miss, 0.0)
     return replace(tendon, hooks=replace(tendon.hooks, corrections=corrections))

@@ -58,6 +58,6 @@ def untwisted(
         for a in range(SEGMENTS):
             np.add.at(gradient, tube.first + a, 2.0 * fit.weights * residual * rows[:, a])
             for b in range(a, SEGMENTS):
-                index = (SEGMENTS - 1 - (b - a), tube.first + b)
-                np.add.at(bands, index, 2.0 * fit.weights * rows[:, a] * rows[:, b])
+                band = bands[SEGMENTS - 1 - (b - a)]
+                np.add.at(band, tube.first + b, 2.0 * fit.weights * rows[:, a] * rows[:, b])
     return angles - solveh_banded(bands, gradient)
