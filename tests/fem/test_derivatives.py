@@ -1,4 +1,4 @@
-"""Every potential: gradient against differences of the energy, Hessian against differences of the gradient."""
+"""Every potential: gradient and Hessian against differences."""
 
 import numpy as np
 import pytest

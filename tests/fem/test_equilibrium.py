@@ -35,7 +35,6 @@ def test_scrambled_vertices_find_the_rest_shape(material, scatter):
     assert np.linalg.det(elastic.deformation_gradients(start)).min() < 0
     found = solve([elastic], start, fixed=np.repeat(LEFT, 3))
     np.testing.assert_allclose(found.x, VERTICES, atol=1e-5)
-    assert found.record.projections > 0
 
 
 def test_springs_carry_exactly_the_load():

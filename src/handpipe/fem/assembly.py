@@ -1,8 +1,8 @@
 """Sparsity patterns computed once, and element matrices scattered into them by index.
 
-A cell is a list of vertices whose coordinates are coupled. The pattern is built from 3x3 blocks: block b
-of row vertex i, with `starts[i] <= b < starts[i + 1]`, begins at `9 starts[i] + 3 (b - starts[i])` in the data
-of the scalar matrix, and the rows below it follow `3 (starts[i + 1] - starts[i])` entries apart.
+A cell is a list of vertices whose coordinates are coupled. The pattern is built from 3x3 blocks: block
+b of row vertex i, with `starts[i] <= b < starts[i + 1]`, begins at `9 starts[i] + 3 (b - starts[i])` in
+the data of the scalar matrix, and the rows below it follow `3 (starts[i + 1] - starts[i])` entries apart.
 """
 
 from __future__ import annotations

@@ -17,11 +17,11 @@ Int32Array = NDArray[np.int32]
 
 
 class Membrane:
-    """St. Venant-Kirchhoff membrane in plane stress: h A0 (mu |E|^2 + l/2 tr(E)^2), l = 2 mu lambda / (lambda + 2 mu).
+    """St. Venant-Kirchhoff membrane in plane stress: energy h A0 (mu |E|^2 + l/2 tr(E)^2).
 
-    vertices (n, 3) in mm are the shape as drawn, triangles (k, 3); the rest shape is `scale` times as large (000
-    section 6: 0.35 to 0.40, so that the cloth is in tension everywhere, where its energy is convex).
-    thickness h in mm. Raises `InputError` where a triangle has no area.
+    l = 2 mu lambda / (lambda + 2 mu), thickness h in mm. vertices (n, 3) in mm are the shape as drawn,
+    triangles (k, 3); the rest shape is `scale` times as large (000 section 6: 0.35 to 0.40, so that the cloth
+    is in tension everywhere, where its energy is convex). Raises `InputError` where a triangle has no area.
     """
 
     def __init__(
@@ -158,7 +158,7 @@ def _hessian(
 
 @njit(cache=True)
 def _positive_part(s: Array) -> None:
-    """Drop the compressive part of a symmetric stress (2, 2); the rest of the Hessian is semidefinite as it is."""
+    """Drop the compressive part of a stress (2, 2); the rest of the Hessian is semidefinite as it is."""
     mean, half = 0.5 * (s[0, 0] + s[1, 1]), 0.5 * (s[0, 0] - s[1, 1])
     radius = np.sqrt(half**2 + s[0, 1] ** 2)
     high, low = max(mean + radius, 0.0), max(mean - radius, 0.0)

@@ -1,4 +1,4 @@
-"""Static equilibria: a globalised Newton method that minimises a sum of potentials, and continuation in a load."""
+"""Static equilibria: a globalised Newton method on a sum of potentials, and continuation in a load."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Options:
 
 @dataclass
 class Record:
-    """What a solve did. Residuals are largest vertex forces in mN, one an iteration; seconds by kind of work."""
+    """What a solve did: residuals are largest vertex forces in mN, one an iteration; seconds by work."""
 
     converged: bool = False
     reason: str = ""
@@ -76,10 +76,10 @@ def solve(
     fixed: NDArray | None = None,
     options: Options | None = None,
 ) -> Equilibrium:
-    """Minimise the sum of potentials from x (n, 3); `fixed` degrees of freedom keep the values they have in x.
+    """Minimise the sum of potentials from x (n, 3); `fixed` degrees of freedom keep their values in x.
 
-    `fixed` is a mask (3n,) or (n, 3), or indices of degrees of freedom. Fix vertices where they should end and let
-    `continuation` take large moves in steps. A body that nothing holds needs `nullspace.rigid_pins`.
+    `fixed` is a mask (3n,) or (n, 3), or indices of degrees of freedom. Fix vertices where they should end
+    and let `continuation` take large moves in steps. A body that nothing holds needs `nullspace.rigid_pins`.
     Raises `ConvergenceError`, unless `options.allow_partial`.
     """
     options = options or Options()
@@ -102,8 +102,8 @@ def continuation(
 ) -> Equilibrium:
     """Follow the equilibrium from t = 0 to 1, where x (n, 3) is (near) the equilibrium at t = 0.
 
-    `make_potentials(t)` gives the potentials; `prescribed(t)` (n, 3) the positions, of which the `fixed` degrees
-    of freedom are taken. Each step starts from a prediction with the tangent at hand; a step that fails is
+    `make_potentials(t)` gives the potentials; `prescribed(t)` (n, 3) the positions, of which the `fixed`
+    degrees of freedom are taken. Each step starts from a prediction with the tangent at hand; a step that fails is
     halved, one that converges easily is doubled. Raises `ConvergenceError` below `smallest_step`.
     """
     options = options or Options()
@@ -252,7 +252,7 @@ class _Newton:
         )
 
     def _direction(self, gradient: Array) -> Array | None:
-        """Newton direction (3n,) from the plain Hessian where it is positive definite, else from a stand-in."""
+        """Newton direction (3n,), of the plain Hessian where it is positive definite, else of a stand-in."""
         matrix = self._timed("assembly", lambda: self._reduced(project=False))
         force = -gradient[self.free]
         solution = self._timed("linear", lambda: self._by_stale_factor(matrix, force))
@@ -408,7 +408,7 @@ def _add_diagonal(matrix: sp.csr_matrix, shift: float) -> sp.csr_matrix:
 def _conjugate_gradients(
     matrix: sp.csr_matrix, b: Array, preconditioner: Factor, budget: int
 ) -> tuple[Array | None, int]:
-    """Solution to CG_TOLERANCE, or None on negative curvature or after `budget` iterations; and their number."""
+    """Solution, or None on negative curvature or after `budget` iterations; and their number."""
     u, r = np.zeros_like(b), b.copy()
     z = preconditioner.solve(r)
     p, rz = z.copy(), float(r @ z)

@@ -1,4 +1,4 @@
-"""Bodies that nothing holds: the six rigid motions and linear solves modulo them (003 sections 5.5 and 5.6)."""
+"""Bodies that nothing holds: the six rigid motions, and linear solves modulo them (003 section 5.5)."""
 
 from __future__ import annotations
 
@@ -29,8 +29,9 @@ def rigid_modes(x: Array) -> Array:
 def rigid_pins(x: Array) -> IntArray:
     """Six degrees of freedom (6,) whose fixing stops the rigid motions and nothing else.
 
-    They are the pivots of a QR factorisation of the modes, hence far from dependent. Since the energy of a free body
-    does not change in rigid motion, an equilibrium with these fixed has no reactions: it is a free one.
+    They are the pivots of a QR factorisation of the modes, hence far from dependent. Since the energy of a
+    free body does not change in rigid motion, an equilibrium with these fixed has no reactions: it is a free
+    one.
     """
     pivots = scipy.linalg.qr(rigid_modes(x).T, mode="economic", pivoting=True)[2]
     return np.sort(pivots[:6]).astype(np.int64)
@@ -39,9 +40,9 @@ def rigid_pins(x: Array) -> IntArray:
 class DeflatedFactor:
     """Solutions of K u = b orthogonal to the nullspace of a positive semidefinite K (003 Singular Lemma ii).
 
-    The bordered system of 003 Eq. 5.15 has dense columns. Here as many degrees of freedom as there are modes are fixed
-    at zero, which leaves a sparse positive definite matrix; for b in the range of K its solution is one of
-    K u = b, and projecting the modes out makes it the wanted one. b is first projected into the range.
+    The bordered system of 003 Eq. 5.15 has dense columns. Here as many degrees of freedom as there are modes
+    are fixed at zero, which leaves a sparse positive definite matrix; for b in the range of K its solution is
+    one of K u = b, and projecting the modes out makes it the wanted one. b is first projected into the range.
     """
 
     def __init__(self, matrix: sp.csr_matrix, modes: Array) -> None:
