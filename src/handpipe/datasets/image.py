@@ -1,7 +1,7 @@
 """Image model: closed tissue surfaces become an MRI-like volume.
 
-Each voxel holds the share of every tissue (partial volume), blurred by nothing else; a smooth bias field, Rician
-noise and a scanner's gain follow.
+Each voxel mixes its tissues by their shares (partial volume); a smooth bias field, Rician noise and a
+scanner's gain follow.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ INTENSITIES = {
 
 @dataclass(frozen=True)
 class Grid:
-    """A volume's voxels: centre of voxel (i, j, k) at origin + spacing (i, j, k), in mm, axes along x, y, z."""
+    """Voxels along x, y, z: the centre of voxel (i, j, k) is origin + spacing (i, j, k), in mm."""
 
     shape: tuple[int, int, int]
     origin: Array
@@ -88,8 +88,10 @@ def _closest(px: float, py: float, pz: float, a: Array, b: Array, c: Array) -> f
 
 
 @njit(cache=True)
-def _band(vertices: Array, triangles: IntArray, shape: tuple[int, int, int], width: float) -> tuple[Array, NDArray]:
-    """Distance (voxels, at most `width`) of each voxel to a surface in voxel units, and whether it lies inside.
+def _band(
+    vertices: Array, triangles: IntArray, shape: tuple[int, int, int], width: float
+) -> tuple[Array, NDArray]:
+    """Distance of each voxel to a surface in voxel units, at most `width`, and whether it lies inside.
 
     Inside is the parity of crossings along +z, counted once a grid line and triangle.
     """
@@ -111,7 +113,7 @@ def _band(vertices: Array, triangles: IntArray, shape: tuple[int, int, int], wid
                     if d2 < squared[i, j, k]:
                         squared[i, j, k] = d2
                 if area != 0.0:
-                    # A tiny shift of the grid lines keeps them off edges and vertices, where parity is undefined.
+                    # A tiny shift keeps grid lines off edges and vertices, where parity is undefined.
                     x, y = i + 1.234e-7, j + 3.137e-7
                     u = ((b[0] - x) * (c[1] - y) - (b[1] - y) * (c[0] - x)) / area
                     v = ((c[0] - x) * (a[1] - y) - (c[1] - y) * (a[0] - x)) / area
@@ -130,7 +132,7 @@ def _band(vertices: Array, triangles: IntArray, shape: tuple[int, int, int], wid
 
 
 def signed_distance(surface: Surface, grid: Grid, width: float) -> Array:
-    """Signed distance in mm (negative inside) of each voxel centre to a closed surface, cut off at +-`width` mm."""
+    """Signed distance in mm (negative inside) of each voxel centre to a closed surface, at most `width`."""
     vertices, triangles = surface
     local = grid.indices(vertices)
     reach = width / grid.spacing
@@ -147,7 +149,10 @@ def signed_distance(surface: Surface, grid: Grid, width: float) -> Array:
 
 
 def occupancy(surface: Surface, grid: Grid) -> Array:
-    """Share of each voxel inside a closed surface, for a boundary taken as plane: clip(1/2 - d/h, 0, 1)."""
+    """Share of each voxel inside a closed surface, for a boundary taken as plane: clip(1/2 - d/h, 0, 1).
+
+    A curved boundary counts about h^2 / 12 times its total curvature too much: 0.6 % of a ball of 12 voxels.
+    """
     return np.clip(0.5 - signed_distance(surface, grid, grid.spacing) / grid.spacing, 0.0, 1.0)
 
 

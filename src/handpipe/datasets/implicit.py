@@ -67,5 +67,7 @@ def triangulate(shape: Implicit, lower: Array, upper: Array, spacing: float) -> 
     values = shape(points).reshape(tuple(count))
     # Zeros on grid nodes would give triangles without area.
     values = np.where(np.abs(values) < 1e-3 * spacing, 1e-3 * spacing, values)
-    vertices, triangles, _, _ = marching_cubes(values, 0.0, spacing=(spacing,) * 3, gradient_direction="descent")
+    vertices, triangles, _, _ = marching_cubes(
+        values, 0.0, spacing=(spacing,) * 3, gradient_direction="descent"
+    )
     return vertices.astype(float) + lower, triangles.astype(np.int64)

@@ -1,7 +1,7 @@
 """Known kinematics of a chain of bones: joints turn about fixed axes, plus small known residual motions.
 
-A joint can move a point by a fraction of its motion. Tissue that spans a joint is posed by a fraction that grows
-smoothly from 0 on the parent's side to 1 on the child's.
+A joint can move a point by a fraction of its motion. Tissue that spans a joint is posed by a fraction that
+grows smoothly from 0 on the parent's side to 1 on the child's.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ Array = NDArray[np.float64]
 class KnownJoint:
     """A joint in the neutral frame.
 
-    axes (k, 3) unit vectors, first flexion, then abduction, which carries the flexion axis; centre (3,) in mm;
-    residual_rotation (3,) rotation vector in rad and residual_translation (3,) in mm that the joint adds when its
-    first angle is 90 degrees, growing with its sine.
+    axes (k, 3) unit vectors, first flexion, then abduction, which carries the flexion axis; centre (3,) in
+    mm; residual_rotation (3,) rotation vector in rad and residual_translation (3,) in mm that the joint adds
+    when its first angle is 90 degrees, growing with its sine.
     """
 
     name: str
@@ -53,7 +53,7 @@ class KnownJoint:
 
 @dataclass(frozen=True)
 class Posture:
-    """One pose of a chain: joints from the root outwards, their angles in rad, and the root's repositioning."""
+    """One pose of a chain: joints outwards, their angles in rad, and the root's repositioning."""
 
     joints: tuple[KnownJoint, ...]
     angles: Mapping[str, float]

@@ -6,7 +6,6 @@ The truth is kinematic: closed-form maps pose every tissue. No code of the fitti
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -133,8 +132,8 @@ def posture(pose: str, seed: int) -> Posture:
 def generate_pose(dataset: Dataset, pose: str, *, spacing: float = 0.8, margin: float = 6.0) -> None:
     """Write a pose's volume, seeds, scan, truth and label volumes where the dataset names them.
 
-    `spacing` is the voxel size and `margin` the air around the finger, in mm. Raises `InputError` for a pose that
-    the phantom does not know.
+    `spacing` is the voxel size and `margin` the air around the finger, in mm. Raises `InputError` for a pose
+    that the phantom does not know.
     """
     posed = finger().posed(posture(pose, dataset.seed))
     files = dataset.poses[pose]
@@ -175,7 +174,9 @@ def skin_scan(posed: PosedFinger, rng: np.random.Generator) -> Surface:
     anatomy = finger()
     neutral, triangles = anatomy.skin.surface(0.83, 80, phase=0.4)
     growth = {name: muscle.pose(posed.posture)[2] for name, muscle in anatomy.muscles.items()}
-    return scans.scan(neutral, anatomy.skin.pose(neutral, posed.posture, growth), triangles, rng, open_before=START + 7.0)
+    return scans.scan(
+        neutral, anatomy.skin.pose(neutral, posed.posture, growth), triangles, rng, open_before=START + 7.0
+    )
 
 
 def write_truth(path: Path, posed: PosedFinger) -> None:
@@ -200,7 +201,8 @@ def write_truth(path: Path, posed: PosedFinger) -> None:
         "muscles": {name: surface(s) for name, s in posed.muscles.items()},
         "ligaments": {name: surface(s) for name, s in posed.ligaments.items()},
         "tendons": {
-            name: {"centreline": line, "radius": finger().tendons[name].radius} for name, line in posed.tendons.items()
+            name: {"centreline": line, "radius": finger().tendons[name].radius}
+            for name, line in posed.tendons.items()
         },
         "skin": surface(posed.skin),
         "nails": {
@@ -213,18 +215,27 @@ def write_truth(path: Path, posed: PosedFinger) -> None:
         "angles": dict(posed.posture.angles),
         "joints": {j.name: {"axes": j.axes, "centre": j.centre} for j in posed.posture.joints},
     }
-    units = {"bones": "mm", "muscles": "mm", "ligaments": "mm", "tendons": "mm", "skin": "mm", "angles": "rad"}
+    units = {
+        "bones": "mm",
+        "muscles": "mm",
+        "ligaments": "mm",
+        "tendons": "mm",
+        "skin": "mm",
+        "angles": "rad",
+    }
     artifacts.write(path, data, kind="truth", units=units)
 
 
 TEMPLATE_WARP = templates.Warp(
     np.array([60.0, 0.0, 0.0]),
-    frame=RigidTransform(Rotation.from_euler("xyz", [5.0, -4.0, 6.0], degrees=True).as_matrix(), np.array([8.0, -5.0, 4.0])),
+    frame=RigidTransform(
+        Rotation.from_euler("xyz", [5.0, -4.0, 6.0], degrees=True).as_matrix(), np.array([8.0, -5.0, 4.0])
+    ),
 )
 
 
 def generate_templates(dataset: Dataset) -> None:
-    """Write what a person brings to a subject: template surfaces, attachments, tendon curves, the nail's patch."""
+    """Write what a person brings to a subject: templates, attachments, tendon curves, the nail's patch."""
     anatomy, rng = finger(), np.random.default_rng([dataset.seed, 3])
     neutral = posture("neutral", dataset.seed)
     for name, bone in dataset.bones.items():

@@ -1,7 +1,7 @@
 """The phantom's intrinsic muscles and ligaments: tubes of known shape, posed by maps that keep their volume.
 
-Both muscles lie radially of the metacarpal. Their sections fill the two quadrants beyond a corner (beside the bone,
-on their common contact plane), so that a section scaled about its corner neither enters the bone nor the other.
+Both muscles lie radially of the metacarpal. Their sections fill the two quadrants beyond a corner, which lies
+beside the bone on their common contact plane: scaled about it, a section enters neither bone nor neighbour.
 """
 
 from __future__ import annotations
@@ -20,12 +20,18 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 ORIGIN, INSERTION = 12.0, 75.5  # x of both muscles' ends
-TRANSITION = (34.0, 67.0)  # x over which muscle passes from following the metacarpal to following the phalanx
+TRANSITION = (40.0, 67.0)  # x over which muscle passes from following the metacarpal to following the phalanx
 
 
 def contact_height(x: Array) -> Array:
     """z of the plane line on which the muscles touch: it sinks to the palmar side of the joint's axis."""
     return -1.0 - 2.5 * smoothstep(x, 34.0, 58.0)
+
+
+def _flat_based(sides: int, phase: float) -> Array:
+    """Outline (sides, 2) within +-1: round above, nearly flat below where the other muscle touches."""
+    above, below = superellipse(sides, 2.3, phase), superellipse(sides, 4.0, phase)
+    return np.where(above[:, 1:] > 0.0, above, below)
 
 
 def bone_side(bones: list[Implicit]) -> PchipInterpolator:
@@ -35,7 +41,11 @@ def bone_side(bones: list[Implicit]) -> PchipInterpolator:
     points = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1)
     distance = np.minimum(*(b(points.reshape(-1, 3)).reshape(points.shape[:3]) for b in bones))
     from_ends = np.minimum(x - ORIGIN, INSERTION - x)
-    gap = 0.2 + 0.5 * smoothstep(from_ends, 0.0, 8.0)
+    gap = (
+        0.2
+        + 0.4 * smoothstep(from_ends, 0.0, 8.0)
+        + 0.5 * smoothstep(x, 36.0, 44.0) * (1.0 - smoothstep(x, 58.0, 66.0))
+    )
     blocked = (distance < gap[:, None, None]).any(axis=2)
     reach = np.where(blocked, y, y[0]).max(axis=1)
     widened = np.maximum.reduce([np.roll(reach, shift) for shift in (-1, 0, 1)])
@@ -66,7 +76,7 @@ class KnownMuscle:
         height = self.tendon[1] + (self.belly[1] - self.tendon[1]) * bell
         near_start, near_end = 1.0 - smoothstep(x, ORIGIN, 26.0), smoothstep(x, 48.0, 68.0)
         gap = self.apart[0] * near_start + self.apart[1] * near_end
-        outline = 0.5 * (superellipse(sides, 4.0, phase) + 1.0)
+        outline = 0.5 * (_flat_based(sides, phase) + 1.0)
         y = self.beside(x)[:, None] + outline[:, 0] * width[:, None]
         v = gap[:, None] + outline[:, 1] * height[:, None]
         z = contact_height(x)[:, None] + self.side * v
@@ -79,7 +89,7 @@ class KnownMuscle:
         return {"MP2": ramp(x, *TRANSITION)}
 
     def thicken(self, points: Array, posture: Posture, growth: float) -> Array:
-        """Scale sections about their corner by the closed form 1 / sqrt(stretch), a bulge with flexion, and growth."""
+        """Scale sections about their corner by `thickening` plus `growth` in the belly."""
         x = points[:, 0]
         scale = self.thickening(x, posture) + growth * self.bell(x)
         corner_y, corner_z = self.beside(x), contact_height(x)
@@ -87,22 +97,23 @@ class KnownMuscle:
         return np.column_stack([x, y, corner_z + scale * (points[:, 2] - corner_z)])
 
     def thickening(self, x: Array, posture: Posture) -> Array:
+        """Section scale (n,) at x: 1 / sqrt(stretch of the middle line), and a bulge that flexion brings."""
         line_x = np.linspace(ORIGIN, INSERTION, 200)
         middle = np.column_stack(
             [line_x, self.beside(line_x) + 0.5 * self.tendon[0], contact_height(line_x) + self.side * 1.5]
         )
         posed = posture.bend(middle, self.fractions(line_x))
-        stretch = np.linalg.norm(np.diff(posed, axis=0), axis=1) / np.linalg.norm(np.diff(middle, axis=0), axis=1)
+        stretch = np.linalg.norm(np.diff(posed, axis=0), axis=1) / np.linalg.norm(
+            np.diff(middle, axis=0), axis=1
+        )
         local = np.interp(x, 0.5 * (line_x[1:] + line_x[:-1]), stretch)
         flexion = np.sin(posture.angles["MP2_flexion"]) + 0.5 * np.sin(posture.angles["MP2_abduction"])
         peak = np.exp(-(((x - 33.0) / 7.0) ** 2))
         return 1.0 + self.bell(x) * (local**-0.5 - 1.0 + 0.22 * flexion * (peak - 0.45))
 
     def pose(self, posture: Posture) -> tuple[Array, IntArray, float]:
-        """Posed surface of exactly the neutral volume, and the scalar growth that made it exact."""
-        return self._pose(*self.surface(), posture)
-
-    def _pose(self, points: Array, triangles: IntArray, posture: Posture) -> tuple[Array, IntArray, float]:
+        """Posed surface of exactly the neutral volume, and the growth that made it exact (secants)."""
+        points, triangles = self.surface()
         target = volume(points, triangles)
 
         def at(growth: float) -> Array:
@@ -130,7 +141,7 @@ def muscles(bones: list[Implicit]) -> dict[str, KnownMuscle]:
 
 @dataclass(frozen=True)
 class KnownLigament:
-    """A flat band beside a joint from parent to child: start and end points, radii across (y) and along (z)."""
+    """A flat band beside a joint, from parent to child, with radii across (y) and along (z) in mm."""
 
     name: str
     joint: str
@@ -150,11 +161,10 @@ class KnownLigament:
         return close_rings(points, centre[0], centre[-1])
 
     def pose(self, posture: Posture) -> tuple[Array, IntArray]:
+        """Posed surface."""
         points, triangles = self.surface()
-        return posture.bend(points, {**{self.joint: ramp(points[:, 0], *self.transition)}, **self._below()}), triangles
-
-    def _below(self) -> dict[str, Array]:
-        return {"MP2": np.ones(len(self.surface()[0]))}
+        fractions = {"MP2": np.ones(len(points)), self.joint: ramp(points[:, 0], *self.transition)}
+        return posture.bend(points, fractions), triangles
 
 
 def ligaments() -> dict[str, KnownLigament]:

@@ -19,8 +19,8 @@ IntArray = NDArray[np.int64]
 
 START, END = -9.5, 154.0
 CUT, TIP = 5.0, 11.0  # mm over which the skin closes at the cut end and at the tip
-BANDS = {"MP2": (41.5, 75.0), "PIP2": (86.0, 117.0), "DIP2": (117.2, 136.8)}  # x over which the skin bends
-NAIL = (141.5, 152.0, 5.0)  # x from, x to, half width
+BANDS = {"MP2": (41.5, 75.0), "PIP2": (84.8, 118.0), "DIP2": (118.2, 136.8)}  # x over which the skin bends
+NAIL = (141.0, 151.0, 5.0)  # x from, x to, half width
 # x, then how far the section reaches from the bone's axis: radial, ulnar, dorsal, palmar
 PROFILE = np.array(
     [
@@ -31,9 +31,9 @@ PROFILE = np.array(
         [58.0, 13.6, 10.2, 11.6, 14.2],
         [68.0, 12.0, 9.8, 11.0, 13.0],
         [80.0, 9.4, 8.8, 9.2, 10.9],
-        [90.0, 8.6, 8.4, 8.6, 10.2],
+        [90.0, 8.6, 8.4, 8.6, 10.6],
         [101.5, 9.2, 9.0, 8.8, 10.5],
-        [112.0, 8.6, 8.3, 8.5, 9.9],
+        [112.0, 8.6, 8.3, 8.5, 10.1],
         [120.0, 7.8, 7.6, 7.9, 9.1],
         [127.0, 7.8, 7.6, 7.3, 9.2],
         [135.0, 7.6, 7.4, 7.3, 9.0],
@@ -80,7 +80,7 @@ class KnownSkin:
         return {joint: ramp(x, *band) for joint, band in BANDS.items()}
 
     def bulge(self, points: Array, posture: Posture, growth: Mapping[str, float]) -> Array:
-        """Neutral points (n, 3) moved outwards over thickened muscles and on the palmar side of flexed joints."""
+        """Neutral points (n, 3) moved out over thickened muscles and on the palmar side of flexed joints."""
         x, y, z = points.T
         radial = smoothstep(y, 0.0, 12.0)
         moved = points.copy()
@@ -92,7 +92,7 @@ class KnownSkin:
             low, high = BANDS[joint.name]
             flexed = 1.0 - np.cos(posture.angles[joint.angles[0]])
             share = np.exp(-(((x - joint.centre[0]) / (0.3 * (high - low))) ** 2)) * smoothstep(-z, 0.0, 5.0)
-            moved[:, 2] += share * flexed * 0.3 * z
+            moved[:, 2] += share * flexed * 0.33 * z
         return moved
 
     def pose(self, points: Array, posture: Posture, growth: Mapping[str, float]) -> Array:
@@ -116,7 +116,7 @@ def nail_share(points: Array) -> Array:
 
 
 def nail_motion(posture: Posture) -> RigidTransform:
-    """The nail's own small motion on the distal bone, in the neutral frame: it tips up as the joint flexes."""
+    """The nail's own small motion on the distal bone, in the neutral frame: it tips as the joint flexes."""
     share = np.sin(posture.angles["DIP2_flexion"])
     angle = np.radians(2.0) * share
     rotation = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1.0, 0], [-np.sin(angle), 0, np.cos(angle)]])

@@ -1,4 +1,4 @@
-"""The phantom's tendons: paths of constant length that follow the bones closely and slide at their proximal end."""
+"""The phantom's tendons: paths of constant length close to the bones, which slide at their proximal end."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CLEARANCE = 0.15  # mm that the tendon's surface keeps from bone
 
 @dataclass(frozen=True)
 class KnownTendon:
-    """`side` -1 palmar, +1 dorsal; `depth` is (x, |z|) of the neutral centreline; `length` in mm from `depth`'s end."""
+    """`side` -1 palmar, +1 dorsal; `depth` (x, |z|) of the path, last the insertion; `length` in mm."""
 
     name: str
     side: float
@@ -60,13 +60,15 @@ class KnownTendon:
         return spline(np.linspace(0.0, end, points))
 
     def _lay(self, posture: Posture, transforms: Mapping[str, RigidTransform]) -> Array:
-        """Join the bones' lines: cut them at a joint's half-way plane, or lead them around the joint on an arc."""
+        """Join the bones' lines: cut at each joint's half-way plane, or led around the joint on an arc."""
         line = self.neutral_line()
         starts = [-np.inf, *(j.centre[0] for j in posture.joints), np.inf]
         names = [posture.joints[0].parent, *(j.child for j in posture.joints)]
         pieces = []
         for n, name in enumerate(names):
-            piece = transforms[name](line[(line[:, 0] > starts[n] - 12.0) & (line[:, 0] <= starts[n + 1] + 12.0)])
+            piece = transforms[name](
+                line[(line[:, 0] > starts[n] - 12.0) & (line[:, 0] <= starts[n + 1] + 12.0)]
+            )
             for joint, keep in ((n - 1, 1.0), (n, -1.0)):
                 if 0 <= joint < len(posture.joints):
                     known = posture.joints[joint]
@@ -126,7 +128,16 @@ def tendons() -> dict[str, KnownTendon]:
             "flexor2",
             -1.0,
             1.8,
-            ((-7.0, 8.6), (20.0, 8.2), (48.0, 8.9), (58.0, 9.4), (66.0, 8.8), (82.0, 6.6), (101.4, 6.9), (112.0, 6.0))
+            (
+                (-7.0, 8.6),
+                (20.0, 8.2),
+                (48.0, 8.9),
+                (58.0, 9.4),
+                (66.0, 8.8),
+                (82.0, 6.6),
+                (101.4, 6.9),
+                (112.0, 6.0),
+            )
             + ((118.0, 5.5), (127.0, 5.6), (136.0, 5.0)),
             105.5,
         ),

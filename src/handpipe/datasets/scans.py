@@ -19,7 +19,7 @@ def scan(
     noise: float = 0.03,
     holes: int = 4,
 ) -> tuple[Array, IntArray]:
-    """Scan of a posed surface (n, 3): everything with neutral x below `open_before` and `holes` discs are missing.
+    """Scan of a posed surface (n, 3) without all of neutral x below `open_before` and `holes` discs.
 
     Returns vertices with Gaussian `noise` mm along each axis, and the remaining triangles.
     """

@@ -1,4 +1,4 @@
-"""A generic template hand: the anatomy through another mesh and a smooth nonrigid warp, so that it is not the truth."""
+"""A generic template hand: the anatomy on another mesh, through a smooth nonrigid warp; not the truth."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Warp:
 
 
 def inflate(points: Array, factor: float) -> Array:
-    """Points of a tube along x scaled by `factor` across its own middle line, in its middle but not at its ends."""
+    """Points of a tube along x scaled by `factor` about its middle line, less and less towards its ends."""
     x = points[:, 0]
     bins = np.linspace(x.min(), x.max(), 12)
     weights = np.exp(-(((x - bins[:, None]) / (bins[1] - bins[0])) ** 2))

@@ -27,10 +27,10 @@ def close_rings(rings: Array, start: Array, end: Array) -> tuple[Array, IntArray
     a, b = 1 + i * m + j, 1 + i * m + (j + 1) % m
     c, d = a + m, b + m
     sides = np.stack([np.stack([a, b, d], -1), np.stack([a, d, c], -1)], 2).reshape(-1, 3)
-    j = np.arange(m)
-    first = np.column_stack([np.zeros(m, int), 1 + (j + 1) % m, 1 + j])
-    pole = 1 + k * m
-    last = np.column_stack([np.full(m, pole), 1 + (k - 1) * m + j, 1 + (k - 1) * m + (j + 1) % m])
+    around, pole = np.arange(m), 1 + k * m
+    following = (around + 1) % m
+    first = np.column_stack([np.zeros(m, int), 1 + following, 1 + around])
+    last = np.column_stack([np.full(m, pole), pole - m + around, pole - m + following])
     vertices = np.concatenate([start[None], rings.reshape(-1, 3), end[None]])
     return np.ascontiguousarray(vertices), np.concatenate([sides, first, last]).astype(np.int64)
 
@@ -48,7 +48,9 @@ def sweep(centreline: Array, radius: float, sides: int = 16) -> tuple[Array, Int
     normal[0] /= np.linalg.norm(normal[0])
     binormal = np.cross(tangent, normal)
     circle = radius * superellipse(sides, 2.0)
-    rings = centreline[:, None] + circle[None, :, :1] * normal[:, None] + circle[None, :, 1:] * binormal[:, None]
+    rings = (
+        centreline[:, None] + circle[None, :, :1] * normal[:, None] + circle[None, :, 1:] * binormal[:, None]
+    )
     return close_rings(rings, centreline[0], centreline[-1])
 
 
