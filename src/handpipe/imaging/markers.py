@@ -19,7 +19,7 @@ from scipy import ndimage
 from handpipe.artifacts import write_text
 from handpipe.config import Model
 from handpipe.errors import InputError
-from handpipe.imaging.profiles import graph_laplacian, sample_profiles, smooth_field
+from handpipe.imaging.profiles import graph_laplacian, sample_profiles, smooth_field, summed_curvature
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.surface import Surface
 

@@ -216,16 +216,16 @@ def _conjugate_gradients(
     fine = levels[0]
     r = b - _apply(*fine, x)
     z = _v_cycle(levels, r)
-    p, rz = z.copy(), np.vdot(r, z)
+    p, rz = z.copy(), (r * z).sum()
     for _ in range(max_iterations):
         if np.abs(z).max() < tolerance:
             return x
         ap = _apply(*fine, p)
-        alpha = rz / np.vdot(p, ap)
+        alpha = rz / (p * ap).sum()
         x += alpha * p
         r -= alpha * ap
         z = _v_cycle(levels, r)
-        rz, previous = np.vdot(r, z), rz
+        rz, previous = (r * z).sum(), rz
         p *= rz / previous
         p += z
     raise ConvergenceError("the random walker", f"{max_iterations} iterations were not enough")

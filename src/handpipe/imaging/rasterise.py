@@ -13,7 +13,7 @@ from handpipe.mesh.surface import Surface
 
 
 def rasterise(volume: Volume, surfaces: Mapping[int, Surface]) -> NDArray[np.uint8]:
-    """Labels (nx, ny, nz) of the voxels whose centres lie inside closed surfaces; the last wins an overlap."""
+    """Labels (nx, ny, nz) of the voxels with centres inside closed surfaces; the last wins an overlap."""
     labels = np.zeros(volume.shape, np.uint8)
     for label, surface in surfaces.items():
         corners = volume.to_index(surface.vertices)

@@ -172,7 +172,7 @@ def _resolve(
     upper = np.minimum([s.stop + reach for s in slices], volume.shape)
     region = box(lower, upper)
     free = conflict[region]
-    rivals = [k for k in bones if (labels[region] == k).any() or (seeds[region] == k).any()]
+    rivals = [k for k in bones if (labels[region] == k).any() or _claims(bones[k], conflict)]
     level = np.median(volume.values[region][free])
     chances = []
     for label in rivals:
@@ -183,6 +183,11 @@ def _resolve(
     for label, chance in zip(rivals, chances, strict=True):
         own = np.where(winner == label, chance, np.minimum(chance, 0.5))  # one owner, to the last digit
         _overwrite(resolved[label], bones[label].offset, lower, own, free)
+
+
+def _claims(bone: BoneProbability, voxels: NDArray[np.bool_]) -> bool:
+    """Whether a bone claims any of the volume's voxels."""
+    return bool(((bone.probability > 0.5) & voxels[bone.slices]).any())
 
 
 def _overwrite(
