@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from handpipe.mesh.distance import Distance
-from handpipe.tendons.energies import Bend, Hooks, Pull, RodEnergy, closest_on_spline, empty_blocks, spline_shape
+from handpipe.tendons.energies import (
+    Bend,
+    Hooks,
+    Pull,
+    RodEnergy,
+    closest_on_spline,
+    empty_blocks,
+    spline_shape,
+)
 from handpipe.tendons.rod import Array, frames, resample, unit
 from handpipe.tendons.surface_fit import SurfaceFit, Target
 from handpipe.tendons.tube import Tube, round_surface

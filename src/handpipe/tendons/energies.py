@@ -1,8 +1,8 @@
 """Energies of a rod's positions: hooks, pull and bending (Zheng et al. 2022, Eq. 10-12).
 
-Each has `value(x)`, `gradient(x) -> (n, 3)` and `add_hessian(x, blocks, exact)` for x (n, 3). Hessians are block
-banded: blocks[i, k] (3, 3) is the second derivative by x_i and x_i+k, k = 0..REACH. `refresh(x)` renews what one
-iteration of the solver holds fixed.
+Each has `value(x)`, `gradient(x) -> (n, 3)` and `add_hessian(x, blocks, exact)` for x (n, 3). Hessians are
+block banded: blocks[i, k] (3, 3) is the second derivative by x_i and x_i+k, k = 0..REACH. `refresh(x)`
+renews what one iteration of the solver holds fixed.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def spline_shape(t: Array) -> Array:
 
 @njit(cache=True)
 def closest_on_spline(points: Array, x: Array) -> tuple[IntArray, Array]:
-    """Piece (k,), 1 .. n - 2, and t in [0, 1] (k,) of the closest point of the B-spline of vertices x (n, 3)."""
+    """Piece (k,), 1 .. n - 2, and t in [0, 1] (k,) of the closest point of the B-spline of x (n, 3)."""
     pieces = np.empty(len(points), np.int64)
     parameters = np.empty(len(points))
     for k in range(len(points)):

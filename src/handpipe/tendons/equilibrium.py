@@ -1,9 +1,9 @@
 """Static equilibrium of a rod of constant segment lengths, by Newton's method on the segments' directions.
 
 The constraints of Eq. 5 and 9 (Zheng et al. 2022) leave the unit directions of the segments free. Each step
-solves the Newton system with the linearised constraints (a banded KKT system, linear in the number of segments)
-and turns the directions by it; the positions follow by summation from the fixed first vertex. Lengths are thus
-exact in every iterate, and the energy itself is the merit function of the line search.
+solves the Newton system with the linearised constraints (a banded KKT system, linear in the number of
+segments) and turns the directions by it; the positions follow by summation from the fixed first vertex.
+Lengths are thus exact in every iterate, and the energy itself is the merit function of the line search.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """x (Q+1, 3) in mm; tension (Q,) of each segment; the iterations and the unbalanced force over tension."""
+    """x (Q+1, 3) in mm; tension (Q,) of the segments; iterations; unbalanced force over tension."""
 
     x: Array
     tension: Array
@@ -86,14 +86,20 @@ def _forces(gradient: Array, d: Array) -> tuple[Array, Array]:
 
 
 def _newton_turn(
-    energies: Sequence[RodEnergy], x: Array, gradient: Array, d: Array, tension: Array, force: float, exact: bool
+    energies: Sequence[RodEnergy],
+    x: Array,
+    gradient: Array,
+    d: Array,
+    tension: Array,
+    force: float,
+    exact: bool,
 ) -> tuple[Array, float]:
     """Change of the segments' directions (Q, 3), and the energy's slope along it."""
     length = segment_length(x)
     blocks = empty_blocks(len(x))
     for energy in energies:
         energy.add_hessian(x, blocks, exact)
-    # the constraints' curvature is the tension's; compressed segments are left out to keep a descent direction
+    # the constraints' curvature is the tension's; compressed segments are left out to keep a descent
     stiffness = np.maximum(tension, 1e-3 * force) / length
     rhs = np.zeros(4 * len(x) - 1)
     for c in range(3):

@@ -21,7 +21,7 @@ ROUNDS = 8
 
 @dataclass(frozen=True)
 class NeutralTendon:
-    """Rod x (Q+1, 3) from the insertion outwards, radii (Q+1,) in mm, confidence (Q+1,) and the surface seen."""
+    """Rod x (Q+1, 3) from the insertion outwards, radii (Q+1,) in mm, confidence (Q+1,) and surface."""
 
     x: Array
     radii: Array
@@ -49,8 +49,8 @@ def extract(
 ) -> NeutralTendon:
     """The rod, radii and surface of the dark tube along clicked points (k, 3), insertion first.
 
-    `bones` are the whole bones (with cortex) in this image: edges towards them are not believed. The ends keep
-    their place along the tendon, as they were clicked; across it they move to the tube's centre.
+    `bones` are the whole bones (with cortex) in this image: edges towards them are not believed. The ends
+    keep their place along the tendon, as they were clicked; across it they move to the tube's centre.
     Raises `InputError` where a point lies outside the volume.
     """
     curve = tubes.trace(volume, clicked)
@@ -60,9 +60,7 @@ def extract(
         found = tubes.darkness_centre(volume, x, tangents(x), radius, bones, iterations=1)
         x = resample(_through_centres(x, found, spacing), spacing)
     found = tubes.darkness_centre(volume, x, tangents(x), radius, bones)
-    radii = smoothed(
-        found.radii[:, None], found.confidence + 1e-3, spacing, 2.0 * SMOOTHING
-    )[:, 0]
+    radii = smoothed(found.radii[:, None], found.confidence + 1e-3, spacing, 2.0 * SMOOTHING)[:, 0]
     return NeutralTendon(x, radii, found.confidence, tubes.tube_surface(volume, x, radius, bones))
 
 

@@ -1,4 +1,4 @@
-"""Hooks: points that a tendon slides through, carried by bones with pose-space corrections (sec. 5.4, Eq. 19-21)."""
+"""Hooks: points that a tendon slides through, carried by bones with pose-space corrections (sec. 5.4)."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Interpolation(Protocol):
 
 @dataclass(frozen=True)
 class HookSet:
-    """rest (k, 3) on the neutral rod; weights (k, n_bones) by the order of `bones`; corrections (N, k, 3) in mm.
+    """rest (k, 3) on the neutral rod; weights (k, n_bones) in the order of `bones`; corrections (N, k, 3).
 
-    All in the frame of the base bone, the last of `bones`.
+    In mm, all in the frame of the base bone, the last of `bones`.
     """
 
     bones: tuple[str, ...]
@@ -52,7 +52,7 @@ def _skinned(points: Array, weights: Array, transforms: Sequence[RigidTransform]
 
 
 def sample_hooks(
-    rest: Array, bones: Mapping[str, Surface], spacing: float = 4.0, near_joints: float = 2.0
+    rest: Array, bones: Mapping[str, Surface], spacing: float = 4.0, near_joints: float = 1.5
 ) -> Array:
     """Points (k, 3) on a rod, every `spacing` mm, or `near_joints` mm where two bones are about as close."""
     arc = arc_length(rest)
@@ -92,10 +92,10 @@ def fit_weights(
     tolerance: float = 1e-4,
     max_iterations: int = 200,
 ) -> Array:
-    """Skinning weights (k,) of the first bone of each hook's pair (k, 2), the second has the rest (Eq. 19-21).
+    """Skinning weights (k,) of the first bone of each hook's pair (k, 2) (Eq. 19-21).
 
-    Points rest (k, 3), example rods (Q+1, 3), and each pose's transforms by bone number. Closest points on the
-    rods are found again after each closed-form minimisation, from weight one on the closest bone.
+    The second bone has the rest. Points rest (k, 3), example rods (Q+1, 3), and each pose's transforms by bone number. Closest points on
+    the rods are found again after each closed-form minimisation, from weight one on the closest bone.
     """
     moved = np.stack([[t(rest) for t in pose] for pose in poses])  # (N, n_bones, k, 3)
     k = np.arange(len(rest))

@@ -11,7 +11,7 @@ from handpipe.tendons.tendon import Tendon
 
 
 class TendonLayer:
-    """Tendons of loaded artifacts. Frames do not depend on one another: each starts from its own pose space."""
+    """Tendons of loaded artifacts. Frames do not depend on one another."""
 
     name = "tendons"
     needs: tuple[str, ...] = ("bones", "bone_fascia")
@@ -23,8 +23,8 @@ class TendonLayer:
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """For each tendon its surface, and its rod under `{tendon}_centreline` with segments as cells.
 
-        The rod's field "tension" (Q,) is in the unit of the pull (mN if that is). Hooks follow the bones alone,
-        so that `below` is not read. Raises `ConvergenceError`.
+        The rod's field "tension" (Q,) is in the unit of the pull (mN if that is). Hooks follow the bones
+        alone, so that `below` is not read. Raises `ConvergenceError`.
         """
         shapes: Shapes = {}
         for name, tendon in self.tendons.items():

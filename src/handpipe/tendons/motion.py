@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.linalg import expm, logm
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from handpipe.mesh.rigid import RigidTransform
 
+Array = NDArray[np.float64]
 Bones = Mapping[str, RigidTransform]
 
 
@@ -18,12 +20,21 @@ def relative_to(bones: Bones, base: str) -> dict[str, RigidTransform]:
     return {name: back @ transform for name, transform in bones.items()}
 
 
+def _screw_translation(turn: Array) -> Array:
+    """Matrix (3, 3) that takes a screw motion's velocity to its translation, for a rotation vector."""
+    angle = float(np.linalg.norm(turn))
+    k = np.cross(turn, np.eye(3)).T  # k @ v is turn x v
+    if angle < 1e-6:
+        return np.eye(3) + 0.5 * k
+    return np.eye(3) + (1 - np.cos(angle)) / angle**2 * k + (angle - np.sin(angle)) / angle**3 * k @ k
+
+
 def screw(transform: RigidTransform, share: float) -> RigidTransform:
     """A share of a rigid motion along its screw axis: 0 is the identity, 1 the motion itself."""
-    m = np.eye(4)
-    m[:3, :3], m[:3, 3] = transform.rotation, transform.translation
-    partial = expm(share * np.real(logm(m)))
-    return RigidTransform(partial[:3, :3], partial[:3, 3])
+    turn = transform.rotation_vector()
+    velocity = np.linalg.solve(_screw_translation(turn), transform.translation)
+    rotation = Rotation.from_rotvec(share * turn).as_matrix()
+    return RigidTransform(rotation, _screw_translation(share * turn) @ (share * velocity))
 
 
 def steps_towards(bones: Bones, chain: Sequence[str], largest_turn: float) -> list[dict[str, RigidTransform]]:

@@ -1,4 +1,4 @@
-"""Registration of a tendon's rod to the image of an example pose, in three stages (Zheng et al. 2022, sec. 5.3)."""
+"""Registration of a tendon's rod to the image of a pose, in three stages (Zheng et al. 2022, sec. 5.3)."""
 
 from __future__ import annotations
 
@@ -122,8 +122,8 @@ def fit_surface(
 ) -> tuple[Array, Array]:
     """Stage 3: point-to-plane ICP of the skinned tube. Returns x (Q+1, 3) and twist (Q,).
 
-    `centres`, hooks of stage 2, are kept with the surface's stiffness: where the surface is not believed, and at
-    the free end, they hold the rod better than its bending.
+    `centres`, hooks of stage 2, are kept with the surface's stiffness: where the surface is not believed,
+    and at the free end, they hold the rod better than its bending.
     """
     stiffness = 50.0 * PULL  # c4 : c1 of Table 2
     bend = Bend(stiffness * settings.surface_smoothing**4, tendon.length)
@@ -152,9 +152,9 @@ def register(
 ) -> Registration:
     """The rod in an example pose, of the rest rod's segment lengths, first vertex on its bone.
 
-    `find_centres(points, tangents)` gives the image's centres (n, 3) and confidences (n,) in the planes across
-    a curve; `target(x)` gives the tendon's surface in the image around the rod of stage 2, or None where it
-    cannot be extracted. Raises `ConvergenceError`.
+    `find_centres(points, tangents)` gives the image's centres (n, 3) and confidences (n,) in the planes
+    across a curve; `target(x)` gives the tendon's surface in the image around the rod of stage 2, or None
+    where it cannot be extracted. Raises `ConvergenceError`.
     """
     settings = settings or Settings()
     rough = follow_bones(tendon, bones, settings)

@@ -32,7 +32,7 @@ class RestTendon:
 
     @staticmethod
     def build(x: Array, radii: Array | float, bones: Mapping[str, Surface]) -> RestTendon:
-        """A round tube of given radii (Q+1,) about a rod x (Q+1, 3); neutral bone surfaces, insertion's first."""
+        """A round tube of given radii (Q+1,) about a rod; neutral bones, the insertion's first."""
         normal = perpendicular(directions(x)[0])
         tube = Tube.bind(round_surface(x, radii, SIDES), x, frames(x, normal))
         return RestTendon(x, tube, normal, tuple(bones), bone_weights(x, bones))

@@ -1,8 +1,8 @@
 """A discrete rod: a polyline of segments of one length, with frames that do not twist.
 
 Positions x (Q+1, 3) carry the shape. Orientation is one twist angle a segment against the Bishop (parallel
-transported) frame of the curve: a unit normal perpendicular to its segment is then kept by construction, which
-replaces the normals n and the constraints of Eq. 6-7 of Zheng et al. 2022.
+transported) frame of the curve: a unit normal perpendicular to its segment is then kept by construction,
+which replaces the normals n and the constraints of Eq. 6-7 of Zheng et al. 2022.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def resample(curve: Array, spacing: float) -> Array:
 
 
 def lay(curve: Array, segment_length: float, count: int, end: Array) -> Array:
-    """Lay a rod of `count` segments along a curve (n, 3) from its first point; past its end along `end` (3,)."""
+    """Lay a rod of `count` segments along a curve (n, 3) from its start; past its end along `end` (3,)."""
     return _march(np.ascontiguousarray(curve, float), segment_length, count, unit(np.asarray(end, float)))[0]
 
 

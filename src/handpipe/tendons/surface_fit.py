@@ -17,8 +17,8 @@ from handpipe.tendons.tube import SEGMENTS, Tube
 class Target:
     """An extracted tendon surface, and where it can be believed.
 
-    Surface points closer than `margin` mm to a bone are left out: there the tendon's dark image runs into dark
-    cortical bone. `bone_distance` gives signed distances (n,) of points (n, 3), positive outside.
+    Surface points closer than `margin` mm to a bone are left out: there the tendon's dark image runs into
+    dark cortical bone. `bone_distance` gives signed distances (n,) of points (n, 3), positive outside.
     """
 
     surface: Distance
@@ -29,8 +29,8 @@ class Target:
     def closest(self, points: Array, normals: Array, along: Array) -> tuple[Array, Array, Array]:
         """Closest points (n, 3), their pseudonormals (n, 3) and robust weights (n,) in [0, 1] (Tukey).
 
-        normals, along (n, 3): the tube's own normals, and the rod's tangents: cut ends of either surface, whose
-        normals run along the rod, say nothing of its course.
+        normals, along (n, 3): the tube's own normals, and the rod's tangents: cut ends of either surface,
+        whose normals run along the rod, say nothing of its course.
         """
         signed, _, closest, target_normals = self.surface.signed(points)
         believed = (np.abs(signed) < self.reach) & (np.sum(normals * target_normals, axis=1) > 0.5)
@@ -50,9 +50,10 @@ class Target:
 class SurfaceFit:
     """stiffness * sum of squared point-to-plane distances of the tube's vertices, divided by their density.
 
-    The density (vertices per mm of rod) makes `stiffness` (force per mm of offset per mm of length) independent
-    of the tube's mesh. Between refreshes, targets are fixed and each segment's frame turns with its segment by
-    the smallest rotation; a refresh carries the frames along the rod from `first_normal` again.
+    The density (vertices per mm of rod) makes `stiffness` (force per mm of offset per mm of length)
+    independent of the tube's mesh. Between refreshes, targets are fixed and each segment's frame turns with
+    its segment by the smallest rotation; a refresh carries the frames along the rod from `first_normal`
+    again.
     """
 
     tube: Tube
@@ -70,7 +71,9 @@ class SurfaceFit:
         self._frames = frames(x, self.first_normal, self.twist)
         v = self.tube.skin(x, self._frames)
         surface_normals = _vertex_normals(v, self.tube.triangles)
-        self.closest, self.normals, weights = self.target.closest(v, surface_normals, self._frames[self.tube.first + 1, :, 0])
+        self.closest, self.normals, weights = self.target.closest(
+            v, surface_normals, self._frames[self.tube.first + 1, :, 0]
+        )
         density = len(v) / ((len(x) - 1) * self.length)
         self.weights = self.stiffness / density * weights
 

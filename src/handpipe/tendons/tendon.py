@@ -1,4 +1,4 @@
-"""A tendon as it is simulated: a rod that slides through hooks, and its surface (Zheng et al. 2022, sec. 5.1)."""
+"""A tendon as simulated: a rod that slides through hooks, and its surface (Zheng et al. 2022, sec. 5.1)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from handpipe.tendons.rest import PULL, RestTendon
 from handpipe.tendons.rod import Array, frames, lay
 from handpipe.tendons.tube import Tube
 
-BEND_LENGTH = 1.5  # mm over which the rod rounds the kink at a hook
+BEND_LENGTH = 2.5  # mm over which the rod rounds the kink at a hook
 CALIBRATIONS = 6
 
 
@@ -29,8 +29,9 @@ CALIBRATIONS = 6
 class Tendon:
     """name, rest tendon, radius in mm, hooks, and the pose space of their corrections.
 
-    starts (N, Q+1, 3): from the skinned rest rod to the example rods, in the frame of the base bone. Solves start
-    from their interpolation, near their answer, where sharply bent joints would have other equilibria nearby.
+    starts (N, Q+1, 3): from the skinned rest rod to the example rods, in the frame of the base bone. Solves
+    start from their interpolation, near their answer, where sharply bent joints would have other equilibria
+    nearby.
     """
 
     name: str

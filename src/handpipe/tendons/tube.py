@@ -1,4 +1,4 @@
-"""The tendon's surface: a tube that the segments of its rod carry (Zheng et al. 2022, sec. 5.2-5.3, Eq. 18)."""
+"""The tendon's surface: a tube that its rod's segments carry (Zheng et al. 2022, sec. 5.3, Eq. 18)."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ SEGMENTS = 3  # segments that carry a surface vertex, neighbours on the rod
 class Tube:
     """A surface skinned by its rod.
 
-    triangles (k, 3); each of the n vertices is carried by segments first .. first + 2, first (n,), with weights
-    (n, 3), from its coordinates local (n, 3, 3) in their frames about their midpoints.
+    triangles (k, 3); each of the n vertices is carried by segments first .. first + 2, first (n,), with
+    weights (n, 3), from its coordinates local (n, 3, 3) in their frames about their midpoints.
     """
 
     triangles: IntArray
@@ -47,7 +47,7 @@ class Tube:
         return self.first[:, None] + np.arange(SEGMENTS)
 
     def skin(self, x: Array, frames: Array) -> Array:
-        """Vertices (n, 3) for a rod x (Q+1, 3) with frames (Q, 3, 3); a rod at rest gives the rest surface."""
+        """Vertices (n, 3) for a rod x (Q+1, 3) with frames (Q, 3, 3); at rest, the rest surface."""
         middle = 0.5 * (x[1:] + x[:-1])
         carried = middle[self.carriers] + np.einsum("nsij,nsj->nsi", frames[self.carriers], self.local)
         return np.einsum("ns,nsj->nj", self.weights, carried)

@@ -1,7 +1,7 @@
 """Twist of a rod: one angle a segment against the Bishop frame (the twist part of Eq. 12, Zheng et al. 2022).
 
-With the bending left to the positions, Eq. 12 is -sum cos(a_i+1 - a_i) - c3 cos(a_1): without other loads every
-angle is zero. A tube whose section is not round is turned by its target surface as well.
+With the bending left to the positions, Eq. 12 is -sum cos(a_i+1 - a_i) - c3 cos(a_1): without other loads
+every angle is zero. A tube whose section is not round is turned by its target surface as well.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _twist_bands(angles: Array, anchor: float) -> Array:
 def untwisted(
     angles: Array, stiffness: float, fit: SurfaceFit | None, x: Array, anchor: float = 1.0
 ) -> Array:
-    """One Gauss-Newton step of the angles (Q,) in stiffness * `twist_energy` plus a surface fit at x (Q+1, 3)."""
+    """One Gauss-Newton step of the angles (Q,) in stiffness * `twist_energy` plus a surface fit."""
     bands = stiffness * _twist_bands(angles, anchor)
     gradient = stiffness * twist_gradient(angles, anchor)
     if fit is not None:

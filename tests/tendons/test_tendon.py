@@ -1,0 +1,123 @@
+"""Hooks, the fitted tendon, its artifact and its layer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from finger import BONES, PARENTS, RADIUS, bone_surfaces, course, pose, rest_tendon, true_rod
+
+from handpipe.layers import Frame
+from handpipe.tendons.energies import Bend, Hooks, Pull
+from handpipe.tendons.equilibrium import solve
+from handpipe.tendons.hooks import fit_weights
+from handpipe.tendons.layer import TendonLayer
+from handpipe.tendons.registration import centreline_errors
+from handpipe.tendons.rod import closest_on_rod, frames, length_change
+from handpipe.tendons.tendon import Tendon, build_tendon
+
+EXAMPLES = {"neutral": (0.0, 0.0), "bent": (1.2, 0.4), "hooked": (0.2, 1.1), "fist": (1.5, 1.0)}
+
+
+@pytest.fixture(scope="module")
+def tendon() -> Tendon:
+    rest = rest_tendon()
+    rods = {name: true_rod(rest, *angles) for name, angles in EXAMPLES.items()}
+    poses = {name: pose(*angles) for name, angles in EXAMPLES.items()}
+    return build_tendon("extensor", rest, RADIUS, bone_surfaces(), rods, poses, PARENTS)
+
+
+def test_weights_of_known_skinning_are_recovered() -> None:
+    """Rods that pass across each skinned point, so that the closest point fixes the weight."""
+    known = np.array([0.8, 0.3])
+    rest = np.array([[40.0, 0, 7], [20.0, 0, 7]])
+    pair = np.array([[1, 0], [0, 1]])
+    poses = [[pose(a, 0)["base"], pose(a, 0)["middle"]] for a in (0.4, 0.9, 1.3)]
+    rods = []
+    for transforms in poses:
+        moved = np.stack([t(rest) for t in transforms])
+        first, second = moved[pair[:, 0], [0, 1]], moved[pair[:, 1], [0, 1]]
+        points = known[:, None] * first + (1 - known)[:, None] * second
+        # a rod along y through each point, with a way round between them
+        lines = [[p - [0, 30 * s, 0], p + [0, 30 * s, 0]] for p, s in zip(points, (1, -1), strict=True)]
+        rods.append(np.vstack([*lines[0], *lines[1]]))
+    found = fit_weights(rest, pair, rods, poses)
+    np.testing.assert_allclose(found, known, atol=1e-3)
+
+
+def test_weights_are_convex_and_of_two_bones(tendon: Tendon) -> None:
+    weights = tendon.hooks.weights
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0)
+    assert (weights >= 0).all() and ((weights > 0).sum(axis=1) <= 2).all()
+
+
+@pytest.mark.parametrize("name", list(EXAMPLES))
+def test_examples_are_met(tendon: Tendon, name: str) -> None:
+    found = tendon.solve(pose(*EXAMPLES[name]))
+    errors = np.concatenate(centreline_errors(found.x, course(*EXAMPLES[name])))
+    # between hooks, the rod cuts the manufactured course's tight arcs of 7 mm radius
+    assert errors.mean() < 0.1 and errors.max() < 1.5
+    assert length_change(found.x, tendon.rest.length) < 1e-10
+
+
+def test_corrections_are_exact_at_the_examples(tendon: Tendon) -> None:
+    for n, angles in enumerate(EXAMPLES.values()):
+        bones = pose(*angles)
+        expected = tendon.hooks.skinned(bones) + tendon.hooks.corrections[n]
+        np.testing.assert_allclose(tendon.hooks.positions(bones, tendon.space), expected, atol=1e-12)
+
+
+def test_between_the_examples_it_slides_by_the_moment_arm(tendon: Tendon) -> None:
+    """The free end of an extensor moves by depth times angle (a circle round each hinge)."""
+    ends = [tendon.solve(pose(*angles)).x[-1, 0] for angles in ((0.0, 0.0), (0.7, 0.5))]
+    assert ends[1] - ends[0] == pytest.approx(7.0 * 1.2, abs=0.6)
+
+
+@pytest.mark.parametrize("angles", [(1.2, 0.4), (0.7, 0.5), (1.5, 1.0)])
+def test_answer_does_not_depend_on_the_start(tendon: Tendon, angles: tuple[float, float]) -> None:
+    bones = pose(*angles)
+    usual = tendon.solve(bones).x
+    other = tendon.solve(bones, start=tendon.rest.carried(bones)).x
+    np.testing.assert_allclose(other, usual, atol=1e-4)
+
+
+def test_common_motion_moves_the_answer(tendon: Tendon) -> None:
+    bones = pose(0.7, 0.5)
+    moved = pose(0.3, 0.2)["distal"]
+    there = tendon.solve({name: moved @ t for name, t in bones.items()}).x
+    np.testing.assert_allclose(there, moved(tendon.solve(bones).x), atol=1e-6)
+
+
+def test_saved_and_loaded_it_is_the_same(tendon: Tendon, tmp_path: Path) -> None:
+    tendon.save(tmp_path / "tendon.h5")
+    loaded = Tendon.load(tmp_path / "tendon.h5")
+    assert (loaded.name, loaded.radius, loaded.rest.bones) == ("extensor", RADIUS, BONES)
+    bones = pose(0.7, 0.5)
+    np.testing.assert_array_equal(loaded.solve(bones).x, tendon.solve(bones).x)
+
+
+def test_layer_gives_tube_and_centreline(tendon: Tendon) -> None:
+    bones = pose(1.2, 0.4)
+    shapes = TendonLayer([tendon]).solve(Frame("bent", {}, bones), {})
+    tube, line = shapes["extensor"], shapes["extensor_centreline"]
+    assert tube.rest.shape == tube.vertices.shape and line.cells.shape == (len(line.vertices) - 1, 2)
+    radius = closest_on_rod(tube.vertices[:-2], line.vertices)[2]
+    np.testing.assert_allclose(radius, RADIUS, atol=0.2)
+    assert line.fields["tension"].shape == (len(line.cells),)
+
+
+def test_rest_surface_is_skinned_onto_itself(tendon: Tendon) -> None:
+    rest = tendon.rest
+    turned = pose(0.9, 0.0)["middle"]
+    moved = rest.tube.skin(turned(rest.x), frames(turned(rest.x), turned.rotation @ rest.normal))
+    np.testing.assert_allclose(moved, turned(rest.surface().vertices), atol=1e-10)
+
+
+def test_a_free_rod_slides_through_its_own_hooks(tendon: Tendon) -> None:
+    """Hooks at rest leave the rest rod at rest, but for the pull's small give."""
+    x = tendon.rest.x
+    found = solve(
+        [Hooks(x[3:-3:3]), Pull(0.5 * tendon.rest.pull_direction), Bend(1.0, tendon.rest.length)], x
+    )
+    np.testing.assert_allclose(found.x, x, atol=1e-6)
