@@ -19,7 +19,7 @@ from scipy import ndimage
 from handpipe.artifacts import write_text
 from handpipe.config import Model
 from handpipe.errors import InputError
-from handpipe.imaging.profiles import graph_laplacian, sample_profiles, smooth_field, summed_curvature
+from handpipe.imaging.profiles import BLUR, graph_laplacian, sample_profiles, smooth_field, summed_curvature
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.surface import Surface
 
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 STEP = 0.1  # mm between samples of a profile
-WINDOW = 1.0  # mm of tissue that is looked at on either side of an edge
+GAP, WINDOW = 0.6, 1.0  # mm from an edge, between which the tissues on either side are looked at
 STIFFNESS = 2.0
 
 
@@ -64,7 +64,8 @@ def boundary_markers(
 
     forbid (n,): vertices where none is sought, as attachments; muscle_level: intensity of muscle, else
     estimated inside the guess. An edge counts where the inside looks like muscle, the step is clear, the
-    image's gradient runs along the normal, and the neighbours' edges agree.
+    image's gradient runs along the normal, and the neighbours' edges agree. Curved edges, which blur moves
+    inwards, are moved back by half its variance times the summed curvature.
     """
     settings = settings or MarkerSettings.model_validate({})
     normals = surface.vertex_normals()
@@ -75,7 +76,9 @@ def boundary_markers(
     if forbid is not None:
         scores[forbid] = 0.0
     chosen, confidence = _consistent(surface, positions, scores, settings)
-    points = surface.vertices + chosen[:, None] * normals
+    blur = BLUR * float(volume.spacing.mean())
+    curvature = np.clip(summed_curvature(surface), -1 / blur, 1 / blur)
+    points = surface.vertices + (chosen + 0.5 * blur**2 * curvature)[:, None] * normals
     gradient = volume.gradient(points)
     along = np.abs(np.einsum("ij,ij->i", gradient, normals))
     confidence = confidence * np.clip(along / (np.linalg.norm(gradient, axis=1) + 1e-12) * 2 - 0.7, 0, 1)
@@ -101,7 +104,7 @@ def _edges(profiles: Array, offsets: Array, level: float, settings: MarkerSettin
     smooth = ndimage.gaussian_filter1d(profiles, 0.25 / STEP, axis=1, mode="nearest")
     slope = np.abs(np.gradient(smooth, axis=1))
     peak = (slope >= np.roll(slope, 1, axis=1)) & (slope > np.roll(slope, -1, axis=1))
-    gap, width = round(0.4 / STEP), round(WINDOW / STEP)
+    gap, width = round(GAP / STEP), round(WINDOW / STEP)
     inside = _shifted_mean(smooth, -width, -gap)
     outside = _shifted_mean(smooth, gap, gap + round(0.4 / STEP))
     roughness = np.sqrt(np.maximum(_shifted_mean(smooth**2, -width, -gap) - inside**2, 0))

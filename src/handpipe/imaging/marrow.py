@@ -11,7 +11,7 @@ from skimage import measure
 
 from handpipe.errors import InputError
 from handpipe.imaging.dark_layer import WINDOW, DarkLayers, fit_dark_layers, fit_dark_level
-from handpipe.imaging.profiles import graph_laplacian, sample_profiles, smooth_field, summed_curvature
+from handpipe.imaging.profiles import BLUR, graph_laplacian, sample_profiles, smooth_field, summed_curvature
 from handpipe.imaging.segmentation import BoneProbability
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.smoothing import taubin
@@ -19,7 +19,6 @@ from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
 
-BLUR = 0.5  # voxels: deviation of a voxel's box, 0.29, and of trilinear interpolation, 0.41, together
 REACH = 1.25  # voxels that the image may move the walker's surface
 USUAL_THICKNESS = 0.8  # mm, of cortical bone in a finger: where fits start
 STIFFNESS = 1.0
