@@ -13,8 +13,7 @@ from scipy.ndimage import binary_erosion, distance_transform_edt
 
 from handpipe import artifacts
 from handpipe.config import Dataset, load_dataset
-from handpipe.datasets import image, phantom_finger
-from handpipe.datasets.generate import generate, outputs
+from handpipe.datasets import generators, image, phantom_finger
 from handpipe.errors import InputError
 
 POSES = list(phantom_finger.POSES)
@@ -29,8 +28,10 @@ def fingers() -> dict[str, phantom_finger.PosedFinger]:
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory) -> Dataset:
     found = load_dataset(CONFIG).model_copy(update={"root": tmp_path_factory.mktemp("phantom")})
-    for pose in ("neutral", "fist", None):
-        generate(found, pose)
+    generator = generators.of(found)
+    generator.generate_templates(found)
+    for pose in ("neutral", "fist"):
+        generator.generate_pose(found, pose)
     return found
 
 
@@ -170,14 +171,26 @@ def test_unknown_pose_is_refused():
 
 
 def test_all_named_files_are_written(dataset):
-    for pose in ("neutral", "fist", None):
-        for path in outputs(dataset, pose):
-            assert path.exists(), path
+    organs = [*dataset.muscles.values(), *dataset.ligaments.values()]
+    files = [path for organ in organs for path in (organ.template, organ.attachments)]
+    files += [bone.template for bone in dataset.bones.values()]
+    files += [tendon.path for tendon in dataset.tendons.values()]
+    files += [nail.surface for nail in dataset.nails.values()]
+    for pose in ("neutral", "fist"):
+        files += [dataset.poses[pose].volume, dataset.poses[pose].seeds, dataset.poses[pose].scan]
+        files += [f"truth/{pose}{end}" for end in (".h5", ".bones.nii.gz", ".marrow.nii.gz")]
+    for file in files:
+        assert dataset.path(file).exists(), file
+
+
+def test_a_dataset_without_generator_is_refused(dataset):
+    with pytest.raises(InputError, match="generator"):
+        generators.of(dataset.model_copy(update={"generator": None}))
 
 
 def test_same_seed_same_files(dataset, tmp_path):
     again = dataset.model_copy(update={"root": tmp_path})
-    generate(again, "fist")
+    phantom_finger.generate_pose(again, "fist")
     first = nibabel.load(dataset.path(dataset.poses["fist"].volume)).get_fdata()
     second = nibabel.load(again.path(again.poses["fist"].volume)).get_fdata()
     np.testing.assert_array_equal(first, second)

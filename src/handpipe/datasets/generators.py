@@ -1,14 +1,31 @@
-"""The generators of subjects by name, imported only when asked for."""
+"""Generators of datasets by name. Each makes one pose, or what belongs to no pose, at a time."""
 
 from __future__ import annotations
 
 from importlib import import_module
-from types import ModuleType
+from typing import Protocol, cast
 
 from handpipe.config import Dataset
+from handpipe.errors import InputError
+
+MODULES = {"phantom-finger": "phantom_finger", "zanatomy-index": "zanatomy_index"}
 
 
-def of(dataset: Dataset) -> ModuleType:
-    """The module with `generate_pose(dataset, pose)` and `generate_templates(dataset)` for a dataset."""
-    assert dataset.generator is not None, "only rules of generated subjects come here"
-    return import_module("handpipe.datasets." + dataset.generator.replace("-", "_"))
+class Generator(Protocol):
+    def generate_pose(self, dataset: Dataset, pose: str) -> None:
+        """Write a pose's volume, seeds, scan, truth and label volumes where the dataset names them.
+
+        Raises `InputError` for a pose that the generator does not know, or where its source data are absent.
+        """
+
+    def generate_templates(self, dataset: Dataset) -> None:
+        """Write the templates, attachments, tendon curves and nail patches that the dataset names."""
+
+
+def of(dataset: Dataset) -> Generator:
+    """The generator that the dataset names; `InputError` if it names none."""
+    if dataset.generator is None:
+        raise InputError(
+            dataset.name, "generator", "is not given", "Only generated datasets can be generated"
+        )
+    return cast(Generator, import_module(f"handpipe.datasets.{MODULES[dataset.generator]}"))
