@@ -16,8 +16,9 @@ class Bending(PointPotential):
     """Energy sum over inner edges of c_e / 2 (|K_e x| - |K_e x0|)^2, c_e = 3 k / (A0 + A1).
 
     K_e is the cotangent stencil of an edge and its two opposite corners (Bergou et al. 2006, A quadratic
-    bending model for inextensible surfaces); |K_e x| measures the fold whatever the orientation. stiffness k in
-    microjoules (mN mm). With `curved`, the fold at rest is that of `vertices` (n, 3); else rest is flat and
+    bending model for inextensible surfaces); |K_e x| measures the fold whatever the orientation. stiffness
+    k in microjoules (mN mm). With `curved`, the fold at rest is that of `vertices` (n, 3); else rest is flat
+    and
     the energy quadratic.
     """
 

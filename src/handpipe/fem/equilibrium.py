@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 ARMIJO = 1e-4  # share of the predicted decrease that a step must bring
 ROUNDING = 1e-13  # of the energy: differences below this say nothing
-LEAST_BLEND = 1 / 64
+LEAST_BLEND = 1 / 16  # smaller shares of the projected Hessian are not tried
 CG_TOLERANCE = 1e-3
 CG_ITERATIONS_PER_FACTORISATION = 36.0  # at 136,000 unknowns; the ratio grows as their number to 2/3
 CG_LEAST_UNKNOWNS = 40_000  # below, a factorisation costs about ten iterations
@@ -103,8 +103,8 @@ def continuation(
     """Follow the equilibrium from t = 0 to 1, where x (n, 3) is (near) the equilibrium at t = 0.
 
     `make_potentials(t)` gives the potentials; `prescribed(t)` (n, 3) the positions, of which the `fixed`
-    degrees of freedom are taken. Each step starts from a prediction with the tangent at hand; a step that fails is
-    halved, one that converges easily is doubled. Raises `ConvergenceError` below `smallest_step`.
+    degrees of freedom are taken. Each step starts from a prediction with the tangent at hand; a step that
+    fails is halved, one that converges easily is doubled. Raises `ConvergenceError` below `smallest_step`.
     """
     options = options or Options()
     strict = replace(options, allow_partial=False)
@@ -255,16 +255,16 @@ class _Newton:
         """Newton direction (3n,), of the plain Hessian where it is positive definite, else of a stand-in."""
         matrix = self._timed("assembly", lambda: self._reduced(project=False))
         force = -gradient[self.free]
-        solution = self._timed("linear", lambda: self._by_stale_factor(matrix, force))
-        if solution is None:
-            solution = self._timed("linear", lambda: self._by_factor(matrix, force))
+        solution = None
+        if self._blend < LEAST_BLEND:
+            solution = self._timed("linear", lambda: self._by_stale_factor(matrix, force))
+            if solution is None:
+                solution = self._timed("linear", lambda: self._by_factor(matrix, force))
         self._convexified = solution is None
         if solution is None:
             self.record.projections += 1
             projected = self._timed("assembly", lambda: self._reduced(project=True))
             solution = self._timed("linear", lambda: self._by_blend(matrix, projected, force))
-        else:
-            self._blend *= 0.25
         if solution is None:
             return None
         direction = np.zeros(self.x.size)
@@ -295,18 +295,19 @@ class _Newton:
     def _by_blend(self, plain: sp.csr_matrix, projected: sp.csr_matrix, force: Array) -> Array | None:
         """Direct solve with about the least share of the projected Hessian that makes it definite.
 
-        The projected Hessian alone is far too stiff near a saddle: it creeps. The share that served last is
-        where the search starts.
+        The projected Hessian alone is far too stiff near a saddle: it creeps. The search starts at the share
+        that served last, and a quarter of what serves now is tried next.
         """
-        self._blend = max(self._blend * 0.5, LEAST_BLEND)
-        while self._blend < 1.0:
+        share = max(self._blend, LEAST_BLEND)
+        while share < 1.0:
             mixed = plain.copy()
-            mixed.data += self._blend * (projected.data - plain.data)
+            mixed.data += share * (projected.data - plain.data)
             solution = self._by_factor(mixed, force)
             if solution is not None:
+                self._blend = 0.25 * share
                 return solution
-            self._blend *= 4.0
-        self._blend = 1.0
+            share *= 4.0
+        self._blend = 0.25
         return self._by_shift(projected, force)
 
     def _by_shift(self, matrix: sp.csr_matrix, force: Array) -> Array | None:
