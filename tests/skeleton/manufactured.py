@@ -28,7 +28,7 @@ def motion(axes, centre, angles, rotation=None, translation=None):
 
 
 def noisy(transform, rng, degrees, mm, at=None):
-    """A rotation and a translation of normal noise in each component after the transform, about a point's image."""
+    """The transform followed by a rotation about a point's image and a translation, of normal noise."""
     about = np.zeros(3) if at is None else transform(at)
     jitter = RigidTransform.about(about, turn(np.radians(degrees) * rng.normal(size=3)))
     return RigidTransform(np.eye(3), mm * rng.normal(size=3)) @ jitter @ transform

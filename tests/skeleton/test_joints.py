@@ -3,9 +3,9 @@ import pytest
 from manufactured import motion, noisy, unit
 
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.axes import best_angles, rotation_about
+from handpipe.skeleton.axes import Axes
 from handpipe.skeleton.joints import fit_joint
-from handpipe.skeleton.residual import Residual, fit_residual
+from handpipe.skeleton.residual import Residual, fit_ridge
 
 HINGE = unit([0.1, 0.97, -0.15])
 SECOND = unit(np.cross(np.cross(HINGE, [0.2, 0.1, 1.0]), HINGE))
@@ -17,7 +17,7 @@ PAIRS = np.radians([[15, 12], [40, -10], [75, 3], [80, -4], [-15, 15], [30, 0]])
 def test_one_axis_and_centre_are_recovered_exactly():
     poses = [motion([HINGE], CENTRE, [phi]) for phi in PHI]
     fit = fit_joint(poses, 1, [[0, 1, 0]], near=CENTRE + 2 * HINGE)
-    assert np.allclose(fit.axes[0], HINGE, atol=1e-8)
+    assert np.allclose(fit.axes.directions[0], HINGE, atol=1e-8)
     assert np.allclose(fit.angles[:, 0], PHI, atol=1e-8)
     # A hinge does not tell where along its axis the centre is: there it stays near the given point.
     assert np.allclose(fit.centre, CENTRE + 2 * HINGE, atol=1e-6)
@@ -26,7 +26,7 @@ def test_one_axis_and_centre_are_recovered_exactly():
 def test_two_axes_and_centre_are_recovered_exactly():
     poses = [motion([HINGE, SECOND], CENTRE, pair) for pair in PAIRS]
     fit = fit_joint(poses, 2, [[0, 1, 0], [0, 0, 1]])
-    assert np.allclose(fit.axes, [HINGE, SECOND], atol=1e-8)
+    assert np.allclose(fit.axes.directions, [HINGE, SECOND], atol=1e-8)
     assert np.allclose(fit.angles, PAIRS, atol=1e-7)
     assert np.allclose(fit.centre, CENTRE, atol=1e-6)
 
@@ -34,7 +34,7 @@ def test_two_axes_and_centre_are_recovered_exactly():
 def test_hints_fix_the_signs():
     poses = [motion([HINGE, SECOND], CENTRE, pair) for pair in PAIRS]
     fit = fit_joint(poses, 2, [[0, -1, 0], [0, 0, -1]])
-    assert np.allclose(fit.axes, [-HINGE, -SECOND], atol=1e-8)
+    assert np.allclose(fit.axes.directions, [-HINGE, -SECOND], atol=1e-8)
     assert np.allclose(fit.angles, -PAIRS, atol=1e-7)
 
 
@@ -44,7 +44,7 @@ def test_axis_error_under_noise_has_the_size_of_the_noise():
     for _ in range(30):
         poses = [noisy(motion([HINGE], CENTRE, [phi]), rng, 0.5, 0.1, at=CENTRE) for phi in PHI]
         fit = fit_joint(poses, 1, [[0, 1, 0]], near=CENTRE)
-        tilts.append(np.degrees(np.arccos(min(1, fit.axes[0] @ HINGE))))
+        tilts.append(np.degrees(np.arccos(min(1, fit.axes.directions[0] @ HINGE))))
         shifts.append(np.linalg.norm(fit.centre - CENTRE))
     # A quaternion's vector part has half the noise and length sin(phi/2); two directions tilt the axis.
     expected = 0.5 / 2 / np.sqrt((np.sin(PHI / 2) ** 2).sum()) * np.sqrt(2)
@@ -58,9 +58,11 @@ def test_closed_form_angles_are_the_best_angles():
     rotations = np.array([noisy(motion(axes, CENTRE, p), rng, 5.0, 0).rotation for p in PAIRS])
 
     def mismatch(angles, rotation):
-        return RigidTransform(rotation_about(axes, angles), CENTRE).angle_to(RigidTransform(rotation, CENTRE))
+        return RigidTransform(Axes(axes, (0, 1)).rotation(angles), CENTRE).angle_to(
+            RigidTransform(rotation, CENTRE)
+        )
 
-    for angles, rotation in zip(best_angles(axes, rotations), rotations, strict=True):
+    for angles, rotation in zip(Axes(axes, (0, 1)).nearest(rotations), rotations, strict=True):
         least = mismatch(angles, rotation)
         assert least > 0.001
         for step in 1e-3 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1]]):
@@ -115,7 +117,7 @@ def test_residual_functions_reproduce_quadratics(terms):
     dof = 1 if len(terms) == 2 else 2
     angles = rng.uniform(-0.5, 1.5, size=(9, dof))
     truth = Residual(rng.normal(size=(len(terms), 3)), angles.min(axis=0), angles.max(axis=0))
-    fit = fit_residual(angles, truth(angles), terms, 0.0)
+    fit = fit_ridge(angles, truth(angles), terms, 0.0)
     inside = np.clip(rng.uniform(-0.5, 1.5, size=(20, dof)), truth.lower, truth.upper)
     assert np.allclose(fit(inside), truth(inside), atol=1e-9)
 
@@ -147,5 +149,5 @@ def test_extrapolation_is_tangent(dof):
 def test_a_joint_that_hardly_moves_takes_its_hint():
     poses = [motion([HINGE], CENTRE, [1e-7]), motion([HINGE], CENTRE, [-1e-7])]
     fit = fit_joint(poses, 1, [[0, 0, 1]], near=CENTRE)
-    assert np.allclose(fit.axes[0], [0, 0, 1], atol=1e-3)
+    assert np.allclose(fit.axes.directions[0], [0, 0, 1], atol=1e-3)
     assert np.allclose(fit.centre, CENTRE)

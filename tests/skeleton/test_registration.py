@@ -32,7 +32,7 @@ def test_large_rotations_between_different_meshes(roll):
 def test_noise_and_its_covariance():
     target = bone(40, 44, stretch=1.2)
     errors, deviations = [], []
-    for seed in range(12):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
         points = TRUTH(target.vertices) + 0.15 * rng.normal(size=target.vertices.shape)
         found = register(NEUTRAL, target.moved(points), start=TRUTH)
@@ -41,7 +41,7 @@ def test_noise_and_its_covariance():
         middle = NEUTRAL.vertices.mean(axis=0)
         errors.append(np.concatenate([turned, TRUTH(middle) - found.transform(middle)]))
         deviations.append(np.linalg.cholesky(found.covariance))
-    # Whitened by the estimated covariance, errors are of unit size: 72 numbers, so within a factor of about 1.5.
+    # Whitened by the estimated covariance, errors are of unit size: 36 numbers, within a factor 1.5.
     white = np.array([np.linalg.solve(c, e) for c, e in zip(deviations, errors, strict=True)])
     assert 0.65 < np.sqrt((white**2).mean()) < 1.5
     long_axis = TRUTH.rotation[:, 0]
@@ -83,7 +83,7 @@ def test_starts_hold_a_good_guess():
 
 
 def test_another_shape_is_refused():
-    random = np.random.default_rng(0)
-    ball = bone(20, 20)
+    other = bone(8, 10)
+    ball = 30 * other.vertices / np.linalg.norm(other.vertices, axis=1)[:, None]
     with pytest.raises(ConvergenceError):
-        register(NEUTRAL, ball.moved(40 * random.normal(size=ball.vertices.shape)))
+        register(NEUTRAL, other.moved(ball))

@@ -53,8 +53,8 @@ def check_angles(angles: Mapping[str, float], limits: Limits, source: str | Path
 def read_angles(path: str | Path, limits: Limits) -> dict[str, Angles]:
     """Frames of a CSV file: frame name -> angle name -> rad, in file order.
 
-    Raises `InputError` naming row and column for an unknown or missing column, a repeated frame, a value that is
-    not a number, and an angle beyond its limits (rad).
+    Raises `InputError` naming row and column for an unknown or missing column, a repeated frame, a value
+    that is not a number, and an angle beyond its limits (rad).
     """
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:

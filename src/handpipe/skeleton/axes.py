@@ -1,15 +1,16 @@
 """Rotation axes of a joint from relative rotations of its child bone (Wang 2019, Eq. 1, 4 and 5).
 
-For fixed axes the best angles are closed form. One axis: the dot product of a unit quaternion (w, v) with a
-rotation about `a` is at most sqrt(w^2 + (v.a)^2). Two orthogonal axes, columns of a frame in which the
-quaternion reads (w, x, y, z): it is at most the larger singular value of [[w, y], [x, z]], whose singular
-vectors are the cosines and sines of the half angles. What the best dot product s lacks to one is written as a
-square, 2 (1 - s) = |residual|^2, so that a least-squares solver maximises Eq. 1 or Eq. 4.
+For fixed axes the best angles are closed form. One axis: the dot product of a unit quaternion (w, v)
+with a rotation about `a` is at most sqrt(w^2 + (v.a)^2). Two orthogonal axes, columns of a frame in
+which the quaternion reads (w, x, y, z): it is at most the larger singular value of [[w, y], [x, z]],
+whose singular vectors are the cosines and sines of the half angles. What the best dot product s lacks
+to one is written as a square, 2 (1 - s) = |residual|^2, so that least squares maximise Eq. 1 or 4.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,42 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
-TOLERANCE = 1e-14
+TOLERANCE = 1e-13
+HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is below 0.01 degrees
+
+
+@dataclass(frozen=True)
+class Axes:
+    """One axis, or two orthogonal ones, fixed in the neutral frame with the parent at rest.
+
+    directions (dof, 3) are unit vectors, one an angle; order (dof,) says which angle turns first: a
+    rotation about the first axis is followed by one about the second, as rotated by the first (Eq. 5).
+    """
+
+    directions: Array
+    order: tuple[int, ...]
+
+    @property
+    def dof(self) -> int:
+        return len(self.directions)
+
+    def rotation(self, angles: Array) -> Array:
+        """Rotation (3, 3) at angles (dof,) in rad."""
+        rotation = np.eye(3)
+        for i in self.order:
+            rotation = rotation @ Rotation.from_rotvec(angles[i] * self.directions[i]).as_matrix()
+        return rotation
+
+    def nearest(self, rotations: Array) -> Array:
+        """Angles (n, dof) in rad whose rotations are nearest to rotations (n, 3, 3)."""
+        q = quaternions(rotations)
+        if self.dof == 1:
+            return 2 * np.arctan2(q[:, 1:] @ self.directions[0], q[:, 0])[:, None]
+        u, _, vt = np.linalg.svd(_half_angle_matrices(_frame(self.directions[list(self.order)]), q))
+        u, v = u[:, :, 0], vt[:, 0, :]
+        # A quaternion and its negative are one rotation: both half angles go into (-90, 90] degrees.
+        found = 2 * np.column_stack([np.arctan(u[:, 1] / u[:, 0]), np.arctan(v[:, 1] / v[:, 0])])
+        return found[:, np.argsort(self.order)]
 
 
 def quaternions(rotations: Array) -> Array:
@@ -26,61 +62,47 @@ def quaternions(rotations: Array) -> Array:
     return xyzw[:, [3, 0, 1, 2]]
 
 
-def rotation_about(axes: Array, angles: Array) -> Array:
-    """Rotation (3, 3): about axes[0] by angles[0], then about the rotated axes[1] by angles[1], if there is one."""
-    rotation = np.eye(3)
-    for axis, angle in zip(axes, angles, strict=True):
-        rotation = rotation @ Rotation.from_rotvec(angle * axis).as_matrix()
-    return rotation
+def fit_axes(rotations: Array, axis_hints: Array) -> Axes:
+    """Axes that explain rotations (n, 3, 3) best (Eq. 1; Eq. 4 and 5).
 
-
-def best_angles(axes: Array, rotations: Array) -> Array:
-    """Angles (n, dof) in rad about fixed axes (dof, 3) nearest to rotations (n, 3, 3)."""
-    q = quaternions(rotations)
-    if len(axes) == 1:
-        return 2 * np.arctan2(q[:, 1:] @ axes[0], q[:, 0])[:, None]
-    u, _, vt = np.linalg.svd(_half_angle_matrices(_frame(axes), q))
-    u, v = u[:, :, 0], vt[:, 0, :]
-    # A quaternion and its negative are one rotation: both half angles go into (-90, 90] degrees.
-    return 2 * np.column_stack([np.arctan(u[:, 1] / u[:, 0]), np.arctan(v[:, 1] / v[:, 0])])
-
-
-def fit_axes(rotations: Array, axis_hints: Array) -> Array:
-    """Unit axes (dof, 3), orthogonal if two, that explain rotations (n, 3, 3) best (Eq. 1; Eq. 4 and 5).
-
-    axis_hints (dof, 3): rough axes; they fix the signs, and what the rotations leave undetermined.
+    axis_hints (dof, 3): rough axes; they fix the signs, and what the rotations leave undetermined. Which
+    of two axes turns first is a convention in some joints and anatomy in others: the rotations decide.
     """
     q = quaternions(rotations)
-    fit = _fit_one_axis if len(axis_hints) == 1 else _fit_two_axes
-    return fit(q, np.array([h / np.linalg.norm(h) for h in np.asarray(axis_hints, float)]))
+    hints = np.array([h / np.linalg.norm(h) for h in np.asarray(axis_hints, float)])
+    if len(hints) == 1:
+        return Axes(_signed(_fit_one_axis(q, hints[0])[None], hints), (0,))
+    fits = [(_fit_two_axes(q, hints[list(order)]), order) for order in ((0, 1), (1, 0))]
+    (found, _), order = min(fits, key=lambda fit: fit[0][1])
+    return Axes(_signed(found[np.argsort(order)], hints), order)
 
 
-def _fit_one_axis(q: Array, hints: Array) -> Array:
-    moments = q[:, 1:].T @ q[:, 1:]
-    # A hundredth of a degree of prior in the hint's favour decides only where nothing moved.
-    start = np.linalg.eigh(moments + 1e-8 * np.outer(hints[0], hints[0]))[1][:, -1]
-    frame = _complete(start)
+def _signed(axes: Array, hints: Array) -> Array:
+    return axes * np.where((axes * hints).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+
+
+def _fit_one_axis(q: Array, hint: Array) -> Array:
+    start = _principal(q, hint)[:, -1]
+    across = _complete(start)[:, 1:]
 
     def axis(tilt: Array) -> Array:
-        return Rotation.from_rotvec(frame[:, 1:] @ tilt).apply(start)
+        return Rotation.from_rotvec(across @ tilt).apply(start)
 
     def residual(tilt: Array) -> Array:
         off = np.cross(q[:, 1:], axis(tilt))
         best = np.sqrt(np.maximum(1 - (off**2).sum(axis=1), 0))
         return (off * np.sqrt(2 / (1 + best))[:, None]).ravel()
 
-    tilt = _minimise(residual, 2)[0]
-    found = axis(tilt)
-    return (found * (1.0 if found @ hints[0] > 0 else -1.0))[None]
+    return axis(_minimise(residual, 2)[0])
 
 
-def _fit_two_axes(q: Array, hints: Array) -> Array:
-    principal = np.linalg.eigh(q[:, 1:].T @ q[:, 1:] + 1e-8 * np.outer(hints[0], hints[0]))[1]
-    starts = [hints, np.array([principal[:, 2], hints[1]]), np.array([hints[0], principal[:, 1]])]
-    candidates = [_refine_frame(q, _frame(start)) for start in starts if _spans(start)]
-    frame = min(candidates, key=lambda c: c[1])[0]
-    axes = frame[:, :2].T
-    return axes * np.where((axes * hints).sum(axis=1) > 0, 1.0, -1.0)[:, None]
+def _fit_two_axes(q: Array, hints: Array) -> tuple[Array, float]:
+    """Axes (2, 3) in the order in which they turn, and what Eq. 4 lacks to its bound."""
+    principal = _principal(q, hints[0])
+    starts = [hints, np.array([principal[:, 2], hints[1]]), np.array([hints[0], principal[:, 2]])]
+    fits = [_refine_frame(q, _frame(start)) for start in starts if _spans(start)]
+    frame, lack = min(fits, key=lambda fit: fit[1])
+    return frame[:, :2].T, lack
 
 
 def _refine_frame(q: Array, start: Array) -> tuple[Array, float]:
@@ -94,15 +116,18 @@ def _refine_frame(q: Array, start: Array) -> tuple[Array, float]:
         s = (np.sqrt(np.maximum(1 + 2 * det, 0)) + np.sqrt(np.maximum(1 - 2 * det, 0))) / 2
         return det / s * np.sqrt(2 / (1 + s))
 
-    turn, cost = _minimise(residual, 3)
-    return frame(turn), cost
+    turn, lack = _minimise(residual, 3)
+    return frame(turn), lack
 
 
-def _minimise(residual: object, n: int) -> tuple[Array, float]:
-    result = least_squares(
-        residual, np.zeros(n), jac="3-point", xtol=TOLERANCE, ftol=TOLERANCE, gtol=TOLERANCE
-    )
+def _minimise(residual: Callable[[Array], Array], n: int) -> tuple[Array, float]:
+    result = least_squares(residual, np.zeros(n), xtol=TOLERANCE, ftol=TOLERANCE, gtol=TOLERANCE)
     return result.x, float(result.cost)
+
+
+def _principal(q: Array, hint: Array) -> Array:
+    """Principal directions (3, 3) in columns of the quaternions' vectors, the leading one last."""
+    return np.linalg.eigh(q[:, 1:].T @ q[:, 1:] + HINT_WEIGHT * np.outer(hint, hint))[1]
 
 
 def _half_angle_matrices(frame: Array, q: Array) -> Array:

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from handpipe.mesh.rigid import RigidTransform
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -22,7 +25,7 @@ class Rows:
 
     @staticmethod
     def of(points: Array, normals: Array, distance: Array, centre: Array) -> Rows:
-        """Points (n, 3) are to move along unit normals (n, 3) by distance (n,), rotating about centre (3,)."""
+        """Points (n, 3) are to move along unit normals (n, 3) by distance (n,), turning about centre (3,)."""
         return Rows(np.hstack([np.cross(points - centre, normals), normals]), distance)
 
     @staticmethod
@@ -47,8 +50,8 @@ def solve(rows: Rows, weights: Array) -> Array:
 def covariance(rows: Rows, weights: Array, edges: IntArray) -> Array:
     """Covariance (6, 6) of the solution when the rows belong to mesh vertices joined by edges (e, 2).
 
-    Neighbouring errors are alike. Taking their correlation r to fall off as r^(steps in either direction of the
-    surface), n vertices count as n ((1 - r) / (1 + r))^2 independent ones.
+    Neighbouring errors are alike. Taking their correlation r to fall off as r^(steps in either direction
+    of the surface), n vertices count as n ((1 - r) / (1 + r))^2 independent ones.
     """
     matrix, _ = _normal(rows, weights)
     residual = rows.distance * np.sqrt(weights)
@@ -56,8 +59,13 @@ def covariance(rows: Rows, weights: Array, edges: IntArray) -> Array:
     product = (residual[edges[:, 0]] * residual[edges[:, 1]]).mean()
     correlation = np.clip(product / max((residual**2).mean(), 1e-30), 0.0, 0.9)
     alike = ((1 + correlation) / (1 - correlation)) ** 2
-    # The weights cut the tails of the noise, and with them a few per cent of the variance.
     return variance * alike * np.linalg.pinv(matrix, rcond=1e-14)
+
+
+def moved(transform: RigidTransform, step: Array, middle: Array) -> RigidTransform:
+    """The transform followed by a small motion (6,): rotation about its image of `middle`, translation."""
+    turn = RigidTransform.about(transform(middle), Rotation.from_rotvec(step[:3]).as_matrix())
+    return RigidTransform(np.eye(3), step[3:]) @ turn @ transform
 
 
 def _normal(rows: Rows, weights: Array) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ LINEAR_SPREAD = 0.1  # rad; examples that spread less in a direction say nothing
 
 
 def reference_bone(bones: Sequence[str], parents: Mapping[str, str]) -> str:
-    """The controlling bone with the most controlling descendants (Zheng 2022, section 4.3); the first of equals.
+    """The controlling bone with most controlling descendants (Zheng 2022, section 4.3); the first of equals.
 
     parents: bone -> parent bone, without the root.
     """
@@ -48,11 +48,12 @@ def pose_vector(bones: Sequence[str], reference: str, transforms: Mapping[str, R
 class PoseSpace:
     """Example poses as pose vectors, and the weights that interpolate what is known in them.
 
-    bones: controlling bones; reference: the one that the others' rotations are relative to; examples (N, d) in
-    rad, d = 3 (len(bones) - 1); poses: names of the N examples. `interpolation`: "inverse-distance" (Zheng 2022,
-    Eq. 1) is positive and kinked at the examples; "inverse-square" is positive and smooth, but flat at the
-    examples; "rbf" is linear radial basis functions with a linear part, smooth trends at the price of negative
-    weights, for quantities that may be extrapolated, such as logarithms of strains.
+    bones: controlling bones; reference: the one that the others' rotations are relative to; examples
+    (N, d) in rad, d = 3 (len(bones) - 1); poses: names of the N examples. `interpolation`:
+    "inverse-distance" (Zheng 2022, Eq. 1) is positive and kinked at the examples; "inverse-square" is
+    positive and smooth, but flat at the examples; "rbf" is linear radial basis functions with a linear
+    part, which follow trends at the price of negative weights, for quantities that may be extrapolated,
+    such as logarithms of strains.
     """
 
     bones: tuple[str, ...]
@@ -72,7 +73,7 @@ class PoseSpace:
         transforms: Mapping[str, Mapping[str, RigidTransform]],
         interpolation: Interpolation = "inverse-distance",
     ) -> PoseSpace:
-        """Pose space of example poses: transforms is pose -> bone -> transform from neutral; parents: bone -> parent."""
+        """Pose space of transforms, pose -> bone -> transform from neutral; parents: bone -> parent bone."""
         reference = reference_bone(bones, parents)
         examples = np.array([pose_vector(bones, reference, t) for t in transforms.values()])
         return PoseSpace(tuple(bones), reference, examples, tuple(transforms), interpolation)

@@ -1,4 +1,4 @@
-"""Rigid registration of a neutral marrow surface to the same bone's surface in another pose (Wang 2019, section 3.1).
+"""Rigid registration of a neutral marrow surface to the same bone in another pose (Wang 2019, section 3.1).
 
 Iterated closest points with distances to tangent planes, from many starts: a phalanx is nearly a solid of
 revolution, and only its condyles tell the rotation about its long axis.
@@ -19,29 +19,18 @@ from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance, sample_points
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-from handpipe.skeleton.normal_equations import Rows, covariance, robust_weights, solve
+from handpipe.skeleton.edge_refinement import refine_to_edges
+from handpipe.skeleton.normal_equations import Rows, covariance, moved, robust_weights, solve
+from handpipe.skeleton.registration_result import Registration, rotation_uncertainty
 
 Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 
 ROLLS = 8  # starts about the long axis
-KEPT_POINTS = {"target": 0.95, "neutral": 0.8}  # a target may lack a part of the bone, but seldom has more
+KEPT_POINTS = {"target": 0.95, "neutral": 0.4}  # a target may lack much of the bone, but seldom has more
 COARSE, FINE, VERTICES = 300, 1500, 6000  # points in the stages
+WORST = 0.05  # residual by the bone's size beyond which the surfaces are of different bones
 STILL = 1e-5  # rad, and mm per mm of the bone's size
-
-
-@dataclass(frozen=True)
-class Registration:
-    """transform from neutral to the pose; rms in mm of the robust distances of the target from the moved neutral.
-
-    covariance (6, 6) of (omega, t) in rad and mm: the true transform is the found one followed by a rotation
-    by omega about its image of the neutral vertices' mean and a translation by t. It knows the noise of the target
-    (with the noise's correlation between neighbours), not what both surfaces have wrong alike.
-    """
-
-    transform: RigidTransform
-    rms: float
-    covariance: Array
 
 
 @dataclass(frozen=True)
@@ -71,12 +60,12 @@ def register(
     volume: Volume | None = None,
     start: RigidTransform | Sequence[RigidTransform] | None = None,
 ) -> Registration:
-    """Rigid transform that carries the neutral surface onto the target surface, of least residual over all starts.
+    """Rigid transform that carries the neutral surface onto the target, of least residual over all starts.
 
-    start: guesses from elsewhere, such as `flexion_starts`; the principal axes give more. volume: image of the
-    target pose; the result is then refined to the image's edge between bright marrow and dark shell. A target
-    that lacks a part of the bone is registered by the rest. Raises `ConvergenceError` where the surfaces do
-    not fit one another at all.
+    start: guesses from elsewhere, such as `flexion_starts`; the principal axes give more. volume: image of
+    the target pose; the result is then refined to the image's edge between bright marrow and dark shell. A
+    target that lacks a part of the bone is registered by the rest. Raises `ConvergenceError` where the
+    surfaces do not fit one another at all.
     """
     pair = _Pair(Distance(neutral_marrow), Distance(target_marrow), neutral_marrow.vertices.mean(axis=0))
     guesses = [start] if isinstance(start, RigidTransform) else list(start or [])
@@ -84,26 +73,16 @@ def register(
     fine = _best(pair, coarse[:4], FINE, iterations=40)
     found = _finish(pair, fine[0], target_marrow)
     size = np.sqrt(neutral_marrow.area())
-    if not np.isfinite(found.rms) or found.rms > 0.1 * size:
+    if not np.isfinite(found.rms) or found.rms > WORST * size:
         raise ConvergenceError("Registration", f"residual {found.rms:.2f} mm at a bone of size {size:.1f} mm")
     LOG.info(
         "registered: rms %.3f mm, uncertainty %s deg", found.rms, np.round(rotation_uncertainty(found), 2)
     )
-    if volume is None:
-        return found
-    from handpipe.skeleton.edge_refinement import refine_to_edges
-
-    return refine_to_edges(neutral_marrow, volume, found)
-
-
-def rotation_uncertainty(registration: Registration) -> Array:
-    """Standard deviations (3,) in deg of the rotation along its principal directions, largest first."""
-    values = np.linalg.eigvalsh(registration.covariance[:3, :3])[::-1]
-    return np.degrees(np.sqrt(np.maximum(values, 0)))
+    return found if volume is None else refine_to_edges(neutral_marrow, volume, found)
 
 
 def principal_starts(neutral: Surface, target: Surface) -> list[RigidTransform]:
-    """Starts that lay long axis on long axis, either way round, rolled about it, at both ends if lengths differ."""
+    """Long axis on long axis, either way round, rolled about it, and end on end if lengths differ."""
     a, b = _principal(neutral), _principal(target)
     starts = []
     for flip in (np.eye(3), np.diag([-1.0, -1.0, 1.0])):
@@ -121,8 +100,8 @@ def flexion_starts(
 ) -> list[RigidTransform]:
     """Starts that turn a bone on its registered parent.
 
-    joint (3,): point near the joint in the neutral frame; axes (dof, 3): rough axes; limits (dof, 2) in rad. The
-    first angle goes through its range in steps of at most `step`, the others stay at zero.
+    joint (3,): point near the joint in the neutral frame; axes (dof, 3): rough axes; limits (dof, 2) in rad.
+    The first angle goes through its range in steps of at most `step`, the others stay at zero.
     """
     lower, upper = limits[0]
     count = max(2, int(np.ceil((upper - lower) / step)) + 1)
@@ -133,7 +112,7 @@ def flexion_starts(
 
 @dataclass(frozen=True)
 class _Principal:
-    """Centre (3,), right-handed principal axes (3, 3) in columns, the long one first; length along it in mm."""
+    """Centre (3,), right-handed principal axes (3, 3) in columns, the long one first; length along it."""
 
     centre: Array
     axes: Array
@@ -167,11 +146,15 @@ def _align(
     pair: _Pair, transform: RigidTransform, target: Array, neutral: Array, iterations: int
 ) -> tuple[float, RigidTransform]:
     """Trimmed mean square of both surfaces' distances in mm^2, and the transform that makes it small."""
-    for _ in range(iterations):
-        rows = [pair.target_rows(transform, target), pair.neutral_rows(transform, neutral)]
+    for i in range(iterations):
+        rows = [pair.target_rows(transform, target)]
+        # The neutral's points keep the target from covering only a part; later on, a target that lacks a part
+        # must not be drawn towards where that part would be.
+        if i < iterations // 2:
+            rows.append(pair.neutral_rows(transform, neutral))
         step = solve(Rows.joined(rows), np.concatenate([robust_weights(r.distance) for r in rows]))
         transform = moved(transform, step, pair.middle)
-        if _is_still(step, pair):
+        if i >= iterations // 2 and _is_still(step, pair):
             break
     a = pair.target_rows(transform, target).distance
     b = pair.neutral_rows(transform, neutral).distance
@@ -192,12 +175,6 @@ def _finish(pair: _Pair, transform: RigidTransform, target: Surface) -> Registra
     weights = robust_weights(every.distance)
     rms = float(np.sqrt((weights * every.distance**2).sum() / weights.sum()))
     return Registration(transform, rms, covariance(every, weights, target.edges()))
-
-
-def moved(transform: RigidTransform, step: Array, middle: Array) -> RigidTransform:
-    """The transform followed by the small motion (6,): a rotation about the image of `middle`, a translation."""
-    turn = RigidTransform.about(transform(middle), Rotation.from_rotvec(step[:3]).as_matrix())
-    return RigidTransform(np.eye(3), step[3:]) @ turn @ transform
 
 
 def _is_still(step: Array, pair: _Pair) -> bool:

@@ -1,8 +1,12 @@
 """Small residual motion of a joint as a quadratic function of its angles, tangent beyond the sampled range.
 
-The functions have no constant term: at the neutral pose, angle zero, there is no residual. Inside the range they
-are quadratics in the angles; a square t^2 goes on as its tangent beyond the range of t, and products of two
-angles stay as they are, which makes the extension C1 everywhere (Wang 2019, section 4).
+The functions have no constant term: at the neutral pose, angle zero, there is no residual. Inside the
+range they are quadratics in the angles; a square t^2 goes on as its tangent beyond the range of t, and
+products of two angles stay as they are: the extension is C1 everywhere (Wang 2019, section 4).
+
+With a handful of poses, noise and residual motion are of one size, and picking one order would often pick
+noise. Ridge fits of several orders are therefore mixed by the weights, none negative, that predict left-out
+poses best (stacked regression, Breiman 1996); weights that sum to less than one shrink towards no residual.
 """
 
 from __future__ import annotations
@@ -11,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 Array = NDArray[np.float64]
 Terms = tuple[int, ...]  # which columns of `features` a function uses
@@ -33,7 +38,7 @@ SHRINKAGE = (0.0, 0.3, 1.0, 3.0)  # in units of one pose of typical size
 
 @dataclass(frozen=True)
 class Residual:
-    """coefficients (k, 3) of `features`; lower, upper (dof,) in rad: range of the samples, with the neutral zero."""
+    """coefficients (k, 3) of `features`; lower, upper (dof,) in rad: range of the samples and neutral."""
 
     coefficients: Array
     lower: Array
@@ -45,7 +50,7 @@ class Residual:
 
 
 def features(angles: Array, lower: Array, upper: Array) -> Array:
-    """phi, phi^2 (n, 2), or phi, psi, phi^2, phi psi, psi^2 (n, 5); squares go on as tangents beyond the range."""
+    """phi, phi^2 (n, 2), or phi, psi, phi^2, phi psi, psi^2 (n, 5); squares as tangents beyond the range."""
     clamped = np.clip(angles, lower, upper)
     squares = clamped * (2 * angles - clamped)
     if angles.shape[1] == 1:
@@ -53,20 +58,35 @@ def features(angles: Array, lower: Array, upper: Array) -> Array:
     return np.column_stack([angles, squares[:, 0], angles[:, 0] * angles[:, 1], squares[:, 1]])
 
 
-def fit_residual(angles: Array, samples: Array, terms: Terms, shrinkage: float) -> Residual:
+def fit_residual(angles: Array, samples: Array) -> Residual:
+    """Function that predicts residuals best, from samples (n, 3) at angles (n, dof) in rad."""
+    choices = [(terms, shrinkage) for terms in TERMS[angles.shape[1]] for shrinkage in SHRINKAGE]
+    fits = [fit_ridge(angles, samples, *choice) for choice in choices]
+    weights = np.zeros(len(choices))
+    if len(samples) > 1:
+        held = [np.arange(len(samples)) != i for i in range(len(samples))]
+        predictions = [
+            np.concatenate([fit_ridge(angles[rest], samples[rest], *choice)(angles[~rest]) for rest in held])
+            for choice in choices
+        ]
+        weights = nnls(np.array([p.ravel() for p in predictions]).T, samples.ravel())[0]
+        weights = weights / max(weights.sum(), 1.0)
+    coefficients = np.tensordot(weights, np.array([f.coefficients for f in fits]), axes=1)
+    return Residual(coefficients, fits[0].lower, fits[0].upper)
+
+
+def fit_ridge(angles: Array, samples: Array, terms: Terms, shrinkage: float) -> Residual:
     """Ridge regression of samples (n, 3) at angles (n, dof) with the given terms.
 
-    Each term is scaled by its root mean square over the samples, so that `shrinkage` acts on all terms alike:
-    with 0 the fit is plain least squares, with 1 the prior of a vanishing residual counts as much as one pose.
+    Each term is scaled by its root mean square over the samples, so that `shrinkage` acts on all terms
+    alike: 0 is plain least squares, with 1 the prior of no residual counts as much as one pose.
     """
     lower, upper = np.minimum(angles.min(axis=0), 0), np.maximum(angles.max(axis=0), 0)
     every = features(angles, lower, upper)
+    chosen = every[:, terms]
+    scale = np.maximum(np.sqrt((chosen**2).mean(axis=0)), 1e-12)
+    system = np.vstack([chosen / scale, np.sqrt(shrinkage) * np.eye(len(terms))])
+    right = np.vstack([samples, np.zeros((len(terms), 3))])
     coefficients = np.zeros((every.shape[1], 3))
-    if terms:
-        chosen = every[:, terms]
-        scale = np.maximum(np.sqrt((chosen**2).mean(axis=0)), 1e-12)
-        prior = np.sqrt(shrinkage) * np.eye(len(terms))
-        system = np.vstack([chosen / scale, prior])
-        right = np.vstack([samples, np.zeros((len(terms), 3))])
-        coefficients[list(terms)] = np.linalg.lstsq(system, right, rcond=1e-9)[0] / scale[:, None]
+    coefficients[list(terms)] = np.linalg.lstsq(system, right, rcond=1e-9)[0] / scale[:, None]
     return Residual(coefficients, lower, upper)

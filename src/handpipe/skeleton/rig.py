@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import igl
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -16,9 +15,11 @@ from scipy.optimize import least_squares
 from handpipe import artifacts
 from handpipe.config import Dataset
 from handpipe.errors import InputError
+from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.angles import Angles, check_angles
+from handpipe.skeleton.axes import Axes
 from handpipe.skeleton.joints import JointFit, Model, fit_joint
 from handpipe.skeleton.residual import Residual
 
@@ -49,7 +50,7 @@ class FittedPose:
 
 @dataclass(frozen=True)
 class Rig:
-    """Joints in order from the root outwards; neutral bone surfaces; the scanned poses as the rig explains them."""
+    """Joints in order from the root outwards; neutral bone surfaces; scanned poses as it explains them."""
 
     root: str
     joints: tuple[RigJoint, ...]
@@ -65,9 +66,10 @@ class Rig:
     ) -> Rig:
         """Fit every joint to the given poses, then explain all poses.
 
-        transforms: pose -> bone -> transform from neutral in the pose's scanner frame; a pose that lacks a bone is
-        left out for that bone's joints. surfaces: neutral bones. fit_poses: poses to learn from; the other poses
-        in `transforms` are only explained. Raises `InputError` where a joint has no pose to learn from.
+        transforms: pose -> bone -> transform from neutral in the pose's scanner frame; a pose that lacks a
+        bone is left out for that bone's joints. surfaces: neutral bones. fit_poses: poses to learn from;
+        the other poses in `transforms` are only explained. Raises `InputError` where a joint has no pose to
+        learn from.
         """
         joints = []
         for name in outwards(dataset):
@@ -191,19 +193,16 @@ def relative_motions(
 
 
 def joint_point(parent: Surface, child: Surface) -> Array:
-    """A point (3,) in mm in the gap between two bones: the middle of where the child comes nearest the parent."""
-    squared, _, closest = igl.point_mesh_squared_distance(
-        np.asarray(child.vertices, float),
-        np.asarray(parent.vertices, float),
-        np.asarray(parent.triangles, np.int64),
-    )
-    near = squared <= np.quantile(squared, 0.02)
+    """A point (3,) in mm in the gap between two bones, amid where the child comes nearest the parent."""
+    distances, _, closest = Distance(parent).closest(child.vertices)
+    near = distances <= np.quantile(distances, 0.02)
     return (child.vertices[near].mean(axis=0) + closest[near].mean(axis=0)) / 2
 
 
 def displacement(found: RigidTransform, wanted: RigidTransform, moments: tuple[Array, Array]) -> Array:
-    """Numbers (12,) in mm whose squares sum to the mean squared displacement between two transforms of a bone.
+    """Numbers (12,) in mm whose squares sum to the mean square of a bone's displacement.
 
+    It takes the bone's vertices from where one transform puts them to where the other does.
     moments: centroid (3,) and square root (3, 3) of the covariance of the bone's vertices.
     """
     centroid, root = moments
@@ -226,7 +225,8 @@ def _to_groups(rig: Rig) -> dict[str, Any]:
                 "child": j.child,
                 "angles": list(j.angles),
                 "limits": j.limits,
-                "axes": j.fit.axes,
+                "axes": j.fit.axes.directions,
+                "order": list(j.fit.axes.order),
                 "centre": j.fit.centre,
                 "fitted_angles": j.fit.angles,
                 "rotation_residual": vars(j.fit.rotation_residual),
@@ -267,7 +267,7 @@ def _from_groups(data: Mapping[str, Any]) -> Rig:
             tuple(g["angles"]),
             g["limits"],
             JointFit(
-                g["axes"],
+                Axes(g["axes"], tuple(int(i) for i in g["order"])),
                 g["centre"],
                 Residual(**g["rotation_residual"]),
                 Residual(**g["translation_residual"]),

@@ -1,4 +1,4 @@
-"""How well the rig explains the registered bones, joint by joint (Wang 2019, Table 1), also on poses it never saw."""
+"""How well the rig explains registered bones, joint by joint (Wang 2019, Table 1), also in new poses."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from handpipe.skeleton.rig import Bones, Rig, RigJoint, relative_motions
 
 Array = NDArray[np.float64]
 MODELS: tuple[tuple[Model, str], ...] = (("full", "FM"), ("partial", "PM"))
+PREFIXES: tuple[tuple[Model, str], ...] = (("full", ""), ("partial", "partial_"))
 Row = dict[str, str | float]
 Columns = dict[str, Array]
 
@@ -24,9 +25,9 @@ Columns = dict[str, Array]
 class JointTable:
     """rows: one a joint; `joint`, and mean errors by column, rotations (_R) in deg, translations (_x) in mm.
 
-    Columns FM_ and PM_ are the full and the partial model on the fitted poses, with prefix loo_ on each of them
-    left out of the fit in turn, with prefix heldout_ on poses that no fit saw (absent if there are none).
-    metrics: the means over joints and poses, and absolute errors of the bones.
+    Columns FM_ and PM_ are the full and the partial model on the fitted poses, with prefix loo_ on each of
+    them left out of the fit in turn, with prefix heldout_ on poses that no fit saw (absent if there are
+    none). metrics: the means over joints and poses, and absolute errors of the bones.
     """
 
     rows: list[Row]
@@ -36,10 +37,10 @@ class JointTable:
 def joint_table(
     rig: Rig, dataset: Dataset, transforms: Mapping[str, Bones], fit_poses: Sequence[str]
 ) -> JointTable:
-    """Table of errors of a rig fitted to `fit_poses`; the other poses of `transforms` but neutral are held out.
+    """Errors of a rig fitted to `fit_poses`; the other poses of `transforms`, but neutral, are held out.
 
-    Rotation errors are angles of R_found^T R_true of the child relative to its parent; translation errors are
-    distances between the child's centroid there and there. The neutral pose has no error and does not count.
+    Rotation errors are angles of R_found^T R_true of the child relative to its parent; translation errors
+    are distances of the child's centroid from its true place. Neutral, without error, does not count.
     """
     fitted = [p for p in fit_poses if p != dataset.neutral]
     heldout = [p for p in transforms if p not in fit_poses and p != dataset.neutral]
@@ -86,7 +87,7 @@ def _errors(prefix: str, fit: JointFit, relative: Sequence[RigidTransform], poin
 
 
 def _means(columns: Sequence[Columns]) -> Metrics:
-    """rotation_error_mean, translation_error_mean, with loo_ or heldout_ before and partial_ for that model."""
+    """rotation_error_mean and translation_error_mean, after loo_ or heldout_, and partial_."""
     metrics: Metrics = {}
     for prefix in ("", "loo_", "heldout_"):
         for short, model in (("FM", ""), ("PM", "partial_")):
@@ -99,9 +100,9 @@ def _means(columns: Sequence[Columns]) -> Metrics:
 
 
 def _bone_errors(prefix: str, rig: Rig, transforms: Mapping[str, Bones]) -> Metrics:
-    """Mean and largest distance of bone vertices from the registered bones, with the best angles of each model."""
+    """Mean and largest distance of bone vertices from the registered bones, with each model's best angles."""
     metrics: Metrics = {}
-    for model, name in (("full", ""), ("partial", "partial_")) if transforms else ():
+    for model, name in PREFIXES if transforms else ():
         errors = []
         for registered in transforms.values():
             found = rig.bone_transforms(rig.angles_of(registered, model), registered[rig.root], model)
