@@ -21,7 +21,7 @@ from handpipe.tendons.rest import PULL, RestTendon
 from handpipe.tendons.rod import Array, frames, lay
 from handpipe.tendons.tube import Tube
 
-BEND_LENGTH = 2.5  # mm over which the rod rounds the kink at a hook
+BEND_LENGTH = 2.0  # mm over which the rod rounds the kink at a hook
 CALIBRATIONS = 6
 
 
