@@ -18,8 +18,7 @@ class Bending(PointPotential):
     K_e is the cotangent stencil of an edge and its two opposite corners (Bergou et al. 2006, A quadratic
     bending model for inextensible surfaces); |K_e x| measures the fold whatever the orientation. stiffness
     k in microjoules (mN mm). With `curved`, the fold at rest is that of `vertices` (n, 3); else rest is flat
-    and
-    the energy quadratic.
+    and the energy quadratic.
     """
 
     def __init__(self, vertices: Array, triangles: IntArray, stiffness: float, curved: bool = False) -> None:

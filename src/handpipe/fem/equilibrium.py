@@ -188,6 +188,7 @@ class _Newton:
         self.record = Record()
         self._block: FreeBlock | None = None
         self._factor: Factor | None = None
+        self._factor_holds = False
         self._cg_spent = 0
         self._blend = 0.0
         self._convexified = False
@@ -285,11 +286,11 @@ class _Newton:
             else:
                 self._factor.refactorise(matrix)
         except NotPositiveDefinite:
-            self._factor = None
+            self._factor_holds = False  # its symbolic analysis still serves
             return None
         finally:
             self.record.factorisations += 1
-        self._cg_spent = 0
+        self._cg_spent, self._factor_holds = 0, True
         return self._factor.solve(force)
 
     def _by_blend(self, plain: sp.csr_matrix, projected: sp.csr_matrix, force: Array) -> Array | None:
@@ -323,7 +324,7 @@ class _Newton:
     def _by_stale_factor(self, matrix: sp.csr_matrix, force: Array) -> Array | None:
         """Conjugate gradients preconditioned by an earlier factor, while that is cheaper than a new one."""
         unknowns = len(force)
-        if self._factor is None or unknowns < CG_LEAST_UNKNOWNS:
+        if self._factor is None or not self._factor_holds or unknowns < CG_LEAST_UNKNOWNS:
             return None
         budget = int(CG_ITERATIONS_PER_FACTORISATION * (unknowns / 136e3) ** (2 / 3)) - self._cg_spent
         solution, iterations = _conjugate_gradients(matrix, force, self._factor, budget)

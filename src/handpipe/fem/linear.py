@@ -159,7 +159,7 @@ class PardisoFactor:
             self._source = None
 
     def __del__(self) -> None:
-        if _mkl is not None and hasattr(self, "_values"):
+        if not sys.is_finalizing() and hasattr(self, "_values"):
             self._release()
 
 
