@@ -94,9 +94,9 @@ def fit_weights(
 ) -> Array:
     """Skinning weights (k,) of the first bone of each hook's pair (k, 2) (Eq. 19-21).
 
-    The second bone has the rest. Points rest (k, 3), example rods (Q+1, 3), and each pose's transforms by bone
-    number. Closest points on the rods are found again after each closed-form minimisation, from weight one on
-    the closest bone.
+    The second bone has the rest. Points rest (k, 3), example rods (Q+1, 3), and transforms of each pose by
+    bone number. Closest points on the rods are found again after each closed-form minimisation, from weight
+    one on the closest bone.
     """
     moved = np.stack([[t(rest) for t in pose] for pose in poses])  # (N, n_bones, k, 3)
     k = np.arange(len(rest))
