@@ -42,7 +42,7 @@ def refine_to_edges(neutral: Surface, volume: Volume, found: Registration) -> Re
 
 
 def steepest_falls(volume: Volume, points: Array, directions: Array, reach: float) -> tuple[Array, Array]:
-    """Offsets (n,) in mm along unit directions (n, 3) where the image falls most steeply, and confidences (n,).
+    """Offsets (n,) in mm along unit directions (n, 3) of the image's steepest falls, and confidences (n,).
 
     Confidences in [0, 1] are the fall's slope by the upper quartile of all; zero where the steepest fall
     lies at the end of the reach, or where nothing falls.

@@ -72,9 +72,10 @@ class Rig:
         learn from.
         """
         joints = []
+        learnt = [p for p in fit_poses if p != dataset.neutral]  # neutral is the zero of every joint
         for name in outwards(dataset):
             joint = dataset.joints[name]
-            relative = relative_motions(transforms, joint.parent, joint.child, fit_poses)
+            relative = relative_motions(transforms, joint.parent, joint.child, learnt)
             if not relative:
                 problem = f"no pose has both {joint.parent} and {joint.child}"
                 raise InputError(
