@@ -90,7 +90,8 @@ class SurfaceContact(PointPotential):
 
     The signed distance is computed anew at every evaluation, so energy and gradient belong together
     however far a point has slid. The Hessian leaves the surface's curvature out: it is exact where the
-    closest point is inside a face, and positive semidefinite everywhere.
+    closest point is inside a face, and positive semidefinite everywhere. Within one Newton step no point may
+    move by more than its free distance and `reach` mm, or it could pass through a thin body unnoticed.
     """
 
     def __init__(
@@ -100,11 +101,12 @@ class SurfaceContact(PointPotential):
         stiffness: ArrayLike,
         thickness: float = 0.0,
         onset: float = 0.05,
+        reach: float = 1.0,
     ) -> None:
         super().__init__(operator)
         self.distance = distance
         self.stiffness = per_point(stiffness, self.count, "stiffness")
-        self.thickness, self.onset = thickness, onset
+        self.thickness, self.onset, self.reach = thickness, onset, reach
         self._last: tuple[Array, Array, Array] | None = None
 
     def _query(self, points: Array) -> tuple[Array, Array]:
@@ -119,6 +121,12 @@ class SurfaceContact(PointPotential):
     def depths(self, points: Array) -> Array:
         """How far (k,) each point is beneath the thickness; negative where it is free."""
         return self.thickness - self._query(points)[0]
+
+    def max_step(self, x: Array, step: Array) -> float:
+        """Fraction of a step within which no point can go deeper than `reach`: distance is 1-Lipschitz."""
+        allowed = self.reach + np.maximum(-self.depths(self.points(x)), 0.0)
+        lengths = np.where(self.stiffness > 0, np.linalg.norm(self.operator @ step, axis=1), 0.0)
+        return float(min(1.0, (allowed / np.maximum(lengths, 1e-300)).min(initial=1.0)))
 
     def energies(self, points: Array) -> Array:
         return self.stiffness * penalty(self.depths(points), self.onset)[0]
