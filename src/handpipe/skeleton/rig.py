@@ -136,7 +136,7 @@ class Rig:
         """Angles in rad that bring the bones nearest to given transforms, with the root where it is given.
 
         The distance is the mean square displacement of all bones' vertices, which weighs rotations and
-        translations without further parameters. Bones that are missing do not count.
+        translations without further parameters. Bones that are missing do not count; the root must be there.
         """
         seen = [j for j in self.joints if j.child in transforms]
         moments = {j.child: _moments(self.surfaces[j.child]) for j in seen}

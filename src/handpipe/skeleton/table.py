@@ -51,7 +51,7 @@ def joint_table(
     ]
     metrics = _means(columns)
     for kind, poses in (("", fitted), ("heldout_", heldout)):
-        metrics |= _bone_errors(kind, rig, {p: transforms[p] for p in poses})
+        metrics |= _bone_errors(kind, rig, {p: transforms[p] for p in poses if rig.root in transforms[p]})
     return JointTable(rows, metrics)
 
 
