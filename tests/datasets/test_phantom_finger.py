@@ -13,7 +13,7 @@ from scipy.ndimage import binary_erosion, distance_transform_edt
 
 from handpipe import artifacts
 from handpipe.config import Dataset, load_dataset
-from handpipe.datasets import generators, image, phantom_finger
+from handpipe.datasets import generators, image, phantom_finger, posed
 from handpipe.errors import InputError
 
 POSES = list(phantom_finger.POSES)
@@ -21,7 +21,7 @@ CONFIG = Path(__file__).parents[2] / "config/datasets/phantom-finger.yaml"
 
 
 @pytest.fixture(scope="module")
-def fingers() -> dict[str, phantom_finger.PosedFinger]:
+def fingers() -> dict[str, posed.PosedFinger]:
     return {p: phantom_finger.finger().posed(phantom_finger.posture(p, 1)) for p in POSES}
 
 
@@ -152,7 +152,9 @@ def test_transforms_carry_neutral_bones_and_nail(fingers):
     for finger in fingers.values():
         for name, transform in finger.transforms.items():
             np.testing.assert_allclose(finger.bones[name][0], transform(neutral.bones[name][0]), atol=1e-9)
-        np.testing.assert_allclose(finger.skin[0][used], finger.nail(neutral.skin[0][used]), atol=1e-9)
+        np.testing.assert_allclose(
+            finger.skin[0][used], finger.nails["nail2"][1](neutral.skin[0][used]), atol=1e-9
+        )
 
 
 def test_root_is_repositioned_a_little():
@@ -200,7 +202,7 @@ def test_tissues_have_their_intensities(fingers):
     finger = fingers["bow"]
     grid = image.Grid.around(finger.skin[0], 6.0, 0.8)
     scanned, bias, gain = image.acquire(
-        phantom_finger.clean_image(finger, grid), grid, np.random.default_rng(4), noise=0.03
+        posed.clean_image(finger, grid), grid, np.random.default_rng(4), noise=0.03
     )
     corrected = scanned / (gain * bias)
     regions = {

@@ -7,7 +7,7 @@ grows smoothly from 0 on the parent's side to 1 on the child's.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ class KnownJoint:
 
     axes (k, 3) unit vectors, first flexion, then abduction, which carries the flexion axis; centre (3,) in
     mm; residual_rotation (3,) rotation vector in rad and residual_translation (3,) in mm that the joint adds
-    when its first angle is 90 degrees, growing with its sine.
+    when its first angle is 90 degrees, growing with its sine; direction (3,), distal along the finger.
     """
 
     name: str
@@ -35,6 +35,11 @@ class KnownJoint:
     centre: Array
     residual_rotation: Array
     residual_translation: Array
+    direction: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+
+    def along(self, points: Array) -> Array:
+        """Distances (n,) in mm of neutral points (n, 3) beyond the plane across the finger at the centre."""
+        return (points - self.centre) @ self.direction
 
     def move(self, points: Array, angles: Mapping[str, float], fraction: Array | float = 1.0) -> Array:
         """Move points (n, 3) by a fraction (n,) of the joint's motion at the angles (rad)."""

@@ -6,24 +6,20 @@ The truth is kinematic: closed-form maps pose every tissue. No code of the fitti
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from handpipe import artifacts
 from handpipe.config import Dataset
-from handpipe.datasets import image, scans, seeds, templates
+from handpipe.datasets import scans, templates
 from handpipe.datasets.kinematics import Posture
 from handpipe.datasets.phantom_bones import bones, joints
 from handpipe.datasets.phantom_muscles import ligaments, muscles
 from handpipe.datasets.phantom_skin import START, KnownSkin, nail_motion, nail_triangles
 from handpipe.datasets.phantom_tendons import tendons
+from handpipe.datasets.posed import PosedFinger, repositioning, write_pose, write_surface
 from handpipe.datasets.tubes import sweep
 from handpipe.errors import InputError
 from handpipe.mesh.rigid import RigidTransform
@@ -47,22 +43,6 @@ ANGLES = ("MP2_flexion", "MP2_abduction", "PIP2_flexion", "DIP2_flexion")
 BONE_SPACING = 0.7
 SKIN_SPACING, SKIN_SIDES = 0.9, 72
 VISIBLE_FROM = START + 4.0  # x where tendons begin to show in the images
-
-
-@dataclass(frozen=True)
-class PosedFinger:
-    """Every organ in one pose; surfaces are (vertices, triangles)."""
-
-    posture: Posture
-    transforms: dict[str, RigidTransform]
-    bones: dict[str, Surface]
-    marrow: dict[str, Surface]
-    muscles: dict[str, Surface]
-    ligaments: dict[str, Surface]
-    tendons: dict[str, Array]
-    tendon_tubes: dict[str, Surface]
-    skin: Surface
-    nail: RigidTransform
 
 
 class Finger:
@@ -97,8 +77,9 @@ class Finger:
             {n: ligament.pose(posture) for n, ligament in self.ligaments.items()},
             {n: tendon.centreline(paths[n]) for n, tendon in self.tendons.items()},
             {n: sweep(_visible(paths[n], posture), self.tendons[n].radius) for n in paths},
+            {n: tendon.radius for n, tendon in self.tendons.items()},
             (self.skin.pose(skin, posture, growth), triangles),
-            transforms["distal2"] @ nail_motion(posture),
+            {"nail2": (self.nail, transforms["distal2"] @ nail_motion(posture))},
         )
 
 
@@ -119,13 +100,7 @@ def posture(pose: str, seed: int) -> Posture:
         known = ", ".join(POSES)
         raise InputError("phantom-finger", f"poses.{pose}", "is not a pose of the phantom", f"Use {known}")
     angles = dict(zip(ANGLES, np.radians(POSES[pose]), strict=True))
-    root = RigidTransform.identity()
-    if pose != "neutral":
-        rng = np.random.default_rng([seed, zlib.crc32(pose.encode()), 1])
-        turn, shift = rng.standard_normal((2, 3))
-        turn *= np.radians(rng.uniform(2.0, 5.0)) / np.linalg.norm(turn)
-        shift *= rng.uniform(2.0, 6.0) / np.linalg.norm(shift)
-        root = RigidTransform(Rotation.from_rotvec(turn).as_matrix(), shift)
+    root = RigidTransform.identity() if pose == "neutral" else repositioning(seed, pose)
     return Posture(joints(), angles, root)
 
 
@@ -136,37 +111,8 @@ def generate_pose(dataset: Dataset, pose: str, *, spacing: float = 0.8, margin: 
     that the phantom does not know.
     """
     posed = finger().posed(posture(pose, dataset.seed))
-    files = dataset.poses[pose]
-    grid = image.Grid.around(posed.skin[0], margin, spacing)
-    rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 2])
-    scanned, _, _ = image.acquire(clean_image(posed, grid), grid, rng)
-    image.write_volume(dataset.path(files.volume), scanned.astype(np.float32), grid)
-
-    labels = {name: bone.label for name, bone in dataset.bones.items()}
-    whole = seeds.majority({labels[n]: image.occupancy(s, grid) for n, s in posed.bones.items()})
-    marrow = seeds.majority({labels[n]: image.occupancy(s, grid) for n, s in posed.marrow.items()})
-    image.write_volume(dataset.path(files.seeds), seeds.scribble(marrow, whole, grid, rng), grid)
-    if files.scan is not None:
-        _write_surface(dataset.path(files.scan), *skin_scan(posed, rng))
-    if dataset.truth is not None:
-        folder = dataset.path(dataset.truth.folder)
-        image.write_volume(folder / f"{pose}.bones.nii.gz", whole, grid)
-        image.write_volume(folder / f"{pose}.marrow.nii.gz", marrow, grid)
-        write_truth(folder / f"{pose}.h5", posed)
-
-
-def clean_image(posed: PosedFinger, grid: image.Grid) -> Array:
-    """Noise-free image of a posed finger."""
-    value = image.INTENSITIES
-    layers = [
-        (value["fat"], [posed.skin]),
-        (value["muscle"], list(posed.muscles.values())),
-        (value["ligament"], list(posed.ligaments.values())),
-        (value["tendon"], list(posed.tendon_tubes.values())),
-        (value["cortical"], list(posed.bones.values())),
-        (value["marrow"], list(posed.marrow.values())),
-    ]
-    return image.paint(layers, grid, value["air"])
+    rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 4])
+    write_pose(dataset, pose, posed, skin_scan(posed, rng), spacing=spacing, margin=margin)
 
 
 def skin_scan(posed: PosedFinger, rng: np.random.Generator) -> Surface:
@@ -177,53 +123,6 @@ def skin_scan(posed: PosedFinger, rng: np.random.Generator) -> Surface:
     return scans.scan(
         neutral, anatomy.skin.pose(neutral, posed.posture, growth), triangles, rng, open_before=START + 7.0
     )
-
-
-def write_truth(path: Path, posed: PosedFinger) -> None:
-    """Write the truth of a pose (kind "truth"); rotations and translations are from neutral into the pose."""
-
-    def surface(s: Surface) -> dict[str, Any]:
-        return {"vertices": s[0], "triangles": s[1]}
-
-    nail = finger().nail
-    used, nail_faces = np.unique(posed.skin[1][nail], return_inverse=True)
-    data: dict[str, Any] = {
-        "bones": {
-            name: {
-                "rotation": posed.transforms[name].rotation,
-                "translation": posed.transforms[name].translation,
-                **surface(posed.bones[name]),
-                "marrow_vertices": posed.marrow[name][0],
-                "marrow_triangles": posed.marrow[name][1],
-            }
-            for name in posed.bones
-        },
-        "muscles": {name: surface(s) for name, s in posed.muscles.items()},
-        "ligaments": {name: surface(s) for name, s in posed.ligaments.items()},
-        "tendons": {
-            name: {"centreline": line, "radius": finger().tendons[name].radius}
-            for name, line in posed.tendons.items()
-        },
-        "skin": surface(posed.skin),
-        "nails": {
-            "nail2": {
-                **surface((posed.skin[0][used], nail_faces.reshape(-1, 3))),
-                "rotation": posed.nail.rotation,
-                "translation": posed.nail.translation,
-            }
-        },
-        "angles": dict(posed.posture.angles),
-        "joints": {j.name: {"axes": j.axes, "centre": j.centre} for j in posed.posture.joints},
-    }
-    units = {
-        "bones": "mm",
-        "muscles": "mm",
-        "ligaments": "mm",
-        "tendons": "mm",
-        "skin": "mm",
-        "angles": "rad",
-    }
-    artifacts.write(path, data, kind="truth", units=units)
 
 
 TEMPLATE_WARP = templates.Warp(
@@ -242,7 +141,7 @@ def generate_templates(dataset: Dataset) -> None:
         if bone.template is not None:
             known = anatomy.known_bones[name]
             vertices, triangles = known.surface(known.whole, 0.93)
-            _write_surface(dataset.path(bone.template), TEMPLATE_WARP(vertices), triangles)
+            write_surface(dataset.path(bone.template), TEMPLATE_WARP(vertices), triangles)
     tubes = {n: m.surface(30, 20, 0.37) for n, m in anatomy.muscles.items()}
     ends = dict.fromkeys(tubes, ("metacarpal2", "proximal2"))
     bands = {n: band.surface(18, 16, 0.37) for n, band in anatomy.ligaments.items()}
@@ -252,7 +151,7 @@ def generate_templates(dataset: Dataset) -> None:
         first, last = templates.end_vertices(vertices, triangles)
         factor = 1.15 if name in tubes else 1.1
         warped = TEMPLATE_WARP(templates.inflate(vertices, factor))
-        _write_surface(dataset.path(entry.template), warped, triangles)
+        write_surface(dataset.path(entry.template), warped, triangles)
         attachments = dict(zip(ends[name], (first, last), strict=True))
         templates.write_attachments(dataset.path(entry.attachments), attachments)
     for name, tendon in dataset.tendons.items():
@@ -262,11 +161,4 @@ def generate_templates(dataset: Dataset) -> None:
     for nail in dataset.nails.values():
         vertices, triangles = anatomy.skin_surface
         used, patch = np.unique(triangles[anatomy.nail], return_inverse=True)
-        _write_surface(dataset.path(nail.surface), vertices[used], patch.reshape(-1, 3))
-
-
-def _write_surface(path: Path, vertices: Array, triangles: IntArray) -> None:
-    """Write a surface as binary PLY with double-precision free vertices (float32), atomically."""
-    mesh = trimesh.Trimesh(vertices, triangles, process=False)
-    with artifacts.atomic(path) as temporary:
-        mesh.export(temporary, file_type="ply")
+        write_surface(dataset.path(nail.surface), vertices[used], patch.reshape(-1, 3))

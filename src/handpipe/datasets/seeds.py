@@ -56,7 +56,7 @@ def _draw(
     strokes: int,
     length: float,
 ) -> None:
-    """Straight strokes clipped to the allowed voxels, spread over their longest axis, along it or in a slice."""
+    """Straight strokes clipped to the allowed voxels, spread over their longest axis, along or across it."""
     places = np.argwhere(allowed)
     axis = np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[2][0]
     along = places @ axis
