@@ -1,6 +1,6 @@
 """Shape from plastic strains: the strain field whose static equilibrium meets what the image shows (003 chapter 5).
 
-Minimises |L S|^2 / 2 + alpha / 2 sum_k w_k |A_k x - z_k|^2 + beta / 2 |attachment errors|^2 over log-strains S, where x
+Minimises |L S|^2 / 2 + volume / 2 |tr S|^2 + alpha / 2 sum_k w_k |A_k x - z_k|^2 + beta / 2 |attachment errors|^2 over log-strains S, where x
 is the equilibrium of the elastic body with the plastic strains exp(S) under its attachment springs. Logarithms keep
 every plastic strain positive definite, so that no step needs clamping. The search is coarse to fine: uniform strain
 first, then more of the smoothest strain fields; each Gauss-Newton step costs one factorisation of the stiffness matrix.
@@ -27,6 +27,7 @@ from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.muscles.correspondence import Correspondence, Markers
 from handpipe.muscles.smooth_strains import SmoothStrains
+from handpipe.muscles.stretch import StretchField
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -35,6 +36,7 @@ FindMarkers = Callable[[Surface], Markers]
 log = logging.getLogger(__name__)
 
 MUSCLE = Material(6.0, 0.48)  # kPa (000 Table 2)
+GUESSED = 0.4  # largest log-strain that is taken over from a guess: a blend of bone motions crushes some tets
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,8 @@ class ShapeOptions:
     """alpha, beta: 1/mm^2, weights of markers and attachments against smoothness (003 Eq. 5.3: 1e9 and 1e8 per m^2);
     spring: mN/mm of an attached point; fields: how many strain fields each stage may use; iterations: at most, in
     each stage; enough: mm of largest marker error that ends the search; progress: relative decrease of the objective
-    below which a stage ends; tangential: share of a marker's error that counts along the surface."""
+    below which a stage ends; tangential: share of a marker's error that counts along the surface; volume: weight
+    of each tet's squared change of volume (log), for a body that is known to keep it."""
 
     alpha: float = 0.1
     beta: float = 0.1
@@ -70,6 +73,7 @@ class ShapeOptions:
     enough: float = 0.05
     progress: float = 0.01
     tangential: float = 0.05
+    volume: float = 0.0
     material: Material = MUSCLE
 
 
@@ -110,19 +114,18 @@ def fit_shape(
     *,
     landmarks: Attached | None = None,
     start: Array | None = None,
-    fixed_volume: bool = False,
     options: ShapeOptions | None = None,
 ) -> ShapeFit:
     """Fit a body to markers on its boundary.
 
     mesh: the body at rest; surface: its embedded surface at rest, carried by embedding (v, n); find_markers gives the
     image's boundary points near the present surface and is called before every step; landmarks: known places of
-    points of the body, used before the markers and then dropped; start: vertices (n, 3) near the attachments.
-    Raises `ConvergenceError` where no equilibrium is found at the start.
+    points of the body, used before the markers and then dropped; start: vertices (n, 3) of a first guess, whose strains
+    the search begins with. Raises `ConvergenceError` where no equilibrium is found at the start.
     """
     options = options or ShapeOptions()
-    problem = _Problem(mesh, surface, embedding, attached, options)
-    state = problem.begin(mesh.vertices if start is None else start)
+    problem = _Problem(mesh, attached, options)
+    state = problem.begin(mesh, mesh.vertices if start is None else start)
     record: list[Iteration] = []
     nothing = Correspondence.none(len(mesh.vertices))
     known = nothing if landmarks is None else Correspondence(landmarks.matrix, landmarks.targets, None)
@@ -146,21 +149,17 @@ class _State:
 
 
 class _Problem:
-    def __init__(
-        self,
-        mesh: TetMesh,
-        surface: Surface,
-        embedding: sparse.csr_matrix,
-        attached: Attached,
-        options: ShapeOptions,
-    ) -> None:
+    def __init__(self, mesh: TetMesh, attached: Attached, options: ShapeOptions) -> None:
         self.options, self.attached = options, attached
         self.basis = SmoothStrains.of(mesh.tets, max(options.fields))
         self.elastic = Elastic(mesh.vertices, mesh.tets, options.material)
         self.springs = Attachment(attached.matrix, attached.targets, options.spring)
 
-    def begin(self, x: Array) -> _State:
-        coefficients = np.zeros((1, 6))
+    def begin(self, mesh: TetMesh, x: Array) -> _State:
+        """The equilibrium under the smoothest part of the strains that a guess x has, without its extremes."""
+        logs = np.clip(StretchField(mesh)(x), -GUESSED, GUESSED)
+        coefficients = self.basis.project(logs)
+        coefficients[self.options.fields[1] :] = 0.0
         return self.at(coefficients, x)
 
     def at(self, coefficients: Array, x: Array) -> _State:
@@ -171,7 +170,7 @@ class _Problem:
     def objective(self, state: _State, markers: Correspondence) -> float:
         fit = self.options.alpha * markers.energy(state.x)
         hold = self.options.beta * float((self.attached.errors(state.x) ** 2).sum())
-        return 0.5 * (self.basis.roughness(state.coefficients) + fit + hold)
+        return 0.5 * (self.basis.roughness(state.coefficients, self.options.volume) + fit + hold)
 
     def run(
         self,
@@ -182,13 +181,11 @@ class _Problem:
         record: list[Iteration],
     ) -> _State:
         for count in fields:
-            extra = max(0, count - len(state.coefficients))
-            state = _State(np.pad(state.coefficients, ((0, extra), (0, 0))), state.elastic, state.x)
             for _ in range(self.options.iterations):
                 begin = time.perf_counter()
                 markers = find(state)
                 before = self.objective(state, markers)
-                state, step = self.improve(state, markers, before)
+                state, step = self.improve(state, markers, before, count)
                 after = self.objective(state, markers)
                 record.append(self.measure(state, f"{stage} {count}", after, step, markers, begin))
                 self.report(record[-1])
@@ -198,9 +195,11 @@ class _Problem:
                     return state
         return state
 
-    def improve(self, state: _State, markers: Correspondence, before: float) -> tuple[_State, float]:
+    def improve(
+        self, state: _State, markers: Correspondence, before: float, count: int
+    ) -> tuple[_State, float]:
         """One Gauss-Newton step (003 Eq. 5.8) with the longest of the steps 1, 1/2, 1/4... that lowers the objective."""
-        direction, motion, slope = self.direction(state, markers)
+        direction, motion, slope = self.direction(state, markers, count)
         step = 1.0
         while step >= 0.01:
             try:
@@ -213,26 +212,28 @@ class _Problem:
             step *= 0.5
         return state, 0.0
 
-    def direction(self, state: _State, markers: Correspondence) -> tuple[Array, Array, float]:
+    def direction(self, state: _State, markers: Correspondence, count: int) -> tuple[Array, Array, float]:
         """Change of coefficients (k, 6), predicted change of x (n, 3), and the objective's slope along them.
 
-        x follows the strains by J = -K^-1 d(gradient)/dS (003 Eq. 5.10), kept only on the span of the fields.
+        x follows the strains by J = -K^-1 d(gradient)/dS (003 Eq. 5.10), kept only on the span of `count` fields.
         """
-        count = len(state.coefficients)
-        basis = self.basis.first(count)
-        chain = plasticity.per_tet_operator(plasticity.exp_derivative(basis(state.coefficients)))
+        basis, o = self.basis.first(count), self.options
+        chain = plasticity.per_tet_operator(plasticity.exp_derivative(self.basis(state.coefficients)))
         forces = basis.times((state.elastic.strain_jacobian(state.x) @ chain).tocsr())
         follow = -self.tangent(state).solve(forces)
         rows, residuals = markers.rows(state.x)
         springs = sparse.kron(self.attached.matrix, sparse.eye(3), format="csr")
-        z = np.vstack([np.sqrt(self.options.alpha) * (rows @ follow), np.sqrt(self.options.beta) * (springs @ follow)])
-        errors = [np.sqrt(self.options.alpha) * residuals, np.sqrt(self.options.beta) * self.attached.errors(state.x).ravel()]
-        weights = basis.weights(count)
-        gradient = z.T @ np.concatenate(errors) + weights * state.coefficients.ravel()
-        hessian = z.T @ z + np.diag(weights)
+        z = np.vstack([np.sqrt(o.alpha) * (rows @ follow), np.sqrt(o.beta) * (springs @ follow)])
+        held = self.attached.errors(state.x).ravel()
+        errors = np.concatenate([np.sqrt(o.alpha) * residuals, np.sqrt(o.beta) * held])
+        prior = basis.prior(o.volume)
+        gradient = z.T @ errors + prior @ state.coefficients[:count].ravel()
+        hessian = z.T @ z + prior
         hessian[np.diag_indices_from(hessian)] += 1e-9 * np.trace(hessian) / len(hessian)
-        change = -np.linalg.solve(hessian, gradient)
-        return change.reshape(-1, 6), (follow @ change).reshape(-1, 3), float(gradient @ change)
+        solution = -np.linalg.solve(hessian, gradient)
+        change = np.zeros_like(state.coefficients)
+        change[:count] = solution.reshape(-1, 6)
+        return change, (follow @ solution).reshape(-1, 3), float(gradient @ solution)
 
     def tangent(self, state: _State):  # type: ignore[no-untyped-def]
         matrix = state.elastic.hessian(state.x) + self.springs.hessian(state.x)

@@ -20,6 +20,8 @@ from handpipe.muscles.stretch import COUNTS
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+TRACE = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
+
 DENSE = 400  # tets up to which a dense eigendecomposition is used
 
 
@@ -55,13 +57,15 @@ class SmoothStrains:
         """Log-strains (m, 6) of coefficients (k, 6)."""
         return self.fields[:, : len(coefficients)] @ coefficients
 
-    def roughness(self, coefficients: Array) -> float:
-        """|L S|^2 with off-diagonal numbers counted twice."""
-        return float(self.weights(len(coefficients)) @ coefficients.ravel() ** 2)
+    def roughness(self, coefficients: Array, volume: float = 0.0) -> float:
+        """|L S|^2 with off-diagonal numbers counted twice, plus `volume` times |tr S|^2."""
+        values = self.values[: len(coefficients)] ** 2 @ (coefficients**2 @ COUNTS)
+        return float(values + volume * ((coefficients @ TRACE) ** 2).sum())
 
-    def weights(self, count: int) -> Array:
-        """Diagonal (6 count,) of `roughness` as a quadratic form of the first coefficients."""
-        return np.outer(self.values[:count] ** 2, COUNTS).ravel()
+    def prior(self, volume: float = 0.0) -> Array:
+        """Matrix (6 k, 6 k) of `roughness` as a quadratic form."""
+        matrix = np.diag(np.outer(self.values**2, COUNTS).ravel())
+        return matrix + volume * np.kron(np.eye(len(self.values)), np.outer(TRACE, TRACE))
 
     def project(self, log_strains: Array) -> Array:
         """Coefficients (k, 6) nearest to log-strains (m, 6)."""

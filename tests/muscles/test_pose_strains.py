@@ -1,0 +1,141 @@
+"""Strains over poses: gradient, known shapes, and what interpolation of their logarithms keeps."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from handpipe.fem import plasticity
+from handpipe.mesh.operators import tet_laplacian
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.muscles.pose_strains import (
+    StrainOptions,
+    _Block,
+    fit_pose_strains,
+    pose_laplacian,
+)
+from handpipe.muscles.stretch import StretchField
+
+
+def box(cells=(6, 2, 2), size=(12.0, 4.0, 4.0)) -> TetMesh:
+    """Tets of a regular grid, six a cell around the diagonal."""
+    nx, ny, nz = cells
+    grid = np.stack(np.meshgrid(*(np.arange(c + 1) for c in cells), indexing="ij"), axis=-1)
+    vertices = grid.reshape(-1, 3) * np.array(size) / cells
+    index = np.arange(len(vertices)).reshape(nx + 1, ny + 1, nz + 1)
+    tets = []
+    for path in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)):
+        at = np.zeros(3, int)
+        corners = [index[:nx, :ny, :nz].ravel()]
+        for axis in path:
+            at[axis] += 1
+            corners.append(index[at[0] : nx + at[0], at[1] : ny + at[1], at[2] : nz + at[2]].ravel())
+        tets.append(np.column_stack(corners))
+    mesh = TetMesh(vertices, np.concatenate(tets))
+    flipped = mesh.volumes() < 0
+    mesh.tets[flipped] = mesh.tets[flipped][:, [0, 2, 1, 3]]
+    return mesh
+
+
+def bent(x: np.ndarray, angle: float, thickening: float = 0.0) -> np.ndarray:
+    """A beam along x bent by an angle over its length, and thickened in its middle."""
+    length = x[:, 0].max()
+    t = x[:, 0] / length
+    scale = 1 + thickening * np.sin(np.pi * t)
+    y, z = scale * (x[:, 1] - 2), scale * (x[:, 2] - 2)
+    radius = length / angle if angle else np.inf
+    if angle == 0:
+        return np.column_stack([x[:, 0], y, z])
+    phi = angle * t
+    return np.column_stack([(radius + z) * np.sin(phi), y, (radius + z) * np.cos(phi) - radius])
+
+
+def surface_of(mesh: TetMesh) -> sparse.csr_matrix:
+    ids = mesh.boundary_vertices()
+    return sparse.csr_matrix((np.ones(len(ids)), (np.arange(len(ids)), ids)), shape=(len(ids), len(mesh.vertices)))
+
+
+def test_gradient_agrees_with_differences():
+    mesh, random = box((2, 2, 1)), np.random.default_rng(1)
+    w = surface_of(mesh)
+    block = _Block(StretchField(mesh), tet_laplacian(mesh.tets), w, np.full(w.shape[0], 0.7), w @ mesh.vertices)
+    x = mesh.vertices + 0.2 * random.standard_normal(mesh.vertices.shape)
+    pulled = 0.1 * random.standard_normal((len(mesh.tets), 6))
+    block.linearise(x)
+    block.factorise(0.3)
+    gradient = block.gradient(x, pulled)
+    for vertex, axis in ((0, 0), (4, 1), (9, 2)):
+        step = np.zeros_like(x)
+        step[vertex, axis] = 1e-5
+        change = block.value(x + step, pulled) - block.value(x - step, pulled)
+        assert 2 * gradient[vertex, axis] == pytest.approx(change / 2e-5, rel=1e-5)
+
+
+def test_normal_matrix_is_the_hessian_where_residuals_vanish():
+    mesh = box((2, 1, 1))
+    w = surface_of(mesh)
+    block = _Block(StretchField(mesh), tet_laplacian(mesh.tets), w, np.full(w.shape[0], 0.7), w @ mesh.vertices)
+    block.linearise(mesh.vertices)
+    block.factorise(0.3)
+    still = np.zeros((len(mesh.tets), 6))
+    matrix = (block.smooth + 0.3 * block.near + block.data).toarray()
+    for k in (0, 7, 20):
+        step = np.zeros(mesh.vertices.size)
+        step[k] = 1e-5
+        step = step.reshape(-1, 3)
+        change = block.gradient(mesh.vertices + step, still) - block.gradient(mesh.vertices - step, still)
+        assert matrix[:, k] == pytest.approx(change.ravel() / 2e-5, rel=1e-5, abs=1e-6)
+
+
+def test_pose_laplacian_kills_constants_and_prefers_the_near():
+    space = pose_laplacian(np.array([[0.0], [0.1], [1.0]]))
+    assert space @ np.ones(3) == pytest.approx(np.zeros(3))
+    assert space[0, 1] < space[0, 2] < 0
+
+
+def fitted():
+    mesh = box((8, 2, 2), (20.0, 4.0, 4.0))
+    w = surface_of(mesh)
+    angles = np.array([0.3, 0.7, 1.2])
+    shapes = [bent(mesh.vertices, a, 0.2 * a) for a in angles]
+    poses = angles[:, None] * np.array([[0.0, 1.0, 0.0]])
+    random = np.random.default_rng(0)
+    starts = [s + 0.05 * random.standard_normal(s.shape) for s in shapes]
+    return mesh, w, shapes, fit_pose_strains(mesh, w, [w @ s for s in shapes], poses, starts)
+
+
+def test_known_shapes_come_back_and_no_tet_inverts():
+    mesh, w, shapes, result = fitted()
+    assert result.gamma > 0
+    for x, shape in zip(result.vertices, shapes, strict=True):
+        assert np.linalg.norm(w @ (x - shape), axis=1).max() < 0.51
+        assert np.linalg.norm(x - shape, axis=1).mean() < 0.15
+        assert mesh.moved(x).volumes().min() > 0
+
+
+def test_strains_are_the_stretch_of_the_vertices():
+    mesh, _, _, result = fitted()
+    f = StretchField(mesh).deformation(result.vertices[2])
+    elastic = f @ np.linalg.inv(plasticity.to_matrices(result.strains[2]))
+    turned = np.swapaxes(elastic, 1, 2) @ elastic
+    assert turned == pytest.approx(np.broadcast_to(np.eye(3), turned.shape), abs=1e-8)
+
+
+def test_pose_smoothness_trades_distance_for_likeness():
+    mesh, w, shapes, _ = fitted()
+    poses = np.array([[0.3], [0.7], [1.2]]) * np.array([[0.0, 1.0, 0.0]])
+    shapes[1] = bent(mesh.vertices, 0.7, -0.15)  # an outlier among its neighbours
+
+    def fit(largest: float):
+        options = StrainOptions(largest=largest)
+        return fit_pose_strains(mesh, w, [w @ s for s in shapes], poses, shapes, options=options)
+
+    close, smooth = fit(0.05), fit(0.5)
+    space = pose_laplacian(np.vstack([np.zeros(3), poses]))
+
+    def roughness(result) -> float:
+        logs = np.stack([plasticity.log(s) for s in result.strains])
+        nodes = np.concatenate([np.zeros_like(logs[:1]), logs])
+        return float((np.tensordot(space, nodes, axes=1) ** 2).sum())
+
+    assert roughness(smooth) < 0.7 * roughness(close)
+    assert smooth.distances.max() > close.distances.max()
