@@ -24,7 +24,7 @@ class KnownJoint:
 
     axes (k, 3) unit vectors, first flexion, then abduction, which carries the flexion axis; centre (3,) in
     mm; residual_rotation (3,) rotation vector in rad and residual_translation (3,) in mm that the joint adds
-    when its first angle is 90 degrees, growing with its sine; direction (3,), distal along the finger.
+    when its first angle is 45 degrees, as the sine of twice the angle: no other axis or centre explains it; direction (3,), distal along the finger.
     """
 
     name: str
@@ -44,7 +44,7 @@ class KnownJoint:
     def move(self, points: Array, angles: Mapping[str, float], fraction: Array | float = 1.0) -> Array:
         """Move points (n, 3) by a fraction (n,) of the joint's motion at the angles (rad)."""
         share = np.broadcast_to(fraction, len(points))[:, None]
-        growth = np.sin(angles[self.angles[0]])
+        growth = np.sin(2 * angles[self.angles[0]])
         moved = Rotation.from_rotvec(share * growth * self.residual_rotation).apply(points - self.centre)
         for name, axis in zip(self.angles, self.axes, strict=True):
             moved = Rotation.from_rotvec(share * angles[name] * axis).apply(moved)

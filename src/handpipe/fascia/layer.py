@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-
 from handpipe.fascia.fascia import Fascia
 from handpipe.layers import Frame, Shape, Shapes
 from handpipe.mesh.surface import Surface

@@ -47,7 +47,9 @@ def read_regions(path: str | Path, count: int) -> IntArray:
     """Painted regions: JSON list with one of "contact", "sliding", "fixed" for each vertex."""
     names = json.loads(Path(path).read_text())
     if len(names) != count:
-        raise InputError(path, "regions", f"has {len(names)} values for {count} vertices", "Paint this fascia's mesh")
+        raise InputError(
+            path, "regions", f"has {len(names)} values for {count} vertices", "Paint this fascia's mesh"
+        )
     unknown = set(names) - {r.name for r in Region}
     if unknown:
         raise InputError(path, "regions", f"unknown {sorted(unknown)}", "Use contact, sliding or fixed")

@@ -6,22 +6,42 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.spatial.transform import Rotation
 
+from handpipe.fem.linear import factorise
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
 
 Array = NDArray[np.float64]
 
 
-def bone_weights(points: Array, bones: Mapping[str, Surface], power: float = 4.0) -> Array:
+def bone_weights(points: Array, bones: Mapping[str, Surface], power: float = 3.0) -> Array:
     """Weights (n, n_bones), rows summing to one, by inverse powers of the distance to each bone.
 
     The distance has 1 mm added, so that weights stay smooth across a bone's surface.
     """
     distances = np.stack([np.maximum(Distance(s).signed(points)[0], 0.0) for s in bones.values()], axis=1)
     weights = (distances + 1.0) ** -power
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+def smoothed_weights(mesh: TetMesh, bones: Mapping[str, Surface], reach: float = 10.0) -> Array:
+    """Bone weights (n, n_bones) at a mesh's vertices, diffused so that blends of bent joints invert no tet.
+
+    reach: steps of diffusion along edges, roughly squared.
+    """
+    n = len(mesh.vertices)
+    corners = [(a, b) for a in range(4) for b in range(a)]
+    ends = np.concatenate([mesh.tets[:, pair] for pair in corners])
+    graph = sparse.coo_matrix((np.ones(len(ends)), ends.T), shape=(n, n)).tocsr()
+    graph = ((graph + graph.T) > 0).astype(float)
+    degrees = np.asarray(graph.sum(axis=1)).ravel()
+    laplacian = sparse.diags(degrees) - graph
+    matrix = sparse.identity(n) + (reach / degrees.mean()) * laplacian
+    weights = factorise(matrix.tocsr()).solve(bone_weights(mesh.vertices, bones))
     return weights / weights.sum(axis=1, keepdims=True)
 
 

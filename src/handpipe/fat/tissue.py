@@ -1,0 +1,160 @@
+"""A soft tissue between inner bodies and the skin: its mesh, what holds it, and its equilibrium in a frame."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from handpipe.errors import ConvergenceError
+from handpipe.fat.constraints import InnerPoints
+from handpipe.fem import equilibrium
+from handpipe.fem.constraints import Attachment, Contact, Sliding
+from handpipe.fem.elastic import Elastic
+from handpipe.fem.equilibrium import Options
+from handpipe.fem.materials import Material
+from handpipe.fem.potential import Potential
+from handpipe.layers import Region, Shapes
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.embedding import Embedding
+from handpipe.mesh.operators import mass_lumped
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.skeleton.skinning import blend
+
+log = logging.getLogger(__name__)
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+OPTIONS = Options(displacement_tolerance=1e-3, force_tolerance=1e-3, name="soft tissue")
+PASSES = 6  # times that contact planes are taken anew, at most
+SETTLED = 0.02  # mm that the skin may still move after the last time
+
+
+@dataclass(frozen=True)
+class TissueSettings:
+    """Young's modulus in kPa (000 Table 2: fat 1 kPa), and of constraints: kPa/mm, per area they act on."""
+
+    young: float = 1.0
+    poisson: float = 0.48
+    stiffness: float = 50.0
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """Skin vertices that move rigidly with a bone: a nail, or the cut end."""
+
+    bone: str
+    vertices: IntArray
+
+
+@dataclass(frozen=True)
+class Tissue:
+    """Mesh, occupancy (m,), neutral skin, inner points, rigid parts of the skin, bone weights (n, n_bones)."""
+
+    mesh: TetMesh
+    occupancy: Array
+    skin: Surface
+    inner: InnerPoints
+    rigid: Mapping[str, Rigid]
+    bones: tuple[str, ...]
+    weights: Array
+    settings: TissueSettings = field(default_factory=TissueSettings)
+
+    @cached_property
+    def elastic(self) -> Elastic:
+        """Elastic energy without plastic strain, stiffness weighed by occupancy."""
+        material = Material(self.settings.young, self.settings.poisson)
+        return Elastic(self.mesh.vertices, self.mesh.tets, material, weights=self.occupancy)
+
+    @cached_property
+    def skin_matrix(self) -> sparse.csr_matrix:
+        """Skin vertices (k, n) as sums of tissue vertices."""
+        return Embedding.of(self.skin.vertices, self.mesh).matrix(len(self.mesh.vertices))
+
+    @cached_property
+    def inner_matrix(self) -> sparse.csr_matrix:
+        """Inner points (k, n) as sums of tissue vertices."""
+        return Embedding.of(self.inner.rest, self.mesh).matrix(len(self.mesh.vertices))
+
+    def pose(self, bones: Mapping[str, RigidTransform]) -> Array:
+        """Vertices (n, 3) moved by smooth blends of bone transforms: a start for the solver."""
+        return blend(self.mesh.vertices, self.weights, {b: bones[b] for b in self.bones})
+
+    def held(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        x: Array,
+        share: float = 1.0,
+    ) -> list[Potential]:
+        """What holds the tissue in a frame, at a share of its full stiffness.
+
+        Sliding and contact planes (000 section 6) touch the bodies where the inner points of x (n, 3) are closest.
+        rigid: transform from neutral of each rigid part of the skin.
+        """
+        inner, unit = self.inner, share * self.settings.stiffness
+        fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
+        touching = ~fixed & ~sliding
+        stiffness, matrix = unit * inner.area, self.inner_matrix
+        planes, normals = _planes(matrix @ x, inner.body, inner.surfaces(below))
+        potentials: list[Potential] = [
+            Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
+            Sliding(matrix[sliding], planes[sliding], normals[sliding], stiffness[sliding]),
+            Contact(matrix[touching], planes[touching], normals[touching], stiffness[touching]),
+        ]
+        area = mass_lumped(self.skin.vertices, self.skin.triangles)
+        for name, part in self.rigid.items():
+            target = rigid[name](self.skin.vertices[part.vertices])
+            potentials.append(Attachment(self.skin_matrix[part.vertices], target, unit * area[part.vertices]))
+        return potentials
+
+    def solve(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        strains: Array | None,
+        start: Array,
+    ) -> Array:
+        """Vertices (n, 3) at equilibrium under plastic strains (m, 6), from a start (n, 3).
+
+        The planes of sliding and contact are taken anew until the shape has settled.
+        Raises `ConvergenceError` where there is no equilibrium.
+        """
+        elastic = self.elastic if strains is None else self.elastic.with_strains(strains)
+        x = start
+        for _ in range(PASSES):
+            before = self.skin_matrix @ x
+            x = self._solve(elastic, below, rigid, x)
+            if np.abs(self.skin_matrix @ x - before).max() < SETTLED:
+                break
+        return x
+
+    def _solve(
+        self, elastic: Elastic, below: Mapping[str, Shapes], rigid: Mapping[str, RigidTransform], start: Array
+    ) -> Array:
+        try:
+            return equilibrium.solve([elastic, *self.held(below, rigid, start)], start, options=OPTIONS).x
+        except ConvergenceError as error:
+            log.info("%s; bringing the constraints up in steps", error)
+
+        def softened(t: float) -> list[Potential]:
+            return [elastic, *self.held(below, rigid, start, 1e-3 ** (1 - t))]
+
+        return equilibrium.continuation(softened, start, options=OPTIONS).x
+
+
+def _planes(points: Array, body: IntArray, surfaces: list[Surface]) -> tuple[Array, Array]:
+    """Closest places and normals (k, 3) of points on their own bodies' surfaces."""
+    places, normals = np.empty_like(points), np.empty_like(points)
+    for index, surface in enumerate(surfaces):
+        mine = body == index
+        if mine.any():
+            _, _, places[mine], normals[mine] = Distance(surface).signed(points[mine])
+    return places, normals
