@@ -15,6 +15,8 @@ rule make_bone_fascia:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        edge=config["edges"]["fascia"],
     message:
         "{wildcards.subject}: bone fascia"
     script:
@@ -40,6 +42,8 @@ rule make_muscle_fascia:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        edge=config["edges"]["fascia"],
     message:
         "{wildcards.subject}: muscle fascia"
     script:

@@ -3,6 +3,7 @@
 
 rule mesh_fat:
     input:
+        rig="results/{subject}/rig.h5",
         dataset=lambda w: dataset_file(w.subject),
         layers=lambda w: layer_files(w.subject, INNER_LAYERS),
         scan=lambda w: dataset(w.subject).path(
@@ -19,6 +20,9 @@ rule mesh_fat:
     resources:
         mem_mb=2500,
         runtime=10,
+    params:
+        layers=INNER_LAYERS,
+        edges=config["edges"],
     message:
         "{wildcards.subject}: tetrahedra between the inner surface and the skin"
     script:
@@ -43,6 +47,8 @@ rule mesh_soft_tissue:
     resources:
         mem_mb=2500,
         runtime=10,
+    params:
+        edges=config["edges"],
     message:
         "{wildcards.subject}: one soft tissue between the bones and the skin"
     script:
@@ -51,6 +57,7 @@ rule mesh_soft_tissue:
 
 rule simulate_inner:
     input:
+        rig="results/{subject}/rig.h5",
         dataset=lambda w: dataset_file(w.subject),
         layers=lambda w: layer_files(w.subject, INNER_LAYERS),
     output:
@@ -63,6 +70,8 @@ rule simulate_inner:
     resources:
         mem_mb=2000,
         runtime=10,
+    params:
+        layers=INNER_LAYERS,
     message:
         "{wildcards.subject}: layers under the fat in {wildcards.pose}"
     script:
@@ -108,6 +117,8 @@ rule collect_fat_strains:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        interpolation=config["interpolation"],
     message:
         "{wildcards.subject}: pose space of the fat"
     script:

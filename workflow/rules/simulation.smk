@@ -3,6 +3,7 @@
 
 rule simulate:
     input:
+        rig="results/{subject}/rig.h5",
         dataset=lambda w: dataset_file(w.subject),
         scene="config/scenes/{scene}.yaml",
         frames=lambda w: scene(w.scene).frames,

@@ -1,0 +1,25 @@
+"""The fat's strains and nail corrections over the poses, neutral (none) among them."""
+
+from common import stage
+
+with stage(snakemake):
+    import numpy as np
+
+    from handpipe import artifacts
+    from handpipe.config import load_dataset
+    from handpipe.fat.layer import FatStrains
+    from handpipe.mesh.rigid import RigidTransform
+    from handpipe.skeleton.pose_space import PoseSpace
+    from handpipe.skeleton.rig import Rig
+
+    dataset = load_dataset(snakemake.input.dataset)
+    rig = Rig.load(snakemake.input.rig)
+    fits = [artifacts.read(path, "fat_fit") for path in snakemake.input.poses]
+    transforms = {dataset.neutral: dict.fromkeys(rig.bones, RigidTransform.identity())}
+    transforms |= {pose: rig.bone_transforms(rig.poses[pose].angles) for pose in dataset.examples}
+    space = PoseSpace.build(rig.bones, rig.parents, transforms, snakemake.params.interpolation)
+    logs = np.stack([np.zeros_like(fits[0]["log_strains"]), *(f["log_strains"] for f in fits)])
+    nails = {
+        name: np.stack([np.zeros(6), *(f["nails"][name] for f in fits)]) for name in fits[0].get("nails", {})
+    }
+    FatStrains(space, logs, nails).save(snakemake.output[0], [*snakemake.input])

@@ -20,7 +20,9 @@ with stage(snakemake):
             part = "bones" if pose == dataset.neutral else "marrow"
             volume = read_volume(dataset.path(dataset.poses[pose].volume))
             labels, truth = (read_labels(p, volume) for p in (path, folder / f"{pose}.{part}.nii.gz"))
-            overlaps |= {f"dice_{pose}_{name}": dice(labels, truth, b.label) for name, b in dataset.bones.items()}
+            overlaps |= {
+                f"dice_{pose}_{name}": dice(labels, truth, b.label) for name, b in dataset.bones.items()
+            }
         figures |= {name: (value, "1") for name, value in overlaps.items()}
         figures["dice_mean"] = (sum(overlaps.values()) / len(overlaps), "1")
         figures["dice_min"] = (min(overlaps.values()), "1")

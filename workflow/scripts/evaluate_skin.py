@@ -1,0 +1,35 @@
+"""Distances from each scan to the simulated skins (000 Table 4)."""
+
+import json
+
+from common import stage
+from figures import stage_cost
+
+with stage(snakemake):
+    from handpipe import artifacts, metrics
+    from handpipe.config import load_dataset
+    from handpipe.evaluation.surfaces import surface_distance
+    from handpipe.evaluation.table import skin_metrics, skin_rows
+    from handpipe.hand.frames import read_frames
+    from handpipe.mesh.surface import Surface, read_surface
+    from handpipe.skeleton.rig import Rig
+
+    dataset = load_dataset(snakemake.input.dataset)
+    rig = Rig.load(snakemake.input.rig)
+    errors = {}
+    for path, scan_path in zip(snakemake.input.skins, snakemake.input.scans, strict=True):
+        [(frame, models)] = read_frames(path)
+        points = rig.poses[frame.name].root.inverse()(read_surface(scan_path).vertices)
+        errors[frame.name] = {
+            model: surface_distance(points, Surface(shapes["skin"].vertices, shapes["skin"].cells))
+            for model, shapes in models.items()
+        }
+    rows = skin_rows(errors, {pose: dataset.poses[pose].role.value for pose in errors})
+    figures = stage_cost(snakemake, "mesh_fat", "fit_fat_strains", "collect_fat_strains", "simulate_skin")
+    figures |= skin_metrics(rows)
+    for role in ("example", "heldout"):
+        for model, prefix in (("m0", ""), ("m1", "m1_"), ("m2", "m2_")):
+            for statistic in ("mean", "median", "max"):
+                figures[f"{prefix}{role}_error_{statistic}"] = figures[f"skin_{role}_{model}_{statistic}"]
+    metrics.write(snakemake.output.metrics, figures)
+    artifacts.write_text(snakemake.output.table, json.dumps(rows, indent=2))

@@ -1,0 +1,35 @@
+"""Simulated tendons against truth, in example and held-out poses."""
+
+from common import stage
+from figures import stage_cost
+
+with stage(snakemake):
+    import numpy as np
+
+    from handpipe import artifacts, metrics
+    from handpipe.config import Role, load_dataset
+    from handpipe.skeleton.rig import Rig
+    from handpipe.tendons.registration import centreline_errors
+    from handpipe.tendons.rod import length_change
+    from handpipe.tendons.tendon import Tendon
+
+    dataset = load_dataset(snakemake.input.dataset)
+    rig = Rig.load(snakemake.input.rig)
+    figures = stage_cost(snakemake, "extract_tendon", "register_tendon", "fit_hooks")
+    errors, changes = {Role.example: [], Role.heldout: []}, []
+    for path in snakemake.input.tendons:
+        tendon = Tendon.load(path)
+        for pose in [*dataset.examples, *dataset.heldout]:
+            x = tendon.solve(rig.bone_transforms(rig.poses[pose].angles)).x
+            changes.append(100 * length_change(x, tendon.rest.length))
+            if dataset.truth is None:
+                continue
+            truth = artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")["tendons"]
+            line = rig.poses[pose].root.inverse()(truth[tendon.name]["centreline"])
+            errors[dataset.poses[pose].role].append(np.concatenate(centreline_errors(x, line)))
+    figures["length_change_max"] = (float(np.max(changes)), "%")
+    if errors[Role.example]:
+        figures |= metrics.summary("centreline_error", np.concatenate(errors[Role.example]), "mm")
+    if errors[Role.heldout]:
+        figures |= metrics.summary("heldout_centreline_error", np.concatenate(errors[Role.heldout]), "mm")
+    metrics.write(snakemake.output[0], figures)

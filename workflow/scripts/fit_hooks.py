@@ -1,0 +1,27 @@
+"""Hooks of a tendon: skinning weights and pose-space corrections from its registered rods (000 section 5.4)."""
+
+from common import stage
+
+with stage(snakemake):
+    from handpipe import artifacts
+    from handpipe.config import load_dataset
+    from handpipe.mesh.rigid import RigidTransform
+    from handpipe.skeleton.rig import Rig
+    from handpipe.tendons.rest import RestTendon
+    from handpipe.tendons.tendon import build_tendon
+
+    dataset = load_dataset(snakemake.input.dataset)
+    name = snakemake.wildcards.tendon
+    rig = Rig.load(snakemake.input.rig)
+    neutral = artifacts.read(snakemake.input.neutral, "neutral_tendon")
+    bones = {b: rig.surfaces[b] for b in dataset.tendons[name].bones}
+    rest = RestTendon.build(neutral["x"], neutral["radii"], bones)
+    # The hooks are driven by the rig, as in the simulation; rods come from the scanner's frame to the rig's.
+    rods = {dataset.neutral: rest.x}
+    poses = {dataset.neutral: dict.fromkeys(bones, RigidTransform.identity())}
+    for pose, path in zip(dataset.examples, snakemake.input.poses, strict=True):
+        rods[pose] = rig.poses[pose].root.inverse()(artifacts.read(path, "posed_tendon")["x"])
+        moved = rig.bone_transforms(rig.poses[pose].angles)
+        poses[pose] = {b: moved[b] for b in bones}
+    tendon = build_tendon(name, rest, float(neutral["radii"].mean()), bones, rods, poses, rig.parents)
+    tendon.save(snakemake.output[0], [*snakemake.input])

@@ -1,0 +1,19 @@
+"""The cloth around the bones, and how each of its vertices is held."""
+
+from common import stage
+
+with stage(snakemake) as log:
+    from handpipe.config import load_dataset
+    from handpipe.fascia.fascia import ClothSettings, Fascia
+    from handpipe.fascia.wrapping import bone_wrap
+    from handpipe.skeleton.layer import bone_regions
+    from handpipe.skeleton.rig import Rig
+
+    dataset = load_dataset(snakemake.input.dataset)
+    bones = Rig.load(snakemake.input.rig).surfaces
+    joints = [(j.parent, j.child) for j in dataset.joints.values()]
+    surface = bone_wrap(bones, joints, snakemake.params.edge)
+    regions = bone_regions(surface.vertices, bones, joint_radius=5.0, tolerance=1.0)
+    log.info("%d vertices, %d of them fixed", len(regions), (regions > 0).sum())
+    cloth = ClothSettings(shrink=0.35)
+    Fascia.around("bone_fascia", surface, regions, bones, cloth).save(snakemake.output[0], [*snakemake.input])

@@ -6,8 +6,8 @@ with stage(snakemake) as log:
     from handpipe.config import load_dataset
     from handpipe.imaging.cortical import whole_bone
     from handpipe.imaging.marrow import marrow_surface
-    from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, merge
     from handpipe.imaging.rasterise import rasterise
+    from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, merge
     from handpipe.imaging.volume import read_labels, read_volume, write_labels
     from handpipe.skeleton.bones import write_surfaces
 
@@ -24,12 +24,14 @@ with stage(snakemake) as log:
 
     surfaces = {}
     for label, bone in bones.items():
-        marrow = marrow_surface(volume, bone, settings)
+        marrow = marrow_surface(volume, bone)
         surfaces[names[label]] = {"marrow": marrow}
         if snakemake.wildcards.pose == dataset.neutral:
-            surfaces[names[label]]["whole"] = whole_bone(volume, bone, marrow, settings)
+            surfaces[names[label]]["whole"] = whole_bone(volume, bone, marrow)
         log.info("%s: marrow of %.0f mm^3", names[label], marrow.volume())
     outermost = {dataset.bones[n].label: parts.get("whole", parts["marrow"]) for n, parts in surfaces.items()}
     labels = rasterise(volume, outermost)
-    write_labels(snakemake.output.labels, labels, volume.affine, {n: b.label for n, b in dataset.bones.items()})
+    write_labels(
+        snakemake.output.labels, labels, volume.affine, {n: b.label for n, b in dataset.bones.items()}
+    )
     write_surfaces(snakemake.output.surfaces, surfaces, [*snakemake.input])

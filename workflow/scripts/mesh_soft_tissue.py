@@ -1,0 +1,30 @@
+"""One soft tissue between the bones and the skin (004 section 5)."""
+
+from common import stage
+
+with stage(snakemake) as log:
+    from layers import scanned_frame
+    from tissue import make_tissue
+
+    from handpipe.config import load_dataset
+    from handpipe.fascia.wrapping import bone_wrap
+    from handpipe.skeleton.layer import BoneLayer
+    from handpipe.skeleton.rig import Rig
+
+    dataset = load_dataset(snakemake.input.dataset)
+    rig = Rig.load(snakemake.input.rig)
+    below = {"bones": BoneLayer(rig.surfaces).solve(scanned_frame(rig, dataset.neutral), {})}
+    inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in dataset.joints.values()], edge=1.5)
+    # 004 section 5.5 gives one tissue between fat and muscle; its stiffness does not change a free pose's shape.
+    tissue = make_tissue(
+        dataset,
+        rig.surfaces,
+        below,
+        ("bones",),
+        inner,
+        6.0,
+        snakemake.input.scan,
+        snakemake.params.edges,
+        log,
+    )
+    tissue.save(snakemake.output[0], [*snakemake.input])

@@ -18,7 +18,12 @@ with stage(snakemake) as log:
         found[bone] = register(neutral[bone], target[bone], start=start)
         log.info("%s: rms %.3f mm", bone, found[bone].rms)
     data = {
-        bone: {"rotation": r.transform.rotation, "translation": r.transform.translation, "rms": r.rms, "covariance": r.covariance}
+        bone: {
+            "rotation": r.transform.rotation,
+            "translation": r.transform.translation,
+            "rms": r.rms,
+            "covariance": r.covariance,
+        }
         for bone, r in found.items()
     }
     units = {f"{bone}/{field}": "mm" for bone in found for field in ("translation", "rms")}

@@ -1,0 +1,40 @@
+"""A tendon's rod in one pose: simulated, then drawn to the image's dark centre, then to its tube (000 section 5.3)."""
+
+from common import stage
+
+with stage(snakemake) as log:
+    from handpipe import artifacts
+    from handpipe.config import load_dataset
+    from handpipe.imaging.tubes import tube_surface
+    from handpipe.imaging.volume import read_volume
+    from handpipe.mesh.distance import Distance
+    from handpipe.mesh.surface import concatenate
+    from handpipe.skeleton.bones import read_registration
+    from handpipe.skeleton.rig import Rig
+    from handpipe.tendons.extraction import centre_finder
+    from handpipe.tendons.registration import register
+    from handpipe.tendons.rest import RestTendon
+    from handpipe.tendons.surface_fit import Target
+
+    dataset = load_dataset(snakemake.input.dataset)
+    tendon = dataset.tendons[snakemake.wildcards.tendon]
+    rig = Rig.load(snakemake.input.rig)
+    neutral = artifacts.read(snakemake.input.neutral, "neutral_tendon")
+    volume = read_volume(snakemake.input.volume)
+    transforms = read_registration(snakemake.input.registration)
+    posed = concatenate(
+        [rig.surfaces[b].moved(transforms[b](rig.surfaces[b].vertices)) for b in tendon.bones]
+    )
+    bones, radius = Distance(posed), float(neutral["radii"].mean())
+    rest = RestTendon.build(neutral["x"], neutral["radii"], {b: rig.surfaces[b] for b in tendon.bones})
+
+    def target(x):
+        return Target(
+            Distance(tube_surface(volume, x, radius, bones)), lambda points: bones.signed(points)[0]
+        )
+
+    find_centres = centre_finder(volume, radius, bones)
+    found = register(rest, {b: transforms[b] for b in tendon.bones}, find_centres, target)
+    data = {"x": found.x, "twist": found.twist, "rough": found.rough, "centred": found.centred}
+    units = dict.fromkeys(("x", "rough", "centred"), "mm")
+    artifacts.write(snakemake.output[0], data, kind="posed_tendon", units=units, inputs=[*snakemake.input])

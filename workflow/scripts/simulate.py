@@ -1,0 +1,24 @@
+"""One chunk of a scene's frames, every layer that the scene needs."""
+
+from common import stage
+
+with stage(snakemake):
+    from layers import layers_of
+
+    from handpipe.config import load_dataset, load_scene
+    from handpipe.hand.frames import write_frames
+    from handpipe.hand.simulation import simulate
+    from handpipe.layers import Frame
+    from handpipe.skeleton.angles import read_angles
+    from handpipe.skeleton.rig import Rig
+
+    dataset, scene = load_dataset(snakemake.input.dataset), load_scene(snakemake.input.scene)
+    rig = Rig.load(snakemake.input.rig)
+    frames = list(read_angles(snakemake.input.frames, rig.limits).items())
+    first = int(snakemake.wildcards.chunk) * scene.chunk
+    wanted = [
+        Frame(name, angles, rig.bone_transforms(angles))
+        for name, angles in frames[first : first + scene.chunk]
+    ]
+    layers = layers_of(scene.needed, rig, dataset, f"results/{snakemake.wildcards.subject}")
+    write_frames(snakemake.output[0], simulate(wanted, layers), [*snakemake.input])
