@@ -22,6 +22,9 @@ rule report:
     resources:
         mem_mb=2500,
         runtime=10,
+    params:
+        scenes=listed("scenes"),
+        settings={k: str(v) for k, v in config.items()},
     message:
         "{wildcards.subject}: report"
     script:

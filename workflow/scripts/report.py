@@ -1,0 +1,73 @@
+"""One HTML file with pictures, tables, figures and costs of a subject."""
+
+import json
+from pathlib import Path
+
+from common import stage
+
+with stage(snakemake):
+    from handpipe import artifacts, metrics
+    from handpipe.config import load_dataset
+    from handpipe.evaluation.build import read_jobs
+    from handpipe.evaluation.report import PoseView, ReportInput, write_report
+    from handpipe.hand.frames import read_frames
+    from handpipe.imaging.volume import read_volume
+    from handpipe.mesh.surface import Surface, read_surface
+    from handpipe.skeleton.rig import Rig
+
+    dataset = load_dataset(snakemake.input.dataset)
+    rig = Rig.load(snakemake.input.rig)
+    base = Path("results") / snakemake.wildcards.subject
+
+    def truth_of(pose):
+        """True surfaces by tissue, where the subject has a truth."""
+        if dataset.truth is None:
+            return {}
+        data = artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")
+        found = {kind: [*data.get(kind, {}).values()] for kind in ("bones", "muscles", "ligaments")}
+        found["skin"] = [data["skin"]]
+        return {kind: [Surface(d["vertices"], d["triangles"]) for d in parts] for kind, parts in found.items()}
+
+    def view(pose):
+        [(frame, layers)] = read_frames(base / f"poses/{pose}/inner.h5")
+        [(_, skins)] = read_frames(base / f"poses/{pose}/skin.h5")
+        data = dataset.poses[pose]
+        return PoseView.from_scanner(
+            frame,
+            layers | {"fat": skins["m0"]},
+            data.role.value,
+            rig.poses[pose].root,
+            sample=read_volume(dataset.path(data.volume)).sample,
+            scan=read_surface(dataset.path(data.scan)) if data.scan else None,
+            truth=truth_of(pose),
+        )
+
+    def bend(pose):
+        return sum(abs(angle) for angle in rig.poses[pose].angles.values())
+
+    def table(name):
+        path = base / f"tables/{name}.json"
+        return json.loads(path.read_text()) if path.exists() else []
+
+    simulated = sorted({Path(p).parent.name for p in snakemake.input.poses})
+    bent = sorted((p for p in simulated if p in dataset.examples), key=bend)[-2:]
+    shown = [p for p in dataset.poses if p in simulated and (p in bent or p not in dataset.examples)]
+    scenes = {
+        name: [f for path in sorted((base / "simulation" / name).glob("frames-*.h5")) for f in read_frames(path)]
+        for name in snakemake.params.scenes
+    }
+    write_report(
+        snakemake.output[0],
+        ReportInput(
+            dataset,
+            poses=[view(pose) for pose in shown],
+            skin_rows=table("skin"),
+            rig_rows=table("rig"),
+            metrics={Path(p).stem: metrics.read(p) for p in snakemake.input.metrics},
+            scenes=scenes,
+            jobs=read_jobs(base / "benchmarks"),
+            settings=snakemake.params.settings,
+            limits=["The limits of this version stand in docs/limitations.md."],
+            finger=list(rig.bones),
+        ),
+    )
