@@ -1,9 +1,10 @@
-"""How the tissue is held by what lies below it: fixed, sliding and contact points, nails, the cut end (000 section 7.1)."""
+"""How the tissue is held by what lies below it: fixed, sliding and contact points (000 section 7.1)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,9 +47,18 @@ class InnerPoints:
         shapes = [below[layer][body] for layer, body in zip(self.layers, self.bodies, strict=True)]
         return [Surface(s.vertices, s.cells) for s in shapes]
 
+    def to_group(self) -> dict[str, Any]:
+        """Content for an artifact's group."""
+        return {**vars(self), "layers": list(self.layers), "bodies": list(self.bodies)}
+
+    @staticmethod
+    def from_group(group: Mapping[str, Any]) -> InnerPoints:
+        """What `to_group` gave, as an artifact returned it."""
+        return InnerPoints(**{**group, "layers": tuple(group["layers"]), "bodies": tuple(group["bodies"])})
+
 
 def default_region(layer: str) -> Region:
-    """Where a body says nothing: tissue is attached to bones and touches all else, tendons in their sheaths too."""
+    """Where a body says nothing: tissue is attached to bones and touches all else, tendons too."""
     return Region.fixed if layer == "bones" else Region.contact
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe import artifacts
 from handpipe.fat.nails import from_vector
 from handpipe.fat.tissue import Tissue
 from handpipe.fem import plasticity
@@ -20,15 +22,34 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FatStrains:
-    """What varies with pose: log-strains (N, m, 6) and nail corrections {nail: (N, 6)} at the example poses."""
+    """What varies with pose: log-strains (N, m, 6), nail corrections {nail: (N, 6)} at N example poses."""
 
     space: PoseSpace
     log_strains: Array
     nails: Mapping[str, Array]
 
+    def without_strains(self) -> FatStrains:
+        """The same nails on fat without plastic strains (model m1 of 000 Table 4)."""
+        return replace(self, log_strains=np.zeros_like(self.log_strains))
+
+    def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
+        """Write as an artifact of kind "fat_strains"; nails are rotation vectors (rad) and shifts (mm)."""
+        data = {"space": self.space.to_group(), "log_strains": self.log_strains, "nails": dict(self.nails)}
+        units = {"space/examples": "rad", "log_strains": "1", "nails": "rad, rad, rad, mm, mm, mm"}
+        artifacts.write(path, data, kind="fat_strains", units=units, inputs=inputs)
+
+    @staticmethod
+    def load(path: str | Path) -> FatStrains:
+        """Read what `save` wrote; raises `InputError` where the file is of another kind."""
+        d = artifacts.read(path, "fat_strains")
+        return FatStrains(PoseSpace.from_group(d["space"]), d["log_strains"], d["nails"])
+
 
 class TissueLayer:
-    """A tissue and, where fitted, its strains over poses. Named "fat" on all layers below, "skin" on bones alone."""
+    """A tissue and, where fitted, its strains over poses.
+
+    It is named "fat" on all layers below, "skin" on bones alone.
+    """
 
     def __init__(
         self, name: str, needs: tuple[str, ...], tissue: Tissue, strains: FatStrains | None = None
@@ -59,7 +80,7 @@ class TissueLayer:
         skin = tissue.skin_matrix @ x
         return {
             "skin": Shape(tissue.skin.vertices, skin, tissue.skin.triangles),
-            self.name + "_tets": Shape(
+            self.name + "_mesh": Shape(
                 tissue.mesh.vertices, x, tissue.mesh.tets, {"occupancy": tissue.occupancy}
             ),
         }

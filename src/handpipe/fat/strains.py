@@ -49,7 +49,7 @@ class FitSettings:
 
 @dataclass
 class Target:
-    """A scan to be matched: closest points and normals for skin vertices, with weights (n,) in mm^2 summing to one."""
+    """A scan to be matched; area (n,) in mm^2 is each skin vertex's share, zero where it is not pulled."""
 
     scan: Surface
     area: Array
@@ -98,7 +98,7 @@ class State:
 
 @dataclass
 class FatFit:
-    """Log-strains (m, 6), vertices (n, 3) and one row an iteration: objective, mean and max gap in mm, step."""
+    """Log-strains (m, 6), vertices (n, 3), a row an iteration: objective, mean and max gap in mm, step."""
 
     log_strains: Array
     vertices: Array
@@ -106,7 +106,7 @@ class FatFit:
 
 
 def strain_operator(mesh: TetMesh, x: Array) -> sparse.csr_matrix:
-    """Strain increments (6 m) in the rest frame per displacement (3 n) from the shape x: sym(R^T grad(dx) R)."""
+    """Strain increments (6 m) in the rest frame per displacement (3 n) from x: sym(R^T grad(dx) R)."""
     rotations, _ = polar((gradient_operator(mesh.vertices, mesh.tets) @ x.ravel()).reshape(-1, 3, 3))
     r = rotations
     rows = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
@@ -134,9 +134,10 @@ def fit_strains(
     start: Array,
     settings: FitSettings,
 ) -> FatFit:
-    """Log-strains so that the skin at equilibrium in a frame lies on the scan (Eq. 22-23), from a start (n, 3).
+    """Log-strains so that the skin at equilibrium in a frame lies on the scan (Eq. 22-23).
 
-    below, rigid: as for `Tissue.solve`; scan in the frame of the simulation. Nails and the cut end are not pulled.
+    below, rigid, start (n, 3): as for `Tissue.solve`; scan in the frame of the simulation. Rigid parts of
+    the skin are not pulled.
     Raises `ConvergenceError` where the equilibrium without strains fails.
     """
     mesh, skin = tissue.mesh, tissue.skin
@@ -200,7 +201,7 @@ def _direction(
     held: Sequence[Potential],
     settings: FitSettings,
 ) -> Array:
-    """The displacement (n, 3) that minimises the linearised objective (Eq. 24), the constraints' springs included.
+    """The displacement (n, 3) that minimises the linearised objective (Eq. 24) and the constraints' springs.
 
     Without the springs the direction would move what cannot move, and the line search would pay for it.
     """

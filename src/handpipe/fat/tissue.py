@@ -1,16 +1,18 @@
-"""A soft tissue between inner bodies and the skin: its mesh, what holds it, and its equilibrium in a frame."""
+"""A soft tissue between inner bodies and the skin: its mesh, what holds it, its equilibrium in a frame."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe import artifacts
 from handpipe.errors import ConvergenceError
 from handpipe.fat.constraints import InnerPoints
 from handpipe.fem import equilibrium
@@ -56,7 +58,7 @@ class Rigid:
 
 @dataclass(frozen=True)
 class Tissue:
-    """Mesh, occupancy (m,), neutral skin, inner points, rigid parts of the skin, bone weights (n, n_bones)."""
+    """Mesh, occupancy (m,), neutral skin, inner points, rigid parts of skin, bone weights (n, n_bones)."""
 
     mesh: TetMesh
     occupancy: Array
@@ -96,7 +98,8 @@ class Tissue:
     ) -> list[Potential]:
         """What holds the tissue in a frame, at a share of its full stiffness.
 
-        Sliding and contact planes (000 section 6) touch the bodies where the inner points of x (n, 3) are closest.
+        Sliding and contact planes (000 section 6) touch the bodies where the inner points of x (n, 3) are
+        closest.
         rigid: transform from neutral of each rigid part of the skin.
         """
         inner, unit = self.inner, share * self.settings.stiffness
@@ -148,6 +151,38 @@ class Tissue:
             return [elastic, *self.held(below, rigid, start, 1e-3 ** (1 - t))]
 
         return equilibrium.continuation(softened, start, options=OPTIONS).x
+
+    def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
+        """Write as an artifact of kind "tissue"."""
+        data = {
+            "mesh": {"vertices": self.mesh.vertices, "tets": self.mesh.tets},
+            "occupancy": self.occupancy,
+            "skin": {"vertices": self.skin.vertices, "triangles": self.skin.triangles},
+            "inner": self.inner.to_group(),
+            "rigid": {name: asdict(part) for name, part in self.rigid.items()},
+            "bones": list(self.bones),
+            "weights": self.weights,
+            "settings": asdict(self.settings),
+        }
+        lengths = dict.fromkeys(("mesh/vertices", "skin/vertices", "inner/rest"), "mm")
+        moduli = {"settings/young": "kPa", "settings/stiffness": "kPa/mm"}
+        units = lengths | moduli | {"inner/area": "mm^2", "occupancy": "1", "weights": "1"}
+        artifacts.write(path, data, kind="tissue", units=units, inputs=inputs)
+
+    @staticmethod
+    def load(path: str | Path) -> Tissue:
+        """Read what `save` wrote; raises `InputError` where the file is not a tissue."""
+        d = artifacts.read(path, "tissue")
+        return Tissue(
+            mesh=TetMesh(d["mesh"]["vertices"], d["mesh"]["tets"]).checked(path),
+            occupancy=d["occupancy"],
+            skin=Surface(d["skin"]["vertices"], d["skin"]["triangles"]),
+            inner=InnerPoints.from_group(d["inner"]),
+            rigid={name: Rigid(str(part["bone"]), part["vertices"]) for name, part in d["rigid"].items()},
+            bones=tuple(d["bones"]),
+            weights=d["weights"],
+            settings=TissueSettings(**{k: float(v) for k, v in d["settings"].items()}),
+        )
 
 
 def _planes(points: Array, body: IntArray, surfaces: list[Surface]) -> tuple[Array, Array]:

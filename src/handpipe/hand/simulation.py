@@ -19,7 +19,9 @@ def simulate_frame(frame: Frame, layers: Sequence[Layer]) -> dict[str, Shapes]:
     shapes: dict[str, Shapes] = {}
     for layer in layers:
         start = time.perf_counter()
-        shapes[layer.name] = layer.solve(frame, {name: shapes[name] for name in layer.needs if name in shapes})
+        shapes[layer.name] = layer.solve(
+            frame, {name: shapes[name] for name in layer.needs if name in shapes}
+        )
         log.info("frame %s: %s in %.1f s", frame.name, layer.name, time.perf_counter() - start)
     return shapes
 

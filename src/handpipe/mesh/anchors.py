@@ -16,7 +16,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Anchors:
-    """Each point is weights (n, 3) of a triangle's corners (n, 3), lifted by height (n,) mm along its normal."""
+    """Each point is weights (n, 3) of a triangle's corners (n, 3), heights (n,) mm along its normal."""
 
     corners: IntArray
     weights: Array

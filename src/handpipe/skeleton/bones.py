@@ -10,13 +10,17 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 
 
-def write_surfaces(path: str | Path, surfaces: Mapping[str, Mapping[str, Surface]], inputs: list[str | Path]) -> None:
+def write_surfaces(
+    path: str | Path, surfaces: Mapping[str, Mapping[str, Surface]], inputs: list[str | Path]
+) -> None:
     """Write surfaces by bone and part ("marrow", in neutral also "whole")."""
     data = {
         bone: {part: {"vertices": s.vertices, "triangles": s.triangles} for part, s in parts.items()}
         for bone, parts in surfaces.items()
     }
-    artifacts.write(path, data, kind="bone_surfaces", units=dict.fromkeys(_vertex_keys(surfaces), "mm"), inputs=inputs)
+    artifacts.write(
+        path, data, kind="bone_surfaces", units=dict.fromkeys(_vertex_keys(surfaces), "mm"), inputs=inputs
+    )
 
 
 def _vertex_keys(surfaces: Mapping[str, Mapping[str, Surface]]) -> list[str]:

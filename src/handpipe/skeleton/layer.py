@@ -19,8 +19,8 @@ def bone_regions(
 ) -> IntArray:
     """Fixed on the bodies of bones, contact at heads and joints: (n,).
 
-    A point is fixed where it lies on a bone (within tolerance, mm) and no other bone is within joint_radius, mm:
-    what the papers paint by hand (000 section 6) or sweep over the range of motion (004 section 5.4).
+    A point is fixed where it lies on a bone (within tolerance, mm) and no other bone is within joint_radius
+    (mm): what the papers paint by hand (000 section 6) or sweep over the range of motion (004 section 5.4).
     """
     gaps = [np.maximum(Distance(bone).signed(points)[0], 0.0) for bone in bones.values()]
     distances = np.sort(np.stack([*gaps, np.full(len(points), np.inf)], axis=1), axis=1)
@@ -41,6 +41,8 @@ class BoneLayer:
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """Each bone's surface at its transform."""
         return {
-            name: Shape(s.vertices, frame.bones[name](s.vertices), s.triangles, {"region": self.regions[name]})
+            name: Shape(
+                s.vertices, frame.bones[name](s.vertices), s.triangles, {"region": self.regions[name]}
+            )
             for name, s in self.bones.items()
         }
