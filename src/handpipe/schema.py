@@ -1,0 +1,34 @@
+"""JSON schemas of the files that people write, so that editors can check and complete them.
+
+`python -m handpipe.schema workflow/schemas` writes them anew after a change of `handpipe.config`.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from handpipe.artifacts import write_text
+from handpipe.config import Dataset, Model, Scene
+
+MODELS: dict[str, type[Model]] = {"dataset": Dataset, "scene": Scene}
+
+
+def schema(name: str) -> str:
+    """The JSON schema of a kind of file, "dataset" or "scene", as text."""
+    dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return json.dumps(dialect | MODELS[name].model_json_schema(), indent=2) + "\n"
+
+
+def write_schemas(folder: str | Path) -> list[Path]:
+    """Write `{name}.schema.json` for every kind of file; return the paths."""
+    paths = [Path(folder) / f"{name}.schema.json" for name in MODELS]
+    for name, path in zip(MODELS, paths, strict=True):
+        write_text(path, schema(name))
+    return paths
+
+
+if __name__ == "__main__":
+    for written in write_schemas(sys.argv[1]):
+        print(written)
