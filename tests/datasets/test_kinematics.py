@@ -36,10 +36,10 @@ def test_flexion_bends_to_the_palm_and_abduction_to_the_thumb():
 
 
 def test_residual_motion_is_small_and_known():
-    """A right angle of flexion differs from the pure hinge by the joint's residual alone."""
+    """Half a right angle of flexion differs from the pure hinge by the joint's residual alone."""
     for joint in joints():
-        angles = dict.fromkeys(joint.angles, 0.0) | {joint.angles[0]: np.pi / 2}
-        hinge = RigidTransform.about(joint.centre, _rotation(joint.axes[0] * np.pi / 2))
+        angles = dict.fromkeys(joint.angles, 0.0) | {joint.angles[0]: np.pi / 4}
+        hinge = RigidTransform.about(joint.centre, _rotation(joint.axes[0] * np.pi / 4))
         rest = hinge.inverse() @ joint.transform(angles)
         assert np.degrees(np.linalg.norm(rest.rotation_vector())) == pytest.approx(
             np.degrees(np.linalg.norm(joint.residual_rotation))

@@ -24,7 +24,8 @@ class KnownJoint:
 
     axes (k, 3) unit vectors, first flexion, then abduction, which carries the flexion axis; centre (3,) in
     mm; residual_rotation (3,) rotation vector in rad and residual_translation (3,) in mm that the joint adds
-    when its first angle is 45 degrees, as the sine of twice the angle: no other axis or centre explains it; direction (3,), distal along the finger.
+    when its first angle is 45 degrees, as the sine of twice the angle: no other axis or centre
+    explains it; direction (3,), distal along the finger.
     """
 
     name: str

@@ -23,22 +23,26 @@ OVERLAP = 12.0  # mm by which bones' lines reach beyond their joints before they
 
 @dataclass(frozen=True)
 class KnownTendon:
-    """`side` -1 palmar, +1 dorsal; `line` (n, 3) the rough neutral path to the insertion; sizes in mm."""
+    """`side` -1 palmar, +1 dorsal; `line` (n, 3) the rough neutral path to the insertion; sizes in mm.
+
+    `rounding` is the width in mm over which corners at the joints are smoothed.
+    """
 
     name: str
     side: float
     radius: float
     line: Array
     length: float
+    rounding: float = 2.0
 
     def path(self, posture: Posture, bones: Mapping[str, Implicit]) -> Array:
         """Whole posed path from the insertion to where it leaves the hand (n, 3), evenly spaced."""
         transforms = posture.transforms()
         line = self._lay(posture, transforms)
         line = _resample(line, STEP)
-        line = _smooth(line, 2.0)
+        line = _smooth(line, self.rounding)
         for _ in range(12):
-            line = _smooth(_keep_off(line, bones, transforms, self.radius + CLEARANCE), 0.6)
+            line = _smooth(_keep_off(line, bones, transforms, self.radius + CLEARANCE), 0.3 * self.rounding)
         line = _keep_off(line, bones, transforms, self.radius + 0.5 * CLEARANCE)
         return _resample(line[::-1], STEP)
 
@@ -86,7 +90,7 @@ def _beyond(
     transforms: Mapping[str, RigidTransform],
     side: float,
 ) -> Array:
-    """Points beyond (`side` +1) or before (-1) a joint, by its half-way plane and by the plane of their bone."""
+    """Points beyond (`side` 1) or before (-1) a joint, by its half-way plane and the plane of their bone."""
     half = transforms[joint.parent] @ joint.transform(posture.angles, 0.5)
     bone = transforms[joint.child if side > 0 else joint.parent]
     for frame in (half, bone):
