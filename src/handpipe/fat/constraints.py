@@ -23,7 +23,7 @@ class InnerPoints:
     """Points of inner bodies that touch the tissue.
 
     layers, bodies: names; body (k,) index of each point's body; vertex (k,) its vertex there;
-    rest (k, 3) in mm; region (k,); area (k,) in mm^2.
+    rest (k, 3) in mm; normal (k, 3) of the neutral body there, outwards; region (k,); area (k,) in mm^2.
     """
 
     layers: tuple[str, ...]
@@ -31,6 +31,7 @@ class InnerPoints:
     body: IntArray
     vertex: IntArray
     rest: Array
+    normal: Array
     region: IntArray
     area: Array
 
@@ -74,16 +75,14 @@ def inner_points(
     distance = Distance(inner)
     parts = []
     for index, (layer, _, shape) in enumerate(named):
-        area = mass_lumped(shape.vertices, shape.cells)
+        surface = Surface(shape.vertices, shape.cells)
+        area, normal = mass_lumped(surface.vertices, surface.triangles), surface.vertex_normals()
         region = shape.fields.get("region", np.full(len(shape.vertices), default_region(layer)))
         vertex = np.flatnonzero(distance.signed(shape.vertices)[0] > -slack)
-        parts.append(
-            (np.full(len(vertex), index), vertex, shape.vertices[vertex], region[vertex], area[vertex])
-        )
-    body, vertex, rest, region, area = (np.concatenate(p) for p in zip(*parts, strict=True))
-    return InnerPoints(
-        tuple(n[0] for n in named), tuple(n[1] for n in named), body, vertex, rest, region, area
-    )
+        on = (surface.vertices[vertex], normal[vertex], region[vertex], area[vertex])
+        parts.append((np.full(len(vertex), index), vertex, *on))
+    columns = (np.concatenate(p) for p in zip(*parts, strict=True))
+    return InnerPoints(tuple(n[0] for n in named), tuple(n[1] for n in named), *columns)
 
 
 def cut_end(skin: Surface, scan: Surface, tolerance: float) -> NDArray[np.bool_]:

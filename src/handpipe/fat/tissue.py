@@ -15,16 +15,17 @@ from scipy import sparse
 from handpipe import artifacts
 from handpipe.errors import ConvergenceError
 from handpipe.fat.constraints import InnerPoints
+from handpipe.fat.planes import touching_planes
 from handpipe.fem import equilibrium
 from handpipe.fem.constraints import Attachment, Contact, Sliding
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import Options
 from handpipe.fem.materials import Material
+from handpipe.fem.plasticity import polar
 from handpipe.fem.potential import Potential
 from handpipe.layers import Region, Shapes
-from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Embedding
-from handpipe.mesh.operators import mass_lumped
+from handpipe.mesh.operators import gradient_operator, mass_lumped
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
@@ -89,6 +90,21 @@ class Tissue:
         """Vertices (n, 3) moved by smooth blends of bone transforms: a start for the solver."""
         return blend(self.mesh.vertices, self.weights, {b: bones[b] for b in self.bones})
 
+    def sides(self, x: Array) -> Array:
+        """Neutral outward normals (k, 3) of the bodies at inner points, turned as the tissue of x (n, 3) is.
+
+        Rotations come from deformation gradients averaged around each vertex: no single crushed tet upsets
+        them.
+        """
+        mesh = self.mesh
+        gradients = (gradient_operator(mesh.vertices, mesh.tets) @ x.ravel()).reshape(-1, 9)
+        corners = np.repeat(np.arange(len(mesh.tets)), 4)
+        around = sparse.csr_matrix(
+            (np.repeat(mesh.volumes(), 4), (mesh.tets.ravel(), corners)), shape=(len(x), len(mesh.tets))
+        )
+        rotations, _ = polar((self.inner_matrix @ (around @ gradients)).reshape(-1, 3, 3))
+        return np.einsum("nij,nj->ni", rotations, self.inner.normal)
+
     def held(
         self,
         below: Mapping[str, Shapes],
@@ -106,7 +122,7 @@ class Tissue:
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
         touching = ~fixed & ~sliding
         stiffness, matrix = unit * inner.area, self.inner_matrix
-        planes, normals = _planes(matrix @ x, inner.body, inner.surfaces(below))
+        planes, normals = touching_planes(matrix @ x, self.sides(x), inner.body, inner.surfaces(below))
         potentials: list[Potential] = [
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
             Sliding(matrix[sliding], planes[sliding], normals[sliding], stiffness[sliding]),
@@ -183,13 +199,3 @@ class Tissue:
             weights=d["weights"],
             settings=TissueSettings(**{k: float(v) for k, v in d["settings"].items()}),
         )
-
-
-def _planes(points: Array, body: IntArray, surfaces: list[Surface]) -> tuple[Array, Array]:
-    """Closest places and normals (k, 3) of points on their own bodies' surfaces."""
-    places, normals = np.empty_like(points), np.empty_like(points)
-    for index, surface in enumerate(surfaces):
-        mine = body == index
-        if mine.any():
-            _, _, places[mine], normals[mine] = Distance(surface).signed(points[mine])
-    return places, normals
