@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from handpipe.ligaments.layer import LigamentLayer
 
 from handpipe.fascia.fascia import Fascia
 from handpipe.fascia.layer import FasciaLayer
@@ -38,6 +37,8 @@ def layers_of(names, rig, dataset, base):
         elif name == "muscle_fascia" and dataset.muscles:
             made.append(FasciaLayer(Fascia.load(base / "fascia/muscle.h5"), "muscles"))
         elif name == "ligaments" and dataset.ligaments:
+            from handpipe.ligaments.layer import LigamentLayer
+
             made.append(LigamentLayer(members("ligaments", Muscle, "{}.h5", dataset.ligaments)))
         elif name == "fat":
             made.append(fat_layer(base))
