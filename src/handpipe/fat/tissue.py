@@ -15,7 +15,6 @@ from scipy import sparse
 from handpipe import artifacts
 from handpipe.errors import ConvergenceError
 from handpipe.fat.constraints import InnerPoints
-from handpipe.fat.planes import touching_planes
 from handpipe.fem import equilibrium
 from handpipe.fem.constraints import Attachment, Contact, Sliding
 from handpipe.fem.elastic import Elastic
@@ -26,6 +25,7 @@ from handpipe.fem.potential import Potential
 from handpipe.layers import Region, Shapes
 from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.operators import gradient_operator, mass_lumped
+from handpipe.mesh.planes import touching_planes
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
