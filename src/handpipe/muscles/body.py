@@ -28,18 +28,24 @@ Transforms = Mapping[str, RigidTransform]
 
 @dataclass(frozen=True)
 class Body:
-    """The neutral shape: surface (v vertices), mesh (n vertices) that carries it, vertices held by each bone."""
+    """The neutral shape: surface (v vertices), mesh (n vertices) that carries it, vertices held by each bone.
+
+    visible (v,): where the neutral image shows the boundary; elsewhere another muscle lies against it.
+    """
 
     surface: Surface
     mesh: TetMesh
     embedding: Embedding
     attachments: dict[str, IntArray]
+    visible: NDArray[np.bool_]
 
     @staticmethod
     def of(surface: Surface, attachments: Mapping[str, IntArray], edge: float) -> Body:
         """Fill a surface with tetrahedra of about `edge` mm; the surface may be finer than they are."""
         mesh = tetrahedralise(remesh(surface, edge), 1.3 * edge)
-        return Body(surface, mesh, Embedding.of(surface.vertices, mesh), dict(attachments))
+        visible = np.ones(len(surface.vertices), dtype=bool)
+        visible[np.concatenate(list(attachments.values()))] = False
+        return Body(surface, mesh, Embedding.of(surface.vertices, mesh), dict(attachments), visible)
 
     @property
     def matrix(self) -> sparse.csr_matrix:
@@ -64,15 +70,21 @@ class Body:
         """The surface carried by mesh vertices (n, 3)."""
         return self.surface.moved(self.embedding(x))
 
-    def follow(self, bones: Mapping[str, Surface], transforms: Transforms) -> Array:
+    def follow(
+        self, bones: Mapping[str, Surface], transforms: Transforms, known: tuple[Transforms, Array] | None = None
+    ) -> Array:
         """Mesh vertices (n, 3) moved by a smooth blend of the motions of the bones that hold the body.
+
+        known: transforms and mesh vertices (n, 3) of another pose to start from, in place of neutral.
 
         Weights are the mean of those by nearness to the bones, which bend where the joint is, and of the harmonic
         ones, which spread the bend over the whole length: measured, the mean is nearer to the truth than either.
         """
         own = {b: bones[b] for b in self.attachments}
         weights = 0.5 * (bone_weights(self.mesh.vertices, own) + self.harmonic_weights())
-        return blend(self.mesh.vertices, weights, {b: transforms[b] for b in own})
+        if known is None:
+            return blend(self.mesh.vertices, weights, {b: transforms[b] for b in own})
+        return blend(known[1], weights, {b: transforms[b] @ known[0][b].inverse() for b in own})
 
     def harmonic_weights(self) -> Array:
         """Weights (n, bones), one at a bone's own attachment, harmonic in between, rows summing to one."""
@@ -92,6 +104,7 @@ class Body:
         return {
             "vertices": self.surface.vertices,
             "triangles": self.surface.triangles,
+            "visible": self.visible,
             "mesh/vertices": self.mesh.vertices,
             "mesh/tets": self.mesh.tets,
             "embedding/cells": self.embedding.cells,
@@ -107,4 +120,5 @@ class Body:
             TetMesh(group["mesh"]["vertices"], group["mesh"]["tets"]),
             Embedding(group["embedding"]["cells"], group["embedding"]["weights"]),
             dict(group["attachments"]),
+            np.asarray(group["visible"], dtype=bool),
         )

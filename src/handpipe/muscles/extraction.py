@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from handpipe import artifacts
 from handpipe.imaging.markers import MarkerSettings, boundary_markers
 from handpipe.imaging.volume import Volume
+from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.metrics import Metrics
@@ -21,8 +22,12 @@ from handpipe.muscles.shape import FindMarkers, ShapeFit, ShapeOptions, fit_shap
 from handpipe.muscles.templates import Guess
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
+
+# In other poses the muscle is known but for its bending: it keeps its volume nearly, and its strains are small.
+POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.01)
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,7 @@ def extract_neutral(
     volume: Volume,
     *,
     edge: float = 1.8,
+    others: Sequence[Surface] = (),
     points: Array | None = None,
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
@@ -57,12 +63,15 @@ def extract_neutral(
     """The neutral shape from a placed template, and the body that later stages deform.
 
     The fitted surface is filled with new tetrahedra of about `edge` mm, since fitting has strained the first ones.
-    points (r, 3): hand-placed markers, in place of those found in the image.
+    points (r, 3): hand-placed markers, in place of those found in the image; others: guesses of the other muscles.
     """
     first = Body.of(guess.surface, guess.attachments, edge)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
-    extraction = _extract(first, still, first.mesh.vertices, volume, points, markers, options)
+    extraction = _extract(first, still, first.mesh.vertices, volume, points, markers, options, others)
     body = Body.of(extraction.surface, guess.attachments, edge)
+    if points is None:
+        found = image_markers(volume, body, markers, others)(body.surface)
+        body = replace(body, visible=_mostly(body.surface, found.vertices))
     return body, replace(extraction, vertices=body.mesh.vertices)
 
 
@@ -73,6 +82,7 @@ def extract_pose(
     volume: Volume,
     *,
     start: Array | None = None,
+    others: Sequence[Surface] = (),
     points: Array | None = None,
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
@@ -80,10 +90,63 @@ def extract_pose(
     """The shape in an example pose, from the neutral body held by the moved bones.
 
     bones: neutral bone surfaces; transforms: from neutral into the volume's frame; start: mesh vertices (n, 3) of a
-    better first guess, as simulated from poses already known.
+    better first guess, as simulated from poses already known; others: where the other muscles are about in this pose.
     """
     x = body.follow(bones, transforms) if start is None else start
-    return _extract(body, transforms, x, volume, points, markers, options)
+    return _extract(body, transforms, x, volume, points, markers, options or POSED, others)
+
+
+def extract_poses(
+    bodies: Mapping[str, Body],
+    bones: Mapping[str, Surface],
+    transforms: Mapping[str, Mapping[str, RigidTransform]],
+    volume: Callable[[str], Volume],
+    *,
+    points: Mapping[tuple[str, str], Array] | None = None,
+    markers: MarkerSettings | None = None,
+    options: ShapeOptions | None = None,
+) -> dict[str, dict[str, Extraction]]:
+    """The shapes of all muscles in all example poses, pose -> muscle -> shape.
+
+    Each pose is guessed from the most similar one that is known already, and each muscle knows where its neighbours
+    are. transforms: pose -> bone -> from neutral; volume(pose) reads the image; points: hand-placed markers by (pose,
+    muscle).
+    """
+    still = {b: RigidTransform.identity() for b in bones}
+    known = {"": (still, {m: b.mesh.vertices for m, b in bodies.items()})}
+    found: dict[str, dict[str, Extraction]] = {}
+    while len(found) < len(transforms):
+        left = [(_apart(transforms[p], known[q][0], bodies), p, q) for p in transforms if p not in found for q in known]
+        _, pose, near = min(left)
+        log.info("%s: guessed from %s", pose, near or "neutral")
+        moved, image = transforms[pose], volume(pose)
+        x = {m: b.follow(bones, moved, (known[near][0], known[near][1][m])) for m, b in bodies.items()}
+        found[pose] = {}
+        for name, body in bodies.items():
+            others = [b.surface_at(x[m]) for m, b in bodies.items() if m != name]
+            placed = (points or {}).get((pose, name))
+            fitted = extract_pose(
+                body,
+                bones,
+                moved,
+                image,
+                start=x[name],
+                others=others,
+                points=placed,
+                markers=markers,
+                options=options,
+            )
+            found[pose][name], x[name] = fitted, fitted.vertices
+        known[pose] = moved, x
+    return {pose: found[pose] for pose in transforms}
+
+
+def _apart(
+    a: Mapping[str, RigidTransform], b: Mapping[str, RigidTransform], bodies: Mapping[str, Body]
+) -> float:
+    """How differently two poses turn the bones of the muscles against one another, in rad."""
+    pairs = {(list(body.attachments)[0], other) for body in bodies.values() for other in list(body.attachments)[1:]}
+    return sum((a[p].inverse() @ a[q]).angle_to(b[p].inverse() @ b[q]) for p, q in pairs)
 
 
 def _extract(
@@ -94,8 +157,9 @@ def _extract(
     points: Array | None,
     markers: MarkerSettings | None,
     options: ShapeOptions | None,
+    others: Sequence[Surface],
 ) -> Extraction:
-    find = image_markers(volume, body, markers) if points is None else fixed_markers(points)
+    find = image_markers(volume, body, markers, others) if points is None else fixed_markers(points)
     fit = fit_shape(
         body.mesh, body.surface, body.matrix, body.attached(transforms), find, start=start, options=options
     )
@@ -103,16 +167,39 @@ def _extract(
     return Extraction(surface, fit.vertices, fit)
 
 
-def image_markers(volume: Volume, body: Body, settings: MarkerSettings | None = None) -> FindMarkers:
-    """Boundary markers found in an image along the normals of the present surface, away from attachments."""
-    forbid = np.zeros(len(body.surface.vertices), dtype=bool)
-    forbid[body.held] = True
+def image_markers(
+    volume: Volume, body: Body, settings: MarkerSettings | None = None, others: Sequence[Surface] = ()
+) -> FindMarkers:
+    """Boundary markers found in an image along the normals of the present surface, where the boundary is visible.
+
+    Where muscles touch, the image shows no edge between them, and the edge along a normal is the neighbour's far side:
+    places that no edge was found for in neutral have none in another pose, and a marker that is nearer to a
+    neighbour's boundary of the same orientation than to this muscle's is dropped.
+    """
+    trees = [Distance(other) for other in others]
 
     def find(surface: Surface) -> Markers:
-        found = boundary_markers(volume, surface, settings, forbid)
-        return Markers(found.points, found.confidence, found.vertices)
+        found = boundary_markers(volume, surface, settings, ~body.visible)
+        offsets = np.linalg.norm(found.points - surface.vertices[found.vertices], axis=1)
+        keep = np.ones(len(offsets), dtype=bool)
+        for tree in trees:
+            gap, _, _, normals = tree.signed(found.points)
+            alike = np.einsum("ij,ij->i", normals, found.normals) > 0.3
+            keep &= ~(alike & (np.abs(gap) < offsets))
+        return Markers(found.points[keep], found.confidence[keep], found.vertices[keep])
 
     return find
+
+
+def _mostly(surface: Surface, vertices: IntArray) -> NDArray[np.bool_]:
+    """Vertices (n,) that, with their neighbours, are mostly in a set."""
+    n = len(surface.vertices)
+    inside = np.zeros(n)
+    inside[vertices] = 1.0
+    edges = surface.edges()
+    counts = np.bincount(edges.ravel(), minlength=n) + 1.0
+    votes = inside + np.bincount(edges[:, 0], inside[edges[:, 1]], n) + np.bincount(edges[:, 1], inside[edges[:, 0]], n)
+    return votes > 0.5 * counts
 
 
 def save(path: str, extraction: Extraction, inputs: tuple[str, ...] = (), body: Body | None = None) -> None:

@@ -21,6 +21,8 @@ IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 
+STRIDE = 0.5  # mm that a vertex moves in one step at most
+
 
 @dataclass(frozen=True)
 class SeparationOptions:
@@ -64,7 +66,7 @@ def separate(
     starts = np.cumsum([0, *(len(b.surface.vertices) for b in bodies)])
     x0 = np.concatenate([b.surface.vertices for b in bodies])
     stiffness = sparse.block_diag([b.stiffness for b in bodies], format="csr")
-    penalty = 1e4 * np.median(np.concatenate([b.mass for b in bodies]))
+    mass = float(np.median(np.concatenate([b.mass for b in bodies])))
     parts = [slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
     x, before, depth = x0.copy(), 0.0, 0.0
     for iteration in range(options.iterations):
@@ -72,10 +74,13 @@ def separate(
         depth = max(0.0, float(-(contacts.gaps + options.clearance).min(initial=0.0)))
         volumes = _volume_rows(bodies, parts, x, options.volume)
         before = depth if iteration == 0 else before
-        if depth <= options.tolerance and not volumes:
+        if depth <= options.tolerance:
             surfaces = {n: b.surface.moved(x[p]) for n, b, p in zip(names, bodies, parts, strict=True)}
             return Separation(surfaces, before, depth, iteration)
-        x = _step(x, x0, stiffness, penalty, contacts, volumes)
+        penalty = mass * min(10.0 * 1.4**iteration, 1e4)  # soft at first: deep overlaps contradict one another
+        wanted = []; volumes = []
+        step = _step(x, x0, stiffness, mass, penalty, contacts, wanted)
+        x = x + step * min(1.0, STRIDE / max(float(np.linalg.norm(step, axis=1).max()), 1e-9))
         log.info("separation %d: penetration %.3f mm at %d points", iteration, depth, len(contacts.gaps))
     raise ConvergenceError("Separation of muscles", f"{depth:.3f} mm of penetration after {options.iterations} steps")
 
@@ -108,16 +113,17 @@ def _average(cells: IntArray, n: int) -> sparse.csr_matrix:
 
 @dataclass(frozen=True)
 class _Contacts:
-    """Gaps (c,) minus the clearance, their gradients by all coordinates (c, 3 N)."""
+    """Gaps (c,) minus the clearance, their gradients by all coordinates (c, 3 N), the points' weights (c, N)."""
 
     gaps: Array
     rows: sparse.csr_matrix
+    points: sparse.csr_matrix
 
 
 def _contacts(
     bodies: Sequence[_Body], parts: Sequence[slice], x: Array, fixed: Mapping[str, Surface], clearance: float
 ) -> _Contacts:
-    gaps, rows = [np.zeros(0)], [sparse.csr_matrix((0, x.size))]
+    gaps, rows, own_rows = [np.zeros(0)], [sparse.csr_matrix((0, x.size))], [sparse.csr_matrix((0, len(x)))]
     moved = [b.surface.moved(x[p]) for b, p in zip(bodies, parts, strict=True)]
     for i, (body, part) in enumerate(zip(bodies, parts, strict=True)):
         points = body.samples @ x[part]
@@ -128,12 +134,14 @@ def _contacts(
             inside = gap < clearance
             near = near[inside]
             own = _shift(body.samples[near], part.start, len(x))
+            own_rows.append(own)
             if j >= 0:
                 weights = _barycentric(closest[inside], other, triangles[inside], len(x), parts[j].start)
                 own = own - weights
             gaps.append(gap[inside] - clearance)
             rows.append(_along(own, normals[inside]))
-    return _Contacts(np.concatenate(gaps), sparse.vstack(rows, format="csr"))
+    stacked = sparse.vstack(rows, format="csr"), sparse.vstack(own_rows, format="csr")
+    return _Contacts(np.concatenate(gaps), *stacked)
 
 
 def _near(points: Array, other: Surface, margin: float) -> IntArray:
@@ -200,13 +208,15 @@ def _step(
     x: Array,
     x0: Array,
     stiffness: sparse.csr_matrix,
+    damping: float,
     penalty: float,
     contacts: _Contacts,
     volumes: Sequence[tuple[Array, float]],
 ) -> Array:
-    """Minimiser of the quadratic with the contacts linearised at x; volumes by Lagrange multipliers."""
+    """Damped step (N, 3) to the minimiser with contacts linearised at x; volumes by Lagrange multipliers."""
     full = sparse.kron(stiffness, sparse.eye(3), format="csr")
-    matrix = full + penalty * contacts.rows.T @ contacts.rows
+    still = sparse.kron(contacts.points.T @ contacts.points, sparse.eye(3), format="csr")  # do not slip sideways
+    matrix = full + damping * sparse.identity(x.size) + penalty * (contacts.rows.T @ contacts.rows + 0.1 * still)
     factor = splu(matrix.tocsc())
     force = -(full @ (x - x0).ravel()) - penalty * contacts.rows.T @ contacts.gaps
     step = factor.solve(force)
@@ -215,4 +225,4 @@ def _step(
         missing = np.array([change for _, change in volumes]) - rows @ step
         influence = factor.solve(rows.T)
         step = step + influence @ np.linalg.solve(rows @ influence, missing)
-    return x + step.reshape(-1, 3)
+    return step.reshape(-1, 3)

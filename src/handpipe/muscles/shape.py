@@ -1,6 +1,6 @@
 """Shape from plastic strains: the strain field whose static equilibrium meets what the image shows (003 chapter 5).
 
-Minimises |L S|^2 / 2 + volume / 2 |tr S|^2 + alpha / 2 sum_k w_k |A_k x - z_k|^2 + beta / 2 |attachment errors|^2 over log-strains S, where x
+Minimises (|L S|^2 + volume |tr S|^2 + strain |S - S_guess|^2) / 2 + alpha / 2 sum_k w_k |A_k x - z_k|^2 + beta / 2 |attachment errors|^2 over log-strains S, where x
 is the equilibrium of the elastic body with the plastic strains exp(S) under its attachment springs. Logarithms keep
 every plastic strain positive definite, so that no step needs clamping. The search is coarse to fine: uniform strain
 first, then more of the smoothest strain fields; each Gauss-Newton step costs one factorisation of the stiffness matrix.
@@ -27,7 +27,7 @@ from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.muscles.correspondence import Correspondence, Markers
 from handpipe.muscles.smooth_strains import SmoothStrains
-from handpipe.muscles.stretch import StretchField
+from handpipe.muscles.stretch import COUNTS, StretchField
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -36,6 +36,7 @@ FindMarkers = Callable[[Surface], Markers]
 log = logging.getLogger(__name__)
 
 MUSCLE = Material(6.0, 0.48)  # kPa (000 Table 2)
+SMOOTHEST = 12  # strain fields of a guess that are taken over
 GUESSED = 0.4  # largest log-strain that is taken over from a guess: a blend of bone motions crushes some tets
 
 
@@ -63,7 +64,8 @@ class ShapeOptions:
     spring: mN/mm of an attached point; fields: how many strain fields each stage may use; iterations: at most, in
     each stage; enough: mm of largest marker error that ends the search; progress: relative decrease of the objective
     below which a stage ends; tangential: share of a marker's error that counts along the surface; volume: weight
-    of each tet's squared change of volume (log), for a body that is known to keep it."""
+    of each tet's squared change of volume (log), strain: of its
+    squared departure from the guess's strains, for a body and a guess that are known well."""
 
     alpha: float = 0.1
     beta: float = 0.1
@@ -74,6 +76,7 @@ class ShapeOptions:
     progress: float = 0.01
     tangential: float = 0.05
     volume: float = 0.0
+    strain: float = 0.0
     material: Material = MUSCLE
 
 
@@ -153,13 +156,15 @@ class _Problem:
         self.options, self.attached = options, attached
         self.basis = SmoothStrains.of(mesh.tets, max(options.fields))
         self.elastic = Elastic(mesh.vertices, mesh.tets, options.material)
+        self.guess = np.zeros((self.basis.fields.shape[1], 6))
         self.springs = Attachment(attached.matrix, attached.targets, options.spring)
 
     def begin(self, mesh: TetMesh, x: Array) -> _State:
         """The equilibrium under the smoothest part of the strains that a guess x has, without its extremes."""
         logs = np.clip(StretchField(mesh)(x), -GUESSED, GUESSED)
         coefficients = self.basis.project(logs)
-        coefficients[self.options.fields[1] :] = 0.0
+        coefficients[SMOOTHEST:] = 0.0
+        self.guess = coefficients
         return self.at(coefficients, x)
 
     def at(self, coefficients: Array, x: Array) -> _State:
@@ -168,9 +173,12 @@ class _Problem:
         return _State(coefficients, elastic, equilibrium.solve([elastic, self.springs], x).x)
 
     def objective(self, state: _State, markers: Correspondence) -> float:
+        change = state.coefficients - self.guess
+        prior = self.basis.roughness(state.coefficients, self.options.volume)
+        prior += self.options.strain * float((change**2 @ COUNTS).sum())
         fit = self.options.alpha * markers.energy(state.x)
         hold = self.options.beta * float((self.attached.errors(state.x) ** 2).sum())
-        return 0.5 * (self.basis.roughness(state.coefficients, self.options.volume) + fit + hold)
+        return 0.5 * (prior + fit + hold)
 
     def run(
         self,
@@ -227,8 +235,10 @@ class _Problem:
         held = self.attached.errors(state.x).ravel()
         errors = np.concatenate([np.sqrt(o.alpha) * residuals, np.sqrt(o.beta) * held])
         prior = basis.prior(o.volume)
-        gradient = z.T @ errors + prior @ state.coefficients[:count].ravel()
-        hessian = z.T @ z + prior
+        near = o.strain * np.tile(COUNTS, count)
+        away = (state.coefficients - self.guess)[:count].ravel()
+        gradient = z.T @ errors + prior @ state.coefficients[:count].ravel() + near * away
+        hessian = z.T @ z + prior + np.diag(near)
         hessian[np.diag_indices_from(hessian)] += 1e-9 * np.trace(hessian) / len(hessian)
         solution = -np.linalg.solve(hessian, gradient)
         change = np.zeros_like(state.coefficients)

@@ -58,7 +58,7 @@ class SmoothStrains:
         return self.fields[:, : len(coefficients)] @ coefficients
 
     def roughness(self, coefficients: Array, volume: float = 0.0) -> float:
-        """|L S|^2 with off-diagonal numbers counted twice, plus `volume` times |tr S|^2."""
+        """|L S|^2 + volume |tr S|^2, off-diagonal numbers counted twice."""
         values = self.values[: len(coefficients)] ** 2 @ (coefficients**2 @ COUNTS)
         return float(values + volume * ((coefficients @ TRACE) ** 2).sum())
 

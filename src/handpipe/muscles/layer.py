@@ -1,0 +1,175 @@
+"""The muscles as a layer of the simulation: one static equilibrium of all that may touch one another (000 section 4.1)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from handpipe.errors import ConvergenceError
+from handpipe.fem import equilibrium
+from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact
+from handpipe.fem.elastic import Elastic
+from handpipe.fem.materials import Material
+from handpipe.fem.potential import Potential
+from handpipe.layers import Frame, Shape, Shapes
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.muscles.muscle import Muscle
+from handpipe.muscles.neighbours import Pairs, pairs, sliding_vertices
+from handpipe.muscles.shape import MUSCLE
+
+Array = NDArray[np.float64]
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SimulationOptions:
+    """Stiffnesses in mN/mm of a point: spring of attachments, contact, sliding; near: mm within which neighbours are
+    held against one another; renewals: how often contact planes are renewed; settled: mm of motion that needs none."""
+
+    material: Material = MUSCLE
+    spring: float = 2000.0
+    contact: float = 500.0
+    sliding: float = 20.0
+    near: float = 1.0
+    renewals: int = 6
+    settled: float = 0.02
+
+
+class MuscleLayer:
+    """Muscles of loaded artifacts. `examples` gives their surfaces in known poses, which tell what slides on what."""
+
+    name = "muscles"
+    needs: tuple[str, ...] = ("bones", "tendons")
+
+    def __init__(
+        self,
+        muscles: Iterable[Muscle],
+        options: SimulationOptions | None = None,
+        *,
+        contact: bool = True,
+        examples: Sequence[Mapping[str, Surface]] = (),
+    ) -> None:
+        self.muscles, self.options, self.contact = list(muscles), options or SimulationOptions(), contact
+        sizes = [len(m.body.mesh.vertices) for m in self.muscles]
+        starts = np.cumsum([0, *sizes])
+        self.parts = [slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+        rest = np.concatenate([m.body.mesh.vertices for m in self.muscles])
+        tets = [m.body.mesh.tets + a for m, a in zip(self.muscles, starts, strict=False)]
+        self.elastic = Elastic(rest, np.concatenate(tets), self.options.material)
+        self.surfaces = [self._lifted(m, i) for i, m in enumerate(self.muscles)]
+        neutral = {m.name: m.body.surface for m in self.muscles}
+        self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
+
+    def _lifted(self, muscle: Muscle, index: int) -> sparse.csr_matrix:
+        """Matrix (v, N) from all vertices to one muscle's surface."""
+        own, part = muscle.body.matrix, self.parts[index]
+        shape = (own.shape[0], len(self.elastic.vertices))
+        return sparse.csr_matrix((own.data, own.indices + part.start, own.indptr), shape=shape)
+
+    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """Each muscle's surface, and its tetrahedra under `{muscle}_mesh` with the field "strain" (m, 6).
+
+        Raises `ConvergenceError`.
+        """
+        bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
+        strains = [m.strains(frame.bones) for m in self.muscles]
+        elastic = self.elastic.with_strains(np.concatenate(strains))
+        springs = self._attachments(frame.bones)
+        x = np.concatenate([m.body.follow(bones, frame.bones) for m in self.muscles])
+        x = self._equilibrium([elastic, springs], x, frame.name)
+        if self.contact:
+            posed = {n: s.moved(frame.bones[n](s.vertices)) for n, s in bones.items()}
+            x = self._in_contact([elastic, springs], x, posed, frame.name)
+        return self._shapes(x, strains)
+
+    def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
+        rows = [s[m.body.held] for s, m in zip(self.surfaces, self.muscles, strict=True)]
+        targets = np.concatenate([m.body.targets(bones) for m in self.muscles])
+        return Attachment(sparse.vstack(rows, format="csr"), targets, self.options.spring)
+
+    def _in_contact(
+        self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str
+    ) -> Array:
+        """Equilibria with the neighbours' contact planes renewed until the shapes rest."""
+        obstacles = self._bone_contacts(bones)
+        for _ in range(self.options.renewals):
+            before = x
+            x = self._equilibrium([*free, *obstacles, *self._neighbours(x)], x, frame)
+            moved = float(np.linalg.norm(x - before, axis=1).max())
+            log.info("%s: contact renewed, motion %.3f mm", frame, moved)
+            if moved < self.options.settled:
+                break
+        return x
+
+    def _bone_contacts(self, bones: Mapping[str, Surface]) -> list[Potential]:
+        """Surface vertices kept out of each bone, but for those that are attached or lie in it in neutral."""
+        found: list[Potential] = []
+        free = sparse.vstack([_without(s, m.body.held) for s, m in zip(self.surfaces, self.muscles, strict=True)])
+        for bone in bones.values():
+            tree = Distance(bone)
+
+            def signed(points: Array, tree: Distance = tree) -> tuple[Array, Array]:
+                gap, _, closest, normals = tree.signed(points)
+                away = (points - closest) / np.where(np.abs(gap) > 1e-9, gap, 1.0)[:, None]
+                return gap, np.where(np.abs(gap)[:, None] > 1e-9, away, normals)
+
+            found.append(SurfaceContact(free, signed, self.options.contact))
+        return found
+
+    def _neighbours(self, x: Array) -> list[Potential]:
+        """Contact and sliding of muscles against one another at their present places."""
+        found: list[Potential] = []
+        posed = {m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, self.surfaces, strict=True)}
+        operators = {m.name: s for m, s in zip(self.muscles, self.surfaces, strict=True)}
+        for a in operators:
+            for b in operators:
+                if a == b:
+                    continue
+                near = pairs(posed[a], posed[b], self.options.near)
+                if len(near.vertices) == 0:
+                    continue
+                found.append(self._contact(near, operators[a], operators[b]))
+                slides = near.only(self.slides.get((a, b)))
+                if len(slides.vertices):
+                    found.append(self._sliding(slides, operators[a], operators[b]))
+        return found
+
+    def _contact(self, near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> Contact:
+        apart = a[near.vertices] - near.feet @ b
+        return Contact(apart, np.zeros((len(near.vertices), 3)), near.normals, self.options.contact)
+
+    def _sliding(self, near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> Sliding:
+        """Neighbours do not gape: the gap along the normal stays what it was in neutral."""
+        apart = a[near.vertices] - near.feet @ b
+        return Sliding(apart, near.rest[:, None] * near.normals, near.normals, self.options.sliding)
+
+    def _equilibrium(self, potentials: Sequence[Potential], x: Array, frame: str) -> Array:
+        options = equilibrium.Options(
+            displacement_tolerance=1e-3, force_tolerance=1e-3, max_step=3.0, name=f"muscles of {frame}"
+        )
+        return equilibrium.solve(potentials, x, options=options).x
+
+    def _shapes(self, x: Array, strains: Sequence[Array]) -> Shapes:
+        shapes: Shapes = {}
+        for muscle, part, strain in zip(self.muscles, self.parts, strains, strict=True):
+            body, own = muscle.body, x[part]
+            if body.mesh.moved(own).volumes().min() <= 0:
+                raise ConvergenceError(f"Muscle {muscle.name}", "its equilibrium has inverted tets")
+            surface = body.surface_at(own)
+            shapes[muscle.name] = Shape(body.surface.vertices, surface.vertices, surface.triangles)
+            shapes[f"{muscle.name}_mesh"] = Shape(body.mesh.vertices, own, body.mesh.tets, {"strain": strain})
+        return shapes
+
+
+def _without(matrix: sparse.csr_matrix, rows: NDArray[np.int64]) -> sparse.csr_matrix:
+    keep = np.ones(matrix.shape[0], dtype=bool)
+    keep[rows] = False
+    return matrix[keep]

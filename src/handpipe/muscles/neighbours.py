@@ -1,0 +1,61 @@
+"""Which places of neighbouring surfaces lie against one another, and which stay so in every known pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.surface import Surface
+from handpipe.muscles.separation import barycentric_weights
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Neighbours = dict[tuple[str, str], tuple[IntArray, Array]]
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Vertices (c,) of one surface; feet (c, v) weights of the other's vertices closest to each; unit normals (c, 3)
+    there, outwards; rest (c,): gaps in mm that sliding keeps, zero where unknown."""
+
+    vertices: IntArray
+    feet: sparse.csr_matrix
+    normals: Array
+    rest: Array
+
+    def only(self, known: tuple[IntArray, Array] | None) -> Pairs:
+        """Those of given vertices, with their gaps."""
+        if known is None:
+            return Pairs(self.vertices[:0], self.feet[:0], self.normals[:0], self.rest[:0])
+        _, here, there = np.intersect1d(self.vertices, known[0], return_indices=True)
+        return Pairs(self.vertices[here], self.feet[here], self.normals[here], known[1][there])
+
+
+def pairs(a: Surface, b: Surface, near: float) -> Pairs:
+    """Vertices of a closer than `near` mm to b or inside of it."""
+    gap, triangles, closest, normals = Distance(b).signed(a.vertices)
+    ids = np.flatnonzero(gap < near)
+    corners = b.triangles[triangles[ids]]
+    weights = barycentric_weights(closest[ids], b.vertices[corners])
+    starts = 3 * np.arange(len(ids) + 1)
+    feet = sparse.csr_matrix((weights.ravel(), corners.ravel(), starts), shape=(len(ids), len(b.vertices)))
+    return Pairs(ids, feet, normals[ids], np.zeros(len(ids)))
+
+
+def sliding_vertices(poses: Sequence[Mapping[str, Surface]], near: float) -> Neighbours:
+    """Proximity vertices (000 section 4.1): within `near` mm of the neighbour in every pose, and their mean gaps."""
+    found: Neighbours = {}
+    for a in poses[0]:
+        for b in poses[0]:
+            if a == b:
+                continue
+            gaps = np.stack([Distance(pose[b]).signed(pose[a].vertices)[0] for pose in poses])
+            ids = np.flatnonzero((gaps < near).all(axis=0))
+            if len(ids):
+                found[a, b] = ids, np.maximum(gaps[:, ids].mean(axis=0), 0.0)
+    return found
