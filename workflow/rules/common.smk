@@ -191,3 +191,32 @@ def report_poses(subject):
         for n in scanned(subject)
         for part in ("inner", "skin")
     ]
+
+
+def neutral_volume(wildcards):
+    data = dataset(wildcards.subject)
+    return data.path(data.poses[data.neutral].volume)
+
+
+def of_muscles(pattern):
+    """Input function: a pattern over the subject's muscles."""
+    return lambda w: expand(
+        pattern, muscle=dataset(w.subject).muscles, allow_missing=True
+    )
+
+
+def muscle_markers(wildcards):
+    """Hand-placed markers of one muscle in neutral, where the dataset has them."""
+    data = dataset(wildcards.subject)
+    markers = data.poses[data.neutral].markers.get(wildcards.muscle)
+    return [] if markers is None else data.path(markers)
+
+
+def all_markers(wildcards):
+    """Hand-placed markers of all muscles in the example poses."""
+    data = dataset(wildcards.subject)
+    return [
+        data.path(path)
+        for pose in data.examples
+        for path in data.poses[pose].markers.values()
+    ]

@@ -5,7 +5,7 @@ rule fit_ligament:
     input:
         dataset=lambda w: dataset_file(w.subject),
         rig="results/{subject}/rig.h5",
-        templates=lambda w: template_files(w.subject),
+        templates="results/{subject}/templates.h5",
     output:
         "results/{subject}/ligaments/{ligament}.h5",
     log:

@@ -1,16 +1,35 @@
 # Muscles: shapes from plastic strains, separation, strains over poses (003 chapter 5, 000 section 4).
 
 
-rule extract_muscle:
+rule place_templates:
     input:
         dataset=lambda w: dataset_file(w.subject),
         rig="results/{subject}/rig.h5",
-        volume=lambda w: dataset(w.subject).path(
-            dataset(w.subject).poses[neutral(w.subject)].volume
-        ),
         templates=lambda w: template_files(w.subject),
     output:
-        "results/{subject}/muscles/{muscle}/neutral.h5",
+        "results/{subject}/templates.h5",
+    log:
+        "results/{subject}/logs/place_templates/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/place_templates/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: place the templates of muscles and ligaments on the bones"
+    script:
+        "../scripts/place_templates.py"
+
+
+rule extract_muscle:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        templates="results/{subject}/templates.h5",
+        volume=neutral_volume,
+        markers=muscle_markers,
+    output:
+        "results/{subject}/muscles/{muscle}/fitted.h5",
     log:
         "results/{subject}/logs/extract_muscle/{muscle}.log",
     benchmark:
@@ -25,39 +44,62 @@ rule extract_muscle:
         "../scripts/extract_muscle.py"
 
 
-rule extract_muscle_shape:
+rule separate_neutral:
     input:
-        dataset=lambda w: dataset_file(w.subject),
         rig="results/{subject}/rig.h5",
-        volume=of_pose("volume"),
-        neutral="results/{subject}/muscles/{muscle}/neutral.h5",
-        registration="results/{subject}/registration/{pose}.h5",
+        muscles=of_muscles("results/{subject}/muscles/{muscle}/fitted.h5"),
     output:
-        "results/{subject}/muscles/{muscle}/shapes/{pose}.h5",
+        "results/{subject}/muscles/neutral.h5",
     log:
-        "results/{subject}/logs/extract_muscle_shape/{muscle}/{pose}.log",
+        "results/{subject}/logs/separate_neutral/all.log",
     benchmark:
-        "results/{subject}/benchmarks/extract_muscle_shape/{muscle}/{pose}.tsv"
+        "results/{subject}/benchmarks/separate_neutral/all.tsv"
     threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        edge=config["edges"]["muscle"],
     message:
-        "{wildcards.subject}: shape of {wildcards.muscle} in {wildcards.pose}"
+        "{wildcards.subject}: separate the muscles in neutral"
     script:
-        "../scripts/extract_muscle_shape.py"
+        "../scripts/separate_neutral.py"
+
+
+# One job for all: each pose starts from the most similar one that is known, and muscles know their neighbours.
+rule extract_muscle_shapes:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        rig="results/{subject}/rig.h5",
+        neutral="results/{subject}/muscles/neutral.h5",
+        volumes=lambda w: [
+            dataset(w.subject).path(dataset(w.subject).poses[p].volume)
+            for p in dataset(w.subject).examples
+        ],
+        registrations=in_poses("results/{subject}/registration/{pose}.h5", Role.example),
+        markers=all_markers,
+    output:
+        "results/{subject}/muscles/shapes.h5",
+    log:
+        "results/{subject}/logs/extract_muscle_shapes/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/extract_muscle_shapes/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    message:
+        "{wildcards.subject}: shapes of the muscles in the example poses"
+    script:
+        "../scripts/extract_muscle_shapes.py"
 
 
 rule separate_muscles:
     input:
-        dataset=lambda w: dataset_file(w.subject),
         rig="results/{subject}/rig.h5",
         registration="results/{subject}/registration/{pose}.h5",
-        shapes=lambda w: [
-            f"results/{w.subject}/muscles/{m}/"
-            + ("neutral.h5" if w.pose == neutral(w.subject) else f"shapes/{w.pose}.h5")
-            for m in dataset(w.subject).muscles
-        ],
+        neutral="results/{subject}/muscles/neutral.h5",
+        shapes="results/{subject}/muscles/shapes.h5",
     output:
         "results/{subject}/muscle_separation/{pose}.h5",
     log:
@@ -78,9 +120,10 @@ rule fit_muscle_strains:
     input:
         dataset=lambda w: dataset_file(w.subject),
         rig="results/{subject}/rig.h5",
-        neutral="results/{subject}/muscles/{muscle}/neutral.h5",
+        neutral="results/{subject}/muscles/neutral.h5",
+        shapes="results/{subject}/muscles/shapes.h5",
         separated=in_poses(
-            "results/{subject}/muscle_separation/{pose}.h5", Role.neutral, Role.example
+            "results/{subject}/muscle_separation/{pose}.h5", Role.example
         ),
     output:
         "results/{subject}/muscles/{muscle}/strains.h5",
@@ -101,15 +144,14 @@ rule fit_muscle_strains:
 rule evaluate_muscles:
     input:
         dataset=lambda w: dataset_file(w.subject),
-        muscles=lambda w: expand(
-            "results/{subject}/muscles/{muscle}/strains.h5",
-            muscle=dataset(w.subject).muscles,
-            allow_missing=True,
-        ),
+        rig="results/{subject}/rig.h5",
+        muscles=of_muscles("results/{subject}/muscles/{muscle}/strains.h5"),
         separated=in_poses(
             "results/{subject}/muscle_separation/{pose}.h5", Role.example
         ),
-        inner=in_poses("results/{subject}/poses/{pose}/inner.h5", Role.example),
+        inner=in_poses(
+            "results/{subject}/poses/{pose}/inner.h5", Role.example, Role.heldout
+        ),
     output:
         "results/{subject}/metrics/muscles.json",
     log:

@@ -1,0 +1,64 @@
+"""Simulated muscles against truth; penetration after separation; inverted tets."""
+
+from common import stage
+from figures import stage_cost
+
+with stage(snakemake):
+    import numpy as np
+
+    from handpipe import artifacts, metrics
+    from handpipe.config import Role, load_dataset
+    from handpipe.evaluation.surfaces import symmetric_distance
+    from handpipe.fem import plasticity
+    from handpipe.hand.frames import read_frames
+    from handpipe.mesh.surface import Surface
+    from handpipe.mesh.tetrahedra import TetMesh
+    from handpipe.muscles.muscle import Muscle
+    from handpipe.skeleton.rig import Rig
+    from muscle_files import read_surfaces
+
+    dataset = load_dataset(snakemake.input.dataset)
+    rig = Rig.load(snakemake.input.rig)
+    muscles = [Muscle.load(path) for path in snakemake.input.muscles]
+    figures = stage_cost(
+        snakemake,
+        "place_templates",
+        "extract_muscle",
+        "separate_neutral",
+        "extract_muscle_shapes",
+        "separate_muscles",
+        "fit_muscle_strains",
+    )
+    separations = [read_surfaces(path)[1] for path in snakemake.input.separated]
+    figures["penetration_before_max"] = (max(float(f["penetration_before"]) for f in separations), "mm")
+    figures["penetration_max"] = (max(float(f["penetration"]) for f in separations), "mm")
+    eigenvalues = np.concatenate(
+        [plasticity.eigenvalues(plasticity.exp(m.logs.reshape(-1, 6))) for m in muscles]
+    )
+    figures["strain_eigenvalue_min"] = (float(eigenvalues.min()), "1")
+    figures["strain_eigenvalue_max"] = (float(eigenvalues.max()), "1")
+
+    errors, inverted, volumes = {Role.example: [], Role.heldout: []}, 0, []
+    for path in snakemake.input.inner:
+        [(frame, layers)] = read_frames(path)
+        root = rig.poses[frame.name].root
+        for muscle in muscles:
+            tets = layers["muscles"][f"{muscle.name}_mesh"]
+            ratios = TetMesh(tets.vertices, tets.cells).volumes()
+            inverted += int((ratios <= 0).sum())
+            volumes.append(abs(ratios.sum() / TetMesh(tets.rest, tets.cells).volumes().sum() - 1) * 100)
+            if dataset.truth is None:
+                continue
+            shape = layers["muscles"][muscle.name]
+            truth = artifacts.read(dataset.path(dataset.truth.folder) / f"{frame.name}.h5", "truth")[
+                "muscles"
+            ]
+            true = Surface(root.inverse()(truth[muscle.name]["vertices"]), truth[muscle.name]["triangles"])
+            found = symmetric_distance(Surface(shape.vertices, shape.cells), true)
+            errors[dataset.poses[frame.name].role].append(found)
+    figures["inverted_tets"] = (inverted, "1")
+    figures["volume_change_max"] = (float(max(volumes)), "%")
+    for role, prefix in ((Role.example, ""), (Role.heldout, "heldout_")):
+        if errors[role]:
+            figures |= metrics.summary(f"{prefix}surface_error", np.concatenate(errors[role]), "mm")
+    metrics.write(snakemake.output[0], figures)

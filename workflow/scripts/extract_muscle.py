@@ -1,0 +1,25 @@
+"""The shape of one muscle in neutral, from its placed template and the image (003 sections 5.3 and 5.4)."""
+
+from common import stage
+
+with stage(snakemake) as log:
+    from handpipe.config import load_dataset
+    from handpipe.imaging.markers import read_markers
+    from handpipe.imaging.volume import read_volume
+    from handpipe.muscles.extraction import extract_neutral
+    from muscle_files import read_guesses, write_bodies
+
+    dataset = load_dataset(snakemake.input.dataset)
+    name = snakemake.wildcards.muscle
+    guesses = read_guesses(snakemake.input.templates, dataset.muscles)
+    others = [guess.surface for other, guess in guesses.items() if other != name]
+    placed = snakemake.input.get("markers")
+    body, extraction = extract_neutral(
+        guesses[name],
+        read_volume(snakemake.input.volume),
+        others=others,
+        points=read_markers(placed)[0] if placed else None,
+    )
+    for figure, (value, unit) in extraction.metrics().items():
+        log.info("%s: %.3f %s", figure, value, unit)
+    write_bodies(snakemake.output[0], {name: body}, [*snakemake.input])

@@ -1,0 +1,16 @@
+"""A ligament: its placed template as an elastic body held by its bones, without contact (000 section 4.1)."""
+
+from common import stage
+
+with stage(snakemake):
+    from handpipe.config import load_dataset
+    from handpipe.ligaments.ligament import make_ligament
+    from handpipe.skeleton.rig import Rig
+    from muscle_files import read_guesses
+
+    dataset = load_dataset(snakemake.input.dataset)
+    name = snakemake.wildcards.ligament
+    rig = Rig.load(snakemake.input.rig)
+    [guess] = read_guesses(snakemake.input.templates, [name]).values()
+    ligament = make_ligament(name, guess, rig.parents, dataset.neutral)
+    ligament.save(snakemake.output[0], [*snakemake.input])

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-
 from handpipe.fascia.fascia import Fascia
 from handpipe.fascia.layer import FasciaLayer
 from handpipe.fat.layer import FatStrains, TissueLayer
 from handpipe.fat.tissue import Tissue
 from handpipe.layers import Frame
+from handpipe.ligaments.layer import LigamentLayer
 from handpipe.muscles.layer import MuscleLayer
 from handpipe.muscles.muscle import Muscle
 from handpipe.skeleton.layer import BoneLayer
@@ -37,8 +37,6 @@ def layers_of(names, rig, dataset, base):
         elif name == "muscle_fascia" and dataset.muscles:
             made.append(FasciaLayer(Fascia.load(base / "fascia/muscle.h5"), "muscles"))
         elif name == "ligaments" and dataset.ligaments:
-            from handpipe.ligaments.layer import LigamentLayer
-
             made.append(LigamentLayer(members("ligaments", Muscle, "{}.h5", dataset.ligaments)))
         elif name == "fat":
             made.append(fat_layer(base))

@@ -3,9 +3,6 @@
 from common import stage
 
 with stage(snakemake) as log:
-    from layers import INNER, layers_of
-    from tissue import make_tissue
-
     from handpipe.config import load_dataset
     from handpipe.fat.mesh import inner_surface
     from handpipe.hand.simulation import simulate_frame
@@ -13,6 +10,8 @@ with stage(snakemake) as log:
     from handpipe.mesh.rigid import RigidTransform
     from handpipe.mesh.surface import Surface
     from handpipe.skeleton.rig import Rig
+    from layers import INNER, layers_of
+    from tissue import make_tissue
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)

@@ -3,13 +3,12 @@
 from common import stage
 
 with stage(snakemake) as log:
-    from layers import scanned_frame
-    from tissue import make_tissue
-
     from handpipe.config import load_dataset
     from handpipe.fascia.wrapping import bone_wrap
     from handpipe.skeleton.layer import BoneLayer
     from handpipe.skeleton.rig import Rig
+    from layers import scanned_frame
+    from tissue import make_tissue
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)

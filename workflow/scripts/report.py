@@ -26,7 +26,9 @@ with stage(snakemake):
         data = artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")
         found = {kind: [*data.get(kind, {}).values()] for kind in ("bones", "muscles", "ligaments")}
         found["skin"] = [data["skin"]]
-        return {kind: [Surface(d["vertices"], d["triangles"]) for d in parts] for kind, parts in found.items()}
+        return {
+            kind: [Surface(d["vertices"], d["triangles"]) for d in parts] for kind, parts in found.items()
+        }
 
     def view(pose):
         [(frame, layers)] = read_frames(base / f"poses/{pose}/inner.h5")
@@ -53,7 +55,9 @@ with stage(snakemake):
     bent = sorted((p for p in simulated if p in dataset.examples), key=bend)[-2:]
     shown = [p for p in dataset.poses if p in simulated and (p in bent or p not in dataset.examples)]
     scenes = {
-        name: [f for path in sorted((base / "simulation" / name).glob("frames-*.h5")) for f in read_frames(path)]
+        name: [
+            f for path in sorted((base / "simulation" / name).glob("frames-*.h5")) for f in read_frames(path)
+        ]
         for name in snakemake.params.scenes
     }
     write_report(

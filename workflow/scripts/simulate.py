@@ -3,14 +3,13 @@
 from common import stage
 
 with stage(snakemake):
-    from layers import layers_of
-
     from handpipe.config import load_dataset, load_scene
     from handpipe.hand.frames import write_frames
     from handpipe.hand.simulation import simulate
     from handpipe.layers import Frame
     from handpipe.skeleton.angles import read_angles
     from handpipe.skeleton.rig import Rig
+    from layers import layers_of
 
     dataset, scene = load_dataset(snakemake.input.dataset), load_scene(snakemake.input.scene)
     rig = Rig.load(snakemake.input.rig)

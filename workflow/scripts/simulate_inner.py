@@ -3,12 +3,11 @@
 from common import stage
 
 with stage(snakemake):
-    from layers import layers_of, scanned_frame
-
     from handpipe.config import load_dataset
     from handpipe.hand.frames import write_frames
     from handpipe.hand.simulation import simulate
     from handpipe.skeleton.rig import Rig
+    from layers import layers_of, scanned_frame
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)

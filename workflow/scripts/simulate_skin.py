@@ -3,9 +3,8 @@
 from common import stage
 
 with stage(snakemake):
-    from layers import fat_layer, soft_tissue_layer
-
     from handpipe.hand.frames import read_frames, write_frames
+    from layers import fat_layer, soft_tissue_layer
 
     base = f"results/{snakemake.wildcards.subject}"
     [(frame, below)] = read_frames(snakemake.input.inner)

@@ -1,0 +1,38 @@
+"""Shapes of all muscles in the example poses (000 section 4.4, stage 1)."""
+
+from common import stage
+
+with stage(snakemake):
+    from handpipe import artifacts
+    from handpipe.config import load_dataset
+    from handpipe.imaging.markers import MarkerSettings, read_markers
+    from handpipe.imaging.volume import read_volume
+    from handpipe.muscles.extraction import extract_poses
+    from handpipe.skeleton.bones import read_registration
+    from handpipe.skeleton.rig import Rig
+    from muscle_files import read_bodies
+
+    dataset = load_dataset(snakemake.input.dataset)
+    bones = Rig.load(snakemake.input.rig).surfaces
+    transforms = dict(
+        zip(dataset.examples, map(read_registration, snakemake.input.registrations), strict=True)
+    )
+    placed = {
+        (pose, muscle): read_markers(dataset.path(path))[0]
+        for pose in dataset.examples
+        for muscle, path in dataset.poses[pose].markers.items()
+    }
+    found = extract_poses(
+        read_bodies(snakemake.input.neutral),
+        bones,
+        transforms,
+        lambda pose: read_volume(dataset.path(dataset.poses[pose].volume)),
+        points=placed,
+        markers=MarkerSettings(search=2.0),
+    )
+    data = {
+        pose: {m: {"vertices": e.surface.vertices, "mesh_vertices": e.vertices} for m, e in muscles.items()}
+        for pose, muscles in found.items()
+    }
+    units = {f"{p}/{m}/{k}": "mm" for p, ms in data.items() for m, ks in ms.items() for k in ks}
+    artifacts.write(snakemake.output[0], data, kind="muscle_shapes", units=units, inputs=[*snakemake.input])

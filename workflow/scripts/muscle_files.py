@@ -1,0 +1,42 @@
+"""Muscles' intermediate artifacts."""
+
+from handpipe import artifacts
+from handpipe.mesh.surface import Surface
+from handpipe.muscles.body import Body
+from handpipe.muscles.templates import Guess
+
+
+def read_guesses(path, names):
+    """Placed templates by name."""
+    data = artifacts.read(path, "placed_templates")
+    return {
+        n: Guess(Surface(data[n]["vertices"], data[n]["triangles"]), dict(data[n]["attachments"]))
+        for n in names
+    }
+
+
+def write_bodies(path, bodies, inputs):
+    """Neutral bodies by muscle."""
+    units = {f"{name}/vertices": "mm" for name in bodies} | {f"{name}/mesh/vertices": "mm" for name in bodies}
+    data = {name: body.to_group() for name, body in bodies.items()}
+    artifacts.write(path, data, kind="muscle_bodies", units=units, inputs=inputs)
+
+
+def read_bodies(path):
+    """What `write_bodies` wrote."""
+    return {name: Body.from_group(group) for name, group in artifacts.read(path, "muscle_bodies").items()}
+
+
+def write_surfaces(path, surfaces, figures, inputs):
+    """Separated surfaces by muscle, with figures of the separation."""
+    data = {n: {"vertices": s.vertices, "triangles": s.triangles} for n, s in surfaces.items()}
+    units = {f"muscles/{name}/vertices": "mm" for name in data}
+    artifacts.write(
+        path, {"muscles": data, "figures": figures}, kind="separated_muscles", units=units, inputs=inputs
+    )
+
+
+def read_surfaces(path):
+    """Surfaces by muscle, and the figures."""
+    data = artifacts.read(path, "separated_muscles")
+    return {n: Surface(d["vertices"], d["triangles"]) for n, d in data["muscles"].items()}, data["figures"]

@@ -1,0 +1,36 @@
+"""Templates of muscles and ligaments carried onto the subject's bones (003 section 6.1)."""
+
+from common import stage
+
+with stage(snakemake) as log:
+    from handpipe import artifacts
+    from handpipe.config import load_dataset
+    from handpipe.errors import InputError
+    from handpipe.mesh.surface import read_surface
+    from handpipe.muscles.templates import Warp, place, read_attachments
+    from handpipe.skeleton.rig import Rig
+
+    dataset = load_dataset(snakemake.input.dataset)
+    bones = Rig.load(snakemake.input.rig).surfaces
+    templates = {
+        name: read_surface(dataset.path(bone.template), closed=True)
+        for name, bone in dataset.bones.items()
+        if bone.template is not None
+    }
+    warp = Warp(templates, {name: bones[name] for name in templates})
+    data = {}
+    for name, organ in {**dataset.muscles, **dataset.ligaments}.items():
+        template = read_surface(dataset.path(organ.template), closed=True)
+        path = dataset.path(organ.attachments)
+        attachments = read_attachments(path, template)
+        for bone in attachments:
+            if bone not in dataset.bones:
+                raise InputError(path, bone, "is not a bone of the dataset", "Attach to one of its bones")
+        guess = place(template, attachments, warp, edge=1.1 if name in dataset.muscles else 0.7)
+        log.info("%s: %d vertices", name, len(guess.surface.vertices))
+        surface = {"vertices": guess.surface.vertices, "triangles": guess.surface.triangles}
+        data[name] = {**surface, "attachments": guess.attachments}
+    units = {f"{name}/vertices": "mm" for name in data}
+    artifacts.write(
+        snakemake.output[0], data, kind="placed_templates", units=units, inputs=[*snakemake.input]
+    )

@@ -1,0 +1,22 @@
+"""Neutral muscles without interpenetration, meshed anew: the bodies that all poses deform."""
+
+from common import stage
+
+with stage(snakemake) as log:
+    from dataclasses import replace
+
+    from handpipe.muscles.body import Body
+    from handpipe.muscles.separation import separate
+    from handpipe.skeleton.rig import Rig
+    from muscle_files import read_bodies, write_bodies
+
+    fitted = {n: b for path in snakemake.input.muscles for n, b in read_bodies(path).items()}
+    bones = Rig.load(snakemake.input.rig).surfaces
+    held = {n: b.held for n, b in fitted.items()}
+    found = separate({n: b.surface for n, b in fitted.items()}, bones, held=held)
+    log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
+    bodies = {
+        n: replace(Body.of(found.surfaces[n], b.attachments, snakemake.params.edge), visible=b.visible)
+        for n, b in fitted.items()
+    }
+    write_bodies(snakemake.output[0], bodies, [*snakemake.input])
