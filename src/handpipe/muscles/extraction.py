@@ -27,7 +27,8 @@ IntArray = NDArray[np.int64]
 log = logging.getLogger(__name__)
 
 # In other poses the muscle is known but for its bending: it keeps its volume nearly, and its strains are small.
-POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.01)
+SEARCH = MarkerSettings(search=2.0)  # mm; further out lie the far sides of neighbours
+POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def extract_pose(
     better first guess, as simulated from poses already known; others: where the other muscles are about in this pose.
     """
     x = body.follow(bones, transforms) if start is None else start
-    return _extract(body, transforms, x, volume, points, markers, options or POSED, others)
+    return _extract(body, transforms, x, volume, points, markers or SEARCH, options or POSED, others)
 
 
 def extract_poses(

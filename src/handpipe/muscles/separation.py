@@ -74,11 +74,11 @@ def separate(
         depth = max(0.0, float(-(contacts.gaps + options.clearance).min(initial=0.0)))
         volumes = _volume_rows(bodies, parts, x, options.volume)
         before = depth if iteration == 0 else before
-        if depth <= options.tolerance:
+        if depth <= options.tolerance and not volumes:
             surfaces = {n: b.surface.moved(x[p]) for n, b, p in zip(names, bodies, parts, strict=True)}
             return Separation(surfaces, before, depth, iteration)
         penalty = mass * min(10.0 * 1.4**iteration, 1e4)  # soft at first: deep overlaps contradict one another
-        wanted = []; volumes = []
+        wanted = volumes if depth < 0.2 else []
         step = _step(x, x0, stiffness, mass, penalty, contacts, wanted)
         x = x + step * min(1.0, STRIDE / max(float(np.linalg.norm(step, axis=1).max()), 1e-9))
         log.info("separation %d: penetration %.3f mm at %d points", iteration, depth, len(contacts.gaps))

@@ -36,7 +36,7 @@ FindMarkers = Callable[[Surface], Markers]
 log = logging.getLogger(__name__)
 
 MUSCLE = Material(6.0, 0.48)  # kPa (000 Table 2)
-SMOOTHEST = 12  # strain fields of a guess that are taken over
+SMOOTHEST = 30  # strain fields of a guess that are taken over
 GUESSED = 0.4  # largest log-strain that is taken over from a guess: a blend of bone motions crushes some tets
 
 
