@@ -86,7 +86,7 @@ class Fascia:
             touches = ~fixed & ~slides
             potentials.append(SurfaceContact(identity[touches], distance, stiffness[touches]))
             potentials.append(SurfaceSliding(identity[slides], distance, stiffness[slides]))
-        start = np.where(fixed[:, None], carried, start)
+        start = np.where((fixed | sliding)[:, None], carried, start)
         # Sliding over facets has kinks: Newton's last digits come slowly there, and nothing needs them.
         options = Options(displacement_tolerance=5e-3, force_tolerance=1e-3, name=self.name)
         return equilibrium.solve(potentials, start, options=options).x

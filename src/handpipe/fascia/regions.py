@@ -27,12 +27,29 @@ def distances_to(points: Array, bodies: Mapping[str, Surface]) -> Array:
     return np.stack([np.maximum(Distance(b).signed(points)[0], 0.0) for b in bodies.values()], axis=1)
 
 
+def slender(points: Array, bodies: Mapping[str, Surface], radius: float) -> NDArray[np.bool_]:
+    """Points (n,) on bodies in which no ball of a radius in mm fits beneath them."""
+    signed, _, closest, normals = zip(*(Distance(b).signed(points) for b in bodies.values()), strict=True)
+    nearest = np.abs(signed).argmin(axis=0)
+    every = np.arange(len(points))
+    beneath = np.stack(closest)[nearest, every] - radius * np.stack(normals)[nearest, every]
+    depth = -np.stack([Distance(b).signed(beneath)[0] for b in bodies.values()])[nearest, every]
+    return depth < 0.9 * radius
+
+
 def muscle_regions(
-    points: Array, muscles: Mapping[str, Surface], attachments: Array, attached_radius: float, gap: float
+    points: Array,
+    muscles: Mapping[str, Surface],
+    attachments: Array,
+    attached_radius: float,
+    gap: float,
+    slender_radius: float = 2.0,
 ) -> IntArray:
     """Fixed near insertions, contact where two muscles meet, sliding on one muscle alone: (n,).
 
     attachments (k, 3): attached points of all muscles; gap: distance in mm under which a second muscle meets.
+    Parts thinner than `slender_radius` mm, a muscle's tapering ends, count as insertions: the few vertices
+    around them would slip off over their side under the cloth's tension.
     """
     distances = np.sort(distances_to(points, muscles), axis=1)
     second = distances[:, 1] if distances.shape[1] > 1 else np.full(len(points), np.inf)
@@ -40,6 +57,7 @@ def muscle_regions(
     if len(attachments):
         near = np.linalg.norm(points[:, None] - attachments[None], axis=2).min(axis=1) < attached_radius
         regions = np.where(near, Region.fixed, regions)
+    regions = np.where(slender(points, muscles, slender_radius), Region.fixed, regions)
     return regions.astype(np.int64)
 
 
