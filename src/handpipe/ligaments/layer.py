@@ -1,23 +1,30 @@
-"""Ligaments as a layer of the simulation."""
+"""The ligaments as a layer of the simulation: muscles that touch nothing, each solved alone (000 section 4)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from handpipe.fem.materials import Material
 from handpipe.layers import Frame, Shapes
-from handpipe.muscles.layer import MuscleLayer
+from handpipe.muscles.layer import MuscleLayer, SimulationOptions
 from handpipe.muscles.muscle import Muscle
+
+LIGAMENT = Material(200.0, 0.45)  # kPa
 
 
 class LigamentLayer:
-    """Ligaments of loaded artifacts: each moves with its bones alone."""
+    """Ligaments of loaded artifacts. Their own stiffness does not matter between stiff attachments, its evenness does."""
 
     name = "ligaments"
     needs: tuple[str, ...] = ("bones",)
 
-    def __init__(self, ligaments: Iterable[Muscle]) -> None:
-        self._bodies = MuscleLayer(ligaments, contact=False)
+    def __init__(self, ligaments: Iterable[Muscle], options: SimulationOptions | None = None) -> None:
+        options = options or SimulationOptions(material=LIGAMENT, spring=20000.0)
+        self._alone = [MuscleLayer([ligament], options, contact=False) for ligament in ligaments]
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """Each ligament's surface, and its tetrahedra under `{ligament}_mesh`. Raises `ConvergenceError`."""
-        return self._bodies.solve(frame, below)
+        """As `MuscleLayer.solve`: each ligament's surface, and its tetrahedra under `{ligament}_mesh`."""
+        shapes: Shapes = {}
+        for layer in self._alone:
+            shapes |= layer.solve(frame, below)
+        return shapes

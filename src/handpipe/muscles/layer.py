@@ -31,15 +31,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class SimulationOptions:
-    """Stiffnesses in mN/mm of a point: spring of attachments, contact, sliding; near: mm within which neighbours are
-    held against one another; renewals: how often contact planes are renewed; settled: mm of motion that needs none."""
+    """Stiffnesses in mN/mm of a point: spring of attachments, contact, sliding; near: mm within which neighbours slide
+    on one another; touch: mm within which they have contact planes; renewals: how often contact planes are renewed; settled: mm of motion that needs none."""
 
     material: Material = MUSCLE
     spring: float = 2000.0
     contact: float = 500.0
-    sliding: float = 20.0
+    sliding: float = 4.0
     near: float = 1.0
-    renewals: int = 6
+    touch: float = 0.4
+    renewals: int = 10
     settled: float = 0.02
 
 
@@ -83,7 +84,7 @@ class MuscleLayer:
         strains = [m.strains(frame.bones) for m in self.muscles]
         elastic = self.elastic.with_strains(np.concatenate(strains))
         springs = self._attachments(frame.bones)
-        x = np.concatenate([m.body.follow(bones, frame.bones) for m in self.muscles])
+        x = np.concatenate([m.guess(bones, frame.bones) for m in self.muscles])
         x = self._equilibrium([elastic, springs], x, frame.name)
         if self.contact:
             posed = {n: s.moved(frame.bones[n](s.vertices)) for n, s in bones.items()}
@@ -110,19 +111,10 @@ class MuscleLayer:
         return x
 
     def _bone_contacts(self, bones: Mapping[str, Surface]) -> list[Potential]:
-        """Surface vertices kept out of each bone, but for those that are attached or lie in it in neutral."""
-        found: list[Potential] = []
-        free = sparse.vstack([_without(s, m.body.held) for s, m in zip(self.surfaces, self.muscles, strict=True)])
-        for bone in bones.values():
-            tree = Distance(bone)
-
-            def signed(points: Array, tree: Distance = tree) -> tuple[Array, Array]:
-                gap, _, closest, normals = tree.signed(points)
-                away = (points - closest) / np.where(np.abs(gap) > 1e-9, gap, 1.0)[:, None]
-                return gap, np.where(np.abs(gap)[:, None] > 1e-9, away, normals)
-
-            found.append(SurfaceContact(free, signed, self.options.contact))
-        return found
+        """Surface vertices that no bone holds are kept out of every bone."""
+        free = [_without(s, m.body.held) for s, m in zip(self.surfaces, self.muscles, strict=True)]
+        operator = sparse.vstack(free, format="csr")
+        return [SurfaceContact(operator, Distance(bone), self.options.contact) for bone in bones.values()]
 
     def _neighbours(self, x: Array) -> list[Potential]:
         """Contact and sliding of muscles against one another at their present places."""
@@ -136,7 +128,7 @@ class MuscleLayer:
                 near = pairs(posed[a], posed[b], self.options.near)
                 if len(near.vertices) == 0:
                     continue
-                found.append(self._contact(near, operators[a], operators[b]))
+                found.append(self._contact(near.within(self.options.touch), operators[a], operators[b]))
                 slides = near.only(self.slides.get((a, b)))
                 if len(slides.vertices):
                     found.append(self._sliding(slides, operators[a], operators[b]))

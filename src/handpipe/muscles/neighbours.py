@@ -21,19 +21,28 @@ Neighbours = dict[tuple[str, str], tuple[IntArray, Array]]
 @dataclass(frozen=True)
 class Pairs:
     """Vertices (c,) of one surface; feet (c, v) weights of the other's vertices closest to each; unit normals (c, 3)
-    there, outwards; rest (c,): gaps in mm that sliding keeps, zero where unknown."""
+    there, outwards; gaps (c,) in mm, negative inside; rest (c,): gaps that sliding keeps, zero where unknown."""
 
     vertices: IntArray
     feet: sparse.csr_matrix
     normals: Array
+    gaps: Array
     rest: Array
 
     def only(self, known: tuple[IntArray, Array] | None) -> Pairs:
         """Those of given vertices, with their gaps."""
         if known is None:
-            return Pairs(self.vertices[:0], self.feet[:0], self.normals[:0], self.rest[:0])
+            return self._at(np.arange(0), np.zeros(0))
         _, here, there = np.intersect1d(self.vertices, known[0], return_indices=True)
-        return Pairs(self.vertices[here], self.feet[here], self.normals[here], known[1][there])
+        return self._at(here, known[1][there])
+
+    def within(self, distance: float) -> Pairs:
+        """Those nearer than a distance in mm."""
+        chosen = np.flatnonzero(self.gaps < distance)
+        return self._at(chosen, self.rest[chosen])
+
+    def _at(self, chosen: IntArray, rest: Array) -> Pairs:
+        return Pairs(self.vertices[chosen], self.feet[chosen], self.normals[chosen], self.gaps[chosen], rest)
 
 
 def pairs(a: Surface, b: Surface, near: float) -> Pairs:
@@ -44,7 +53,7 @@ def pairs(a: Surface, b: Surface, near: float) -> Pairs:
     weights = barycentric_weights(closest[ids], b.vertices[corners])
     starts = 3 * np.arange(len(ids) + 1)
     feet = sparse.csr_matrix((weights.ravel(), corners.ravel(), starts), shape=(len(ids), len(b.vertices)))
-    return Pairs(ids, feet, normals[ids], np.zeros(len(ids)))
+    return Pairs(ids, feet, normals[ids], gap[ids], np.zeros(len(ids)))
 
 
 def sliding_vertices(poses: Sequence[Mapping[str, Surface]], near: float) -> Neighbours:
