@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from finger import RADIUS, course, pose, rest_tendon, true_rod
+from .finger import RADIUS, course, pose, rest_tendon, true_rod
 
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform

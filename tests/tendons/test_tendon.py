@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from finger import BONES, PARENTS, RADIUS, bone_surfaces, course, pose, rest_tendon, true_rod
+from .finger import BONES, PARENTS, RADIUS, bone_surfaces, course, pose, rest_tendon, true_rod
 
 from handpipe.layers import Frame
 from handpipe.tendons.energies import Bend, Hooks, Pull

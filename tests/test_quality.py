@@ -1,0 +1,124 @@
+"""The code's own rules: formatting, types, floors of docs/architecture.md, and what every rule of the workflow gives."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).parents[1]
+SOURCE = CHECKOUT / "src" / "handpipe"
+BASE = ("errors", "artifacts", "metrics", "config", "schema")
+TISSUES = ("tendons", "muscles", "ligaments", "fascia", "fat")
+# What each package may import, besides itself and the base; everything else is upwards.
+FLOORS: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(BASE, ()),
+    "mesh": (),
+    "layers": ("mesh",),
+    "fem": ("mesh", "layers"),
+    "imaging": ("mesh", "layers", "fem"),
+    "skeleton": ("mesh", "layers", "fem", "imaging"),
+    **dict.fromkeys(TISSUES, ("mesh", "layers", "fem", "imaging", "skeleton")),
+    "hand": ("mesh", "layers", "fem", "imaging", "skeleton", *TISSUES),
+}
+FLOORS["ligaments"] += ("muscles",)
+BESIDE = ("datasets", "evaluation")
+
+
+@pytest.mark.parametrize(
+    "tool",
+    [
+        "ruff check .",
+        "ruff format --check .",
+        "mypy",
+        "snakefmt --check Snakefile workflow/rules",
+        "snakemake --lint",
+    ],
+)
+def test_tools_find_nothing(tool: str) -> None:
+    name, *arguments = tool.split()
+    program = Path(sys.executable).with_name(name)
+    process = subprocess.run([program, *arguments], cwd=CHECKOUT, text=True, capture_output=True, check=False)
+    assert process.returncode == 0, process.stdout + process.stderr
+
+
+def imported(path: Path) -> list[str]:
+    """Dotted names of all that a file imports, inside functions too."""
+    names = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+    return names
+
+
+def imports() -> list[tuple[Path, str]]:
+    """Every file of the library with each name that it imports."""
+    return [(path, name) for path in sorted(SOURCE.rglob("*.py")) for name in imported(path)]
+
+
+def package_of(path: Path) -> str:
+    return path.relative_to(SOURCE).parts[0].removesuffix(".py")
+
+
+def test_no_import_goes_upwards() -> None:
+    upwards = []
+    for path, name in imports():
+        package, parts = package_of(path), name.split(".")
+        if package in ("__init__", *BESIDE) or parts[0] != "handpipe" or parts[1] == "__version__":
+            continue
+        if parts[1] not in (package, *BASE, *FLOORS[package]):
+            upwards.append(f"{path.relative_to(CHECKOUT)} imports {name}")
+    assert upwards == []
+
+
+def test_every_package_has_its_floor() -> None:
+    packages = {package_of(path) for path in SOURCE.rglob("*.py")}
+    assert packages - {"__init__", *BESIDE} == set(FLOORS)
+
+
+def test_nothing_imports_what_stands_beside() -> None:
+    wrong = [
+        f"{path.relative_to(CHECKOUT)} imports {name}"
+        for path, name in imports()
+        if name.startswith(tuple(f"handpipe.{b}" for b in BESIDE)) and package_of(path) != name.split(".")[1]
+    ]
+    assert wrong == []
+
+
+def test_snakemake_and_gmsh_stay_outside() -> None:
+    found = {(path.relative_to(SOURCE).as_posix(), name.split(".")[0]) for path, name in imports()}
+    assert {path for path, name in found if name == "snakemake"} == set()
+    assert {path for path, name in found if name == "gmsh"} == {"mesh/gmsh_process.py"}
+
+
+def rules() -> dict[str, str]:
+    """Every rule that runs a script, with its text."""
+    found = {}
+    for path in sorted((CHECKOUT / "workflow" / "rules").glob("*.smk")):
+        for part in re.split(r"^rule ", path.read_text(), flags=re.MULTILINE)[1:]:
+            found[part.split(":")[0]] = part
+    return found
+
+
+@pytest.mark.parametrize("rule", rules())
+def test_every_rule_says_what_it_needs_and_leaves(rule: str) -> None:
+    text = rules()[rule]
+    fields = set(re.findall(r"^    (\w+):", text, re.MULTILINE))
+    assert fields >= {"output", "log", "benchmark", "threads", "resources", "message", "script"}
+    assert "mem_mb=" in text
+    assert "runtime=" in text
+
+
+def test_every_script_has_its_rule() -> None:
+    named = set(re.findall(r"scripts/(\w+)\.py", "".join(rules().values())))
+    scripts = {
+        path.stem
+        for path in (CHECKOUT / "workflow" / "scripts").glob("*.py")
+        if "with stage(snakemake)" in path.read_text()
+    }
+    assert scripts == named
