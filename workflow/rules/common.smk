@@ -9,6 +9,7 @@ from snakemake.exceptions import WorkflowError
 
 from handpipe.config import LAYERS, Role, load_dataset, load_scene
 from handpipe.errors import HandpipeError
+from handpipe.hand.subject import named_files, require_files
 
 
 def checked(load, *arguments):
@@ -21,7 +22,10 @@ def checked(load, *arguments):
 
 @functools.cache
 def dataset(subject):
-    return checked(load_dataset, dataset_file(subject))
+    data = checked(load_dataset, dataset_file(subject))
+    if not data.generator:
+        checked(require_files, dataset_file(subject), data)
+    return data
 
 
 def dataset_file(subject):
@@ -77,6 +81,22 @@ def take_lock():
             "handpipe: another build runs in this folder. Wait for it or stop it"
         ) from None
     return file
+
+
+def surface_files(wildcards):
+    """What `check_subject` reads: everything that a person made but the images."""
+    files = named_files(dataset(wildcards.subject))
+    images = (".volume", ".seeds", ".scribbles.")
+    return [
+        path for field, path in files.items() if not any(i in field for i in images)
+    ]
+
+
+def subject_check(wildcards):
+    """The check of a scanned subject; a later change of a scan does not make its images new."""
+    if dataset(wildcards.subject).generator:
+        return []
+    return ancient(f"results/{wildcards.subject}/check.json")
 
 
 def neutral(subject):

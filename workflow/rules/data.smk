@@ -1,4 +1,4 @@
-# Generated subjects: what a scanner, a person and a truth would give.
+# Generated subjects: what a scanner, a person and a truth would give. Scanned subjects: the check of it.
 
 
 rule generate_templates:
@@ -43,3 +43,23 @@ rule generate_pose:
         "{wildcards.subject}: images, scan and truth of {wildcards.pose}"
     script:
         "../scripts/generate_pose.py"
+
+
+rule check_subject:
+    input:
+        dataset=lambda w: dataset_file(w.subject),
+        files=surface_files,
+    output:
+        "results/{subject}/check.json",
+    log:
+        "results/{subject}/logs/check_subject/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/check_subject/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: scans, templates and attachments are what the dataset says"
+    script:
+        "../scripts/check_subject.py"

@@ -23,7 +23,15 @@ rule report:
         mem_mb=2500,
         runtime=10,
     params:
-        scenes=listed("scenes"),
+        scenes=lambda w: {
+            s: expand(
+                "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
+                subject=w.subject,
+                scene=s,
+                chunk=chunks(s),
+            )
+            for s in listed("scenes")
+        },
         settings={k: str(v) for k, v in config.items()},
     message:
         "{wildcards.subject}: report"

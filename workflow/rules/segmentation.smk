@@ -4,6 +4,7 @@
 rule segment_bone:
     input:
         dataset=lambda w: dataset_file(w.subject),
+        check=subject_check,
         volume=of_pose("volume"),
         seeds=of_pose("seeds"),
         scribbles=lambda w: scribbles(w.subject, w.pose, w.bone),

@@ -4,7 +4,7 @@ from common import stage
 
 with stage(snakemake):
     from handpipe.config import load_dataset
-    from handpipe.ligaments.ligament import make_ligament
+    from handpipe.ligaments.fitting import fit_ligament
     from handpipe.skeleton.rig import Rig
     from muscle_files import read_guesses
 
@@ -12,5 +12,5 @@ with stage(snakemake):
     name = snakemake.wildcards.ligament
     rig = Rig.load(snakemake.input.rig)
     [guess] = read_guesses(snakemake.input.templates, [name]).values()
-    ligament = make_ligament(name, guess, rig.parents, dataset.neutral)
+    ligament = fit_ligament(name, guess, rig.parents, dataset.neutral)
     ligament.save(snakemake.output[0], [*snakemake.input])

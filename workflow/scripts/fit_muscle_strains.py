@@ -33,5 +33,5 @@ with stage(snakemake) as log:
     log.info(
         "gamma %.3g, eigenvalues %.2f to %.2f, %.3f mm", fit.gamma, *fit.eigenvalues, fit.distances.max()
     )
-    muscle = Muscle.of(name, body, rig.parents, dataset.neutral, transforms, list(fit.strains))
+    muscle = Muscle.of(name, body, rig.parents, dataset.neutral, transforms, fit)
     muscle.save(snakemake.output[0], [*snakemake.input])

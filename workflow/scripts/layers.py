@@ -33,7 +33,10 @@ def layers_of(names, rig, dataset, base):
         elif name == "tendons" and dataset.tendons:
             made.append(TendonLayer(members("tendons", Tendon, "{}/hooks.h5", dataset.tendons)))
         elif name == "muscles" and dataset.muscles:
-            made.append(MuscleLayer(members("muscles", Muscle, "{}/strains.h5", dataset.muscles)))
+            muscles = members("muscles", Muscle, "{}/strains.h5", dataset.muscles)
+            known = zip(*(map(m.body.surface_at, m.vertices[1:]) for m in muscles), strict=True)
+            examples = [dict(zip(dataset.muscles, surfaces, strict=True)) for surfaces in known]
+            made.append(MuscleLayer(muscles, examples=examples))
         elif name == "muscle_fascia" and dataset.muscles:
             made.append(FasciaLayer(Fascia.load(base / "fascia/muscle.h5"), "muscles"))
         elif name == "ligaments" and dataset.ligaments:

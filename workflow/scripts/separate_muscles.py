@@ -15,7 +15,9 @@ with stage(snakemake) as log:
     bones = Rig.load(snakemake.input.rig).surfaces
     posed = {n: s.moved(transforms[n](s.vertices)) for n, s in bones.items()}
     surfaces = {n: b.surface.moved(shapes[n]["vertices"]) for n, b in bodies.items()}
-    found = separate(surfaces, posed, SeparationOptions(tolerance=0.06), held={n: b.held for n, b in bodies.items()})
+    found = separate(
+        surfaces, posed, SeparationOptions(tolerance=0.06), held={n: b.held for n, b in bodies.items()}
+    )
     log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
     figures = {"penetration_before": found.penetration_before, "penetration": found.penetration}
     write_surfaces(snakemake.output[0], found.surfaces, figures, [*snakemake.input])
