@@ -1,0 +1,64 @@
+"""A subject's files before its build starts: all there, and each what the dataset file says it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from handpipe.config import Dataset, Muscle
+from handpipe.errors import InputError
+from handpipe.mesh.surface import read_surface
+from handpipe.muscles.templates import read_attachments
+
+
+def named_files(dataset: Dataset) -> dict[str, Path]:
+    """The resolved path of every file that a dataset names, by its field, e.g. "poses.fist.volume"."""
+    found: dict[str, Path | None] = {}
+    for name, pose in dataset.poses.items():
+        found |= {f"poses.{name}.{part}": getattr(pose, part) for part in ("volume", "seeds", "scan")}
+        for part in ("scribbles", "markers", "landmarks"):
+            found |= {f"poses.{name}.{part}.{key}": path for key, path in getattr(pose, part).items()}
+    found |= {f"bones.{name}.template": bone.template for name, bone in dataset.bones.items()}
+    for field, organ in _organs(dataset).items():
+        found |= {
+            f"{field}.{part}": getattr(organ, part) for part in ("template", "attachments", "landmarks")
+        }
+    found |= {f"tendons.{name}.path": tendon.path for name, tendon in dataset.tendons.items()}
+    found |= {f"nails.{name}.surface": nail.surface for name, nail in dataset.nails.items()}
+    return {field: dataset.path(path) for field, path in found.items() if path is not None}
+
+
+def _organs(dataset: Dataset) -> dict[str, Muscle]:
+    """What is made as a muscle is, by field: muscles and ligaments."""
+    kinds = {"muscles": dataset.muscles, "ligaments": dataset.ligaments}
+    return {f"{kind}.{name}": organ for kind, organs in kinds.items() for name, organ in organs.items()}
+
+
+def require_files(source: str | Path, dataset: Dataset) -> None:
+    """Raise `InputError` for the first file that the dataset file `source` names and that is not there."""
+    for field, path in named_files(dataset).items():
+        if not path.exists():
+            problem = f"{path} does not exist"
+            raise InputError(source, field, problem, "Check the path; it is relative to the dataset's root")
+
+
+def check_surfaces(dataset: Dataset) -> None:
+    """Read every scan, template, attachment and nail of a dataset.
+
+    Raises `InputError` for a surface that cannot be read or is in metres, a template that is open, and an
+    attachment to a bone that the dataset lacks or to vertices that the template lacks.
+    """
+    for pose in dataset.poses.values():
+        if pose.scan is not None:
+            read_surface(dataset.path(pose.scan))
+    for bone in dataset.bones.values():
+        if bone.template is not None:
+            read_surface(dataset.path(bone.template), closed=True)
+    for organ in _organs(dataset).values():
+        template = read_surface(dataset.path(organ.template), closed=True)
+        attachments = dataset.path(organ.attachments)
+        for name in read_attachments(attachments, template):
+            if name not in dataset.bones:
+                problem = "is not a bone of the dataset"
+                raise InputError(attachments, name, problem, f"The bones are {', '.join(dataset.bones)}")
+    for nail in dataset.nails.values():
+        read_surface(dataset.path(nail.surface))
