@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy import sparse
 from scipy.spatial.transform import Rotation
+from tests.mesh.shapes import box_tets
 
 from handpipe.fat.strains import FitSettings, State, _direction, fit_strains, strain_operator
 from handpipe.fem import plasticity
 from handpipe.fem.constraints import Attachment
 from handpipe.layers import Region
 from handpipe.mesh.operators import gradient_operator, tet_laplacian
-from tests.mesh.shapes import box_tets
 
 from .limb import LENGTH, at_rest, below, limb
 

@@ -14,6 +14,7 @@ from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 from handpipe.fem.potential import Sum
 from handpipe.fem.pull import Pull
+from handpipe.fem.surface_sliding import SurfaceSliding
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 
@@ -57,6 +58,13 @@ def _surface_contact():
     return SurfaceContact(lowest, Distance(surface), 3.0, thickness=0.1), x
 
 
+def _surface_sliding():
+    surface = Surface(*box_surface((4.0, 4.0, 2.0), (-1.0, -1.0, -1.7)))
+    operator = sp.eye(len(VERTICES), format="csr")[VERTICES[:, 2] < 0.1]
+    x = VERTICES + 0.2 * np.random.default_rng(3).normal(size=VERTICES.shape)  # some inside, some outside
+    return SurfaceSliding(operator, Distance(surface), np.arange(1.0, 1.0 + operator.shape[0])), x
+
+
 def _barrier():
     obstacle = box_surface((4.0, 4.0, 1.0), (-2.0, -2.0, -2.05))
     x = POINTS + 0.003 * np.random.default_rng(4).normal(size=POINTS.shape)
@@ -73,6 +81,7 @@ def _cases():
     yield "sliding", lambda: _planes(Sliding)
     yield "contact", lambda: _planes(Contact)
     yield "surface-contact", _surface_contact
+    yield "surface-sliding", _surface_sliding
     yield "pull", lambda: (Pull(_operator(5, VERTICES), targets), VERTICES)
     yield "barrier", _barrier
     rng = np.random.default_rng(5)

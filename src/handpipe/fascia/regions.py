@@ -43,13 +43,10 @@ def muscle_regions(
     attachments: Array,
     attached_radius: float,
     gap: float,
-    slender_radius: float = 2.0,
 ) -> IntArray:
     """Fixed near insertions, contact where two muscles meet, sliding on one muscle alone: (n,).
 
     attachments (k, 3): attached points of all muscles; gap: distance in mm under which a second muscle meets.
-    Parts thinner than `slender_radius` mm, a muscle's tapering ends, count as insertions: the few vertices
-    around them would slip off over their side under the cloth's tension.
     """
     distances = np.sort(distances_to(points, muscles), axis=1)
     second = distances[:, 1] if distances.shape[1] > 1 else np.full(len(points), np.inf)
@@ -57,7 +54,6 @@ def muscle_regions(
     if len(attachments):
         near = np.linalg.norm(points[:, None] - attachments[None], axis=2).min(axis=1) < attached_radius
         regions = np.where(near, Region.fixed, regions)
-    regions = np.where(slender(points, muscles, slender_radius), Region.fixed, regions)
     return regions.astype(np.int64)
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from handpipe.fem.constraints import Operator, SurfaceContact
-from handpipe.mesh.distance import Distance
+from handpipe.fem.constraints import SurfaceContact
 
 Array = NDArray[np.float64]
 
@@ -17,9 +16,6 @@ class SurfaceSliding(SurfaceContact):
     As for `SurfaceContact` the closest places follow the points, and the Hessian leaves curvature out. 000
     section 6 holds a point to a plane instead, which must be taken anew whenever the point has slid.
     """
-
-    def __init__(self, operator: Operator, distance: Distance, stiffness: ArrayLike) -> None:
-        super().__init__(operator, distance, stiffness)
 
     def energies(self, points: Array) -> Array:
         return 0.5 * self.stiffness * self._query(points)[0] ** 2

@@ -1,0 +1,79 @@
+"""The layer of the fat: what it takes from its pose space, and its artifact."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from handpipe.fat.layer import FatStrains, TissueLayer
+from handpipe.fat.nails import from_vector
+from handpipe.fem import plasticity
+from handpipe.layers import Frame, Region
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.skeleton.pose_space import PoseSpace
+
+from .limb import below, limb
+
+REST = {"root": RigidTransform.identity(), "core": RigidTransform.identity()}
+
+
+def _bent(angle):
+    turn = RigidTransform(Rotation.from_rotvec([0, angle, 0]).as_matrix(), np.zeros(3))
+    return {"root": RigidTransform.identity(), "core": turn}
+
+
+def _strains(tissue):
+    space = PoseSpace.build(("root", "core"), {"core": "root"}, {"neutral": REST, "bent": _bent(0.5)})
+    logs = np.zeros((2, len(tissue.mesh.tets), 6))
+    logs[1, :, 0] = 0.1
+    return FatStrains(space, logs, {"tip": np.stack([np.zeros(6), [0.1, 0, 0, 0, 0, 0.4]])})
+
+
+def test_strains_and_nails_are_those_of_the_examples():
+    tissue = limb(Region.fixed)
+    layer = TissueLayer("fat", ("bones",), tissue, _strains(tissue))
+    np.testing.assert_allclose(layer.plastic_strains(REST), plasticity.identity(len(tissue.mesh.tets)))
+    bent = _bent(0.5)
+    np.testing.assert_allclose(layer.plastic_strains(bent)[:, 0], np.exp(0.1))
+    centre = tissue.skin.vertices[tissue.rigid["tip"].vertices].mean(axis=0)
+    expected = bent["core"] @ from_vector(np.array([0.1, 0, 0, 0, 0, 0.4]), centre)
+    np.testing.assert_allclose(layer.rigid(bent)["tip"](centre), expected(centre))
+    half = layer.plastic_strains(_bent(0.25))[:, 0]
+    np.testing.assert_allclose(half, np.exp(0.05), rtol=1e-6)
+
+
+def test_without_strains_only_the_nails_are_corrected():
+    tissue = limb(Region.fixed)
+    plain = TissueLayer("fat", ("bones",), tissue, _strains(tissue).without_strains())
+    np.testing.assert_allclose(plain.plastic_strains(_bent(0.5)), plasticity.identity(len(tissue.mesh.tets)))
+    assert plain.rigid(_bent(0.5))["tip"].translation != pytest.approx(_bent(0.5)["core"].translation)
+    bare = TissueLayer("skin", ("bones",), tissue)
+    assert bare.plastic_strains(REST) is None
+
+
+def test_a_bent_frame_gives_skin_and_mesh():
+    tissue = limb(Region.fixed)
+    layer = TissueLayer("fat", ("bones",), tissue, _strains(tissue).without_strains())
+    bent = _bent(0.5)
+    bare = TissueLayer("fat", ("bones",), tissue)
+    shapes = bare.solve(Frame("bent", {}, bent), below(bent["core"](below()["bones"]["core"].rest)))
+    assert set(shapes) == {"skin", "fat_mesh"}
+    np.testing.assert_allclose(shapes["skin"].vertices, bent["core"](tissue.skin.vertices), atol=1e-5)
+    corrected = layer.solve(Frame("bent", {}, bent), below(bent["core"](below()["bones"]["core"].rest)))
+    tip = tissue.rigid["tip"].vertices
+    wanted = layer.rigid(bent)["tip"](tissue.skin.vertices[tip])
+    assert np.linalg.norm(corrected["skin"].vertices[tip] - wanted, axis=1).mean() < 0.05
+
+
+@pytest.mark.parametrize("with_nails", [True, False])
+def test_strains_survive_their_artifact(tmp_path, with_nails):
+    strains = _strains(limb(Region.fixed))
+    if not with_nails:
+        strains = FatStrains(strains.space, strains.log_strains, {})
+    strains.save(tmp_path / "strains.h5", [])
+    again = FatStrains.load(tmp_path / "strains.h5")
+    np.testing.assert_array_equal(again.log_strains, strains.log_strains)
+    assert set(again.nails) == set(strains.nails)
+    for name in strains.nails:
+        np.testing.assert_array_equal(again.nails[name], strains.nails[name])
+    assert again.space.poses == strains.space.poses
+    np.testing.assert_array_equal(again.space.weights(_bent(0.2)), strains.space.weights(_bent(0.2)))
