@@ -27,7 +27,7 @@ def test_two_muscles_come_apart_and_keep_their_volume():
         assert depth(surface, result.surfaces[other]) < 0.05
         assert surface.volume() == pytest.approx(start.volume(), rel=0.01)
         moved = np.linalg.norm(surface.vertices - start.vertices, axis=1)
-        far = Distance(muscles[other]).closest(start.vertices)[0] > 8
+        far = Distance(muscles[other]).closest(start.vertices)[0] > 6
         assert far.sum() > 50 and moved[far].max() < 0.05  # of the volume given back
         assert moved.max() > 0.2  # each of the two gave way
 
@@ -64,5 +64,7 @@ def test_volume_gradient_agrees_with_differences():
     for vertex, axis in ((0, 0), (7, 2)):
         step = np.zeros_like(surface.vertices)
         step[vertex, axis] = 1e-5
-        change = surface.moved(surface.vertices + step).volume() - surface.moved(surface.vertices - step).volume()
+        change = (
+            surface.moved(surface.vertices + step).volume() - surface.moved(surface.vertices - step).volume()
+        )
         assert gradient[vertex, axis] == pytest.approx(change / 2e-5, rel=1e-6)

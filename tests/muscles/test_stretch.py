@@ -5,7 +5,8 @@ import pytest
 from scipy.linalg import logm, polar
 from scipy.spatial.transform import Rotation
 
-from handpipe.muscles.stretch import log_stretch, to_matrices
+from handpipe.fem.plasticity import to_matrices
+from handpipe.muscles.stretch import log_stretch
 
 
 def gradients(seed: int = 0) -> np.ndarray:

@@ -71,7 +71,10 @@ class Body:
         return self.surface.moved(self.embedding(x))
 
     def follow(
-        self, bones: Mapping[str, Surface], transforms: Transforms, known: tuple[Transforms, Array] | None = None
+        self,
+        bones: Mapping[str, Surface],
+        transforms: Transforms,
+        known: tuple[Transforms, Array] | None = None,
     ) -> Array:
         """Mesh vertices (n, 3) moved by a smooth blend of the motions of the bones that hold the body.
 

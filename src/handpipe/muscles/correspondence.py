@@ -49,7 +49,9 @@ class Correspondence:
         return Correspondence(sparse.csr_matrix((0, vertices)), np.zeros((0, 3)), None)
 
     @staticmethod
-    def of(markers: Markers, surface: Surface, embedding: sparse.csr_matrix, tangential: float) -> Correspondence:
+    def of(
+        markers: Markers, surface: Surface, embedding: sparse.csr_matrix, tangential: float
+    ) -> Correspondence:
         """Markers held by the surface at present, which embedding (v, n) carries.
 
         Errors count in full along the surface's normal and by the share `tangential` along the surface: a marker says
@@ -115,7 +117,11 @@ def read_points(path: str | Path) -> dict[str, Array]:
     content = json.loads(Path(path).read_text())
     out: dict[str, Array] = {}
     for markup in content["markups"]:
-        flip = np.array([-1.0, -1.0, 1.0]) if markup.get("coordinateSystem", "LPS") in ("RAS", "0") else np.ones(3)
+        flip = (
+            np.array([-1.0, -1.0, 1.0])
+            if markup.get("coordinateSystem", "LPS") in ("RAS", "0")
+            else np.ones(3)
+        )
         for i, point in enumerate(markup["controlPoints"]):
             out[str(point.get("label") or f"{len(out)}-{i}")] = flip * np.array(point["position"], float)
     return out

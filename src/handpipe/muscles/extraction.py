@@ -27,7 +27,7 @@ IntArray = NDArray[np.int64]
 log = logging.getLogger(__name__)
 
 # In other poses the muscle is known but for its bending: it keeps its volume nearly, and its strains are small.
-SEARCH = MarkerSettings(search=2.0)  # mm; further out lie the far sides of neighbours
+SEARCH = MarkerSettings.model_validate({"search": 2.0})  # mm; further out lie the far sides of neighbours
 POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 
 
@@ -72,6 +72,7 @@ def extract_neutral(
     body = Body.of(extraction.surface, guess.attachments, edge)
     if points is None:
         found = image_markers(volume, body, markers, others)(body.surface)
+        assert found.vertices is not None
         body = replace(body, visible=_mostly(body.surface, found.vertices))
     return body, replace(extraction, vertices=body.mesh.vertices)
 
@@ -114,10 +115,16 @@ def extract_poses(
     muscle).
     """
     still = {b: RigidTransform.identity() for b in bones}
-    known = {"": (still, {m: b.mesh.vertices for m, b in bodies.items()})}
+    known: dict[str, tuple[Mapping[str, RigidTransform], dict[str, Array]]] = {}
+    known[""] = (still, {m: b.mesh.vertices for m, b in bodies.items()})
     found: dict[str, dict[str, Extraction]] = {}
     while len(found) < len(transforms):
-        left = [(_apart(transforms[p], known[q][0], bodies), p, q) for p in transforms if p not in found for q in known]
+        left = [
+            (_apart(transforms[p], known[q][0], bodies), p, q)
+            for p in transforms
+            if p not in found
+            for q in known
+        ]
         _, pose, near = min(left)
         log.info("%s: guessed from %s", pose, near or "neutral")
         moved, image = transforms[pose], volume(pose)
@@ -146,7 +153,9 @@ def _apart(
     a: Mapping[str, RigidTransform], b: Mapping[str, RigidTransform], bodies: Mapping[str, Body]
 ) -> float:
     """How differently two poses turn the bones of the muscles against one another, in rad."""
-    pairs = {(list(body.attachments)[0], other) for body in bodies.values() for other in list(body.attachments)[1:]}
+    pairs = {
+        (list(body.attachments)[0], other) for body in bodies.values() for other in list(body.attachments)[1:]
+    }
     return sum((a[p].inverse() @ a[q]).angle_to(b[p].inverse() @ b[q]) for p, q in pairs)
 
 
@@ -199,7 +208,11 @@ def _mostly(surface: Surface, vertices: IntArray) -> NDArray[np.bool_]:
     inside[vertices] = 1.0
     edges = surface.edges()
     counts = np.bincount(edges.ravel(), minlength=n) + 1.0
-    votes = inside + np.bincount(edges[:, 0], inside[edges[:, 1]], n) + np.bincount(edges[:, 1], inside[edges[:, 0]], n)
+    votes = (
+        inside
+        + np.bincount(edges[:, 0], inside[edges[:, 1]], n)
+        + np.bincount(edges[:, 1], inside[edges[:, 0]], n)
+    )
     return votes > 0.5 * counts
 
 

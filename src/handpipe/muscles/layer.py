@@ -96,9 +96,7 @@ class MuscleLayer:
         targets = np.concatenate([m.body.targets(bones) for m in self.muscles])
         return Attachment(sparse.vstack(rows, format="csr"), targets, self.options.spring)
 
-    def _in_contact(
-        self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str
-    ) -> Array:
+    def _in_contact(self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str) -> Array:
         """Equilibria with the neighbours' contact planes renewed until the shapes rest."""
         obstacles = self._bone_contacts(bones)
         for _ in range(self.options.renewals):
@@ -119,7 +117,9 @@ class MuscleLayer:
     def _neighbours(self, x: Array) -> list[Potential]:
         """Contact and sliding of muscles against one another at their present places."""
         found: list[Potential] = []
-        posed = {m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, self.surfaces, strict=True)}
+        posed = {
+            m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, self.surfaces, strict=True)
+        }
         operators = {m.name: s for m, s in zip(self.muscles, self.surfaces, strict=True)}
         for a in operators:
             for b in operators:

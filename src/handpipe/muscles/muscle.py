@@ -55,7 +55,9 @@ class Muscle:
         """
         still = {bone: RigidTransform.identity() for bone in body.attachments}
         own = [{b: t[b] for b in body.attachments} for t in transforms.values()]
-        space = PoseSpace.build(list(body.attachments), parents, {neutral: still, **transforms}, interpolation)
+        space = PoseSpace.build(
+            list(body.attachments), parents, {neutral: still, **transforms}, interpolation
+        )
         logs = np.stack([np.zeros((len(body.mesh.tets), 6)), *(plasticity.log(s) for s in fit.strains)])
         vertices = np.concatenate([body.mesh.vertices[None], fit.vertices])
         return Muscle(name, body, space, logs, vertices, (still, *own))

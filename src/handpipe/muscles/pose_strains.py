@@ -108,11 +108,18 @@ def _result(
     f = np.stack([stretch.deformation(v) for v in x])
     inverted = int((np.linalg.det(f) <= 0).sum())
     if inverted:
-        raise ConvergenceError("Strains over poses", f"{inverted} tets of {f.shape[0] * f.shape[1]} are inverted")
+        raise ConvergenceError(
+            "Strains over poses", f"{inverted} tets of {f.shape[0] * f.shape[1]} are inverted"
+        )
     strains = np.stack([plasticity.exp(stretch(v)) for v in x])
     values = plasticity.eigenvalues(strains.reshape(-1, 6))
     bounds = float(values.min()), float(values.max())
-    log.info("strains: gamma %.3g, eigenvalues %.2f to %.2f, largest distance %.3f mm", gamma, *bounds, distances.max())
+    log.info(
+        "strains: gamma %.3g, eigenvalues %.2f to %.2f, largest distance %.3f mm",
+        gamma,
+        *bounds,
+        distances.max(),
+    )
     return PoseStrains(x, strains, gamma, distances, bounds, objectives)
 
 
@@ -248,7 +255,9 @@ class _Descent:
             middle = 0.5 * (low + high) if i else low
             found, values = self.with_gamma(best, float(np.exp(middle)))
             distance = float(self.largest(found).max())
-            log.info("gamma %.3g: largest distance %.3f mm, objective %.4g", np.exp(middle), distance, values[-1])
+            log.info(
+                "gamma %.3g: largest distance %.3f mm, objective %.4g", np.exp(middle), distance, values[-1]
+            )
             if distance <= allowed:
                 best, gamma, objectives = found, float(np.exp(middle)), values
                 low = middle

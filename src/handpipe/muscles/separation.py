@@ -77,12 +77,16 @@ def separate(
         if depth <= options.tolerance and not volumes:
             surfaces = {n: b.surface.moved(x[p]) for n, b, p in zip(names, bodies, parts, strict=True)}
             return Separation(surfaces, before, depth, iteration)
-        penalty = mass * min(10.0 * 1.4**iteration, 1e4)  # soft at first: deep overlaps contradict one another
+        penalty = mass * min(
+            10.0 * 1.4**iteration, 1e4
+        )  # soft at first: deep overlaps contradict one another
         wanted = volumes if depth < 0.2 else []
         step = _step(x, x0, stiffness, mass, penalty, contacts, wanted)
         x = x + step * min(1.0, STRIDE / max(float(np.linalg.norm(step, axis=1).max()), 1e-9))
         log.info("separation %d: penetration %.3f mm at %d points", iteration, depth, len(contacts.gaps))
-    raise ConvergenceError("Separation of muscles", f"{depth:.3f} mm of penetration after {options.iterations} steps")
+    raise ConvergenceError(
+        "Separation of muscles", f"{depth:.3f} mm of penetration after {options.iterations} steps"
+    )
 
 
 class _Body:
@@ -108,7 +112,9 @@ def _sampling(surface: Surface, held: NDArray[np.bool_]) -> sparse.csr_matrix:
 
 def _average(cells: IntArray, n: int) -> sparse.csr_matrix:
     k, size = cells.shape
-    return sparse.csr_matrix((np.full(k * size, 1 / size), cells.ravel(), size * np.arange(k + 1)), shape=(k, n))
+    return sparse.csr_matrix(
+        (np.full(k * size, 1 / size), cells.ravel(), size * np.arange(k + 1)), shape=(k, n)
+    )
 
 
 @dataclass(frozen=True)
@@ -150,10 +156,14 @@ def _near(points: Array, other: Surface, margin: float) -> IntArray:
 
 
 def _shift(matrix: sparse.csr_matrix, start: int, total: int) -> sparse.csr_matrix:
-    return sparse.csr_matrix((matrix.data, matrix.indices + start, matrix.indptr), shape=(matrix.shape[0], total))
+    return sparse.csr_matrix(
+        (matrix.data, matrix.indices + start, matrix.indptr), shape=(matrix.shape[0], total)
+    )
 
 
-def _barycentric(closest: Array, other: Surface, triangles: IntArray, total: int, start: int) -> sparse.csr_matrix:
+def _barycentric(
+    closest: Array, other: Surface, triangles: IntArray, total: int, start: int
+) -> sparse.csr_matrix:
     corners = other.triangles[triangles]
     weights = barycentric_weights(closest, other.vertices[corners])
     k = len(corners)
@@ -215,8 +225,12 @@ def _step(
 ) -> Array:
     """Damped step (N, 3) to the minimiser with contacts linearised at x; volumes by Lagrange multipliers."""
     full = sparse.kron(stiffness, sparse.eye(3), format="csr")
-    still = sparse.kron(contacts.points.T @ contacts.points, sparse.eye(3), format="csr")  # do not slip sideways
-    matrix = full + damping * sparse.identity(x.size) + penalty * (contacts.rows.T @ contacts.rows + 0.1 * still)
+    still = sparse.kron(
+        contacts.points.T @ contacts.points, sparse.eye(3), format="csr"
+    )  # do not slip sideways
+    matrix = (
+        full + damping * sparse.identity(x.size) + penalty * (contacts.rows.T @ contacts.rows + 0.1 * still)
+    )
     factor = splu(matrix.tocsc())
     force = -(full @ (x - x0).ravel()) - penalty * contacts.rows.T @ contacts.gaps
     step = factor.solve(force)

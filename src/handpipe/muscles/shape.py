@@ -250,7 +250,9 @@ class _Problem:
         try:
             return factorise(matrix.tocsr(), positive=False)
         except SingularMatrix as error:
-            raise ConvergenceError("Shape from plastic strains", "the stiffness matrix is singular") from error
+            raise ConvergenceError(
+                "Shape from plastic strains", "the stiffness matrix is singular"
+            ) from error
 
     def measure(
         self, state: _State, stage: str, objective: float, step: float, markers: Correspondence, begin: float
@@ -270,4 +272,6 @@ class _Problem:
 
     def report(self, i: Iteration) -> None:
         text = "%s: objective %.4g, markers mean %.3f max %.3f mm, attachments max %.3f mm, least eigenvalue %.2f, step %.2f"
-        log.info(text, i.stage, i.objective, i.marker_mean, i.marker_max, i.attachment_max, i.eigenvalue, i.step)
+        log.info(
+            text, i.stage, i.objective, i.marker_mean, i.marker_max, i.attachment_max, i.eigenvalue, i.step
+        )

@@ -16,7 +16,9 @@ from handpipe.mesh.tetrahedra import TetMesh
 
 Array = NDArray[np.float64]
 
-COUNTS = np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])  # how often each of the six stands in the matrix (003 Eq. A.2)
+COUNTS = np.array(
+    [1.0, 2.0, 2.0, 1.0, 2.0, 1.0]
+)  # how often each of the six stands in the matrix (003 Eq. A.2)
 LEAST = 1e-6  # squared stretch of a collapsed tet
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from handpipe.errors import ConvergenceError, InputError
 from handpipe.mesh.distance import Distance, sample_points
@@ -53,8 +54,14 @@ def _similarity(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) 
     source = np.concatenate([sample_points(s, SAMPLES, seed=1) for s in templates.values()])
     own = np.repeat(np.arange(len(templates)), SAMPLES)
     targets = [Distance(bones[name]) for name in templates]
-    centres = np.array([s.centroid() for s in templates.values()]), np.array([bones[n].centroid() for n in templates])
-    starts = [_start(source, centres, np.vstack([b.vertices for b in bones.values()]), angle) for angle in range(0, 360, 45)]
+    centres = (
+        np.array([s.centroid() for s in templates.values()]),
+        np.array([bones[n].centroid() for n in templates]),
+    )
+    starts = [
+        _start(source, centres, np.vstack([b.vertices for b in bones.values()]), angle)
+        for angle in range(0, 360, 45)
+    ]
     best: tuple[float, Affine] | None = None
     for start in starts:
         guess = start
@@ -71,8 +78,6 @@ def _similarity(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) 
 
 def _start(source: Array, centres: tuple[Array, Array], target: Array, angle: float) -> Affine:
     """Similarity that matches the bones' centroids, turned by `angle` degrees about their long axis."""
-    from scipy.spatial.transform import Rotation
-
     a, b = centres
     if len(a) == 1:  # one bone: its own long axis, towards the same end of the frame
         ends = [_long_axis(source), _long_axis(target)]
@@ -121,14 +126,16 @@ def _register(template: Surface, bone: Surface, start: Affine) -> Affine:
         a, b = np.vstack([source, origins]), np.vstack([forth, back])
         guess = fit_similarity(a, b) if iteration < 20 else _fit_affine(a, b)
     if not 0.2 < np.linalg.det(guess.matrix) < 5:
-        raise ConvergenceError("Template bone", f"its volume would change by {np.linalg.det(guess.matrix):.2f}")
+        raise ConvergenceError(
+            "Template bone", f"its volume would change by {np.linalg.det(guess.matrix):.2f}"
+        )
     return guess
 
 
 def _fit_affine(source: Array, target: Array) -> Affine:
     homogeneous = np.column_stack([source, np.ones(len(source))])
     solution = np.linalg.lstsq(homogeneous, target, rcond=None)[0]
-    return Affine(solution[:3].T, solution[3])
+    return Affine(np.asarray(solution[:3].T, float), np.asarray(solution[3], float))
 
 
 class Warp:
