@@ -28,6 +28,22 @@ def test_only_what_lies_on_the_inner_surface_holds_the_tissue():
     np.testing.assert_allclose(points.area.sum(), large.area(), rtol=1e-9)
 
 
+def test_sliding_gives_way_to_contact_in_valleys():
+    ball = sphere(5.0, 4)
+    other = ball.moved(ball.vertices + [12.0, 0, 0])
+    below = {"muscles": {n: _shape(s) for n, s in (("left", ball), ("right", other))}}
+    for shape in below["muscles"].values():
+        shape.fields["region"] = np.full(len(shape.vertices), Region.sliding)
+    points = inner_points(below, ("muscles",), concatenate([ball, other]), 0.1, valley=1.5)
+    # A ball above a point of one sphere must clear the other: |c + 6.5 n - c'| > 5 + 0.9 * 1.5
+    centres = np.array([[0.0, 0, 0], [12.0, 0, 0]])
+    above = centres[points.body] + 6.5 * points.normal
+    clearance = np.linalg.norm(above - centres[1 - points.body], axis=1) - 5.0 - 0.9 * 1.5
+    clear = np.abs(clearance) > 0.1
+    np.testing.assert_array_equal(points.region[clear] == Region.sliding, clearance[clear] > 0)
+    assert (points.region == Region.contact).sum() > 20
+
+
 def test_bodies_without_regions_touch_but_bones_are_grown_on():
     assert default_region("bones") is Region.fixed
     assert default_region("tendons") is Region.contact

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -64,11 +64,12 @@ def default_region(layer: str) -> Region:
 
 
 def inner_points(
-    below: Mapping[str, Shapes], layers: tuple[str, ...], inner: Surface, slack: float
+    below: Mapping[str, Shapes], layers: tuple[str, ...], inner: Surface, slack: float, valley: float = 1.5
 ) -> InnerPoints:
     """The vertices of neutral bodies that lie on the inner surface, within `slack` mm beneath it.
 
-    Only triangle bodies count; a body's field "region" (n,) decides how its vertices hold the tissue.
+    Only triangle bodies count; a body's field "region" (n,) decides how its vertices hold the tissue, but in
+    valleys, where no ball of radius `valley` mm fits above, sliding gives way to contact (000 section 7.1).
     """
     named = [(layer, name, shape) for layer in layers for name, shape in below.get(layer, {}).items()]
     named = [(layer, name, shape) for layer, name, shape in named if shape.cells.shape[1] == 3]
@@ -82,7 +83,10 @@ def inner_points(
         on = (surface.vertices[vertex], normal[vertex], region[vertex], area[vertex])
         parts.append((np.full(len(vertex), index), vertex, *on))
     columns = (np.concatenate(p) for p in zip(*parts, strict=True))
-    return InnerPoints(tuple(n[0] for n in named), tuple(n[1] for n in named), *columns)
+    points = InnerPoints(tuple(n[0] for n in named), tuple(n[1] for n in named), *columns)
+    in_valley = distance.signed(points.rest + valley * points.normal)[0] < 0.9 * valley
+    changed = in_valley & (points.region == Region.sliding)
+    return replace(points, region=np.where(changed, Region.contact, points.region).astype(np.int64))
 
 
 def cut_end(skin: Surface, scan: Surface, tolerance: float) -> NDArray[np.bool_]:
