@@ -1,4 +1,4 @@
-"""The code's own rules: formatting, types, floors of docs/architecture.md, and what every rule of the workflow gives."""
+"""The code's own rules: formatting, types, floors of docs/architecture.md, what every rule gives."""
 
 import ast
 import re

@@ -204,8 +204,11 @@ def load_yaml(path: str | Path, model: type[T]) -> T:
         return model.model_validate(content or {})
     except ValidationError as error:
         first = error.errors()[0]
-        field = ".".join(str(p) for p in first["loc"]) or "content"
-        raise InputError(path, field, first["msg"].removeprefix("Value error, "), "See config/README.md") from error
+        problem = first["msg"].removeprefix("Value error, ")
+        field = ".".join(str(p) for p in first["loc"])
+        if not field:  # checks of a whole file name the field themselves
+            field, _, problem = problem.partition(": ") if ": " in problem else ("content", "", problem)
+        raise InputError(path, field, problem, "See config/README.md") from error
 
 
 def load_dataset(path: str | Path) -> Dataset:

@@ -41,7 +41,7 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def planned(folder: Path, *arguments: str) -> dict[str, int]:
     """Rules that a dry run would execute, and how often."""
-    process = run(folder, "-n", "--quiet", "rules", *arguments)
+    process = run(folder, *arguments, "-n", "--quiet", "rules")
     assert process.returncode == 0, process.stdout
     return job_counts(process.stdout)
 

@@ -63,12 +63,13 @@ def opened(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def write_subject(folder: Path) -> dict[str, Any]:
-    """Write the subject "small" into a working copy, its dataset file included; return the dataset's content."""
+    """Write the subject "small" into a working copy, and its dataset file; return that file's content."""
     data = folder / "small"
     for pose in POSES:
         write_image(data / f"{pose}.nii.gz", image())
         write_image(data / f"{pose}-seeds.nii.gz", seeds())
         write_mesh(data / f"{pose}.ply", ball())
+    write_image(data / "bent-far.nii.gz", np.zeros(SHAPE, dtype=np.uint8))  # scribbles, none drawn yet
     for name in ("near", "far", "flexor"):
         write_mesh(data / f"{name}.ply", ball())
     (data / "flexor.json").write_text(json.dumps({"near": [0, 1, 2, 3], "far": [10, 11, 12, 13]}))
@@ -82,6 +83,7 @@ def write_subject(folder: Path) -> dict[str, Any]:
                 "seeds": f"{pose}-seeds.nii.gz",
                 "scan": f"{pose}.ply",
             }
+            | ({"scribbles": {"far": "bent-far.nii.gz"}} if pose == "bent" else {})
             for pose in POSES
         },
         "bones": {bone: {"label": label, "template": f"{bone}.ply"} for bone, label in LABELS.items()},

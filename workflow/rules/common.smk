@@ -1,6 +1,5 @@
 # Helpers of the rules: datasets and scenes by name, the build's lock. No rules here.
 
-import csv
 import fcntl
 import functools
 from pathlib import Path
@@ -9,7 +8,8 @@ from snakemake.exceptions import WorkflowError
 
 from handpipe.config import LAYERS, Role, load_dataset, load_scene
 from handpipe.errors import HandpipeError
-from handpipe.hand.subject import named_files, require_files
+from handpipe.hand.subject import joint_limits, named_files, require_files
+from handpipe.skeleton.angles import read_angles
 
 
 def checked(load, *arguments):
@@ -108,6 +108,11 @@ def of_pose(field):
 
     def files(wildcards):
         data = dataset(wildcards.subject)
+        if wildcards.pose not in data.poses:
+            raise WorkflowError(
+                f"handpipe: {dataset_file(wildcards.subject)}: poses.{wildcards.pose}: is not a pose of "
+                f"this subject. The poses are {', '.join(data.poses)}"
+            )
         path = getattr(data.poses[wildcards.pose], field)
         return [] if path is None else data.path(path)
 
@@ -145,13 +150,21 @@ def layer_files(subject, layers):
 INNER_LAYERS = [layer for layer in LAYERS if layer not in ("fat", "skin")]
 
 
-def frame_count(name):
-    with open(scene(name).frames) as file:
-        return sum(1 for row in csv.reader(file) if row) - 1
+@functools.cache
+def frames(subject, name):
+    """A scene's joint angles, checked against the subject's limits here and not after hours of fitting."""
+    return checked(read_angles, scene(name).frames, joint_limits(dataset(subject)))
 
 
-def chunks(name):
-    return range(-(-frame_count(name) // scene(name).chunk))
+def frames_file(wildcards):
+    """The file of a scene's frames, its angles found to be right."""
+    frames(wildcards.subject, wildcards.scene)
+    return scene(wildcards.scene).frames
+
+
+def chunks(subject, name):
+    """Numbers of the jobs into which a scene's frames are cut."""
+    return range(-(-len(frames(subject, name)) // scene(name).chunk))
 
 
 def layered(subject):

@@ -28,7 +28,7 @@ rule report:
                 "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
                 subject=w.subject,
                 scene=s,
-                chunk=chunks(s),
+                chunk=chunks(w.subject, s),
             )
             for s in listed("scenes")
         },

@@ -6,7 +6,7 @@ rule simulate:
         rig="results/{subject}/rig.h5",
         dataset=lambda w: dataset_file(w.subject),
         scene="config/scenes/{scene}.yaml",
-        frames=lambda w: scene(w.scene).frames,
+        frames=frames_file,
         layers=lambda w: layer_files(w.subject, scene(w.scene).needed),
     output:
         "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
@@ -28,7 +28,7 @@ rule export_scene:
     input:
         chunks=lambda w: expand(
             "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
-            chunk=chunks(w.scene),
+            chunk=chunks(w.subject, w.scene),
             allow_missing=True,
         ),
     output:

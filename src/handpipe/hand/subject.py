@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import radians
 from pathlib import Path
 
 from handpipe.config import Dataset, Muscle
@@ -62,3 +63,12 @@ def check_surfaces(dataset: Dataset) -> None:
                 raise InputError(attachments, name, problem, f"The bones are {', '.join(dataset.bones)}")
     for nail in dataset.nails.values():
         read_surface(dataset.path(nail.surface))
+
+
+def joint_limits(dataset: Dataset) -> dict[str, tuple[float, float]]:
+    """Lower and upper limit in rad of every angle, as the dataset states them."""
+    return {
+        angle: (radians(lower), radians(upper))
+        for joint in dataset.joints.values()
+        for angle, (lower, upper) in zip(joint.angles, joint.limits_deg, strict=True)
+    }

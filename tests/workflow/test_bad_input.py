@@ -1,0 +1,192 @@
+"""What a person gives wrongly ends a build with one message that names file and field, and leaves nothing."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+
+from handpipe.config import load_dataset
+from handpipe.errors import InputError
+from handpipe.hand.subject import check_surfaces, require_files
+
+from .running import run
+from .small_subject import AFFINE, ball, image, opened, seeds, write_dataset, write_image, write_mesh
+
+SMALL = ("--config", "subjects=[small]")
+SEGMENT = "results/small/segmentation/bent/bones/far.h5"
+MERGE = "results/small/segmentation/bent/labels.nii.gz"
+SIMULATE = "results/small/simulation/flexion/flexion.glb"
+DATASET = "config/datasets/small.yaml"
+
+
+def edit(folder: Path, change: Callable[[dict], object]) -> None:
+    """Change the dataset file's content."""
+    content = yaml.safe_load((folder / DATASET).read_text())
+    change(content)
+    write_dataset(folder, content)
+
+
+def missing_volume(folder: Path) -> None:
+    (folder / "small" / "bent.nii.gz").unlink()
+
+
+def missing_scan(folder: Path) -> None:
+    (folder / "small" / "bent.ply").unlink()
+
+
+def unknown_pose(folder: Path) -> None:
+    """Nothing is spoilt: the target itself names a pose that is not there."""
+
+
+def no_seed_field(folder: Path) -> None:
+    edit(folder, lambda d: d["poses"]["bent"].pop("seeds"))
+
+
+def no_seeds_of_a_bone(folder: Path) -> None:
+    labels = seeds()
+    write_image(folder / "small" / "bent-seeds.nii.gz", np.where(labels == 2, 0, labels))
+
+
+def left_handed(folder: Path) -> None:
+    write_image(folder / "small" / "bent.nii.gz", image(), AFFINE @ np.diag([-1.0, 1.0, 1.0, 1.0]))
+
+
+def not_a_number(folder: Path) -> None:
+    values = image()
+    values[3, 4, 5] = np.nan
+    write_image(folder / "small" / "bent.nii.gz", values)
+
+
+def scan_in_metres(folder: Path) -> None:
+    write_mesh(folder / "small" / "bent.ply", ball().apply_scale(1e-3))
+
+
+def scan_with_nan(folder: Path) -> None:
+    mesh = ball()
+    vertices = mesh.vertices.copy()
+    vertices[7, 1] = np.nan
+    write_mesh(folder / "small" / "bent.ply", trimesh.Trimesh(vertices, mesh.faces, process=False))
+
+
+def open_bone(folder: Path) -> None:
+    write_mesh(folder / "small" / "far.ply", opened(ball()))
+
+
+def open_muscle(folder: Path) -> None:
+    write_mesh(folder / "small" / "flexor.ply", opened(ball()))
+
+
+def unknown_bone(folder: Path) -> None:
+    (folder / "small" / "flexor.json").write_text(json.dumps({"near": [0, 1, 2], "thumb": [3, 4, 5]}))
+
+
+def unknown_child(folder: Path) -> None:
+    edit(folder, lambda d: d["joints"]["hinge"].update(child="thumb"))
+
+
+def unknown_layer(folder: Path) -> None:
+    text = "layers: [bones, nerves]\nframes: config/scenes/flexion.csv\n"
+    (folder / "config/scenes/flexion.yaml").write_text(text)
+
+
+def beyond_limit(folder: Path) -> None:
+    (folder / "config/scenes/flexion.csv").write_text("frame,hinge_flexion [deg]\nrest,0\nfar,95\n")
+
+
+# What is wrong, what is asked for, and the file, field and problem that the message names.
+RUNS = [
+    (missing_volume, SEGMENT, (DATASET, "poses.bent.volume", "small/bent.nii.gz does not exist")),
+    (no_seed_field, SEGMENT, (DATASET, "poses.bent.seeds", "Field required")),
+    (no_seeds_of_a_bone, SEGMENT, ("small/bent-seeds.nii.gz", "seeds", "bone 'far' (label 2) has none")),
+    (left_handed, SEGMENT, ("small/bent.nii.gz", "handedness", "left-handed")),
+    (not_a_number, SEGMENT, ("small/bent.nii.gz", "values", "1 voxels are NaN")),
+    (scan_in_metres, SEGMENT, ("small/bent.ply", "units", "looks like metres")),
+    (unknown_bone, SEGMENT, ("small/flexor.json", "thumb", "is not a bone of the dataset")),
+    (unknown_layer, SIMULATE, ("config/scenes/flexion.yaml", "layers", "'nerves' is not a layer")),
+    (
+        beyond_limit,
+        SIMULATE,
+        ("config/scenes/flexion.csv", "row 3 (frame far), hinge_flexion", "outside its limits"),
+    ),
+    (unknown_pose, SEGMENT.replace("bent", "fist"), (DATASET, "poses.fist", "is not a pose")),
+]
+
+
+def built(folder: Path) -> set[str]:
+    """Files of the results but logs and benchmarks; hidden ones, as temporary files are, too."""
+    files = {p.relative_to(folder).as_posix() for p in (folder / "results").rglob("*") if p.is_file()}
+    return {f for f in files if not f.startswith(("results/small/logs", "results/small/benchmarks"))}
+
+
+def assert_one_message(folder: Path, target: str, source: str, field: str, problem: str) -> None:
+    """Ask for a target that cannot be made: one message says why, and nothing is left but the check."""
+    before = built(folder)
+    process = run(folder, "-j1", target, *SMALL)
+    assert process.returncode != 0
+    said = [line for line in process.stdout.splitlines() if "handpipe: " in line]
+    assert len(said) == 1, process.stdout
+    assert f"{source}: {field}: " in said[0]
+    assert problem in said[0]
+    assert "Traceback (most recent call last)" not in process.stdout
+    assert built(folder) - before <= {"results/small/check.json"}
+
+
+@pytest.mark.parametrize(("spoil", "target", "named"), RUNS, ids=[spoil.__name__ for spoil, *_ in RUNS])
+def test_run_ends_with_one_message(
+    small: Path, spoil: Callable[[Path], None], target: str, named: tuple[str, str, str]
+) -> None:
+    spoil(small)
+    assert_one_message(small, target, *named)
+
+
+def test_truncated_artifact(built_small: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(built_small, tmp_path / "copy"))
+    path = folder / SEGMENT
+    path.write_bytes(path.read_bytes()[:200])
+    assert_one_message(folder, MERGE, SEGMENT, "content", "cannot be read as HDF5")
+    assert not (folder / MERGE).exists()  # nothing that was made of the artifact passes for up to date
+
+
+# What the rules' own functions say, without a run for each.
+CHECKS = [
+    (scan_in_metres, "small/bent.ply", "units", "looks like metres"),
+    (scan_with_nan, "small/bent.ply", "vertices", "NaN or infinite coordinates in 1 vertices"),
+    (open_bone, "small/far.ply", "triangles", "is open"),
+    (open_muscle, "small/flexor.ply", "triangles", "is open"),
+    (unknown_bone, "small/flexor.json", "thumb", "is not a bone of the dataset"),
+    (unknown_child, DATASET, "joints.hinge", "names the bone 'thumb'"),
+    (missing_scan, DATASET, "poses.bent.scan", "small/bent.ply does not exist"),
+]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "source", "field", "problem"), CHECKS, ids=[spoil.__name__ for spoil, *_ in CHECKS]
+)
+def test_check_names_file_and_field(
+    small: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    spoil: Callable[[Path], None],
+    source: str,
+    field: str,
+    problem: str,
+) -> None:
+    monkeypatch.chdir(small)
+    spoil(small)
+    with pytest.raises(InputError) as caught:
+        dataset = load_dataset(DATASET)
+        require_files(DATASET, dataset)
+        check_surfaces(dataset)
+    assert (caught.value.source, caught.value.field) == (source, field)
+    assert problem in caught.value.problem
+
+
+def test_checks_find_nothing_in_a_good_subject(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(small)
+    dataset = load_dataset(DATASET)
+    require_files(DATASET, dataset)
+    check_surfaces(dataset)
