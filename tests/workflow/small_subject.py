@@ -69,7 +69,7 @@ def write_subject(folder: Path) -> dict[str, Any]:
         write_image(data / f"{pose}.nii.gz", image())
         write_image(data / f"{pose}-seeds.nii.gz", seeds())
         write_mesh(data / f"{pose}.ply", ball())
-    write_image(data / "bent-far.nii.gz", np.zeros(SHAPE, dtype=np.uint8))  # scribbles, none drawn yet
+    write_image(data / "bent-far.nii.gz", np.zeros(SHAPE, np.uint8))  # scribbles, none drawn yet
     for name in ("near", "far", "flexor"):
         write_mesh(data / f"{name}.ply", ball())
     (data / "flexor.json").write_text(json.dumps({"near": [0, 1, 2, 3], "far": [10, 11, 12, 13]}))

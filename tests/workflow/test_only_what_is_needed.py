@@ -54,7 +54,8 @@ def artifact_times(folder: Path) -> dict[str, int]:
 def test_scribbles_rerun_their_bone_alone(built_small: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(built_small, tmp_path / "copy"))
     before = artifact_times(folder)
-    write_image(folder / "small" / "bent-far.nii.gz", np.where(seeds() == LABELS["far"], LABELS["far"], 0))
+    drawn = np.where(seeds() == LABELS["far"], LABELS["far"], 0).astype(np.uint8)
+    write_image(folder / "small" / "bent-far.nii.gz", drawn)
     assert planned(folder, "segmentation", *SMALL) == {
         "segment_bone": 1,
         "merge_labels": 1,
