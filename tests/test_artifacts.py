@@ -11,7 +11,11 @@ from handpipe.errors import InputError
 def test_round_trip_keeps_arrays_units_and_provenance(tmp_path):
     source = tmp_path / "in.txt"
     source.write_text("data")
-    data = {"points": np.arange(6.0).reshape(2, 3), "part": {"ids": np.array([1, 2]), "names": ["a", "b"]}, "n": 3}
+    data = {
+        "points": np.arange(6.0).reshape(2, 3),
+        "part": {"ids": np.array([1, 2]), "names": ["a", "b"]},
+        "n": 3,
+    }
     path = tmp_path / "deep" / "x.h5"
     artifacts.write(path, data, kind="thing", units={"points": "mm"}, inputs=[source])
     back = artifacts.read(path, "thing")

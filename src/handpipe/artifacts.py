@@ -81,7 +81,9 @@ def _write_group(group: h5py.Group, data: Mapping[str, Any]) -> None:
         if array.dtype.kind in "US":
             group.create_dataset(key, data=array.astype(object), dtype=h5py.string_dtype(), track_times=False)
         elif array.size > 1000:
-            group.create_dataset(key, data=array, compression="gzip", compression_opts=1, shuffle=True, track_times=False)
+            group.create_dataset(
+                key, data=array, compression="gzip", compression_opts=1, shuffle=True, track_times=False
+            )
         else:
             group.create_dataset(key, data=array, track_times=False)
 
@@ -98,9 +100,13 @@ def read(path: str | Path, kind: str) -> dict[str, Any]:
         with h5py.File(path, "r") as file:
             found, version = file.attrs.get("kind"), file.attrs.get("schema_version")
             if found != kind:
-                raise InputError(path, "kind", f"is {found!r}, not {kind!r}", "Give the artifact of the right stage")
+                raise InputError(
+                    path, "kind", f"is {found!r}, not {kind!r}", "Give the artifact of the right stage"
+                )
             if version != SCHEMA_VERSION:
-                raise InputError(path, "schema_version", f"is {version}, this handpipe reads {SCHEMA_VERSION}", rebuild)
+                raise InputError(
+                    path, "schema_version", f"is {version}, this handpipe reads {SCHEMA_VERSION}", rebuild
+                )
             return _read_group(file)
     except (OSError, RuntimeError, KeyError) as error:
         raise InputError(path, "content", f"cannot be read as HDF5 ({error})", rebuild) from error

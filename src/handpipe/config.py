@@ -31,16 +31,26 @@ class Pose(Model):
 
     role: Role
     volume: Path = Field(description="MRI volume: NIfTI, NRRD, or a folder of DICOM slices")
-    seeds: Path = Field(description="seeds: label volume on the grid of `volume`; 0 none, bone labels, 255 background")
-    scan: Path | None = Field(None, description="skin scan: PLY, OBJ or STL in mm, in the frame of `volume`; may have holes")
+    seeds: Path = Field(
+        description="seeds: label volume on the grid of `volume`; 0 none, bone labels, 255 background"
+    )
+    scan: Path | None = Field(
+        None, description="skin scan: PLY, OBJ or STL in mm, in the frame of `volume`; may have holes"
+    )
     scribbles: dict[Name, Path] = Field({}, description="extra seeds for one bone, same format as `seeds`")
-    markers: dict[Name, Path] = Field({}, description="hand-placed boundary markers of a muscle: 3D Slicer .mrk.json")
-    landmarks: dict[Name, Path] = Field({}, description="landmarks of a muscle: .mrk.json, labels as in the template's")
+    markers: dict[Name, Path] = Field(
+        {}, description="hand-placed boundary markers of a muscle: 3D Slicer .mrk.json"
+    )
+    landmarks: dict[Name, Path] = Field(
+        {}, description="landmarks of a muscle: .mrk.json, labels as in the template's"
+    )
 
 
 class Bone(Model):
     label: int = Field(ge=1, le=254, description="its value in seed and label volumes")
-    template: Path | None = Field(None, description="surface of the same bone in the frame of the muscle templates")
+    template: Path | None = Field(
+        None, description="surface of the same bone in the frame of the muscle templates"
+    )
 
 
 class Joint(Model):
@@ -50,7 +60,9 @@ class Joint(Model):
     child: Name
     angles: tuple[Name, ...] = Field(min_length=1, max_length=2, description="one name a degree of freedom")
     limits_deg: tuple[tuple[float, float], ...]
-    axis_hints: tuple[Vector, ...] = Field(description="rough axis of each angle in the neutral frame: fixes its sign")
+    axis_hints: tuple[Vector, ...] = Field(
+        description="rough axis of each angle in the neutral frame: fixes its sign"
+    )
 
     @model_validator(mode="after")
     def _lengths(self) -> Joint:
@@ -68,10 +80,12 @@ class Muscle(Model):
 
 
 class Tendon(Model):
-    """`path` is a .mrk.json curve of a few points along the tendon in neutral, from its insertion outwards."""
+    """`path` is a .mrk.json curve of a few points along it in neutral, from its insertion outwards."""
 
     bone: Name = Field(description="bone of its insertion, where the rod's first vertex is fixed")
-    bones: tuple[Name, ...] = Field(description="bones that it passes, from insertion outwards; they drive its hooks")
+    bones: tuple[Name, ...] = Field(
+        description="bones that it passes, from insertion outwards; they drive its hooks"
+    )
     path: Path
     radius: float = Field(gt=0, description="rough radius in mm")
 

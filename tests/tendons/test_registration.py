@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from .finger import RADIUS, course, pose, rest_tendon, true_rod
 
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
@@ -14,6 +13,8 @@ from handpipe.tendons.registration import Settings, centreline_errors, fit_surfa
 from handpipe.tendons.rod import Array, closest_on_rod, lay, length_change, point_at
 from handpipe.tendons.surface_fit import Target
 from handpipe.tendons.tube import round_surface
+
+from .finger import RADIUS, course, pose, rest_tendon, true_rod
 
 ANGLES = (1.2, 0.8)  # rad
 

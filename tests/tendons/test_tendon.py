@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from .finger import BONES, PARENTS, RADIUS, bone_surfaces, course, pose, rest_tendon, true_rod
 
 from handpipe.layers import Frame
 from handpipe.tendons.energies import Bend, Hooks, Pull
@@ -16,6 +15,8 @@ from handpipe.tendons.layer import TendonLayer
 from handpipe.tendons.registration import centreline_errors
 from handpipe.tendons.rod import closest_on_rod, frames, length_change
 from handpipe.tendons.tendon import Tendon, build_tendon
+
+from .finger import BONES, PARENTS, RADIUS, bone_surfaces, course, pose, rest_tendon, true_rod
 
 EXAMPLES = {"neutral": (0.0, 0.0), "bent": (1.2, 0.4), "hooked": (0.2, 1.1), "fist": (1.5, 1.0)}
 

@@ -12,7 +12,7 @@ from handpipe.errors import HandpipeError
 
 @contextmanager
 def stage(job):
-    """Run a script's body: log into the rule's log; a person's error ends it with one message and status 1."""
+    """Run a script's body: log into the rule's log; an error for people ends it with one message."""
     logging.basicConfig(
         level=logging.INFO,
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",

@@ -1,4 +1,4 @@
-"""Hooks of a tendon: skinning weights and pose-space corrections from its registered rods (000 section 5.4)."""
+"""Hooks of a tendon: skinning weights and pose-space corrections from registered rods (000 section 5.4)."""
 
 from common import stage
 

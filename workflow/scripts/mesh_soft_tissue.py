@@ -14,7 +14,7 @@ with stage(snakemake) as log:
     rig = Rig.load(snakemake.input.rig)
     below = {"bones": BoneLayer(rig.surfaces).solve(scanned_frame(rig, dataset.neutral), {})}
     inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in dataset.joints.values()], edge=1.5)
-    # 004 section 5.5 gives one tissue between fat and muscle; its stiffness does not change a free pose's shape.
+    # 004 section 5.5: one tissue between fat and muscle; its stiffness does not change a free pose's shape.
     tissue = make_tissue(
         dataset,
         rig.surfaces,
