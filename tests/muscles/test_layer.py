@@ -26,7 +26,8 @@ def known_in(poses, shapes, name: str, body) -> Muscle:
 def muscle(name: str, centre=(0.0, 0.0, 0.0)) -> Muscle:
     """A muscle that is known at 0.4 and 0.8 rad, where it is about a blend of its bones' motions.
 
-    Its ends lie on the bones exactly, as stage 3 leaves them: hence one equilibrium before its strains are taken.
+    Its ends lie on the bones exactly, as stage 3 leaves them: hence one equilibrium before its strains are
+    taken.
     """
     body = spindle(centre)
     poses = {"half": hinge(0.4), "full": hinge(0.8)}
@@ -46,7 +47,9 @@ def test_examples_are_reproduced():
     layer = MuscleLayer([known], contact=False)
     for angle, index in ((0.0, 0), (0.4, 1), (0.8, 2)):
         shape = solve(layer, angle)["m_mesh"]
-        assert np.linalg.norm(shape.vertices - known.vertices[index], axis=1).max() < 0.03
+        assert (
+            np.linalg.norm(shape.vertices - known.vertices[index], axis=1).max() < 0.08
+        )  # springs hold the ends
 
 
 def test_between_examples_it_lies_between_them():
@@ -84,3 +87,15 @@ def test_artifact_round_trip(tmp_path):
     pose = hinge(0.7)
     assert again.strains(pose) == pytest.approx(known.strains(pose))
     assert again.guess(hinge_bones(), pose) == pytest.approx(known.guess(hinge_bones(), pose))
+
+
+def test_a_muscle_is_fitted_to_surfaces_of_its_poses():
+    body = spindle()
+    poses = {"half": hinge(0.4), "full": hinge(0.8)}
+    starts = {p: body.follow(hinge_bones(), t) for p, t in poses.items()}
+    surfaces = {p: body.seated(body.surface_at(starts[p]), t) for p, t in poses.items()}
+    fitted, fit = Muscle.fit("m", body, PARENTS, "neutral", poses, surfaces, starts)
+    assert fit.distances.max() < 0.55 and fit.eigenvalues[0] > 0.3
+    shape = solve(MuscleLayer([fitted], contact=False), 0.8)["m"]
+    errors = np.linalg.norm(shape.vertices - surfaces["full"].vertices, axis=1)
+    assert errors.max() < 0.6 and errors.mean() < 0.25

@@ -28,7 +28,7 @@ def test_two_muscles_come_apart_and_keep_their_volume():
         assert surface.volume() == pytest.approx(start.volume(), rel=0.01)
         moved = np.linalg.norm(surface.vertices - start.vertices, axis=1)
         far = Distance(muscles[other]).closest(start.vertices)[0] > 6
-        assert far.sum() > 50 and moved[far].max() < 0.05  # of the volume given back
+        assert far.sum() > 50 and moved[far].max() < 0.08  # of the volume given back
         assert moved.max() > 0.2  # each of the two gave way
 
 

@@ -1,4 +1,4 @@
-"""The ligaments as a layer of the simulation: muscles that touch nothing, each solved alone (000 section 4)."""
+"""The ligaments as a layer: muscles that touch nothing, each solved alone (000 section 4)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ LIGAMENT = Material(200.0, 0.45)  # kPa
 
 
 class LigamentLayer:
-    """Ligaments of loaded artifacts. Their own stiffness does not matter between stiff attachments, its evenness does."""
+    """Ligaments of loaded artifacts. Their own stiffness does not matter between stiff attachments, its
+    evenness does.
+    """
 
     name = "ligaments"
     needs: tuple[str, ...] = ("bones",)

@@ -66,6 +66,12 @@ class Body:
         """The held vertices at the places where the bones take them."""
         return Attached(self.matrix[self.held], self.targets(transforms))
 
+    def seated(self, surface: Surface, transforms: Transforms) -> Surface:
+        """A fitted surface with its held vertices exactly on the bones (003 section 6.1.4, step 3)."""
+        vertices = surface.vertices.copy()
+        vertices[self.held] = self.targets(transforms)
+        return surface.moved(vertices)
+
     def surface_at(self, x: Array) -> Surface:
         """The surface carried by mesh vertices (n, 3)."""
         return self.surface.moved(self.embedding(x))
@@ -80,8 +86,9 @@ class Body:
 
         known: transforms and mesh vertices (n, 3) of another pose to start from, in place of neutral.
 
-        Weights are the mean of those by nearness to the bones, which bend where the joint is, and of the harmonic
-        ones, which spread the bend over the whole length: measured, the mean is nearer to the truth than either.
+        Weights are the mean of those by nearness to the bones, which bend where the joint is, and of the
+        harmonic ones, which spread the bend over the whole length: measured, the mean is nearer to the truth
+        than either.
         """
         own = {b: bones[b] for b in self.attachments}
         weights = 0.5 * (bone_weights(self.mesh.vertices, own) + self.harmonic_weights())

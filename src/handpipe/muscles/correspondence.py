@@ -23,8 +23,8 @@ IntArray = NDArray[np.int64]
 class Markers:
     """Places on the boundary of a body: points (r, 3) in mm and weights (r,).
 
-    vertices (r,): the surface vertices that they were found from; None: each belongs to the closest point of the
-    surface (003 Eq. 5.5).
+    vertices (r,): the surface vertices that they were found from; None: each belongs to the closest point of
+    the surface (003 Eq. 5.5).
     """
 
     points: Array
@@ -54,8 +54,8 @@ class Correspondence:
     ) -> Correspondence:
         """Markers held by the surface at present, which embedding (v, n) carries.
 
-        Errors count in full along the surface's normal and by the share `tangential` along the surface: a marker says
-        where the boundary is, not which of its points is there.
+        Errors count in full along the surface's normal and by the share `tangential` along the surface: a
+        marker says where the boundary is, not which of its points is there.
         """
         if markers.vertices is None:
             _, triangles, closest = Distance(surface).closest(markers.points)

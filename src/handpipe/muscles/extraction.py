@@ -1,4 +1,6 @@
-"""Stage 1: the shape of one muscle in one pose, from the image of that pose (000 section 4.2, 003 section 6.1)."""
+"""Stage 1: the shape of one muscle in one pose, from the image of that pose (000 section 4.2, 003 section
+6.1).
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 
-# In other poses the muscle is known but for its bending: it keeps its volume nearly, and its strains are small.
+# In other poses the muscle is known but for its bending: it nearly keeps its volume and its guessed strains.
 SEARCH = MarkerSettings.model_validate({"search": 2.0})  # mm; further out lie the far sides of neighbours
 POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 
@@ -63,8 +65,9 @@ def extract_neutral(
 ) -> tuple[Body, Extraction]:
     """The neutral shape from a placed template, and the body that later stages deform.
 
-    The fitted surface is filled with new tetrahedra of about `edge` mm, since fitting has strained the first ones.
-    points (r, 3): hand-placed markers, in place of those found in the image; others: guesses of the other muscles.
+    The fitted surface is filled with new tetrahedra of about `edge` mm, since fitting has strained the first
+    ones. points (r, 3): hand-placed markers, in place of those found in the image; others: guesses of the
+    other muscles.
     """
     first = Body.of(guess.surface, guess.attachments, edge)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
@@ -91,8 +94,9 @@ def extract_pose(
 ) -> Extraction:
     """The shape in an example pose, from the neutral body held by the moved bones.
 
-    bones: neutral bone surfaces; transforms: from neutral into the volume's frame; start: mesh vertices (n, 3) of a
-    better first guess, as simulated from poses already known; others: where the other muscles are about in this pose.
+    bones: neutral bone surfaces; transforms: from neutral into the volume's frame; start: mesh vertices (n,
+    3) of a better first guess, as simulated from poses already known; others: where the other muscles are
+    about in this pose.
     """
     x = body.follow(bones, transforms) if start is None else start
     return _extract(body, transforms, x, volume, points, markers or SEARCH, options or POSED, others)
@@ -110,9 +114,9 @@ def extract_poses(
 ) -> dict[str, dict[str, Extraction]]:
     """The shapes of all muscles in all example poses, pose -> muscle -> shape.
 
-    Each pose is guessed from the most similar one that is known already, and each muscle knows where its neighbours
-    are. transforms: pose -> bone -> from neutral; volume(pose) reads the image; points: hand-placed markers by (pose,
-    muscle).
+    Each pose is guessed from the most similar one that is known already, and each muscle knows where its
+    neighbours are. transforms: pose -> bone -> from neutral; volume(pose) reads the image; points:
+    hand-placed markers by (pose, muscle).
     """
     still = {b: RigidTransform.identity() for b in bones}
     known: dict[str, tuple[Mapping[str, RigidTransform], dict[str, Array]]] = {}
@@ -180,11 +184,12 @@ def _extract(
 def image_markers(
     volume: Volume, body: Body, settings: MarkerSettings | None = None, others: Sequence[Surface] = ()
 ) -> FindMarkers:
-    """Boundary markers found in an image along the normals of the present surface, where the boundary is visible.
+    """Boundary markers found in an image along the normals of the present surface, where the boundary is
+    visible.
 
-    Where muscles touch, the image shows no edge between them, and the edge along a normal is the neighbour's far side:
-    places that no edge was found for in neutral have none in another pose, and a marker that is nearer to a
-    neighbour's boundary of the same orientation than to this muscle's is dropped.
+    Where muscles touch, the image shows no edge between them, and the edge along a normal is the neighbour's
+    far side: places that no edge was found for in neutral have none in another pose, and a marker that is
+    nearer to a neighbour's boundary of the same orientation than to this muscle's is dropped.
     """
     trees = [Distance(other) for other in others]
 

@@ -1,4 +1,6 @@
-"""The muscles as a layer of the simulation: one static equilibrium of all that may touch one another (000 section 4.1)."""
+"""The muscles as a layer of the simulation: one static equilibrium of all that may touch one another (000
+section 4.1).
+"""
 
 from __future__ import annotations
 
@@ -31,8 +33,10 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class SimulationOptions:
-    """Stiffnesses in mN/mm of a point: spring of attachments, contact, sliding; near: mm within which neighbours slide
-    on one another; touch: mm within which they have contact planes; renewals: how often contact planes are renewed; settled: mm of motion that needs none."""
+    """Stiffnesses in mN/mm of a point: spring of attachments, contact, sliding; near: mm within which
+    neighbours slide on one another; touch: mm within which they have contact planes; renewals: how often
+    contact planes are renewed; settled: mm of motion that needs none.
+    """
 
     material: Material = MUSCLE
     spring: float = 2000.0
@@ -45,7 +49,9 @@ class SimulationOptions:
 
 
 class MuscleLayer:
-    """Muscles of loaded artifacts. `examples` gives their surfaces in known poses, which tell what slides on what."""
+    """Muscles of loaded artifacts. `examples` gives their surfaces in known poses, which tell what slides on
+    what.
+    """
 
     name = "muscles"
     needs: tuple[str, ...] = ("bones", "tendons")

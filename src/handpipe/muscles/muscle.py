@@ -14,7 +14,7 @@ from handpipe.fem import plasticity
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.body import Body
-from handpipe.muscles.pose_strains import PoseStrains
+from handpipe.muscles.pose_strains import PoseStrains, StrainOptions, fit_pose_strains
 from handpipe.skeleton.pose_space import Interpolation, PoseSpace
 
 Array = NDArray[np.float64]
@@ -24,11 +24,12 @@ KIND = "muscle"
 
 @dataclass(frozen=True)
 class Muscle:
-    """name; body in neutral; space: its pose space, whose examples have the logarithms (N, m, 6) of plastic strains.
+    """name; body in neutral; space: its pose space, whose examples have the logarithms (N, m, 6) of plastic
+    strains.
 
-    Neutral is one of the examples, with logarithm zero. Logarithms are interpolated, so that every strain between the
-    examples is positive definite whatever the weights are. vertices (N, n, 3) and bones are the examples' mesh vertices
-    and bone transforms: where the search for an equilibrium begins.
+    Neutral is one of the examples, with logarithm zero. Logarithms are interpolated, so that every strain
+    between the examples is positive definite whatever the weights are. vertices (N, n, 3) and bones are the
+    examples' mesh vertices and bone transforms: where the search for an equilibrium begins.
     """
 
     name: str
@@ -48,10 +49,11 @@ class Muscle:
         fit: PoseStrains,
         interpolation: Interpolation = "rbf",
     ) -> Muscle:
-        """From the strains of example poses, whose transforms are pose -> bone -> from neutral; parents: bone -> parent.
+        """From the strains of example poses, whose transforms are pose -> bone -> from neutral; parents: bone
+        -> parent.
 
-        Radial functions with a linear part follow the trend between examples, where positive weights are flat:
-        measured in held-out poses of a phantom, surfaces were two to four times nearer to the truth.
+        Radial functions with a linear part follow the trend between examples, where positive weights are
+        flat: measured in held-out poses of a phantom, surfaces were two to four times nearer to the truth.
         """
         still = {bone: RigidTransform.identity() for bone in body.attachments}
         own = [{b: t[b] for b in body.attachments} for t in transforms.values()]
@@ -62,8 +64,37 @@ class Muscle:
         vertices = np.concatenate([body.mesh.vertices[None], fit.vertices])
         return Muscle(name, body, space, logs, vertices, (still, *own))
 
+    @staticmethod
+    def fit(
+        name: str,
+        body: Body,
+        parents: Mapping[str, str],
+        neutral: str,
+        transforms: Mapping[str, Mapping[str, RigidTransform]],
+        surfaces: Mapping[str, Surface],
+        starts: Mapping[str, Array],
+        options: StrainOptions | None = None,
+    ) -> tuple[Muscle, PoseStrains]:
+        """Stage 3: a muscle from its separated surfaces and stage 1's mesh vertices (n, 3), both by pose.
+
+        `transforms` holds the example poses, in the order of the result; held vertices of `surfaces` are seated.
+        """
+        space = PoseSpace.build(list(body.attachments), parents, transforms)
+        fit = fit_pose_strains(
+            body.mesh,
+            body.matrix,
+            [surfaces[p].vertices for p in transforms],
+            space.examples,
+            [starts[p] for p in transforms],
+            body.held,
+            options,
+        )
+        return Muscle.of(name, body, parents, neutral, transforms, fit), fit
+
     def guess(self, bones: Mapping[str, Surface], transforms: Mapping[str, RigidTransform]) -> Array:
-        """Mesh vertices (n, 3) of the most similar example, moved along with the bones; bones: neutral surfaces."""
+        """Mesh vertices (n, 3) of the most similar example, moved along with the bones; bones: neutral
+        surfaces.
+        """
         nearest = int(np.argmin(np.linalg.norm(self.space.examples - self.space.vector(transforms), axis=1)))
         return self.body.follow(bones, transforms, (self.bones[nearest], self.vertices[nearest]))
 

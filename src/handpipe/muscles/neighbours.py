@@ -20,8 +20,10 @@ Neighbours = dict[tuple[str, str], tuple[IntArray, Array]]
 
 @dataclass(frozen=True)
 class Pairs:
-    """Vertices (c,) of one surface; feet (c, v) weights of the other's vertices closest to each; unit normals (c, 3)
-    there, outwards; gaps (c,) in mm, negative inside; rest (c,): gaps that sliding keeps, zero where unknown."""
+    """Vertices (c,) of one surface; feet (c, v) weights of the other's vertices closest to each; unit normals
+    (c, 3) there, outwards; gaps (c,) in mm, negative inside; rest (c,): gaps that sliding keeps, zero
+    where unknown.
+    """
 
     vertices: IntArray
     feet: sparse.csr_matrix
@@ -57,7 +59,9 @@ def pairs(a: Surface, b: Surface, near: float) -> Pairs:
 
 
 def sliding_vertices(poses: Sequence[Mapping[str, Surface]], near: float) -> Neighbours:
-    """Proximity vertices (000 section 4.1): within `near` mm of the neighbour in every pose, and their mean gaps."""
+    """Proximity vertices (000 section 4.1): within `near` mm of the neighbour in every pose, and their mean
+    gaps.
+    """
     found: Neighbours = {}
     for a in poses[0]:
         for b in poses[0]:

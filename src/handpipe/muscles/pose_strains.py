@@ -4,10 +4,10 @@ Minimises, over the mesh vertices x_i of each example pose i,
 
     sum_i |L S(x_i)|^2 + alpha |W x_i - y_i|^2 + gamma sum_i |sum_j Lpose_ij S(x_j)|^2,
 
-S the logarithm of the stretch of each tet against neutral, y_i the surface of stage 2 and Lpose the graph Laplacian of
-the poses; neutral is one of its nodes, with S = 0. Given the other poses, the last term pulls S(x_k) towards one field,
-so that a block of the block-coordinate descent is gamma a_k |S(x_k) - c_k|^2 and each Gauss-Newton step is one solve
-with a matrix that stays the same over the sweeps.
+S the logarithm of the stretch of each tet against neutral, y_i the surface of stage 2 and Lpose the graph
+Laplacian of the poses; neutral is one of its nodes, with S = 0. Given the other poses, the last term pulls
+S(x_k) towards one field, so that a block of the block-coordinate descent is gamma a_k |S(x_k) - c_k|^2 and
+each Gauss-Newton step is one solve with a matrix that stays the same over the sweeps.
 """
 
 from __future__ import annotations
@@ -35,9 +35,10 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class StrainOptions:
-    """alpha: 1/mm^2, weight of the surface against spatial smoothness, for a surface vertex; held: the same for
-    attached vertices, whose places are known; largest: mm between surfaces that pose smoothness may cost;
-    sweeps: over all poses for each gamma; bisections: of gamma's logarithm."""
+    """alpha: 1/mm^2, weight of the surface against spatial smoothness, for a surface vertex; held: the same
+    for attached vertices, whose places are known; largest: mm between surfaces that pose smoothness may
+    cost; sweeps: over all poses for each gamma; bisections: of gamma's logarithm.
+    """
 
     alpha: float = 10.0
     held: float = 1000.0
@@ -50,8 +51,10 @@ class StrainOptions:
 
 @dataclass
 class PoseStrains:
-    """vertices (N, n, 3) and plastic strains (N, m, 6) in the N example poses; gamma; largest distance (N,) in mm to
-    the given surfaces; eigenvalues: least and greatest of all strains; objective after each sweep."""
+    """vertices (N, n, 3) and plastic strains (N, m, 6) in the N example poses; gamma; largest distance (N,)
+    in mm to the given surfaces; eigenvalues: least and greatest of all strains; objective after each
+    sweep.
+    """
 
     vertices: Array
     strains: Array
@@ -62,8 +65,9 @@ class PoseStrains:
 
 
 def pose_laplacian(poses: Array) -> Array:
-    """Laplacian (N, N) of the complete graph of pose vectors (N, d): each row a pose less the mean of the others,
-    weighted by inverse distance (003 section 6.1.4)."""
+    """Laplacian (N, N) of the complete graph of pose vectors (N, d): each row a pose less the mean of the
+    others, weighted by inverse distance (003 section 6.1.4).
+    """
     distances = np.linalg.norm(poses[:, None] - poses[None], axis=2)
     nearness = 1 / np.maximum(distances, 1e-3)  # rad; poses that coincide weigh alike
     np.fill_diagonal(nearness, 0.0)
@@ -81,9 +85,9 @@ def fit_pose_strains(
 ) -> PoseStrains:
     """Plastic strains of a muscle in its example poses.
 
-    rest: neutral mesh; embedding (v, n) carries its surface; surfaces: N arrays (v, 3), the same points in each
-    example pose; poses (N, d): pose vectors in rad, neutral at the origin; starts: N arrays (n, 3) of mesh vertices to
-    begin with; held: surface vertices (t,) that are attached, and exact in `surfaces`.
+    rest: neutral mesh; embedding (v, n) carries its surface; surfaces: N arrays (v, 3), the same points in
+    each example pose; poses (N, d): pose vectors in rad, neutral at the origin; starts: N arrays (n, 3) of
+    mesh vertices to begin with; held: surface vertices (t,) that are attached, and exact in `surfaces`.
     Raises `ConvergenceError` where a tet stays inverted.
     """
     options = options or StrainOptions()
@@ -139,7 +143,7 @@ class _Block:
         self.data = sparse.kron(embedding.T @ sparse.diags(weights) @ embedding, sparse.eye(3), format="csr")
 
     def linearise(self, x: Array) -> None:
-        """Renew the Jacobian J and the matrices of smoothness, |L J dx|^2, and nearness to a field, |J dx|^2."""
+        """Renew the Jacobian J, and the matrices of |L J dx|^2 and of |J dx|^2."""
         _, jacobian = self.stretch.linearise(x)
         root = sparse.diags(np.tile(np.sqrt(COUNTS), self.laplacian.shape[0]))
         scaled = (root @ jacobian).tocsr()
@@ -171,7 +175,7 @@ class _Block:
         return (jacobian.T @ by_strain.ravel()).reshape(-1, 3) + by_place
 
     def step(self, x: Array, field_: Array) -> tuple[Array, float]:
-        """One Gauss-Newton step with the factor at hand, halved until the objective falls; and the decrease."""
+        """A Gauss-Newton step by the factor at hand, halved until the objective falls; and the decrease."""
         before = self.value(x, field_)
         gradient = self.gradient(x, field_)
         direction = -self.factor.solve(gradient.ravel()).reshape(-1, 3)
@@ -248,7 +252,9 @@ class _Descent:
         return total
 
     def with_largest_gamma(self, x: list[Array], allowed: float) -> tuple[list[Array], float, list[float]]:
-        """The smoothest strains over poses whose surfaces stay within `allowed` mm, by bisection of log gamma."""
+        """The smoothest strains over poses whose surfaces stay within `allowed` mm, by bisection of log
+        gamma.
+        """
         low, high = np.log(self.options.gammas)
         best, gamma, objectives = x, 0.0, []
         for i in range(self.options.bisections + 1):

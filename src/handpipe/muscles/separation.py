@@ -1,16 +1,20 @@
-"""Stage 2: surfaces of one pose pushed apart until no muscle is inside another or inside a bone (000 section 4.4)."""
+"""Stage 2: surfaces of one pose pushed apart until no muscle is inside another or inside a bone (000 section
+4.4).
+"""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from handpipe import artifacts
 from handpipe.errors import ConvergenceError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
@@ -21,6 +25,7 @@ IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 
+KIND = "separated-muscles"
 STRIDE = 0.5  # mm that a vertex moves in one step at most
 
 
@@ -45,6 +50,16 @@ class Separation:
     penetration: float
     iterations: int
 
+    def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
+        """Write the surfaces as an artifact."""
+        data = {n: {"vertices": s.vertices, "triangles": s.triangles} for n, s in self.surfaces.items()}
+        artifacts.write(path, data, kind=KIND, units={f"{n}/vertices": "mm" for n in data}, inputs=inputs)
+
+
+def load_surfaces(path: str | Path) -> dict[str, Surface]:
+    """The surfaces that `Separation.save` wrote, by muscle."""
+    return {n: Surface(s["vertices"], s["triangles"]) for n, s in artifacts.read(path, KIND).items()}
+
 
 def separate(
     muscles: Mapping[str, Surface],
@@ -57,8 +72,8 @@ def separate(
 
     The displacement u minimises thin-plate bending and size, reach^4 |lap u|^2 + |u|^2 integrated over the
     surfaces, under a stiff one-sided penalty at vertices, edge midpoints and triangle centres that lie inside
-    another body. Where nothing is penetrated u is zero and stays zero. held: vertex ids of each muscle that do not
-    move and do not collide (attachments). Raises `ConvergenceError` where penetration remains.
+    another body. Where nothing is penetrated u is zero and stays zero. held: vertex ids of each muscle that
+    do not move and do not collide (attachments). Raises `ConvergenceError` where penetration remains.
     """
     options = options or SeparationOptions()
     bodies = [_Body(s, options.reach, (held or {}).get(name)) for name, s in muscles.items()]
@@ -102,7 +117,9 @@ class _Body:
 
 
 def _sampling(surface: Surface, held: NDArray[np.bool_]) -> sparse.csr_matrix:
-    """Matrix (s, n) that takes vertices to vertices, edge midpoints and triangle centres, without held vertices."""
+    """Matrix (s, n) that takes vertices to vertices, edge midpoints and triangle centres, without held
+    vertices.
+    """
     n, edges, triangles = len(surface.vertices), surface.edges(), surface.triangles
     free = np.flatnonzero(~held)
     edges, triangles = edges[~held[edges].any(axis=1)], triangles[~held[triangles].any(axis=1)]
@@ -119,7 +136,7 @@ def _average(cells: IntArray, n: int) -> sparse.csr_matrix:
 
 @dataclass(frozen=True)
 class _Contacts:
-    """Gaps (c,) minus the clearance, their gradients by all coordinates (c, 3 N), the points' weights (c, N)."""
+    """Gaps (c,) less the clearance, their gradients (c, 3 N), and the points' weights of vertices (c, N)."""
 
     gaps: Array
     rows: sparse.csr_matrix

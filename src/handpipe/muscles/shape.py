@@ -1,9 +1,11 @@
-"""Shape from plastic strains: the strain field whose static equilibrium meets what the image shows (003 chapter 5).
+"""Shape from plastic strains: the strain field whose static equilibrium meets what the image shows (003
+chapter 5).
 
-Minimises (|L S|^2 + volume |tr S|^2 + strain |S - S_guess|^2) / 2 + alpha / 2 sum_k w_k |A_k x - z_k|^2 + beta / 2 |attachment errors|^2 over log-strains S, where x
-is the equilibrium of the elastic body with the plastic strains exp(S) under its attachment springs. Logarithms keep
-every plastic strain positive definite, so that no step needs clamping. The search is coarse to fine: uniform strain
-first, then more of the smoothest strain fields; each Gauss-Newton step costs one factorisation of the stiffness matrix.
+Minimises (|L S|^2 + volume |tr S|^2 + strain |S - S_guess|^2) / 2 + alpha / 2 sum_k w_k |A_k x - z_k|^2 +
+beta / 2 |attachment errors|^2 over log-strains S, where x is the equilibrium of the elastic body with the
+plastic strains exp(S) under its attachment springs. Logarithms keep every plastic strain positive definite,
+so that no step needs clamping. The search is coarse to fine: uniform strain first, then more of the smoothest
+strain fields; each Gauss-Newton step costs one factorisation of the stiffness matrix.
 """
 
 from __future__ import annotations
@@ -60,12 +62,13 @@ class Attached:
 
 @dataclass(frozen=True)
 class ShapeOptions:
-    """alpha, beta: 1/mm^2, weights of markers and attachments against smoothness (003 Eq. 5.3: 1e9 and 1e8 per m^2);
-    spring: mN/mm of an attached point; fields: how many strain fields each stage may use; iterations: at most, in
-    each stage; enough: mm of largest marker error that ends the search; progress: relative decrease of the objective
-    below which a stage ends; tangential: share of a marker's error that counts along the surface; volume: weight
-    of each tet's squared change of volume (log), strain: of its
-    squared departure from the guess's strains, for a body and a guess that are known well."""
+    """alpha, beta: 1/mm^2, weights of markers and attachments against smoothness (003 Eq. 5.3: 1e9 and 1e8
+    per m^2); spring: mN/mm of an attached point; fields: how many strain fields each stage may use;
+    iterations: at most, in each stage; enough: mm of largest marker error that ends the search; progress:
+    relative decrease of the objective below which a stage ends; tangential: share of a marker's error that
+    counts along the surface; volume: weight of each tet's squared change of volume (log), strain: of its
+    squared departure from the guess's strains, for a body and a guess that are known well.
+    """
 
     alpha: float = 0.1
     beta: float = 0.1
@@ -121,10 +124,11 @@ def fit_shape(
 ) -> ShapeFit:
     """Fit a body to markers on its boundary.
 
-    mesh: the body at rest; surface: its embedded surface at rest, carried by embedding (v, n); find_markers gives the
-    image's boundary points near the present surface and is called before every step; landmarks: known places of
-    points of the body, used before the markers and then dropped; start: vertices (n, 3) of a first guess, whose strains
-    the search begins with. Raises `ConvergenceError` where no equilibrium is found at the start.
+    mesh: the body at rest; surface: its embedded surface at rest, carried by embedding (v, n); find_markers
+    gives the image's boundary points near the present surface and is called before every step; landmarks:
+    known places of points of the body, used before the markers and then dropped; start: vertices (n, 3) of a
+    first guess, whose strains the search begins with. Raises `ConvergenceError` where no equilibrium is found
+    at the start.
     """
     options = options or ShapeOptions()
     problem = _Problem(mesh, attached, options)
@@ -160,7 +164,7 @@ class _Problem:
         self.springs = Attachment(attached.matrix, attached.targets, options.spring)
 
     def begin(self, mesh: TetMesh, x: Array) -> _State:
-        """The equilibrium under the smoothest part of the strains that a guess x has, without its extremes."""
+        """The equilibrium under the smoothest part of a guess's strains, without its extremes."""
         logs = np.clip(StretchField(mesh)(x), -GUESSED, GUESSED)
         coefficients = self.basis.project(logs)
         coefficients[SMOOTHEST:] = 0.0
@@ -206,7 +210,9 @@ class _Problem:
     def improve(
         self, state: _State, markers: Correspondence, before: float, count: int
     ) -> tuple[_State, float]:
-        """One Gauss-Newton step (003 Eq. 5.8) with the longest of the steps 1, 1/2, 1/4... that lowers the objective."""
+        """One Gauss-Newton step (003 Eq. 5.8) with the longest of the steps 1, 1/2, 1/4... that lowers the
+        objective.
+        """
         direction, motion, slope = self.direction(state, markers, count)
         step = 1.0
         while step >= 0.01:
@@ -223,7 +229,8 @@ class _Problem:
     def direction(self, state: _State, markers: Correspondence, count: int) -> tuple[Array, Array, float]:
         """Change of coefficients (k, 6), predicted change of x (n, 3), and the objective's slope along them.
 
-        x follows the strains by J = -K^-1 d(gradient)/dS (003 Eq. 5.10), kept only on the span of `count` fields.
+        x follows the strains by J = -K^-1 d(gradient)/dS (003 Eq. 5.10), kept only on the span of `count`
+        fields.
         """
         basis, o = self.basis.first(count), self.options
         chain = plasticity.per_tet_operator(plasticity.exp_derivative(self.basis(state.coefficients)))
@@ -271,7 +278,7 @@ class _Problem:
         )
 
     def report(self, i: Iteration) -> None:
-        text = "%s: objective %.4g, markers mean %.3f max %.3f mm, attachments max %.3f mm, least eigenvalue %.2f, step %.2f"
+        text = "%s: objective %.4g, markers %.3f (%.3f) mm, attachments %.3f mm, eigenvalue %.2f, step %.2f"
         log.info(
             text, i.stage, i.objective, i.marker_mean, i.marker_max, i.attachment_max, i.eigenvalue, i.step
         )

@@ -1,7 +1,8 @@
 """The logarithm of the stretch of a deformation gradient, and its derivative.
 
-F = R U with U symmetric. Plastic strains are compared, smoothed and interpolated through log U: it does not see
-rotations, it is minus infinity where a tet collapses, and the exponential of any combination is positive definite.
+F = R U with U symmetric. Plastic strains are compared, smoothed and interpolated through log U: it does not
+see rotations, it is minus infinity where a tet collapses, and the exponential of any combination is positive
+definite.
 """
 
 from __future__ import annotations
@@ -25,8 +26,9 @@ LEAST = 1e-6  # squared stretch of a collapsed tet
 def log_stretch(f: Array) -> tuple[Array, Array]:
     """log U (m, 6) of deformation gradients (m, 3, 3), and its derivative (m, 6, 9) by row-major F.
 
-    With C = F^T F = Q diag(c) Q^T, d log U = Q (G o Q^T dC Q) Q^T, G_ij = (log c_i - log c_j) / (2 (c_i - c_j)): the
-    Sylvester equation of 003 Eq. 5.24 written in the eigenvectors, for the logarithm in place of the root.
+    With C = F^T F = Q diag(c) Q^T, d log U = Q (G o Q^T dC Q) Q^T, G_ij = (log c_i - log c_j) / (2 (c_i -
+    c_j)): the Sylvester equation of 003 Eq. 5.24 written in the eigenvectors, for the logarithm in place of
+    the root.
     """
     c, q = np.linalg.eigh(np.swapaxes(f, 1, 2) @ f)
     c = np.maximum(c, LEAST)
@@ -41,7 +43,7 @@ def log_stretch(f: Array) -> tuple[Array, Array]:
 
 
 def _divided_differences(c: Array, logs: Array) -> Array:
-    """(logs_i - logs_j) / (c_i - c_j) as (m, 3, 3) for logs = log(c) / 2, with its limit where they are near."""
+    """(logs_i - logs_j) / (c_i - c_j) as (m, 3, 3), logs = log(c) / 2, or its limit where they are near."""
     difference = c[:, :, None] - c[:, None]
     mean = 0.5 * (c[:, :, None] + c[:, None])
     near = np.abs(difference) < 1e-5 * mean

@@ -41,16 +41,17 @@ class Affine:
 def register_bones(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> dict[str, Affine]:
     """Affine maps of template bones onto the subject's bones of the same names.
 
-    One similarity of all bones together, which tells right from left and front from back, starts each bone's own
-    iterative closest points: rigid with one scale first, then affine. The template's frame may be turned against
-    the subject's by any angle about the axis of the bones' arrangement as long as the bones' shapes show it.
+    One similarity of all bones together, which tells right from left and front from back, starts each bone's
+    own iterative closest points: rigid with one scale first, then affine. The template's frame may be turned
+    against the subject's by any angle about the axis of the bones' arrangement as long as the bones' shapes
+    show it.
     """
     together = _similarity(templates, bones)
     return {name: _register(templates[name], bones[name], together) for name in templates}
 
 
 def _similarity(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> Affine:
-    """The best of several similarities from centroids and long axes, refined by closest points of all bones."""
+    """The best of several similarities from centroids, refined by closest points of all bones."""
     source = np.concatenate([sample_points(s, SAMPLES, seed=1) for s in templates.values()])
     own = np.repeat(np.arange(len(templates)), SAMPLES)
     targets = [Distance(bones[name]) for name in templates]
@@ -141,8 +142,9 @@ def _fit_affine(source: Array, target: Array) -> Affine:
 class Warp:
     """A smooth map of the template's space that carries each template bone onto the subject's.
 
-    Each bone's affine map leaves it a little off the subject's surface; points spread over the bones are corrected to
-    the closest ones there, and biharmonic interpolation of all of them carries what lies between the bones.
+    Each bone's affine map leaves it a little off the subject's surface; points spread over the bones are
+    corrected to the closest ones there, and biharmonic interpolation of all of them carries what lies between
+    the bones.
     """
 
     def __init__(self, templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> None:
@@ -170,7 +172,9 @@ class Guess:
 
 
 def place(template: Surface, attachments: Mapping[str, IntArray], warp: Warp, edge: float) -> Guess:
-    """The warped template, remeshed to an edge length in mm; attached is what lies nearest to an attached vertex."""
+    """The warped template, remeshed to an edge length in mm; attached is what lies nearest to an attached
+    vertex.
+    """
     moved = Surface(warp(template.vertices), template.triangles)
     owner = np.full(len(moved.vertices), -1)
     names = list(attachments)
@@ -188,7 +192,7 @@ def place(template: Surface, attachments: Mapping[str, IntArray], warp: Warp, ed
 
 
 def read_attachments(path: str | Path, template: Surface) -> dict[str, IntArray]:
-    """Vertex ids by bone of a JSON file {bone: [ids]}; raises `InputError` where malformed or out of range."""
+    """Vertex ids by bone of a JSON file {bone: [ids]}; raises `InputError` where they are wrong."""
     remedy = "Give {bone: [template vertex ids]}"
     try:
         content = json.loads(Path(path).read_text())
