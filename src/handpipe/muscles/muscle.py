@@ -77,7 +77,8 @@ class Muscle:
     ) -> tuple[Muscle, PoseStrains]:
         """Stage 3: a muscle from its separated surfaces and stage 1's mesh vertices (n, 3), both by pose.
 
-        `transforms` holds the example poses, in the order of the result; held vertices of `surfaces` are seated.
+        `transforms` holds the example poses, in the order of the result; held vertices of `surfaces` are
+        seated.
         """
         space = PoseSpace.build(list(body.attachments), parents, transforms)
         fit = fit_pose_strains(
