@@ -42,6 +42,7 @@ class FitSettings:
     hold: float = 10.0  # weight of the constraints in the search direction, against the scan's
     reach: float = 6.0  # mm within which the scan is looked for
     rim: float = 1.0  # mm around the scan's holes that say nothing
+    enough: float = 0.03  # mm of mean gap at which a fit ends: the noise of a good scan
     iterations: int = 10
     least_gain: float = 0.01  # relative decrease under which the fit has settled
     least_step: float = 0.1  # of the line search
@@ -172,7 +173,7 @@ def fit_strains(
             iteration + 1,
             *record[-1].values(),
         )
-        if gain < settings.least_gain:
+        if gain < settings.least_gain or record[-1]["mean_gap"] < settings.enough:
             break
     return FatFit(now.logs, now.x, record)
 

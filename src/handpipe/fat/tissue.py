@@ -36,8 +36,8 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 OPTIONS = Options(displacement_tolerance=1e-3, force_tolerance=1e-3, name="soft tissue")
-PASSES = 6  # times that contact planes are taken anew, at most
-SETTLED = 0.02  # mm that the skin may still move after the last time
+PASSES = 4  # times that contact planes are taken anew, at most
+SETTLED = 0.05  # mm that the skin may still move after the last time
 
 
 @dataclass(frozen=True)
