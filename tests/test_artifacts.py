@@ -56,3 +56,11 @@ def test_wrong_kind_and_missing_file_are_named(tmp_path, kind, field):
         artifacts.write(path, {"x": 1}, kind="thing")
     with pytest.raises(InputError, match=f"x.h5: {field}:"):
         artifacts.read(path, kind)
+
+
+def test_leftovers_of_a_killed_writer_are_removed(tmp_path):
+    mine, other = tmp_path / ".4711.x.h5", tmp_path / ".4711.y.h5"
+    for path in (mine, other):
+        path.write_bytes(b"half")
+    artifacts.write(tmp_path / "x.h5", {"n": 3}, kind="test")
+    assert sorted(p.name for p in tmp_path.iterdir()) == [other.name, "x.h5"]

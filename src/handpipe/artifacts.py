@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import os
@@ -23,10 +24,14 @@ SCHEMA_VERSION = 1
 def atomic(path: str | Path) -> Iterator[Path]:
     """Give a temporary path beside `path`; rename it to `path` only if the block succeeds.
 
-    The temporary name keeps the suffixes of `path`, which many writers go by.
+    The temporary name keeps the suffixes of `path`, which many writers go by. What a killed process left
+    of the same file is removed.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
+    for leftover in path.parent.glob(f".*.{glob.escape(path.name)}"):
+        if leftover.name.removesuffix(f".{path.name}")[1:].isdigit():
+            leftover.unlink(missing_ok=True)
     temporary = path.with_name(f".{os.getpid()}.{path.name}")
     try:
         yield temporary
