@@ -2,6 +2,8 @@
 
 import fcntl
 import functools
+import hashlib
+import json
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
@@ -30,6 +32,21 @@ def dataset(subject):
 
 def dataset_file(subject):
     return f"config/datasets/{subject}.yaml"
+
+
+def of_dataset(wildcards):
+    return dataset_file(wildcards.subject)
+
+
+def dataset_digest(wildcards):
+    """What a dataset file says, but for scribbles, which are inputs of their own bones alone.
+
+    Rules take the file as ancient and this as a parameter: a comment or a scribble added to it reruns nothing else.
+    """
+    data = dataset(wildcards.subject).model_dump(mode="json")
+    for pose in data["poses"].values():
+        del pose["scribbles"]
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
 @functools.cache

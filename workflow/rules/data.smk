@@ -3,7 +3,7 @@
 
 rule generate_templates:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
     output:
         directory("results/{subject}/data/templates"),
         directory("results/{subject}/data/curves"),
@@ -15,6 +15,8 @@ rule generate_templates:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: templates, tendon curves and nails"
     script:
@@ -23,7 +25,7 @@ rule generate_templates:
 
 rule generate_pose:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
     output:
         volume="results/{subject}/data/volumes/{pose}.nii.gz",
         seeds="results/{subject}/data/seeds/{pose}.nii.gz",
@@ -39,6 +41,8 @@ rule generate_pose:
     resources:
         mem_mb=2500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: images, scan and truth of {wildcards.pose}"
     script:
@@ -47,7 +51,7 @@ rule generate_pose:
 
 rule check_subject:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         files=surface_files,
     output:
         "results/{subject}/check.json",
@@ -59,6 +63,8 @@ rule check_subject:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: scans, templates and attachments are what the dataset says"
     script:

@@ -3,7 +3,7 @@
 
 rule make_bone_fascia:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
     output:
         "results/{subject}/fascia/bone.h5",
@@ -16,6 +16,7 @@ rule make_bone_fascia:
         mem_mb=1500,
         runtime=10,
     params:
+        dataset=dataset_digest,
         edge=config["edges"]["fascia"],
     message:
         "{wildcards.subject}: bone fascia"
@@ -25,7 +26,7 @@ rule make_bone_fascia:
 
 rule make_muscle_fascia:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         muscles=lambda w: expand(
             "results/{subject}/muscles/{muscle}/strains.h5",
@@ -43,6 +44,7 @@ rule make_muscle_fascia:
         mem_mb=1500,
         runtime=10,
     params:
+        dataset=dataset_digest,
         edge=config["edges"]["fascia"],
     message:
         "{wildcards.subject}: muscle fascia"

@@ -4,7 +4,7 @@
 rule mesh_fat:
     input:
         rig="results/{subject}/rig.h5",
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         layers=lambda w: layer_files(w.subject, INNER_LAYERS),
         scan=lambda w: dataset(w.subject).path(
             dataset(w.subject).poses[neutral(w.subject)].scan
@@ -21,6 +21,7 @@ rule mesh_fat:
         mem_mb=2500,
         runtime=10,
     params:
+        dataset=dataset_digest,
         layers=INNER_LAYERS,
         edges=config["edges"],
     message:
@@ -31,7 +32,7 @@ rule mesh_fat:
 
 rule mesh_soft_tissue:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         scan=lambda w: dataset(w.subject).path(
             dataset(w.subject).poses[neutral(w.subject)].scan
@@ -48,6 +49,7 @@ rule mesh_soft_tissue:
         mem_mb=2500,
         runtime=10,
     params:
+        dataset=dataset_digest,
         edges=config["edges"],
     message:
         "{wildcards.subject}: one soft tissue between the bones and the skin"
@@ -58,7 +60,7 @@ rule mesh_soft_tissue:
 rule simulate_inner:
     input:
         rig="results/{subject}/rig.h5",
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         layers=lambda w: layer_files(w.subject, INNER_LAYERS),
     output:
         "results/{subject}/poses/{pose}/inner.h5",
@@ -71,6 +73,7 @@ rule simulate_inner:
         mem_mb=2000,
         runtime=10,
     params:
+        dataset=dataset_digest,
         layers=INNER_LAYERS,
     message:
         "{wildcards.subject}: layers under the fat in {wildcards.pose}"
@@ -80,7 +83,7 @@ rule simulate_inner:
 
 rule fit_fat_strains:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         mesh="results/{subject}/fat/mesh.h5",
         inner="results/{subject}/poses/{pose}/inner.h5",
@@ -95,6 +98,8 @@ rule fit_fat_strains:
     resources:
         mem_mb=3000,
         runtime=30,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: plastic strains of the fat in {wildcards.pose}"
     script:
@@ -103,7 +108,7 @@ rule fit_fat_strains:
 
 rule collect_fat_strains:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         mesh="results/{subject}/fat/mesh.h5",
         poses=in_poses("results/{subject}/fat/poses/{pose}.h5", Role.example),
@@ -118,6 +123,7 @@ rule collect_fat_strains:
         mem_mb=1500,
         runtime=10,
     params:
+        dataset=dataset_digest,
         interpolation=config["interpolation"],
     message:
         "{wildcards.subject}: pose space of the fat"
@@ -127,7 +133,7 @@ rule collect_fat_strains:
 
 rule simulate_skin:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         inner="results/{subject}/poses/{pose}/inner.h5",
         fat="results/{subject}/fat/mesh.h5",
@@ -143,6 +149,8 @@ rule simulate_skin:
     resources:
         mem_mb=2500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: skin of {wildcards.pose} by the full, the strain-free and the single-tissue model"
     script:
@@ -151,7 +159,7 @@ rule simulate_skin:
 
 rule evaluate_skin:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         scans=lambda w: [
             p
@@ -168,6 +176,7 @@ rule evaluate_skin:
     output:
         metrics="results/{subject}/metrics/skin.json",
         table="results/{subject}/tables/skin.json",
+        array="results/{subject}/tables/skin.nc",
     log:
         "results/{subject}/logs/evaluate_skin/all.log",
     benchmark:
@@ -176,6 +185,8 @@ rule evaluate_skin:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: skin against scans"
     script:

@@ -3,7 +3,7 @@
 
 rule fit_ligament:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         templates="results/{subject}/templates.h5",
     output:
@@ -16,6 +16,8 @@ rule fit_ligament:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: place the {wildcards.ligament} ligament"
     script:

@@ -3,7 +3,7 @@
 
 rule place_templates:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         templates=lambda w: template_files(w.subject),
     output:
@@ -16,6 +16,8 @@ rule place_templates:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: place the templates of muscles and ligaments on the bones"
     script:
@@ -24,7 +26,7 @@ rule place_templates:
 
 rule extract_muscle:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         templates="results/{subject}/templates.h5",
         volume=neutral_volume,
         markers=muscle_markers,
@@ -38,6 +40,8 @@ rule extract_muscle:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: shape of {wildcards.muscle} in neutral"
     script:
@@ -69,7 +73,7 @@ rule separate_neutral:
 # One job for all: each pose starts from the most similar one that is known, and muscles know their neighbours.
 rule extract_muscle_shapes:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         neutral="results/{subject}/muscles/neutral.h5",
         volumes=lambda w: [
@@ -88,6 +92,8 @@ rule extract_muscle_shapes:
     resources:
         mem_mb=2000,
         runtime=30,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: shapes of the muscles in the example poses"
     script:
@@ -118,7 +124,7 @@ rule separate_muscles:
 
 rule fit_muscle_strains:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         neutral="results/{subject}/muscles/neutral.h5",
         shapes="results/{subject}/muscles/shapes.h5",
@@ -135,6 +141,8 @@ rule fit_muscle_strains:
     resources:
         mem_mb=1500,
         runtime=20,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: plastic strains of {wildcards.muscle} over the poses"
     script:
@@ -143,7 +151,7 @@ rule fit_muscle_strains:
 
 rule evaluate_muscles:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         muscles=of_muscles("results/{subject}/muscles/{muscle}/strains.h5"),
         separated=in_poses(
@@ -162,6 +170,8 @@ rule evaluate_muscles:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: muscles against truth"
     script:

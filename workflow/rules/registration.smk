@@ -3,7 +3,7 @@
 
 rule register_bones:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
         target="results/{subject}/segmentation/{pose}/surfaces.h5",
     output:
@@ -16,6 +16,8 @@ rule register_bones:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: register the bones of {wildcards.pose}"
     script:
@@ -24,7 +26,7 @@ rule register_bones:
 
 rule evaluate_registration:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
         registrations=in_poses("results/{subject}/registration/{pose}.h5"),
     output:
@@ -37,6 +39,8 @@ rule evaluate_registration:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: registration against truth"
     script:

@@ -3,7 +3,7 @@
 
 rule report:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         metrics=lambda w: report_metrics(w.subject),
         poses=lambda w: report_poses(w.subject),
@@ -23,6 +23,7 @@ rule report:
         mem_mb=2500,
         runtime=10,
     params:
+        dataset=dataset_digest,
         scenes=lambda w: {
             s: expand(
                 "results/{subject}/simulation/{scene}/frames-{chunk}.h5",

@@ -3,7 +3,7 @@
 
 rule fit_rig:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
         registrations=in_poses("results/{subject}/registration/{pose}.h5"),
     output:
@@ -18,6 +18,8 @@ rule fit_rig:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: fit the rig"
     script:

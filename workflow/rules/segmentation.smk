@@ -3,7 +3,7 @@
 
 rule segment_bone:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         check=subject_check,
         volume=of_pose("volume"),
         seeds=of_pose("seeds"),
@@ -18,6 +18,8 @@ rule segment_bone:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: segment {wildcards.bone} in {wildcards.pose}"
     script:
@@ -26,7 +28,7 @@ rule segment_bone:
 
 rule merge_labels:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         volume=of_pose("volume"),
         seeds=of_pose("seeds"),
         bones=lambda w: expand(
@@ -46,6 +48,8 @@ rule merge_labels:
     resources:
         mem_mb=2500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: labels and surfaces of {wildcards.pose}"
     script:
@@ -54,7 +58,7 @@ rule merge_labels:
 
 rule evaluate_segmentation:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         labels=in_poses("results/{subject}/segmentation/{pose}/labels.nii.gz"),
     output:
         "results/{subject}/metrics/segmentation.json",
@@ -66,6 +70,8 @@ rule evaluate_segmentation:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: segmentation against truth"
     script:

@@ -4,7 +4,7 @@
 rule simulate:
     input:
         rig="results/{subject}/rig.h5",
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         scene="config/scenes/{scene}.yaml",
         frames=frames_file,
         layers=lambda w: layer_files(w.subject, scene(w.scene).needed),
@@ -18,6 +18,8 @@ rule simulate:
     resources:
         mem_mb=3000,
         runtime=30,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: {wildcards.scene}, frames of chunk {wildcards.chunk}"
     script:

@@ -3,7 +3,7 @@
 
 rule extract_tendon:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         volume=lambda w: dataset(w.subject).path(
             dataset(w.subject).poses[neutral(w.subject)].volume
@@ -21,6 +21,8 @@ rule extract_tendon:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: extract the {wildcards.tendon} tendon in neutral"
     script:
@@ -29,7 +31,7 @@ rule extract_tendon:
 
 rule register_tendon:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         volume=of_pose("volume"),
         neutral="results/{subject}/tendons/{tendon}/neutral.h5",
@@ -44,6 +46,8 @@ rule register_tendon:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: register the {wildcards.tendon} tendon in {wildcards.pose}"
     script:
@@ -52,7 +56,7 @@ rule register_tendon:
 
 rule fit_hooks:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         neutral="results/{subject}/tendons/{tendon}/neutral.h5",
         poses=in_poses(
@@ -68,6 +72,8 @@ rule fit_hooks:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: fit the hooks of the {wildcards.tendon} tendon"
     script:
@@ -76,7 +82,7 @@ rule fit_hooks:
 
 rule evaluate_tendons:
     input:
-        dataset=lambda w: dataset_file(w.subject),
+        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         tendons=lambda w: expand(
             "results/{subject}/tendons/{tendon}/hooks.h5",
@@ -93,6 +99,8 @@ rule evaluate_tendons:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        dataset=dataset_digest,
     message:
         "{wildcards.subject}: simulated tendons against truth"
     script:

@@ -4,21 +4,25 @@ from common import stage
 from figures import stage_cost
 
 with stage(snakemake):
+    from pathlib import Path
+
     import numpy as np
 
     from handpipe import artifacts, metrics
     from handpipe.config import Role, load_dataset
-    from handpipe.evaluation.surfaces import symmetric_distance
+    from handpipe.evaluation.surfaces import penetration, symmetric_distance
     from handpipe.fem import plasticity
     from handpipe.hand.frames import read_frames
     from handpipe.mesh.surface import Surface
     from handpipe.mesh.tetrahedra import TetMesh
     from handpipe.muscles.muscle import Muscle
+    from handpipe.muscles.separation import load_surfaces
+    from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
-    from muscle_files import read_surfaces
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
+    base = Path("results") / snakemake.wildcards.subject
     muscles = [Muscle.load(path) for path in snakemake.input.muscles]
     figures = stage_cost(
         snakemake,
@@ -29,9 +33,16 @@ with stage(snakemake):
         "separate_muscles",
         "fit_muscle_strains",
     )
-    separations = [read_surfaces(path)[1] for path in snakemake.input.separated]
-    figures["penetration_before_max"] = (max(float(f["penetration_before"]) for f in separations), "mm")
-    figures["penetration_max"] = (max(float(f["penetration"]) for f in separations), "mm")
+    depths = []
+    for pose, path in zip(dataset.examples, snakemake.input.separated, strict=True):
+        surfaces = load_surfaces(path)
+        transforms = read_registration(base / f"registration/{pose}.h5")
+        bones = [s.moved(transforms[n](s.vertices)) for n, s in rig.surfaces.items()]
+        for muscle in muscles:
+            free = np.delete(surfaces[muscle.name].vertices, muscle.body.held, axis=0)
+            others = [s for n, s in surfaces.items() if n != muscle.name]
+            depths += [penetration(free, other).max() for other in (*bones, *others)]
+    figures["penetration_max"] = (float(max(depths)), "mm")
     eigenvalues = np.concatenate(
         [plasticity.eigenvalues(plasticity.exp(m.logs.reshape(-1, 6))) for m in muscles]
     )

@@ -6,6 +6,9 @@ from common import stage
 from figures import stage_cost
 
 with stage(snakemake):
+    import numpy as np
+    import xarray as xr
+
     from handpipe import artifacts, metrics
     from handpipe.config import load_dataset
     from handpipe.evaluation.surfaces import surface_distance
@@ -33,3 +36,16 @@ with stage(snakemake):
                 figures[f"{prefix}{role}_error_{statistic}"] = figures[f"skin_{role}_{model}_{statistic}"]
     metrics.write(snakemake.output.metrics, figures)
     artifacts.write_text(snakemake.output.table, json.dumps(rows, indent=2))
+    values = [
+        [[statistic(e) for statistic in (np.mean, np.median, np.max)] for e in m.values()]
+        for m in errors.values()
+    ]
+    table = xr.DataArray(
+        np.array(values),
+        coords={"pose": list(errors), "model": ["m0", "m1", "m2"], "statistic": ["mean", "median", "max"]},
+        dims=("pose", "model", "statistic"),
+        name="distance",
+        attrs={"units": "mm", "long_name": "distance from the scan's vertices to the simulated skin"},
+    )
+    with artifacts.atomic(snakemake.output.array) as temporary:
+        table.to_netcdf(temporary, engine="h5netcdf")

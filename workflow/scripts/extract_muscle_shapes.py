@@ -5,7 +5,7 @@ from common import stage
 with stage(snakemake):
     from handpipe import artifacts
     from handpipe.config import load_dataset
-    from handpipe.imaging.markers import MarkerSettings, read_markers
+    from handpipe.imaging.markers import read_markers
     from handpipe.imaging.volume import read_volume
     from handpipe.muscles.extraction import extract_poses
     from handpipe.skeleton.bones import read_registration
@@ -28,7 +28,6 @@ with stage(snakemake):
         transforms,
         lambda pose: read_volume(dataset.path(dataset.poses[pose].volume)),
         points=placed,
-        markers=MarkerSettings(search=2.0),
     )
     data = {
         pose: {m: {"vertices": e.surface.vertices, "mesh_vertices": e.vertices} for m, e in muscles.items()}

@@ -25,18 +25,3 @@ def write_bodies(path, bodies, inputs):
 def read_bodies(path):
     """What `write_bodies` wrote."""
     return {name: Body.from_group(group) for name, group in artifacts.read(path, "muscle_bodies").items()}
-
-
-def write_surfaces(path, surfaces, figures, inputs):
-    """Separated surfaces by muscle, with figures of the separation."""
-    data = {n: {"vertices": s.vertices, "triangles": s.triangles} for n, s in surfaces.items()}
-    units = {f"muscles/{name}/vertices": "mm" for name in data}
-    artifacts.write(
-        path, {"muscles": data, "figures": figures}, kind="separated_muscles", units=units, inputs=inputs
-    )
-
-
-def read_surfaces(path):
-    """Surfaces by muscle, and the figures."""
-    data = artifacts.read(path, "separated_muscles")
-    return {n: Surface(d["vertices"], d["triangles"]) for n, d in data["muscles"].items()}, data["figures"]

@@ -4,20 +4,17 @@ from common import stage
 
 with stage(snakemake) as log:
     from handpipe import artifacts
-    from handpipe.muscles.separation import SeparationOptions, separate
+    from handpipe.muscles.separation import separate
     from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
-    from muscle_files import read_bodies, write_surfaces
+    from muscle_files import read_bodies
 
     bodies = read_bodies(snakemake.input.neutral)
     shapes = artifacts.read(snakemake.input.shapes, "muscle_shapes")[snakemake.wildcards.pose]
     transforms = read_registration(snakemake.input.registration)
     bones = Rig.load(snakemake.input.rig).surfaces
     posed = {n: s.moved(transforms[n](s.vertices)) for n, s in bones.items()}
-    surfaces = {n: b.surface.moved(shapes[n]["vertices"]) for n, b in bodies.items()}
-    found = separate(
-        surfaces, posed, SeparationOptions(tolerance=0.06), held={n: b.held for n, b in bodies.items()}
-    )
+    surfaces = {n: b.seated(b.surface.moved(shapes[n]["vertices"]), transforms) for n, b in bodies.items()}
+    found = separate(surfaces, posed, held={n: b.held for n, b in bodies.items()})
     log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
-    figures = {"penetration_before": found.penetration_before, "penetration": found.penetration}
-    write_surfaces(snakemake.output[0], found.surfaces, figures, [*snakemake.input])
+    found.save(snakemake.output[0], [*snakemake.input])

@@ -81,17 +81,19 @@ class Body:
         bones: Mapping[str, Surface],
         transforms: Transforms,
         known: tuple[Transforms, Array] | None = None,
+        spread: float = 0.5,
     ) -> Array:
         """Mesh vertices (n, 3) moved by a smooth blend of the motions of the bones that hold the body.
 
         known: transforms and mesh vertices (n, 3) of another pose to start from, in place of neutral.
 
-        Weights are the mean of those by nearness to the bones, which bend where the joint is, and of the
-        harmonic ones, which spread the bend over the whole length: measured, the mean is nearer to the truth
-        than either.
+        Weights by nearness to the bones bend where the joint is; harmonic ones spread the bend over the whole
+        length. `spread` is the share of the latter: measured, even shares are nearer to the truth than
+        either.
         """
         own = {b: bones[b] for b in self.attachments}
-        weights = 0.5 * (bone_weights(self.mesh.vertices, own) + self.harmonic_weights())
+        nearness = bone_weights(self.mesh.vertices, own)
+        weights = (1 - spread) * nearness + spread * self.harmonic_weights()
         if known is None:
             return blend(self.mesh.vertices, weights, {b: transforms[b] for b in own})
         return blend(known[1], weights, {b: transforms[b] @ known[0][b].inverse() for b in own})

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe import artifacts
-from handpipe.imaging.markers import MarkerSettings, boundary_markers
+from handpipe.imaging.markers import MarkerSettings, boundary_markers, estimate_muscle_level
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
@@ -30,6 +30,7 @@ log = logging.getLogger(__name__)
 
 # In other poses the muscle is known but for its bending: it nearly keeps its volume and its guessed strains.
 SEARCH = MarkerSettings.model_validate({"search": 2.0})  # mm; further out lie the far sides of neighbours
+SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)
 POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 
 
@@ -132,7 +133,10 @@ def extract_poses(
         _, pose, near = min(left)
         log.info("%s: guessed from %s", pose, near or "neutral")
         moved, image = transforms[pose], volume(pose)
-        x = {m: b.follow(bones, moved, (known[near][0], known[near][1][m])) for m, b in bodies.items()}
+        x = {
+            m: _likeliest(b, bones, moved, (known[near][0], known[near][1][m]), image)
+            for m, b in bodies.items()
+        }
         found[pose] = {}
         for name, body in bodies.items():
             others = [b.surface_at(x[m]) for m, b in bodies.items() if m != name]
@@ -151,6 +155,23 @@ def extract_poses(
             found[pose][name], x[name] = fitted, fitted.vertices
         known[pose] = moved, x
     return {pose: found[pose] for pose in transforms}
+
+
+def _likeliest(
+    body: Body,
+    bones: Mapping[str, Surface],
+    moved: Mapping[str, RigidTransform],
+    known: tuple[Mapping[str, RigidTransform], Array],
+    image: Volume,
+) -> Array:
+    """Vertices (n, 3) of the guess, of several of how a bend spreads over the muscle, that looks most like it.
+
+    A thin end that crosses a joint may lie wholly beside itself in one guess, where no boundary is its own.
+    """
+    guesses = [body.follow(bones, moved, known, spread) for spread in SPREADS]
+    level = estimate_muscle_level(image, body.surface_at(guesses[len(SPREADS) // 2]))
+    strangeness = [np.abs(image.sample(body.surface_at(x).vertices) / level - 1) for x in guesses]
+    return guesses[int(np.argmin([np.mean(np.minimum(s, 1.0)) for s in strangeness]))]
 
 
 def _apart(
