@@ -164,7 +164,7 @@ def _likeliest(
     known: tuple[Mapping[str, RigidTransform], Array],
     image: Volume,
 ) -> Array:
-    """Vertices (n, 3) of the guess, of several of how a bend spreads over the muscle, that looks most like it.
+    """Vertices (n, 3) of the guess that looks most like the muscle, of several of how a bend spreads over it.
 
     A thin end that crosses a joint may lie wholly beside itself in one guess, where no boundary is its own.
     """
