@@ -118,6 +118,10 @@ class Dataset(Model):
     ligaments: dict[Name, Muscle] = {}
     tendons: dict[Name, Tendon] = {}
     nails: dict[Name, Nail] = {}
+    regions: dict[Literal["bone_fascia", "muscle_fascia"], Path] = Field(
+        {},
+        description='painted regions of a fascia: JSON list of "contact", "sliding" or "fixed", one a vertex',
+    )
     truth: Truth | None = None
 
     @model_validator(mode="after")

@@ -270,3 +270,9 @@ def all_markers(wildcards):
         for pose in data.examples
         for path in data.poses[pose].markers.values()
     ]
+
+
+def painted_regions(subject, fascia):
+    """Regions that a person painted on a fascia, in place of those found from geometry."""
+    data = dataset(subject)
+    return data.path(data.regions[fascia]) if fascia in data.regions else []

@@ -5,6 +5,7 @@ rule make_bone_fascia:
     input:
         dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
+        regions=lambda w: painted_regions(w.subject, "bone_fascia"),
     output:
         "results/{subject}/fascia/bone.h5",
     log:
@@ -33,6 +34,7 @@ rule make_muscle_fascia:
             muscle=dataset(w.subject).muscles,
             allow_missing=True,
         ),
+        regions=lambda w: painted_regions(w.subject, "muscle_fascia"),
     output:
         "results/{subject}/fascia/muscle.h5",
     log:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,18 +108,3 @@ def fixed_markers(points: Array) -> Callable[[Surface], Markers]:
     """Markers (r, 3) placed by hand: the same whatever the surface."""
     markers = Markers(points, np.ones(len(points)))
     return lambda surface: markers
-
-
-def read_points(path: str | Path) -> dict[str, Array]:
-    """Control points of a 3D Slicer .mrk.json in mm, label -> (3,), in file order; RAS is turned to LPS."""
-    content = json.loads(Path(path).read_text())
-    out: dict[str, Array] = {}
-    for markup in content["markups"]:
-        flip = (
-            np.array([-1.0, -1.0, 1.0])
-            if markup.get("coordinateSystem", "LPS") in ("RAS", "0")
-            else np.ones(3)
-        )
-        for i, point in enumerate(markup["controlPoints"]):
-            out[str(point.get("label") or f"{len(out)}-{i}")] = flip * np.array(point["position"], float)
-    return out

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe import artifacts
 from handpipe.imaging.markers import MarkerSettings, boundary_markers, estimate_muscle_level
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
@@ -240,28 +239,3 @@ def _mostly(surface: Surface, vertices: IntArray) -> NDArray[np.bool_]:
         + np.bincount(edges[:, 1], inside[edges[:, 0]], n)
     )
     return votes > 0.5 * counts
-
-
-def save(path: str, extraction: Extraction, inputs: tuple[str, ...] = (), body: Body | None = None) -> None:
-    """Write a muscle's shape in one pose, and in neutral the body itself."""
-    data = {
-        "shape/vertices": extraction.surface.vertices,
-        "shape/triangles": extraction.surface.triangles,
-        "shape/mesh_vertices": extraction.vertices,
-        "record": extraction.fit.table(),
-    }
-    if body is not None:
-        data["body"] = body.to_group()
-    kind = "muscle-neutral" if body is not None else "muscle-shape"
-    artifacts.write(path, data, kind=kind, units={"shape": "mm"}, inputs=inputs)
-
-
-def load_neutral(path: str) -> Body:
-    """The body that `save` wrote in neutral."""
-    return Body.from_group(artifacts.read(path, "muscle-neutral")["body"])
-
-
-def load_shape(path: str) -> tuple[Surface, Array]:
-    """Surface and mesh vertices (n, 3) that `save` wrote in an example pose."""
-    shape = artifacts.read(path, "muscle-shape")["shape"]
-    return Surface(shape["vertices"], shape["triangles"]), shape["mesh_vertices"]
