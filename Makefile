@@ -18,7 +18,7 @@ setup: .venv/installed
 	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv 2>/dev/null || { rm -rf .venv; \
 	  $(call system_packages,python3-venv) && $(PYTHON) -m venv .venv; }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@$(BIN)/python -c 'import gmsh' 2>/dev/null || { $(call system_packages,$(GMSH_LIBRARIES)); }
 	@$(BIN)/python -c 'import gmsh'
 	@touch $@
