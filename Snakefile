@@ -36,7 +36,7 @@ wildcard_constraints:
 
 
 onstart:
-    BUILD_LOCK = take_lock()
+    take_lock()
 
 
 localrules:

@@ -88,6 +88,9 @@ def each_subject(pattern):
     ]
 
 
+HELD_LOCKS = []
+
+
 def take_lock():
     """Two builds in one folder would write the same files. The system frees the lock when a build is killed."""
     file = open(".snakemake/handpipe.lock", "w")
@@ -97,7 +100,7 @@ def take_lock():
         raise WorkflowError(
             "handpipe: another build runs in this folder. Wait for it or stop it"
         ) from None
-    return file
+    HELD_LOCKS.append(file)  # a file that nothing refers to is closed, and its lock is gone
 
 
 def surface_files(wildcards):
