@@ -241,7 +241,7 @@ def report_poses(subject):
         return []
     return [
         f"results/{subject}/poses/{n}/{part}.h5"
-        for n in scanned(subject)
+        for n in [neutral(subject), *scanned(subject)]
         for part in ("inner", "skin")
     ]
 
