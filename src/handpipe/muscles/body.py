@@ -42,7 +42,8 @@ class Body:
     @staticmethod
     def of(surface: Surface, attachments: Mapping[str, IntArray], edge: float) -> Body:
         """Fill a surface with tetrahedra of about `edge` mm; the surface may be finer than they are."""
-        mesh = tetrahedralise(remesh(surface, edge), 1.3 * edge)
+        cage = remesh(surface, edge).largest_component()  # what is thinner breaks off, and is carried along
+        mesh = tetrahedralise(cage, 1.3 * edge)
         visible = np.ones(len(surface.vertices), dtype=bool)
         visible[np.concatenate(list(attachments.values()))] = False
         return Body(surface, mesh, Embedding.of(surface.vertices, mesh), dict(attachments), visible)

@@ -180,7 +180,7 @@ def place(template: Surface, attachments: Mapping[str, IntArray], warp: Warp, ed
     names = list(attachments)
     for i, name in enumerate(names):
         owner[attachments[name]] = i
-    fine = remesh(moved, edge)
+    fine = remesh(moved, edge).largest_component()  # slivers thinner than an edge break off
     used = np.unique(moved.triangles)
     nearest = used[cKDTree(moved.vertices[used]).query(fine.vertices)[1]]
     found = {name: np.flatnonzero(owner[nearest] == i) for i, name in enumerate(names)}
