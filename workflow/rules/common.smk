@@ -100,7 +100,9 @@ def take_lock():
         raise WorkflowError(
             "handpipe: another build runs in this folder. Wait for it or stop it"
         ) from None
-    HELD_LOCKS.append(file)  # a file that nothing refers to is closed, and its lock is gone
+    HELD_LOCKS.append(
+        file
+    )  # a file that nothing refers to is closed, and its lock is gone
 
 
 def surface_files(wildcards):
