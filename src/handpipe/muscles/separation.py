@@ -41,7 +41,7 @@ class SeparationOptions:
     tolerance: float = 0.02
     acceptable: float = 0.05
     volume: float = 0.008
-    iterations: int = 60
+    iterations: int = 100
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def separate(
         if best is not None and best.penetration <= options.tolerance:
             return best
         penalty = mass * min(
-            10.0 * 1.4**iteration, 1e4
+            10.0 * 1.4**iteration, 1e6
         )  # soft at first: deep overlaps contradict one another
         wanted = volumes if depth < 0.2 else []
         step = _step(x, x0, stiffness, mass, penalty, contacts, wanted)
