@@ -13,7 +13,7 @@ CONFIG = Path(__file__).parents[1] / "config"
 
 @pytest.fixture
 def content():
-    return yaml.safe_load((CONFIG / "datasets/phantom-finger.yaml").read_text())
+    return yaml.safe_load((CONFIG / "datasets/phantom-finger.yaml").read_text(encoding="utf-8"))
 
 
 def written(tmp_path, content):

@@ -40,14 +40,16 @@ BESIDE = ("datasets", "evaluation")
 def test_tools_find_nothing(tool: str) -> None:
     name, *arguments = tool.split()
     program = Path(sys.executable).with_name(name)
-    process = subprocess.run([program, *arguments], cwd=CHECKOUT, text=True, capture_output=True, check=False)
+    process = subprocess.run(
+        [program, *arguments], cwd=CHECKOUT, encoding="utf-8", capture_output=True, check=False
+    )
     assert process.returncode == 0, process.stdout + process.stderr
 
 
 def imported(path: Path) -> list[str]:
     """Dotted names of all that a file imports, inside functions too."""
     names = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -100,7 +102,7 @@ def rules() -> dict[str, str]:
     """Every rule that runs a script, with its text."""
     found = {}
     for path in sorted((CHECKOUT / "workflow" / "rules").glob("*.smk")):
-        for part in re.split(r"^rule ", path.read_text(), flags=re.MULTILINE)[1:]:
+        for part in re.split(r"^rule ", path.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
             found[part.split(":")[0]] = part
     return found
 
@@ -119,6 +121,6 @@ def test_every_script_has_its_rule() -> None:
     scripts = {
         path.stem
         for path in (CHECKOUT / "workflow" / "scripts").glob("*.py")
-        if "with stage(snakemake)" in path.read_text()
+        if "with stage(snakemake)" in path.read_text(encoding="utf-8")
     }
     assert scripts == named

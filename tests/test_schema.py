@@ -16,18 +16,22 @@ TEMPLATE = ROOT / "config/datasets/example-own-scans.yaml.template"
 
 
 def validator(name):
-    return jsonschema.Draft202012Validator(json.loads((SCHEMAS / f"{name}.schema.json").read_text()))
+    return jsonschema.Draft202012Validator(
+        json.loads((SCHEMAS / f"{name}.schema.json").read_text(encoding="utf-8"))
+    )
 
 
 def content(path):
-    return yaml.safe_load(path.read_text())
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("name", schema.MODELS)
 def test_shipped_schemas_are_those_of_the_models(name, tmp_path):
-    written = {p.name: p.read_text() for p in schema.write_schemas(tmp_path)}
+    written = {p.name: p.read_text(encoding="utf-8") for p in schema.write_schemas(tmp_path)}
     stale = "Run: python -m handpipe.schema workflow/schemas"
-    assert (SCHEMAS / f"{name}.schema.json").read_text() == written[f"{name}.schema.json"], stale
+    assert (SCHEMAS / f"{name}.schema.json").read_text(encoding="utf-8") == written[f"{name}.schema.json"], (
+        stale
+    )
 
 
 @pytest.mark.parametrize("name", schema.MODELS)

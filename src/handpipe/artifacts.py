@@ -137,4 +137,4 @@ def read_attributes(path: str | Path) -> dict[str, Any]:
 def write_text(path: str | Path, text: str) -> None:
     """Write a text file atomically."""
     with atomic(path) as temporary:
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8")

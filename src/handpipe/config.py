@@ -213,7 +213,7 @@ class Scene(Model):
 def load_yaml(path: str | Path, model: type[T]) -> T:
     """Read and check a YAML file; raise `InputError` naming the file and the first wrong field."""
     try:
-        content = yaml.safe_load(Path(path).read_text())
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise InputError(path, "file", "does not exist", "Check the path") from error
     except yaml.YAMLError as error:

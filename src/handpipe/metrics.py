@@ -43,4 +43,4 @@ def write(path: str | Path, metrics: Mapping[str, tuple[float, str]]) -> None:
 
 def read(path: str | Path) -> Metrics:
     """Read what `write` wrote."""
-    return {k: (v["value"], v["unit"]) for k, v in json.loads(Path(path).read_text()).items()}
+    return {k: (v["value"], v["unit"]) for k, v in json.loads(Path(path).read_text(encoding="utf-8")).items()}

@@ -272,7 +272,7 @@ def test_templates_differ_from_the_truth_and_attach_at_their_ends(dataset):
         true = truth["muscles"][name]
         rest = volume((true["vertices"], true["triangles"]))
         assert 1.2 * rest < mesh.volume < 2.0 * rest
-        attachments = json.loads(dataset.path(muscle.attachments).read_text())
+        attachments = json.loads(dataset.path(muscle.attachments).read_text(encoding="utf-8"))
         assert list(attachments) == ["metacarpal2", "proximal2"]
         for bone, ids in attachments.items():
             template = trimesh.load(dataset.path(dataset.bones[bone].template), process=False)
@@ -283,7 +283,7 @@ def test_templates_differ_from_the_truth_and_attach_at_their_ends(dataset):
 def test_curves_are_points_along_the_tendons_from_the_insertion(dataset):
     truth = artifacts.read(dataset.root / "truth/neutral.h5", "truth")
     for name, tendon in dataset.tendons.items():
-        markup = json.loads(dataset.path(tendon.path).read_text())["markups"][0]
+        markup = json.loads(dataset.path(tendon.path).read_text(encoding="utf-8"))["markups"][0]
         points = np.array([p["position"] for p in markup["controlPoints"]])
         assert markup["coordinateSystem"] == "RAS"
         line = truth["tendons"][name]["centreline"]

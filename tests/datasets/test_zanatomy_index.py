@@ -104,7 +104,7 @@ def test_templates(dataset):
     for muscle in dataset.muscles.values():
         mesh = trimesh.load(dataset.path(muscle.template), process=False)
         assert mesh.is_watertight and mesh.volume > 0
-        attachments = json.loads(dataset.path(muscle.attachments).read_text())
+        attachments = json.loads(dataset.path(muscle.attachments).read_text(encoding="utf-8"))
         assert all(len(ids) >= 3 and max(ids) < len(mesh.vertices) for ids in attachments.values())
     for nail in dataset.nails.values():
         assert 40.0 < trimesh.load(dataset.path(nail.surface), process=False).area < 200.0

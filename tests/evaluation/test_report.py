@@ -109,7 +109,7 @@ class Page(HTMLParser):
 
 def test_report_is_one_well_formed_file_without_links(full: ReportInput, tmp_path: Path):
     write_report(tmp_path / "report.html", full)
-    text = (tmp_path / "report.html").read_text()
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
     page = Page(text)
     assert not page.open
     assert (
@@ -127,7 +127,7 @@ def test_report_is_one_well_formed_file_without_links(full: ReportInput, tmp_pat
 
 def test_report_holds_pictures_with_text_and_figures_with_units(full: ReportInput, tmp_path: Path):
     write_report(tmp_path / "report.html", full)
-    text = (tmp_path / "report.html").read_text()
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
     images = [a for t, a in Page(text).tags if t == "img"]
     assert len(images) == 4 and all(a["alt"] for a in images)
     for image in images:
@@ -148,7 +148,7 @@ def test_report_holds_pictures_with_text_and_figures_with_units(full: ReportInpu
 
 def test_report_of_a_bare_dataset_leaves_sections_out(dataset: Dataset, tmp_path: Path):
     write_report(tmp_path / "report.html", ReportInput(dataset))
-    text = (tmp_path / "report.html").read_text()
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "tiny" in text
     ids = [a.get("id") for _, a in Page(text).tags if a.get("id")]
     assert ids == ["subject"]
@@ -158,7 +158,7 @@ def test_pose_without_skin_image_and_truth_still_has_pictures(dataset: Dataset, 
     frame, layers = simulated("flat", 0.0)
     bare = PoseView(frame, {"bones": layers["bones"]}, "neutral")
     write_report(tmp_path / "report.html", ReportInput(dataset, [bare]))
-    images = [a for t, a in Page((tmp_path / "report.html").read_text()).tags if t == "img"]
+    images = [a for t, a in Page((tmp_path / "report.html").read_text(encoding="utf-8")).tags if t == "img"]
     assert len(images) == 2
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-TEXT = (Path(__file__).parents[2] / "docs" / "fem.md").read_text()
+TEXT = (Path(__file__).parents[2] / "docs" / "fem.md").read_text(encoding="utf-8")
 
 
 def test_the_example_contracts_rests_and_converges():

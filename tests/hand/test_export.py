@@ -159,7 +159,7 @@ def test_obj_sequence_has_the_frames_points(tmp_path: Path):
     vertices = [
         s.vertices for layers in [frames[1][1]] for shapes in layers.values() for s in shapes.values()
     ]
-    lines = paths[1].read_text().splitlines()
+    lines = paths[1].read_text(encoding="utf-8").splitlines()
     read = np.array([line.split()[1:] for line in lines if line.startswith("v ")], dtype=float)
     np.testing.assert_allclose(read, np.concatenate(vertices), atol=1e-6)
     assert [line for line in lines if line.startswith("g ")] == [

@@ -14,7 +14,11 @@ def test_round_trip(tmp_path):
         "b": {"MP2_flexion": 1.0, "MP2_abduction": 0.2},
     }
     write_angles(tmp_path / "f.csv", frames)
-    assert (tmp_path / "f.csv").read_text().startswith("frame,MP2_flexion [deg],MP2_abduction [deg]\na,17.18")
+    assert (
+        (tmp_path / "f.csv")
+        .read_text(encoding="utf-8")
+        .startswith("frame,MP2_flexion [deg],MP2_abduction [deg]\na,17.18")
+    )
     found = read_angles(tmp_path / "f.csv", LIMITS)
     assert list(found) == ["a", "b"]
     for name, angles in frames.items():

@@ -26,7 +26,7 @@ DATASET = "config/datasets/small.yaml"
 
 def edit(folder: Path, change: Callable[[dict], object]) -> None:
     """Change the dataset file's content."""
-    content = yaml.safe_load((folder / DATASET).read_text())
+    content = yaml.safe_load((folder / DATASET).read_text(encoding="utf-8"))
     change(content)
     write_dataset(folder, content)
 

@@ -40,7 +40,7 @@ def build() -> None:
 
 def figure(stage: str, name: str, unit: str) -> float:
     """A stage's figure, whose unit must be the one that the bar is in."""
-    entry = json.loads((RESULTS / "metrics" / f"{stage}.json").read_text())[name]
+    entry = json.loads((RESULTS / "metrics" / f"{stage}.json").read_text(encoding="utf-8"))[name]
     assert entry["unit"] == unit
     return entry["value"]
 
@@ -81,7 +81,7 @@ def test_finished_build_does_nothing() -> None:
 
 def test_report_is_one_file() -> None:
     """All that it shows is inside it: no link, image, script or style from elsewhere."""
-    text = (RESULTS / "report.html").read_text()
+    text = (RESULTS / "report.html").read_text(encoding="utf-8")
     loaded = re.findall(r"""<(?:img|script|iframe|source|video)\b[^>]*\bsrc\s*=\s*["']?([^"'\s>]+)""", text)
     loaded += re.findall(r"""<link\b[^>]*\bhref\s*=\s*["']?([^"'\s>]+)""", text)
     loaded += re.findall(r"""url\(\s*["']?([^"')\s]+)""", text)
@@ -110,7 +110,9 @@ def test_no_temporary_file_is_left() -> None:
     assert [p for p in RESULTS.rglob(".*") if p.is_file() and p.name != ".snakemake_timestamp"] == []
 
 
-@pytest.mark.parametrize("scene", yaml.safe_load((CHECKOUT / "config/config.yaml").read_text())["scenes"])
+@pytest.mark.parametrize(
+    "scene", yaml.safe_load((CHECKOUT / "config/config.yaml").read_text(encoding="utf-8"))["scenes"]
+)
 def test_exported_scene_opens_elsewhere(scene: str) -> None:
     folder = RESULTS / "simulation" / scene
     loaded = trimesh.load(folder / f"{scene}.glb")

@@ -49,7 +49,7 @@ with stage(snakemake):
 
     def table(name):
         path = base / f"tables/{name}.json"
-        return json.loads(path.read_text()) if path.exists() else []
+        return json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
 
     simulated = sorted({Path(p).parent.name for p in snakemake.input.poses})
     bent = sorted((p for p in simulated if p in dataset.examples), key=bend)[-2:]

@@ -34,7 +34,7 @@ def read_jobs(folder: str | Path) -> list[Job]:
     jobs = []
     for path in sorted(folder.rglob("*.tsv")):
         rule = path.relative_to(folder).parts[0].removesuffix(".tsv")
-        with open(path, newline="") as file:
+        with open(path, newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file, delimiter="\t"):
                 seconds, cpu = _number(row.get("s")), _number(row.get("cpu_time"))
                 memory = _number(row.get("max_rss")) / MIB_PER_GIB

@@ -59,7 +59,7 @@ def muscle_regions(
 
 def read_regions(path: str | Path, count: int) -> IntArray:
     """Painted regions: JSON list with one of "contact", "sliding", "fixed" for each vertex."""
-    names = json.loads(Path(path).read_text())
+    names = json.loads(Path(path).read_text(encoding="utf-8"))
     if len(names) != count:
         raise InputError(
             path, "regions", f"has {len(names)} values for {count} vertices", "Paint this fascia's mesh"

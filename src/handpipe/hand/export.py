@@ -82,7 +82,7 @@ def write_obj_sequence(folder: str | Path, frames: Sequence[SimulatedFrame]) -> 
     paths = []
     for number, (_, layers) in enumerate(frames):
         path = Path(folder) / f"frame-{number:04d}.obj"
-        with atomic(path) as temporary, open(temporary, "w") as file:
+        with atomic(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
             first = 1
             for layer, body, shape in shown(layers):
                 file.write(f"g {layer}_{body}\n")

@@ -169,7 +169,7 @@ def read_markers(path: str | Path) -> tuple[Array, list[str]]:
 def _markups(path: str | Path) -> list[dict[str, Any]]:
     remedy = "Save the markups from 3D Slicer as .mrk.json"
     try:
-        content = json.loads(Path(path).read_text())
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise InputError(path, "file", "does not exist", "Check the path in the dataset file") from error
     except (OSError, ValueError) as error:

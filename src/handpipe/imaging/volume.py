@@ -254,7 +254,7 @@ def read_label_table(path: str | Path) -> dict[str, int]:
     """The table {name: label} beside a label volume."""
     beside = table_path(path)
     try:
-        table = json.loads(beside.read_text())
+        table = json.loads(beside.read_text(encoding="utf-8"))
         return {str(name): int(label) for name, label in table.items()}
     except (OSError, ValueError, AttributeError, TypeError) as error:
         raise InputError(beside, "label table", f"cannot be read ({error})", "Write {name: label}") from error

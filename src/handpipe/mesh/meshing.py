@@ -70,7 +70,7 @@ def _run_gmsh(surface: Surface, shell: NDArray[np.int64], edge_length: float) ->
             edge_length=edge_length,
         )
         command = [sys.executable, "-m", "handpipe.mesh.gmsh_process", str(source), str(target)]
-        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        run = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
         if run.returncode != 0 or not target.exists():
             _explain(run.stdout + run.stderr)
         with np.load(target) as result:

@@ -195,7 +195,7 @@ def read_attachments(path: str | Path, template: Surface) -> dict[str, IntArray]
     """Vertex ids by bone of a JSON file {bone: [ids]}; raises `InputError` where they are wrong."""
     remedy = "Give {bone: [template vertex ids]}"
     try:
-        content = json.loads(Path(path).read_text())
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
         found = {str(bone): np.unique(np.asarray(ids, dtype=np.int64)) for bone, ids in content.items()}
     except (OSError, ValueError, TypeError, AttributeError) as error:
         raise InputError(path, "content", f"cannot be read ({error})", remedy) from error

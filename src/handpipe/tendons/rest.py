@@ -35,7 +35,7 @@ class RestTendon:
         """A round tube of given radii (Q+1,) about a rod; neutral bones, the insertion's first."""
         normal = perpendicular(directions(x)[0])
         tube = Tube.bind(round_surface(x, radii, SIDES), x, frames(x, normal))
-        return RestTendon(x, tube, normal, tuple(bones), bone_weights(x, bones))
+        return RestTendon(x, tube, normal, tuple(bones), bone_weights(x, bones, power=4.0))
 
     @property
     def length(self) -> float:
