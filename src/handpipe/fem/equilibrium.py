@@ -33,7 +33,8 @@ class Options:
     """When to stop, and what to do where that fails.
 
     Converged: the last Newton step moves no vertex by more than `displacement_tolerance` mm and the largest
-    residual force is below `force_tolerance` times the characteristic force, the largest force that any
+    residual force is below `force_tolerance` times the characteristic force (or below a thousandth of that,
+    however long the step), the largest force that any
     potential puts on a vertex. `allow_partial`: hand back the best state instead of raising.
     """
 
@@ -235,7 +236,8 @@ class _Newton:
     def _converged(self, residual: float, length: float) -> bool:
         tolerance = self.options.displacement_tolerance
         if length > tolerance:
-            return False
+            # Along a mode without stiffness a step has length but next to no force behind it.
+            return residual <= 1e-3 * self.options.force_tolerance * self._scale
         # A step of a thousandth of the tolerance is rounding, whatever the scale of the forces.
         return residual <= self.options.force_tolerance * self._scale or length <= 1e-3 * tolerance
 
