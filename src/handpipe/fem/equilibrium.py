@@ -23,6 +23,7 @@ log = logging.getLogger(__name__)
 ARMIJO = 1e-4  # share of the predicted decrease that a step must bring
 ROUNDING = 1e-13  # of the energy: differences below this say nothing
 LEAST_BLEND = 1 / 16  # smaller shares of the projected Hessian are not tried
+RESTING = 5  # steps in a row below the tolerance that make a shape rest
 CG_TOLERANCE = 1e-3
 CG_ITERATIONS_PER_FACTORISATION = 36.0  # at 136,000 unknowns; the ratio grows as their number to 2/3
 CG_LEAST_UNKNOWNS = 40_000  # below, a factorisation costs about ten iterations
@@ -236,6 +237,10 @@ class _Newton:
     def _converged(self, residual: float, length: float) -> bool:
         tolerance = self.options.displacement_tolerance
         if length > tolerance:
+            recent = self.record.steps[-RESTING:]
+            if len(recent) == RESTING and max(recent) <= tolerance:
+                # At a kink of contact Newton's step overshoots for ever; the shape rests all the same.
+                return residual <= self.options.force_tolerance * self._scale
             # Along a mode without stiffness a step has length but next to no force behind it.
             return residual <= 1e-3 * self.options.force_tolerance * self._scale
         # A step of a thousandth of the tolerance is rounding, whatever the scale of the forces.
