@@ -118,6 +118,10 @@ class Dataset(Model):
     ligaments: dict[Name, Muscle] = {}
     tendons: dict[Name, Tendon] = {}
     nails: dict[Name, Nail] = {}
+    muscle_interpolation: Literal["inverse-distance", "inverse-square", "rbf"] = Field(
+        "rbf",
+        description="of muscle strains over poses: rbf follows trends, the others stay within the examples",
+    )
     regions: dict[Literal["bone_fascia", "muscle_fascia"], Path] = Field(
         {},
         description='painted regions of a fascia: JSON list of "contact", "sliding" or "fixed", one a vertex',

@@ -23,7 +23,16 @@ with stage(snakemake) as log:
         surfaces[pose] = separated.moved(back[pose](separated.vertices))
         starts[pose] = back[pose](shapes[pose][name]["mesh_vertices"])
     transforms = {pose: rig.bone_transforms(rig.poses[pose].angles) for pose in dataset.examples}
-    muscle, fit = Muscle.fit(name, body, rig.parents, dataset.neutral, transforms, surfaces, starts)
+    muscle, fit = Muscle.fit(
+        name,
+        body,
+        rig.parents,
+        dataset.neutral,
+        transforms,
+        surfaces,
+        starts,
+        interpolation=dataset.muscle_interpolation,
+    )
     log.info(
         "gamma %.3g, eigenvalues %.2f to %.2f, %.3f mm", fit.gamma, *fit.eigenvalues, fit.distances.max()
     )

@@ -74,6 +74,7 @@ class Muscle:
         surfaces: Mapping[str, Surface],
         starts: Mapping[str, Array],
         options: StrainOptions | None = None,
+        interpolation: Interpolation = "rbf",
     ) -> tuple[Muscle, PoseStrains]:
         """Stage 3: a muscle from its separated surfaces and stage 1's mesh vertices (n, 3), both by pose.
 
@@ -90,7 +91,7 @@ class Muscle:
             body.held,
             options,
         )
-        return Muscle.of(name, body, parents, neutral, transforms, fit), fit
+        return Muscle.of(name, body, parents, neutral, transforms, fit, interpolation), fit
 
     def guess(self, bones: Mapping[str, Surface], transforms: Mapping[str, RigidTransform]) -> Array:
         """Mesh vertices (n, 3) of the most similar example, moved along with the bones; bones: neutral
