@@ -260,21 +260,29 @@ def of_muscles(pattern):
     )
 
 
-def muscle_markers(wildcards):
-    """Hand-placed markers of one muscle in neutral, where the dataset has them."""
-    data = dataset(wildcards.subject)
-    markers = data.poses[data.neutral].markers.get(wildcards.muscle)
-    return [] if markers is None else data.path(markers)
+def of_muscle(field):
+    """Input function: hand-placed markers or landmarks of one muscle in neutral, where the dataset has them."""
+
+    def files(wildcards):
+        data = dataset(wildcards.subject)
+        path = getattr(data.poses[data.neutral], field).get(wildcards.muscle)
+        return [] if path is None else data.path(path)
+
+    return files
 
 
-def all_markers(wildcards):
-    """Hand-placed markers of all muscles in the example poses."""
-    data = dataset(wildcards.subject)
-    return [
-        data.path(path)
-        for pose in data.examples
-        for path in data.poses[pose].markers.values()
-    ]
+def all_of_muscles(field):
+    """Input function: the same of all muscles in the example poses."""
+
+    def files(wildcards):
+        data = dataset(wildcards.subject)
+        return [
+            data.path(path)
+            for pose in data.examples
+            for path in getattr(data.poses[pose], field).values()
+        ]
+
+    return files
 
 
 def painted_regions(subject, fascia):

@@ -29,7 +29,8 @@ rule extract_muscle:
         dataset=ancient(of_dataset),
         templates="results/{subject}/templates.h5",
         volume=neutral_volume,
-        markers=muscle_markers,
+        markers=of_muscle("markers"),
+        landmarks=of_muscle("landmarks"),
     output:
         "results/{subject}/muscles/{muscle}/fitted.h5",
     log:
@@ -81,7 +82,8 @@ rule extract_muscle_shapes:
             for p in dataset(w.subject).examples
         ],
         registrations=in_poses("results/{subject}/registration/{pose}.h5", Role.example),
-        markers=all_markers,
+        markers=all_of_muscles("markers"),
+        landmarks=all_of_muscles("landmarks"),
     output:
         "results/{subject}/muscles/shapes.h5",
     log:

@@ -4,7 +4,7 @@ from common import stage
 
 with stage(snakemake) as log:
     from handpipe.config import load_dataset
-    from handpipe.imaging.markers import read_markers
+    from handpipe.imaging.markers import read_landmarks, read_markers
     from handpipe.imaging.volume import read_volume
     from handpipe.muscles.extraction import extract_neutral
     from muscle_files import read_guesses, write_bodies
@@ -13,12 +13,13 @@ with stage(snakemake) as log:
     name = snakemake.wildcards.muscle
     guesses = read_guesses(snakemake.input.templates, dataset.muscles)
     others = [guess.surface for other, guess in guesses.items() if other != name]
-    placed = snakemake.input.get("markers")
+    placed, known = snakemake.input.get("markers"), snakemake.input.get("landmarks")
     body, extraction = extract_neutral(
         guesses[name],
         read_volume(snakemake.input.volume),
         others=others,
         points=read_markers(placed)[0] if placed else None,
+        landmarks=read_landmarks(known) if known else None,
     )
     for figure, (value, unit) in extraction.metrics().items():
         log.info("%s: %.3f %s", figure, value, unit)

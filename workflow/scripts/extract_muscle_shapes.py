@@ -5,7 +5,7 @@ from common import stage
 with stage(snakemake):
     from handpipe import artifacts
     from handpipe.config import load_dataset
-    from handpipe.imaging.markers import read_markers
+    from handpipe.imaging.markers import read_landmarks, read_markers
     from handpipe.imaging.volume import read_volume
     from handpipe.muscles.extraction import extract_poses
     from handpipe.skeleton.bones import read_registration
@@ -22,12 +22,18 @@ with stage(snakemake):
         for pose in dataset.examples
         for muscle, path in dataset.poses[pose].markers.items()
     }
+    known = {
+        (pose, muscle): read_landmarks(dataset.path(path))
+        for pose in dataset.examples
+        for muscle, path in dataset.poses[pose].landmarks.items()
+    }
     found = extract_poses(
         read_bodies(snakemake.input.neutral),
         bones,
         transforms,
         lambda pose: read_volume(dataset.path(dataset.poses[pose].volume)),
         points=placed,
+        landmarks=known,
     )
     data = {
         pose: {m: {"vertices": e.surface.vertices, "mesh_vertices": e.vertices} for m, e in muscles.items()}

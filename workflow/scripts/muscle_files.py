@@ -9,10 +9,12 @@ from handpipe.muscles.templates import Guess
 def read_guesses(path, names):
     """Placed templates by name."""
     data = artifacts.read(path, "placed_templates")
-    return {
-        n: Guess(Surface(data[n]["vertices"], data[n]["triangles"]), dict(data[n]["attachments"]))
-        for n in names
-    }
+    guesses = {}
+    for name in names:
+        d = data[name]
+        marks = {label: int(vertex) for label, vertex in d.get("landmarks", {}).items()}
+        guesses[name] = Guess(Surface(d["vertices"], d["triangles"]), dict(d["attachments"]), marks)
+    return guesses
 
 
 def write_bodies(path, bodies, inputs):

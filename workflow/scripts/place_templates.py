@@ -6,6 +6,7 @@ with stage(snakemake) as log:
     from handpipe import artifacts
     from handpipe.config import load_dataset
     from handpipe.errors import InputError
+    from handpipe.imaging.markers import read_landmarks
     from handpipe.mesh.surface import read_surface
     from handpipe.muscles.templates import Warp, place, read_attachments
     from handpipe.skeleton.rig import Rig
@@ -26,10 +27,11 @@ with stage(snakemake) as log:
         for bone in attachments:
             if bone not in dataset.bones:
                 raise InputError(path, bone, "is not a bone of the dataset", "Attach to one of its bones")
-        guess = place(template, attachments, warp, edge=1.1 if name in dataset.muscles else 0.7)
+        landmarks = read_landmarks(dataset.path(organ.landmarks)) if organ.landmarks else {}
+        guess = place(template, attachments, warp, 1.1 if name in dataset.muscles else 0.7, landmarks)
         log.info("%s: %d vertices", name, len(guess.surface.vertices))
         surface = {"vertices": guess.surface.vertices, "triangles": guess.surface.triangles}
-        data[name] = {**surface, "attachments": guess.attachments}
+        data[name] = {**surface, "attachments": guess.attachments, "landmarks": guess.landmarks}
     units = {f"{name}/vertices": "mm" for name in data}
     artifacts.write(
         snakemake.output[0], data, kind="placed_templates", units=units, inputs=[*snakemake.input]

@@ -16,7 +16,11 @@ with stage(snakemake) as log:
     found = separate({n: b.surface for n, b in fitted.items()}, bones, held=held)
     log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
     bodies = {
-        n: replace(Body.of(found.surfaces[n], b.attachments, snakemake.params.edge), visible=b.visible)
+        n: replace(
+            Body.of(found.surfaces[n], b.attachments, snakemake.params.edge),
+            visible=b.visible,
+            landmarks=b.landmarks,
+        )
         for n, b in fitted.items()
     }
     write_bodies(snakemake.output[0], bodies, [*snakemake.input])

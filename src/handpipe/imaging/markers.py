@@ -204,6 +204,20 @@ def _position(path: str | Path, field: str, point: Any) -> Array:
     return position
 
 
+def read_landmarks(path: str | Path) -> dict[str, Array]:
+    """Landmarks of a `.mrk.json` file: label -> place (3,) in mm, RAS.
+
+    Raises `InputError` as `read_markers` does, and where two share a label.
+    """
+    points, labels = read_markers(path)
+    for label in labels:
+        if labels.count(label) > 1:
+            raise InputError(
+                path, "label", f"{label!r} stands twice", "Give each landmark a label of its own"
+            )
+    return dict(zip(labels, points, strict=True))
+
+
 def write_markers(
     path: str | Path, points: Array, labels: list[str] | None = None, kind: str = "Fiducial"
 ) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,8 @@ Transforms = Mapping[str, RigidTransform]
 class Body:
     """The neutral shape: surface (v vertices), mesh (n vertices) that carries it, vertices held by each bone.
 
-    visible (v,): where the neutral image shows the boundary; elsewhere another muscle lies against it.
+    landmarks: surface vertex of each label. visible (v,): where the neutral image shows the boundary;
+    elsewhere another muscle lies against it.
     """
 
     surface: Surface
@@ -38,15 +39,22 @@ class Body:
     embedding: Embedding
     attachments: dict[str, IntArray]
     visible: NDArray[np.bool_]
+    landmarks: dict[str, int] = field(default_factory=dict)
 
     @staticmethod
-    def of(surface: Surface, attachments: Mapping[str, IntArray], edge: float) -> Body:
+    def of(
+        surface: Surface,
+        attachments: Mapping[str, IntArray],
+        edge: float,
+        landmarks: Mapping[str, int] | None = None,
+    ) -> Body:
         """Fill a surface with tetrahedra of about `edge` mm; the surface may be finer than they are."""
         cage = remesh(surface, edge).largest_component()  # what is thinner breaks off, and is carried along
         mesh = tetrahedralise(cage, 1.3 * edge)
         visible = np.ones(len(surface.vertices), dtype=bool)
         visible[np.concatenate(list(attachments.values()))] = False
-        return Body(surface, mesh, Embedding.of(surface.vertices, mesh), dict(attachments), visible)
+        embedding = Embedding.of(surface.vertices, mesh)
+        return Body(surface, mesh, embedding, dict(attachments), visible, dict(landmarks or {}))
 
     @property
     def matrix(self) -> sparse.csr_matrix:
@@ -66,6 +74,14 @@ class Body:
     def attached(self, transforms: Transforms) -> Attached:
         """The held vertices at the places where the bones take them."""
         return Attached(self.matrix[self.held], self.targets(transforms))
+
+    def landmarked(self, places: Mapping[str, Array]) -> Attached | None:
+        """Landmarks that the body and the image (label -> (3,) mm) both have, if any (003 Eq. 5.4)."""
+        labels = [label for label in self.landmarks if label in places]
+        if not labels:
+            return None
+        ids = np.array([self.landmarks[label] for label in labels])
+        return Attached(self.matrix[ids], np.array([places[label] for label in labels]))
 
     def seated(self, surface: Surface, transforms: Transforms) -> Surface:
         """A fitted surface with its held vertices exactly on the bones (003 section 6.1.4, step 3)."""
@@ -123,6 +139,7 @@ class Body:
             "embedding/cells": self.embedding.cells,
             "embedding/weights": self.embedding.weights,
             **{f"attachments/{bone}": ids for bone, ids in self.attachments.items()},
+            **{f"landmarks/{label}": vertex for label, vertex in self.landmarks.items()},
         }
 
     @staticmethod
@@ -134,4 +151,5 @@ class Body:
             Embedding(group["embedding"]["cells"], group["embedding"]["weights"]),
             dict(group["attachments"]),
             np.asarray(group["visible"], dtype=bool),
+            {label: int(vertex) for label, vertex in group.get("landmarks", {}).items()},
         )

@@ -60,6 +60,7 @@ def extract_neutral(
     edge: float = 1.8,
     others: Sequence[Surface] = (),
     points: Array | None = None,
+    landmarks: Mapping[str, Array] | None = None,
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> tuple[Body, Extraction]:
@@ -69,10 +70,12 @@ def extract_neutral(
     ones. points (r, 3): hand-placed markers, in place of those found in the image; others: guesses of the
     other muscles.
     """
-    first = Body.of(guess.surface, guess.attachments, edge)
+    first = Body.of(guess.surface, guess.attachments, edge, guess.landmarks)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
-    extraction = _extract(first, still, first.mesh.vertices, volume, points, markers, options, others)
-    body = Body.of(extraction.surface, guess.attachments, edge)
+    extraction = _extract(
+        first, still, first.mesh.vertices, volume, points, markers, options, others, landmarks
+    )
+    body = Body.of(extraction.surface, guess.attachments, edge, guess.landmarks)
     if points is None:
         found = image_markers(volume, body, markers, others)(body.surface)
         assert found.vertices is not None
@@ -89,6 +92,7 @@ def extract_pose(
     start: Array | None = None,
     others: Sequence[Surface] = (),
     points: Array | None = None,
+    landmarks: Mapping[str, Array] | None = None,
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> Extraction:
@@ -99,7 +103,9 @@ def extract_pose(
     about in this pose.
     """
     x = body.follow(bones, transforms) if start is None else start
-    return _extract(body, transforms, x, volume, points, markers or SEARCH, options or POSED, others)
+    return _extract(
+        body, transforms, x, volume, points, markers or SEARCH, options or POSED, others, landmarks
+    )
 
 
 def extract_poses(
@@ -109,6 +115,7 @@ def extract_poses(
     volume: Callable[[str], Volume],
     *,
     points: Mapping[tuple[str, str], Array] | None = None,
+    landmarks: Mapping[tuple[str, str], Mapping[str, Array]] | None = None,
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> dict[str, dict[str, Extraction]]:
@@ -116,7 +123,7 @@ def extract_poses(
 
     Each pose is guessed from the most similar one that is known already, and each muscle knows where its
     neighbours are. transforms: pose -> bone -> from neutral; volume(pose) reads the image; points:
-    hand-placed markers by (pose, muscle).
+    hand-placed markers, and landmarks by label, by (pose, muscle).
     """
     still = {b: RigidTransform.identity() for b in bones}
     known: dict[str, tuple[Mapping[str, RigidTransform], dict[str, Array]]] = {}
@@ -148,6 +155,7 @@ def extract_poses(
                 start=x[name],
                 others=others,
                 points=placed,
+                landmarks=(landmarks or {}).get((pose, name)),
                 markers=markers,
                 options=options,
             )
@@ -192,10 +200,18 @@ def _extract(
     markers: MarkerSettings | None,
     options: ShapeOptions | None,
     others: Sequence[Surface],
+    landmarks: Mapping[str, Array] | None,
 ) -> Extraction:
     find = image_markers(volume, body, markers, others) if points is None else fixed_markers(points)
     fit = fit_shape(
-        body.mesh, body.surface, body.matrix, body.attached(transforms), find, start=start, options=options
+        body.mesh,
+        body.surface,
+        body.matrix,
+        body.attached(transforms),
+        find,
+        landmarks=body.landmarked(landmarks or {}),
+        start=start,
+        options=options,
     )
     surface = body.surface_at(fit.vertices)
     return Extraction(surface, fit.vertices, fit)

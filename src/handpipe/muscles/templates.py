@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -165,13 +165,20 @@ class Warp:
 
 @dataclass(frozen=True)
 class Guess:
-    """First guess of a body: a surface, and the vertices attached to each bone."""
+    """First guess of a body: a surface, the vertices attached to each bone, the vertex of each landmark."""
 
     surface: Surface
     attachments: dict[str, IntArray]
+    landmarks: dict[str, int] = field(default_factory=dict)
 
 
-def place(template: Surface, attachments: Mapping[str, IntArray], warp: Warp, edge: float) -> Guess:
+def place(
+    template: Surface,
+    attachments: Mapping[str, IntArray],
+    warp: Warp,
+    edge: float,
+    landmarks: Mapping[str, Array] | None = None,
+) -> Guess:
     """The warped template, remeshed to an edge length in mm; attached is what lies nearest to an attached
     vertex.
     """
@@ -188,7 +195,9 @@ def place(template: Surface, attachments: Mapping[str, IntArray], warp: Warp, ed
         if len(ids) < 3:
             problem = f"only {len(ids)} vertices of the remeshed template attach to it"
             raise InputError("attachments", name, problem, "Mark more vertices, or use a shorter edge")
-    return Guess(fine, found)
+    marks = {label: warp(np.reshape(point, (1, 3))) for label, point in (landmarks or {}).items()}
+    tree = cKDTree(fine.vertices)
+    return Guess(fine, found, {label: int(tree.query(point)[1][0]) for label, point in marks.items()})
 
 
 def read_attachments(path: str | Path, template: Surface) -> dict[str, IntArray]:
