@@ -36,8 +36,10 @@ def test_bones_and_the_muscle_between_them_are_carried_back():
     template = muscle.moved(distort(muscle.vertices))
     x = muscle.vertices[:, 0]
     attachments = {"a": np.flatnonzero(x < 3), "b": np.flatnonzero(x > 41)}
-    guess = place(template, attachments, warp, 1.5)
+    top = muscle.vertices[np.argmax(muscle.vertices[:, 2])]
+    guess = place(template, attachments, warp, 1.5, {"top": distort(top[None])[0]})
     assert surface_errors(guess.surface, muscle).max() < 1.2
+    assert np.linalg.norm(guess.surface.vertices[guess.landmarks["top"]] - top) < 1.5
     ends = {n: guess.surface.vertices[ids][:, 0] for n, ids in guess.attachments.items()}
     assert ends["a"].max() < 5 and ends["b"].min() > 39 and min(map(len, ends.values())) >= 3
 

@@ -70,6 +70,16 @@ class Correspondence:
         root = across + np.sqrt(tangential) * (np.eye(3) - across)
         return Correspondence(matrix, markers.points, np.sqrt(markers.weights)[:, None, None] * root)
 
+    def with_landmarks(self, matrix: sparse.csr_matrix, targets: Array) -> Correspondence:
+        """These and points (k, n) of the body whose places (k, 3) are known in full, with weight one."""
+        full = np.tile(np.eye(3), (len(targets), 1, 1))
+        own = np.tile(np.eye(3), (self.count, 1, 1)) if self.metrics is None else self.metrics
+        return Correspondence(
+            sparse.vstack([self.matrix, matrix], format="csr"),
+            np.concatenate([self.targets, targets]),
+            np.concatenate([own, full]),
+        )
+
     @property
     def count(self) -> int:
         return len(self.targets)
@@ -91,10 +101,10 @@ class Correspondence:
         """Weighted residuals (3 r,) at x and their derivative (3 r, 3 n)."""
         derivative = sparse.kron(self.matrix, sparse.eye(3), format="csr")
         residuals = self.errors(x)
-        if self.metrics is None:
+        if self.metrics is None or self.count == 0:
             return derivative, residuals.ravel()
         blocks = sparse.bsr_matrix((self.metrics, np.arange(self.count), np.arange(self.count + 1)))
-        return (blocks @ derivative).tocsr() if self.count else derivative, blocks @ residuals.ravel()
+        return (blocks @ derivative).tocsr(), blocks @ residuals.ravel()
 
     def energy(self, x: Array) -> float:
         """Sum of the squared weighted residuals."""

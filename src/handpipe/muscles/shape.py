@@ -126,7 +126,7 @@ def fit_shape(
 
     mesh: the body at rest; surface: its embedded surface at rest, carried by embedding (v, n); find_markers
     gives the image's boundary points near the present surface and is called before every step; landmarks:
-    known places of points of the body, used before the markers and then dropped; start: vertices (n, 3) of a
+    known places of points of the body, used before the markers and with them; start: vertices (n, 3) of a
     first guess, whose strains the search begins with. Raises `ConvergenceError` where no equilibrium is found
     at the start.
     """
@@ -142,7 +142,8 @@ def fit_shape(
 
     def closest(state: _State) -> Correspondence:
         present = surface.moved(embedding @ state.x)
-        return Correspondence.of(find_markers(present), present, embedding, options.tangential)
+        found = Correspondence.of(find_markers(present), present, embedding, options.tangential)
+        return found if landmarks is None else found.with_landmarks(landmarks.matrix, landmarks.targets)
 
     state = problem.run(state, "markers", options.fields, closest, record)
     return ShapeFit(state.x, state.elastic.strains, record)
