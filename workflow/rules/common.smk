@@ -253,6 +253,11 @@ def neutral_volume(wildcards):
     return data.path(data.poses[data.neutral].volume)
 
 
+def neutral_scan(wildcards):
+    data = dataset(wildcards.subject)
+    return data.path(data.poses[data.neutral].scan)
+
+
 def of_muscles(pattern):
     """Input function: a pattern over the subject's muscles."""
     return lambda w: expand(

@@ -6,9 +6,7 @@ rule mesh_fat:
         rig="results/{subject}/rig.h5",
         dataset=ancient(of_dataset),
         layers=lambda w: layer_files(w.subject, INNER_LAYERS),
-        scan=lambda w: dataset(w.subject).path(
-            dataset(w.subject).poses[neutral(w.subject)].scan
-        ),
+        scan=neutral_scan,
         templates=lambda w: template_files(w.subject),
     output:
         "results/{subject}/fat/mesh.h5",
@@ -34,9 +32,7 @@ rule mesh_soft_tissue:
     input:
         dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
-        scan=lambda w: dataset(w.subject).path(
-            dataset(w.subject).poses[neutral(w.subject)].scan
-        ),
+        scan=neutral_scan,
         templates=lambda w: template_files(w.subject),
     output:
         "results/{subject}/soft_tissue/mesh.h5",

@@ -5,9 +5,7 @@ rule extract_tendon:
     input:
         dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
-        volume=lambda w: dataset(w.subject).path(
-            dataset(w.subject).poses[neutral(w.subject)].volume
-        ),
+        volume=neutral_volume,
         path=lambda w: curve_folder(
             w.subject, dataset(w.subject).tendons[w.tendon].path
         ),

@@ -3,13 +3,11 @@
 import json
 
 from common import stage
+from truth import bone_errors
 
 with stage(snakemake):
-    import numpy as np
-
     from handpipe import artifacts, metrics
     from handpipe.config import Role, load_dataset
-    from handpipe.mesh.rigid import RigidTransform
     from handpipe.skeleton.bones import read_registration, read_surfaces
     from handpipe.skeleton.rig import Rig
     from handpipe.skeleton.table import joint_table
@@ -22,16 +20,14 @@ with stage(snakemake):
         rig = Rig.fit(dataset, transforms, read_surfaces(snakemake.input.neutral, "whole"), fit_poses)
         table = joint_table(rig, dataset, transforms, fit_poses)
     if dataset.truth is not None:
+        centroids = {bone: surface.centroid() for bone, surface in rig.surfaces.items()}
         for role, prefix in ((Role.example, "true_"), (Role.heldout, "true_heldout_")):
             rotations, translations = [], []
             for pose in dataset.poses_of(role):
-                truth = artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")["bones"]
                 found = rig.bone_transforms(rig.poses[pose].angles, rig.poses[pose].root)
-                for bone, surface in rig.surfaces.items():
-                    true = RigidTransform(truth[bone]["rotation"], truth[bone]["translation"])
-                    centroid = surface.centroid()[None]
-                    rotations.append(np.degrees(found[bone].angle_to(true)))
-                    translations.append(np.linalg.norm(found[bone](centroid) - true(centroid)))
+                angles, distances = bone_errors(dataset, pose, found, centroids)
+                rotations += angles
+                translations += distances
             if rotations:
                 figures |= metrics.summary(f"{prefix}rotation_error", rotations, "deg")
                 figures |= metrics.summary(f"{prefix}translation_error", translations, "mm")

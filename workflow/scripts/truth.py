@@ -1,0 +1,17 @@
+"""Bones' transforms against the truth of a generated subject."""
+
+import numpy as np
+
+from handpipe import artifacts
+from handpipe.mesh.rigid import RigidTransform
+
+
+def bone_errors(dataset, pose, found, centroids):
+    """Angles in deg and distances of centroids in mm between found and true transforms, a bone each."""
+    truth = artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")["bones"]
+    rotations, translations = [], []
+    for bone, centroid in centroids.items():
+        true = RigidTransform(truth[bone]["rotation"], truth[bone]["translation"])
+        rotations.append(np.degrees(found[bone].angle_to(true)))
+        translations.append(np.linalg.norm(found[bone](centroid[None]) - true(centroid[None])))
+    return rotations, translations
