@@ -51,6 +51,20 @@ class Elastic:
         other._set_strains(strains)
         return other
 
+    def compressible(self, poisson: float = 0.3) -> Elastic:
+        """The same body with Poisson's ratios above `poisson` lowered to it at equal shear stiffness."""
+        other = copy.copy(self)
+        other._lam = np.minimum(self._lam, self._mu * 2 * poisson / (1 - 2 * poisson))
+        return other
+
+    def nearly_incompressible(self, poisson: float = 0.4) -> bool:
+        """Whether some tet has a Poisson's ratio above `poisson`."""
+        return bool(np.any(self._lam > self._mu * 2 * poisson / (1 - 2 * poisson)))
+
+    def inverted(self, x: Array) -> int:
+        """Number of tets turned inside out at x (n, 3)."""
+        return int((np.linalg.det(self.elastic_gradients(x)) <= 0).sum())
+
     def _set_strains(self, strains: Array) -> None:
         self.strains = np.ascontiguousarray(strains, dtype=float)
         ratios = plasticity.determinants(self.strains)

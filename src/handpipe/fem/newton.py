@@ -1,0 +1,292 @@
+"""A globalised Newton method for one minimisation."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.fem import unheld
+from handpipe.fem.checkpoint import Checkpoint
+from handpipe.fem.direction import Directions
+from handpipe.fem.potential import Sum
+from handpipe.fem.record import Options, Record
+from handpipe.fem.system_sequence import SystemSequence
+
+Array = NDArray[np.float64]
+log = logging.getLogger(__name__)
+
+ARMIJO = 1e-4  # share of the predicted decrease that a step must bring
+ROUNDING = 1e-13  # of the energy: differences below this say nothing
+RESTING = 5  # steps in a row below the tolerance that make a shape rest
+NEGLIGIBLE = 1e-3  # of a tolerance
+LOOSEST, TIGHTEST = 0.1, 1e-4  # relative error of the linear solves
+KICK = 0.1  # of the spacing of vertices, away from a stationary point that is no minimum
+MAX_ESCAPES = 5
+SMALL_STRAIN = 1e-3
+PROGRESS = 10.0  # seconds between two lines of progress
+
+
+class Newton:
+    """Minimises `energy` from x (n, 3) over the unknowns of the mask `free` (3n,).
+
+    An `impatient` one gives up, with `struggling` set, where energy lets it go less than half a step.
+    """
+
+    def __init__(
+        self,
+        energy: Sum,
+        x: Array,
+        free: NDArray[np.bool_],
+        options: Options,
+        systems: SystemSequence,
+        checkpoint: Checkpoint | None = None,
+        impatient: bool = False,
+    ) -> None:
+        self.impatient, self.struggling = impatient, False
+        self.energy, self.x, self.free, self.options = energy, x, free, options
+        self.record = Record()
+        self._systems, self._checkpoint = systems, checkpoint
+        self._unknowns = free
+        self._directions = Directions(energy, free, systems, self.record)
+        self._scale = 0.0
+        self._value = 0.0
+        self._renewed = any(hasattr(p, "refresh") for p in energy.potentials)
+        self._left: tuple[Array, float] | None = None
+        self._noticed = time.perf_counter()
+
+    def run(self) -> None:
+        """Iterate until converged, stuck or out of iterations."""
+        before = self._systems.work.factorisations, self._systems.work.cg_iterations
+        self._run()
+        self.record.factorisations = self._systems.work.factorisations - before[0]
+        self.record.cg_iterations = self._systems.work.cg_iterations - before[1]
+
+    def _run(self) -> None:
+        if not self.free.any():
+            self.record.converged, self.record.reason = True, "nothing is free"
+            return
+        self._value = self.energy.value(self.x)
+        if not np.isfinite(self._value):
+            self.record.reason = "the energy at the start is not finite"
+            return
+        self._look_at_start()
+        while True:
+            gradient = self._gradient()
+            if not np.all(np.isfinite(gradient)):
+                self.record.reason = "forces are not finite"
+                return
+            residual = self._note(gradient)
+            direction = self._directions.at(self.x, gradient, self._forcing())
+            if direction is None and residual > 0.0:
+                self.record.reason = "the tangent stiffness cannot be factorised"
+                return
+            if direction is None:  # neither force nor stiffness, as with all vertices in one point
+                direction = np.zeros_like(gradient)
+            if self.impatient and self._directions.convexified:
+                self.struggling, self.record.reason = True, "the tangent stiffness is not positive definite"
+                return
+            length = _largest(direction)
+            if self._rests(residual, length):
+                self._finish(direction)
+                if not self._leave(gradient):
+                    return
+                continue
+            if self.record.iterations >= self.options.max_iterations:
+                self.record.reason = (
+                    f"{self.options.max_iterations} iterations, residual {residual:.3g} mN "
+                    f"of {self._scale:.3g} mN, next step {length:.3g} mm"
+                )
+                return
+            if not self._search(direction, gradient, length):
+                return
+            self.record.iterations += 1
+            self._report(residual, length)
+            if self._checkpoint is not None:
+                self._checkpoint.save_when_due(self.x)
+            if self._renewed:
+                self.energy.refresh(self.x)
+                self._value = self.energy.value(self.x)
+
+    def _look_at_start(self) -> None:
+        """Set the least characteristic force, and fix what stops the rigid motions that nothing resists.
+
+        The least force is that of a small strain, for bodies that come to rest without any force. Reactions
+        of the fixed degrees of freedom vanish at rest.
+        """
+        start = time.perf_counter()
+        stiffness = self.energy.hessian(self.x)
+        diagonal = np.abs(stiffness.diagonal())[self.free]
+        self._scale = SMALL_STRAIN * float(diagonal.mean()) * self._spacing()
+        pins = unheld.pins(self.energy, stiffness, self.x, self.free)
+        self.record.seconds["assembly"] += time.perf_counter() - start
+        if len(pins):
+            log.info("%s: %d rigid motions are held by nothing and fixed", self.options.name, len(pins))
+            self._set_unknowns(np.where(np.isin(np.arange(len(self.free)), pins), False, self.free))
+
+    def _set_unknowns(self, unknowns: NDArray[np.bool_]) -> None:
+        self._unknowns = unknowns
+        self._directions = Directions(self.energy, unknowns, self._systems, self.record)
+
+    def _gradient(self) -> Array:
+        """Gradient (3n,); the characteristic force is renewed on the way."""
+        start = time.perf_counter()
+        parts = [p.gradient(self.x) for p in self.energy.potentials]
+        self._scale = max([self._scale, *(_largest(p) for p in parts)])
+        self.record.seconds["assembly"] += time.perf_counter() - start
+        return np.sum(parts, axis=0).reshape(-1)
+
+    def _note(self, gradient: Array) -> float:
+        residual = _largest(np.where(self.free, gradient, 0.0))
+        self.record.energies.append(self._value)
+        self.record.residuals.append(residual)
+        return residual
+
+    def _forcing(self) -> float:
+        """Relative error allowed in the linear solve, small where the residual falls fast."""
+        residuals = self.record.residuals
+        if len(residuals) < 2 or residuals[-2] == 0.0:
+            return LOOSEST
+        return float(np.clip(0.5 * (residuals[-1] / residuals[-2]) ** 2, TIGHTEST, LOOSEST))
+
+    def _rests(self, residual: float, length: float) -> bool:
+        limit = self.options.force_tolerance * self._scale
+        tolerance = self.options.displacement_tolerance
+        if length > tolerance:
+            recent = self.record.steps[-RESTING:]
+            if len(recent) == RESTING and max(recent) <= tolerance:
+                # At a kink of contact Newton's step overshoots for ever; the shape rests all the same.
+                return residual <= limit
+            # Along a mode without stiffness a step has length but next to no force behind it.
+            return residual <= NEGLIGIBLE * limit
+        # A step of a thousandth of the tolerance is rounding, whatever the scale of the forces.
+        return residual <= limit or length <= NEGLIGIBLE * tolerance
+
+    def _finish(self, direction: Array) -> None:
+        """Take the last step too, where it costs no energy."""
+        trial = self.x + direction.reshape(self.x.shape)
+        if self.energy.max_step(self.x, trial - self.x) == 1.0:
+            value = self.energy.value(trial)
+            if value <= self._value:
+                self.x, self._value = trial, value
+        self.record.converged, self.record.reason = True, "converged"
+        log.info(
+            "%s: converged in %d iterations, residual %.2e mN of %.2e mN",
+            self.options.name,
+            self.record.iterations,
+            self.record.residuals[-1],
+            self._scale,
+        )
+
+    def _leave(self, gradient: Array) -> bool:
+        """Leave a stationary point that is no minimum; False where it is one or where that failed."""
+        if self._left is not None:
+            x, value = self._left
+            if not self._value < value - 1e-9 * max(abs(value), self._scale * self._spacing()):
+                self.x, self._value = x, value
+                return False
+        if not self._directions.convexified or self.record.escapes >= MAX_ESCAPES:
+            return False
+        self._left = self.x, self._value
+        self.record.escapes += 1
+        self.record.converged = False
+        rng = np.random.default_rng(self.record.escapes)
+        kick = np.where(self._unknowns, rng.normal(size=self.x.size), 0.0).reshape(self.x.shape)
+        kick *= KICK * self._spacing() / _largest(kick)
+        self.x = self.x + self.energy.max_step(self.x, kick) * kick
+        self._value = self.energy.value(self.x)
+        log.info("%s: stationary without being a minimum, going on from nearby", self.options.name)
+        return True
+
+    def _spacing(self) -> float:
+        """Mean distance of vertices in mm, from the box that they fill at rest."""
+        shapes = [p.vertices for p in self.energy.potentials if hasattr(p, "vertices")]
+        return spacing(shapes[0] if shapes else self.x)
+
+    def _search(self, direction: Array, gradient: Array, length: float) -> bool:
+        """Step along the direction with sufficient decrease; False where there is none."""
+        start = time.perf_counter()
+        step = direction.reshape(self.x.shape)
+        slope = float(gradient @ direction)
+        alpha = min(1.0, self.options.max_step / max(length, 1e-300))
+        alpha = min(alpha, self.energy.max_step(self.x, alpha * step) * alpha)
+        allowed = alpha
+        noise = ROUNDING * (abs(self._value) + self._scale * length)
+        for _ in range(40):
+            trial = self.x + alpha * step
+            value = self.energy.value(trial)
+            if np.isfinite(value) and value <= self._value + ARMIJO * alpha * slope + noise:
+                if self._directions.convexified and alpha == 1.0:
+                    trial, value, alpha = self._stretch(step, trial, value)
+                self.x, self._value = trial, value
+                self.record.steps.append(alpha * length)
+                self.record.seconds["search"] += time.perf_counter() - start
+                return True
+            alpha *= _backtrack(alpha, slope, value - self._value)
+            if self.impatient and alpha < 0.5 * allowed:
+                self.struggling, self.record.reason = True, "energy allows only short steps"
+                return False
+        self.record.seconds["search"] += time.perf_counter() - start
+        self.record.reason = (
+            f"no step along the Newton direction lowers the energy; residual "
+            f"{self.record.residuals[-1]:.3g} mN of {self._scale:.3g} mN, Newton step {length:.3g} mm"
+        )
+        return False
+
+    def _stretch(self, step: Array, trial: Array, value: float) -> tuple[Array, float, float]:
+        """Double an accepted step while the energy goes on falling: a convexified Hessian is too stiff."""
+        alpha = 1.0
+        for _ in range(5):
+            if 2 * alpha * _largest(step) > self.options.max_step:
+                break
+            if self.energy.max_step(self.x, 2 * alpha * step) < 1.0:
+                break
+            further = self.x + 2 * alpha * step
+            lower = self.energy.value(further)
+            if not lower < value:
+                break
+            trial, value, alpha = further, lower, 2 * alpha
+        return trial, value, alpha
+
+    def _report(self, residual: float, length: float) -> None:
+        log.debug(
+            "%s: %d: energy %.8g uJ, residual %.2e mN, step %.2e of %.2e mm",
+            self.options.name,
+            self.record.iterations,
+            self._value,
+            residual,
+            self.record.steps[-1],
+            length,
+        )
+        now = time.perf_counter()
+        if now - self._noticed > PROGRESS:
+            self._noticed = now
+            log.info(
+                "%s: %d iterations, residual %.2e of %.2e mN, step %.2e mm",
+                self.options.name,
+                self.record.iterations,
+                residual,
+                self.options.force_tolerance * self._scale,
+                length,
+            )
+
+
+def spacing(x: Array) -> float:
+    """Mean distance in mm of vertices (n, 3) from their neighbours, by the volume of their box."""
+    extent = np.ptp(x, axis=0)
+    extent = np.maximum(extent, 1e-3 * extent.max())
+    return float((extent.prod() / len(x)) ** (1 / 3))
+
+
+def _largest(vector: Array) -> float:
+    """Largest norm over vertices of a vector (3n,) or (n, 3)."""
+    return float(np.sqrt((vector.reshape(-1, 3) ** 2).sum(axis=1).max()))
+
+
+def _backtrack(alpha: float, slope: float, rise: float) -> float:
+    """Factor on alpha from the parabola through the trial, kept within [0.1, 0.5]."""
+    if not np.isfinite(rise):
+        return 0.25
+    return float(np.clip(-slope * alpha / (2.0 * (rise - slope * alpha)), 0.1, 0.5))

@@ -1,0 +1,77 @@
+"""What is asked of a solve, and what it says it did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Options:
+    """When to stop, and what to do where that fails.
+
+    Converged: the next Newton step moves no vertex by more than `displacement_tolerance` mm and the largest
+    residual force is below `force_tolerance` times the characteristic force (or below a thousandth of that,
+    however long the step), the largest force that any potential puts on a vertex. `max_step` bounds a
+    vertex's move in one iteration, in mm. `allow_partial`: hand back the best state instead of raising.
+    """
+
+    displacement_tolerance: float = 1e-4
+    force_tolerance: float = 1e-5
+    max_iterations: int = 100
+    max_step: float = np.inf
+    allow_partial: bool = False
+    name: str = "equilibrium"
+
+
+@dataclass
+class Record:
+    """What a solve did.
+
+    energies (uJ), residuals (largest vertex force, mN) and steps (largest move of a vertex, mm) have one
+    entry an iteration; seconds are split by work. `projections` counts iterations whose Hessian was not positive
+    definite, `escapes` stationary points left because they were no minima, `untangled` iterations spent on a
+    compressible stand-in; `inverted` is the number of tets that end inside out.
+    """
+
+    converged: bool = False
+    reason: str = ""
+    iterations: int = 0
+    factorisations: int = 0
+    projections: int = 0
+    escapes: int = 0
+    untangled: int = 0
+    inverted: int = 0
+    cg_iterations: int = 0
+    energies: list[float] = field(default_factory=list)
+    residuals: list[float] = field(default_factory=list)
+    steps: list[float] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=lambda: {"assembly": 0.0, "linear": 0.0, "search": 0.0})
+
+    def add(self, part: Record) -> None:
+        """Append what a further solve did; its verdict replaces this one's."""
+        for item in fields(self):
+            mine, other = getattr(self, item.name), getattr(part, item.name)
+            if isinstance(other, bool | str):
+                setattr(self, item.name, other)
+            elif item.name == "inverted":
+                self.inverted = part.inverted
+            elif isinstance(other, int):
+                setattr(self, item.name, mine + other)
+            elif isinstance(other, list):
+                mine.extend(other)
+            else:
+                for kind, seconds in other.items():
+                    mine[kind] = mine.get(kind, 0.0) + seconds
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Positions x (n, 3) in mm and the record of how they were found."""
+
+    x: Array
+    record: Record
