@@ -10,7 +10,7 @@ from tests.fem.bodies import box
 from handpipe.errors import InputError
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import MODELS, Material, piola_stresses
+from handpipe.fem.materials import MODELS, Material, energy_densities, piola_stresses, stiffnesses
 from handpipe.fem.nullspace import DeflatedFactor, rigid_modes, rigid_pins
 
 YOUNG, POISSON = 6.0, 0.45
@@ -47,30 +47,42 @@ def test_uniaxial_tension_matches_the_analytic_solution():
     fixed[vertices[:, 1] < 1e-9, 1] = True
     fixed[vertices[:, 2] < 1e-9, 2] = True
     found = equilibrium.solve([elastic], vertices * [stretch, 1.0, 1.0], fixed=fixed)
-    # psi = mu/2 (a^2 + 2 b^2 - 3) + l/2 (a b^2 - 1 - mu/l)^2 is stationary in the lateral stretch b.
-    mu, lam = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
-    bulk = lam + mu
+    # Smith et al. 2018: P = m (1 - 1/(I + 1)) F + l (J - alpha) dJ/dF, by the lateral stretch b.
+    shear, lam = YOUNG / (2 * (1 + POISSON)), YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
+    m, bulk = 4 / 3 * shear, lam + 5 / 6 * shear
+    alpha = 1 + m / bulk - m / (4 * bulk)
 
-    def lateral_stress(b):
-        return mu + bulk * (stretch * b**2 - 1 - mu / bulk) * stretch
+    def stress(b, along, across):
+        return m * (1 - 1 / (stretch**2 + 2 * b**2 + 1)) * along + bulk * (stretch * b**2 - alpha) * across
 
-    b = scipy.optimize.brentq(lateral_stress, 0.3, 1.2)
+    b = scipy.optimize.brentq(lambda b: stress(b, b, stretch * b), 0.3, 1.2)
     np.testing.assert_allclose(found.x, vertices * [stretch, b, b], atol=1e-7)
-    axial = mu * stretch + bulk * (stretch * b**2 - 1 - mu / bulk) * b**2
+    axial = stress(b, stretch, b**2)
     pull = elastic.gradient(found.x)[vertices[:, 0] > 4 - 1e-9, 0].sum()
     assert pull == pytest.approx(axial, rel=1e-7)
 
 
+@pytest.mark.parametrize("poisson", [0.0, POISSON, 0.499])
 @pytest.mark.parametrize(("model", "lambda_factor"), [("stable-neo-hookean", 1.0), ("stvk", 2.0)])
-def test_small_strain_stiffness_is_linear_elasticity(model, lambda_factor):
+def test_small_strain_stiffness_is_linear_elasticity(model, lambda_factor, poisson):
     vertices, tets = box((3.0, 2.0, 1.0), (3, 2, 2))
     mesh = skfem.MeshTet(vertices.T, tets.T)
     basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementTetP1()))
-    lam, mu = lame_parameters(YOUNG, POISSON)
+    lam, mu = lame_parameters(YOUNG, poisson)
     reference = linear_elasticity(lambda_factor * lam, mu).assemble(basis)
-    ours = Elastic(vertices, tets, Material(YOUNG, POISSON, model)).hessian(vertices)
+    ours = Elastic(vertices, tets, Material(YOUNG, poisson, model)).hessian(vertices)
     order = basis.nodal_dofs.T.ravel()  # skfem's number of our degree of freedom 3 i + c
     assert abs(ours - reference[order][:, order]).max() < 1e-10 * abs(reference).max()
+
+
+def test_a_collapsed_body_is_no_minimum_of_the_neo_hookean():
+    neo, shear = MODELS["stable-neo-hookean"], np.array([2.0])
+    bulk = np.array([20.0])
+    collapsed = np.zeros((1, 3, 3))
+    assert np.abs(stiffnesses(neo, collapsed, shear, bulk, False)).max() == 0.0
+    start = energy_densities(neo, collapsed, shear, bulk)[0]
+    assert energy_densities(neo, 1e-2 * np.eye(3)[None], shear, bulk)[0] < start
+    assert energy_densities(neo, np.eye(3)[None], shear, bulk)[0] == 0.0
 
 
 def test_a_free_body_takes_its_plastic_strain():

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.errors import InputError
 from handpipe.fem import plasticity
+from handpipe.fem.matrix3 import rotational_svd
 
 
 def _gradients(kind):
@@ -76,6 +77,22 @@ def test_polar_derivatives_agree_with_differences(kind):
     hessian = plasticity.polar_hessian(f, weights)
     np.testing.assert_allclose(np.einsum("mab,mb->ma", hessian, change.reshape(-1, 9)), second, atol=1e-6)
     np.testing.assert_allclose(hessian, hessian.transpose(0, 2, 1), atol=1e-10)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-170, 1e160])
+@pytest.mark.parametrize(
+    "values", [(0, 0, 0), (2, 0, 0), (2, 1e-15, 0), (2, 1, 0), (2, 1e-9, -1e-12), (1, 1, 1)]
+)
+def test_rotational_svd_of_any_rank_and_size(values, scale):
+    u, v, sigma = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for seed in range(20):
+        turns = Rotation.random(2, random_state=seed).as_matrix()
+        f = turns[0] @ (scale * np.array(values, dtype=float)[:, None] * turns[1])
+        rotational_svd(f, u, sigma, v)
+        np.testing.assert_allclose(u @ (sigma[:, None] * v.T), f, atol=1e-13 * scale, rtol=0)
+        for rotation in (u, v):
+            np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-13)
+            assert np.linalg.det(rotation) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_polar_stays_finite_where_it_is_not_unique():

@@ -26,8 +26,9 @@ NEO_HOOKEAN = 0
 class Material:
     """Young's modulus in kPa and Poisson's ratio, numbers or one a tet (m,).
 
-    "stable-neo-hookean": Smith et al. 2018, mu/2 (|F|^2 - 3) + l/2 (J - 1 - mu/l)^2 with l = lambda + mu, so
-    that rest is stress-free and small strains see the given moduli; shifted to zero energy at rest.
+    "stable-neo-hookean": Smith et al. 2018 with their logarithm and parameters, shifted to zero energy at
+    rest: m/2 (I - 3 - log((I + 1) / 4)) + l/2 (J - 1)^2 - 3/4 m (J - 1) with I = |F|^2, m = 4/3 mu and
+    l = lambda + 5/6 mu, so that rest is stress-free and small strains see the given moduli.
     "stvk": mu |E|^2 + lambda/2 tr(E)^2 + lambda/2 (J - 1)^2 (004 section 5.5); the added volume term doubles
     lambda at small strains.
     """
@@ -55,17 +56,29 @@ class Material:
         return young / (2 * (1 + nu)), young * nu / ((1 + nu) * (1 - 2 * nu))
 
 
+@njit(cache=True, inline="always")
+def rest_stable(mu: float, lam: float) -> tuple[float, float]:
+    """Smith et al. 2018's own mu and lambda for Lame parameters seen at small strains."""
+    return 4.0 / 3.0 * mu, lam + 5.0 / 6.0 * mu
+
+
+@njit(cache=True, inline="always")
+def _squares(f: Array) -> float:
+    total = 0.0
+    for i in range(3):
+        for k in range(3):
+            total += f[i, k] * f[i, k]
+    return total
+
+
 @njit(cache=True)
 def energy_density(model: int, f: Array, mu: float, lam: float) -> float:
     """Energy per rest volume in kPa of a deformation gradient (3, 3)."""
-    j = determinant(f)
+    volume = determinant(f) - 1.0
     if model == NEO_HOOKEAN:
-        ratio = mu / (lam + mu)
-        squares = 0.0
-        for i in range(3):
-            for k in range(3):
-                squares += f[i, k] * f[i, k]
-        return 0.5 * mu * (squares - 3.0) + 0.5 * (lam + mu) * ((j - 1.0 - ratio) ** 2 - ratio**2)
+        m, bulk = rest_stable(mu, lam)
+        excess = _squares(f) - 3.0
+        return 0.5 * m * (excess - math.log1p(0.25 * excess)) + volume * (0.5 * bulk * volume - 0.75 * m)
     strain_squares = 0.0
     trace = 0.0
     for k in range(3):
@@ -74,27 +87,26 @@ def energy_density(model: int, f: Array, mu: float, lam: float) -> float:
             strain_squares += e * e
             if k == m:
                 trace += e
-    return mu * strain_squares + 0.5 * lam * trace**2 + 0.5 * lam * (j - 1.0) ** 2
+    return mu * strain_squares + 0.5 * lam * trace**2 + 0.5 * lam * volume**2
 
 
 @njit(cache=True)
 def piola(model: int, f: Array, mu: float, lam: float, out: Array) -> None:
     """First Piola stress (3, 3) in kPa."""
     cofactor(f, out)
-    j = determinant(f)
+    volume = determinant(f) - 1.0
     if model == NEO_HOOKEAN:
-        pressure = (lam + mu) * (j - 1.0) - mu
+        m, bulk = rest_stable(mu, lam)
+        pressure = bulk * volume - 0.75 * m
+        shear = m * (1.0 - 1.0 / (_squares(f) + 1.0))
         for i in range(3):
             for k in range(3):
-                out[i, k] = mu * f[i, k] + pressure * out[i, k]
+                out[i, k] = shear * f[i, k] + pressure * out[i, k]
         return
-    trace = -1.5
-    for i in range(3):
-        for k in range(3):
-            trace += 0.5 * f[i, k] * f[i, k]
+    trace = 0.5 * (_squares(f) - 3.0)
     for k in range(3):
         for i in range(3):
-            out[i, k] = lam * (j - 1.0) * out[i, k] + (lam * trace - mu) * f[i, k]
+            out[i, k] = lam * volume * out[i, k] + (lam * trace - mu) * f[i, k]
             for p in range(3):
                 out[i, k] += mu * f[i, p] * (f[0, p] * f[0, k] + f[1, p] * f[1, k] + f[2, p] * f[2, k])
 
@@ -103,9 +115,9 @@ def piola(model: int, f: Array, mu: float, lam: float, out: Array) -> None:
 def stiffness(model: int, f: Array, mu: float, lam: float, out: Array, work: Array) -> None:
     """Derivative (9, 9) of the first Piola stress; `work` is (3, 3)."""
     cofactor(f, work)
-    j = determinant(f)
-    bulk = lam + mu if model == NEO_HOOKEAN else lam
-    pressure = bulk * (j - 1.0) - (mu if model == NEO_HOOKEAN else 0.0)
+    neo = model == NEO_HOOKEAN
+    m, bulk = rest_stable(mu, lam) if neo else (0.0, lam)
+    pressure = bulk * (determinant(f) - 1.0) - 0.75 * m
     for a in range(9):
         for b in range(9):
             out[a, b] = bulk * work[a // 3, a % 3] * work[b // 3, b % 3]
@@ -117,19 +129,21 @@ def stiffness(model: int, f: Array, mu: float, lam: float, out: Array, work: Arr
             out[3 * i + k, 3 * j2 + k2] += pressure * f[j1, k1]
             out[3 * i + k, 3 * j1 + k2] -= pressure * f[j2, k1]
             out[3 * i + k, 3 * j2 + k1] -= pressure * f[j1, k2]
-    if model == NEO_HOOKEAN:
+    if neo:
+        inverse = 1.0 / (_squares(f) + 1.0)
         for a in range(9):
-            out[a, a] += mu
+            for b in range(9):
+                out[a, b] += 2.0 * m * inverse**2 * f[a // 3, a % 3] * f[b // 3, b % 3]
+            out[a, a] += m * (1.0 - inverse)
     else:
         _add_stvk_stiffness(f, mu, lam, out, work)
 
 
 @njit(cache=True)
 def _add_stvk_stiffness(f: Array, mu: float, lam: float, out: Array, work: Array) -> None:
-    trace = -1.5
+    trace = 0.5 * (_squares(f) - 3.0)
     for i in range(3):
         for k in range(3):
-            trace += 0.5 * f[i, k] * f[i, k]
             work[i, k] = mu * (f[0, i] * f[0, k] + f[1, i] * f[1, k] + f[2, i] * f[2, k])
     for i in range(3):
         work[i, i] += lam * trace - mu  # now the second Piola stress
@@ -155,23 +169,23 @@ def projected_stiffness(model: int, f: Array, mu: float, lam: float, out: Array,
     u, v, scaling, vectors, basis = work[0], work[1], work[2], work[3], work[4]
     sigma, values = work[5, 0], work[5, 1]
     rotational_svd(f, u, sigma, v)
-    j = sigma[0] * sigma[1] * sigma[2]
     neo = model == NEO_HOOKEAN
-    bulk = lam + mu if neo else lam
-    pressure = bulk * (j - 1.0) - (mu if neo else 0.0)
-    trace = 0.5 * (sigma[0] ** 2 + sigma[1] ** 2 + sigma[2] ** 2 - 3.0)
+    m, bulk = rest_stable(mu, lam) if neo else (0.0, lam)
+    pressure = bulk * (sigma[0] * sigma[1] * sigma[2] - 1.0) - 0.75 * m
+    squares = sigma[0] ** 2 + sigma[1] ** 2 + sigma[2] ** 2
+    trace = 0.5 * (squares - 3.0)
+    shear = m * (1.0 - 1.0 / (squares + 1.0))
+    coupling = 2.0 * m / (squares + 1.0) ** 2 if neo else lam
     for i in range(3):
         for k in range(3):
             other = 3 - i - k
             gi = sigma[(i + 1) % 3] * sigma[(i + 2) % 3]
             gk = sigma[(k + 1) % 3] * sigma[(k + 2) % 3]
-            scaling[i, k] = bulk * gi * gk
+            scaling[i, k] = bulk * gi * gk + coupling * sigma[i] * sigma[k]
             if i == k:
-                scaling[i, k] += mu if neo else mu * (3.0 * sigma[i] ** 2 - 1.0) + lam * trace
+                scaling[i, k] += shear if neo else mu * (3.0 * sigma[i] ** 2 - 1.0) + lam * trace
             else:
                 scaling[i, k] += pressure * sigma[other]
-            if not neo:
-                scaling[i, k] += lam * sigma[i] * sigma[k]
     symmetric_eigen(scaling, values, vectors)
     out[:] = 0.0
     for q in range(3):
@@ -185,7 +199,7 @@ def projected_stiffness(model: int, f: Array, mu: float, lam: float, out: Array,
     for p in range(2):
         for q in range(p + 1, 3):
             volume = pressure * sigma[3 - p - q]
-            common = mu if neo else mu * (sigma[p] ** 2 + sigma[q] ** 2 - 1.0) + lam * trace
+            common = shear if neo else mu * (sigma[p] ** 2 + sigma[q] ** 2 - 1.0) + lam * trace
             cross = 0.0 if neo else mu * sigma[p] * sigma[q]
             for sign in (-1.0, 1.0):  # -1: twist, +1: flip
                 value = common + sign * (cross - volume)

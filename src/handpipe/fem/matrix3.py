@@ -75,10 +75,13 @@ def rotational_svd(f: Array, u: Array, sigma: Array, v: Array) -> None:
     One-sided Jacobi rotations of the columns of F: small singular values keep their relative accuracy,
     and rank one or zero is completed to rotations.
     """
-    u[:] = f
+    largest = np.abs(f).max()
+    scale = largest if largest > 0.0 else 1.0  # squares of tiny or huge entries would under- or overflow
     v[:] = 0.0
     for i in range(3):
         v[i, i] = 1.0
+        for k in range(3):
+            u[i, k] = f[i, k] / scale
     for _ in range(SWEEPS):
         rotated = False
         for p in range(2):
@@ -114,6 +117,8 @@ def rotational_svd(f: Array, u: Array, sigma: Array, v: Array) -> None:
             v[k, 2] = -v[k, 2]
             u[k, 2] = -u[k, 2]
     _orthonormal_columns(u, sigma)
+    for i in range(3):
+        sigma[i] *= scale
 
 
 @njit(cache=True)
