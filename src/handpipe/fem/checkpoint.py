@@ -29,7 +29,7 @@ class Checkpoint:
         self._written = time.monotonic()
         self._load = self._step = 0.0
 
-    def begin(self, *parts: Array | str | float) -> tuple[float, float, Array] | None:
+    def begin(self, *parts: NDArray | str | float) -> tuple[float, float, Array] | None:
         """The state (t, step, x) of an earlier run of the problem that `parts` describe, if there is one."""
         digest = hashlib.sha256()
         for part in parts:

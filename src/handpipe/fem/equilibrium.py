@@ -67,6 +67,7 @@ def continuation(
     options: Options | None = None,
     first_step: float = 0.25,
     smallest_step: float = 1 / 256,
+    largest_step: float = 1.0,
     intermediate: Options | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Equilibrium:
@@ -74,13 +75,13 @@ def continuation(
 
     `make_potentials(t)` gives the potentials; `prescribed(t)` (n, 3) the positions, of which the `fixed`
     degrees of freedom are taken. Each step starts from a prediction with the tangent at hand; a step that
-    fails is halved, one that converges easily is doubled. States before t = 1 may be solved less exactly,
-    to `intermediate` options. With a `checkpoint`, a killed run goes on from its last state.
+    fails is halved, one that converges easily is doubled, up to `largest_step`. States before t = 1 may be
+    solved less exactly, to `intermediate` options. With a `checkpoint`, a killed run goes on from its last state.
     Raises `ConvergenceError` below `smallest_step`.
     """
     options = options or Options()
     path = _Path(make_potentials, prescribed, _free(fixed, x.size), options, intermediate or options)
-    return path.follow(np.array(x, dtype=float), first_step, smallest_step, checkpoint)
+    return path.follow(np.array(x, dtype=float), first_step, (smallest_step, largest_step), checkpoint)
 
 
 class _Path:
@@ -100,7 +101,9 @@ class _Path:
         self.allow_partial = options.allow_partial
         self.record = Record()
 
-    def follow(self, x: Array, step: float, smallest: float, checkpoint: Checkpoint | None) -> Equilibrium:
+    def follow(
+        self, x: Array, step: float, bounds: tuple[float, float], checkpoint: Checkpoint | None
+    ) -> Equilibrium:
         """Positions at t = 1, or the last ones reached where the options allow that."""
         self.systems = SystemSequence(rest=x)
         t, started = 0.0, time.perf_counter()
@@ -115,12 +118,12 @@ class _Path:
                     "%s: t = %.4f failed (%s), halving", self.options.name, t + step, found.record.reason
                 )
                 step *= 0.5
-                if step < smallest:
+                if step < bounds[0]:
                     return self._give_up(x, t, found.record.reason)
                 continue
             t, x = t + step, found.x
             if found.record.iterations <= EASY:
-                step *= 2.0
+                step = min(2.0 * step, bounds[1])
             elapsed = time.perf_counter() - started
             log.info(
                 "%s: t = %.4f after %d iterations, about %.0f s left",

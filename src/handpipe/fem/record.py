@@ -33,9 +33,9 @@ class Record:
     """What a solve did.
 
     energies (uJ), residuals (largest vertex force, mN) and steps (largest move of a vertex, mm) have one
-    entry an iteration; seconds are split by work. `projections` counts iterations whose Hessian was not positive
-    definite, `escapes` stationary points left because they were no minima, `untangled` iterations spent on a
-    compressible stand-in; `inverted` is the number of tets that end inside out.
+    entry an iteration; seconds are split by work. `projections` counts iterations whose Hessian was not
+    positive definite, `escapes` stationary points left because they were no minima, `untangled` iterations
+    spent on a compressible stand-in; `inverted` is the number of tets that end inside out.
     """
 
     converged: bool = False
