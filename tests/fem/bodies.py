@@ -33,3 +33,25 @@ def box_surface(
 
     mesh = trimesh.creation.box(extents=size)
     return np.array(mesh.vertices) + np.array(low) + np.array(size) / 2, np.array(mesh.faces, dtype=np.int64)
+
+
+def cuts(vertices: np.ndarray, triangles: np.ndarray) -> bool:
+    """Whether a surface cuts itself: segments against triangles by Moeller and Trumbore's test, all pairs."""
+    edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    for start in range(0, len(edges), 200):
+        ends = edges[start : start + 200]
+        origin, along = vertices[ends[:, 0]][:, None], (vertices[ends[:, 1]] - vertices[ends[:, 0]])[:, None]
+        p = np.cross(along, c - a)
+        determinant = np.einsum("etc,tc->et", p, b - a)
+        determinant[np.abs(determinant) < 1e-14] = np.inf
+        to_origin = origin - a
+        q = np.cross(to_origin, b - a)
+        u = np.einsum("etc,etc->et", to_origin, p) / determinant
+        v = np.einsum("etc,etc->et", np.broadcast_to(along, q.shape), q) / determinant
+        t = np.einsum("etc,tc->et", q, c - a) / determinant
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0) & (t <= 1) & np.isfinite(determinant)
+        apart = (triangles[None] != ends[:, :1, None]) & (triangles[None] != ends[:, 1:, None])
+        if (hit & apart.all(axis=2)).any():
+            return True
+    return False

@@ -2,24 +2,63 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import ipctk
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from handpipe.errors import InputError
+from handpipe.fem.growing_pattern import GrowingPattern
+from handpipe.fem.potential import Potential, Sum
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+RESERVE = 0.9  # share of a free step that is taken
+REACH = 10.0  # mean edge lengths that no surface vertex moves beyond in one step: bounds the candidates
+CANDIDATES_PER_FACE = 15  # with more of them from a swept step, a new search is cheaper than sorting them out
+FORESIGHT = 1.5  # pairs up to this many activation distances enter the Hessian's pattern in advance
+NEIGHBOUR_RINGS = 3  # so many edges apart along a surface, vertices that are near at rest are neighbours
+
+
+@dataclass(frozen=True)
+class _Swept:
+    """A straight motion of all surface vertices, free of collisions up to a fraction of it."""
+
+    start: Array
+    motion: Array
+    fraction: float
+    candidates: ipctk.Candidates
+
+    def contains(self, positions: Array) -> bool:
+        """Whether positions are met by the motion before its free fraction ends."""
+        change = positions - self.start
+        squared = float(np.vdot(self.motion, self.motion))
+        along = float(np.vdot(change, self.motion)) / squared if squared > 0 else 0.0
+        rounding = 1e-13 * (1.0 + np.abs(self.start).max(initial=0.0))
+        off = np.abs(change - along * self.motion).max(initial=0.0)
+        return off <= rounding and -1e-12 <= along <= self.fraction * (1 + 1e-12)
+
 
 class Barrier:
-    """Barrier energy of a collision surface p = W x (k, 3), against itself and against fixed obstacles.
+    """Barrier energy of a collision surface p = W x (k, 3), against itself and against an obstacle.
 
-    It is infinite at contact and zero beyond `distance` mm (well below the edge length, or a surface feels
-    its own neighbours); `stiffness` in mN/mm scales it. `patches` (k,) forbids contact within a patch where
-    `self_contact` is off. `obstacle` is (vertices, triangles), given at the place it has in this solve.
-    Start without intersection: `InputError` otherwise. Steps are bounded by continuous collision detection.
+    Energy: sum over pairs of A kappa d_hat b((d / d_hat)^2), b(s) = -(s - 1)^2 ln s, with A the rest area
+    that a pair stands for (Li et al. 2023, Convergent incremental potential contact). The Hessian is exact.
+    Parallel surfaces at distance d press on one another by about kappa `pressure_ratio(d / d_hat)`: from a
+    third to three times as much, as their meshes meet. `stiffness` kappa in kPa is well chosen near Young's
+    modulus of the softer body (`barrier_stiffness`): stresses of its size then find a gap of d_hat / 2.
+
+    `distance` d_hat in mm: beyond it there is no force; keep it below the edge length. Parts that are
+    nearer than it at rest, and few edges apart, are taken for neighbours and never collide. `patches` (k,):
+    no contact within a patch where `self_contact` is off. `obstacle`: (vertices (o, 3), triangles) that do
+    not move in a solve; `advance` moves them between solves. `rest` (n, 3) in place of x for areas and
+    neighbours. Without intersection at the start: `InputError` otherwise. Later the value is infinite at
+    intersecting positions; steps are bounded by continuous collision detection.
     """
 
     def __init__(
@@ -33,29 +72,50 @@ class Barrier:
         obstacle: tuple[Array, IntArray] | None = None,
         patches: IntArray | None = None,
         self_contact: bool = True,
+        rest: Array | None = None,
     ) -> None:
-        surface = sp.csr_matrix(operator)
-        faces, fixed = np.asarray(triangles), np.zeros((0, 3))
+        self._narrow = sp.csr_matrix(operator)
+        count = self._narrow.shape[0]
+        faces = np.asarray(triangles)
+        self.obstacle = np.zeros((0, 3))
         if obstacle is not None:
-            fixed = np.asarray(obstacle[0], dtype=float)
-            faces = np.concatenate([faces, np.asarray(obstacle[1]) + surface.shape[0]])
-        self._fixed = fixed
-        self._operator = sp.vstack([surface, sp.csr_matrix((len(fixed), surface.shape[1]))], format="csr")
+            self.obstacle = np.array(obstacle[0], dtype=float)
+            faces = np.concatenate([faces, np.asarray(obstacle[1]) + count])
+        below = sp.csr_matrix((len(self.obstacle), self._narrow.shape[1]))
+        self._operator = sp.vstack([self._narrow, below], format="csr")
         self._wide = sp.kron(self._operator, sp.eye(3), format="csr")
-        self._narrow = surface
-        self._distance = distance
-        positions = self.positions(x)
-        faces = np.asfortranarray(faces, dtype=np.int32)
-        self._mesh = ipctk.CollisionMesh(positions, ipctk.edges(faces), faces)
-        self._mesh.can_collide = _filter(surface.shape[0], len(fixed), patches, self_contact)
-        self._potential = ipctk.BarrierPotential(distance, stiffness)
+        self.distance, self.stiffness = distance, stiffness
+        self._mesh = _collision_mesh(self.positions(x if rest is None else rest), faces, count)
+        allowed = _filter(count, len(self.obstacle), patches, self_contact)
+        self._mesh.can_collide = allowed
+        pairs = _neighbours(self._mesh, count, distance)
+        # The weights that make up for pairs counted twice take these to be whole: not so with exceptions.
+        self._corrected = not pairs
+        if pairs:
+            self._mesh.can_collide = allowed & ipctk.make_sparse_filter(dict.fromkeys(pairs, False), True)
+        self._edge = float(ipctk.mean_edge_length(self.positions(x), self.positions(x), self._mesh.edges)[0])
+        self._potential = ipctk.BarrierPotential(distance, stiffness, True)
+        self._pattern = GrowingPattern()
+        self._swept: _Swept | None = None
         self._last: tuple[Array, ipctk.NormalCollisions] | None = None
-        if ipctk.has_intersections(self._mesh, positions):
+        self._held: ipctk.NormalCollisions | None = None  # whose pairs the pattern has
+        if self.intersects(x):
             raise InputError("barrier", "x", "the surfaces intersect at the start", "Separate them first")
 
     def positions(self, x: Array) -> Array:
         """Surface and obstacle vertices (k + o, 3) in Fortran order."""
-        return np.asfortranarray(np.concatenate([self._narrow @ x, self._fixed]))
+        return np.asfortranarray(np.concatenate([self._narrow @ x, self.obstacle]))
+
+    def with_obstacle(self, vertices: Array) -> Barrier:
+        """The same barrier with the obstacle's vertices (o, 3) at another place."""
+        other = copy.copy(self)
+        other.obstacle = np.array(vertices, dtype=float)
+        other._swept = other._last = other._held = None
+        return other
+
+    def intersects(self, x: Array) -> bool:
+        """Whether any triangle that may collide is cut by an edge: the verdict on a finished shape."""
+        return self._cuts(self.positions(x))
 
     def gap(self, x: Array) -> float:
         """Least distance in mm between parts that may collide, where below the barrier's; else infinite."""
@@ -64,34 +124,179 @@ class Barrier:
 
     def value(self, x: Array) -> float:
         positions, collisions = self._collisions(x)
+        if not self._is_free(positions):
+            return np.inf
         return float(self._potential(collisions, self._mesh, positions))
 
     def gradient(self, x: Array) -> Array:
-        positions, collisions = self._collisions(x)
-        forces = self._potential.gradient(collisions, self._mesh, positions)
-        return self._operator.T @ forces.reshape(-1, 3)
+        return self._operator.T @ self._surface_gradient(x)
+
+    def obstacle_forces(self, x: Array) -> Array:
+        """Forces (o, 3) in mN of the surface on the obstacle's vertices."""
+        return -self._surface_gradient(x)[self._narrow.shape[0] :]
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         positions, collisions = self._collisions(x)
-        method = ipctk.PSDProjectionMethod.CLAMP if project else ipctk.PSDProjectionMethod.NONE
-        local = self._potential.hessian(collisions, self._mesh, positions, method)
-        return sp.csr_matrix(self._wide.T @ local @ self._wide)
+        if self._held is not collisions:
+            # Plain and projected matrices have zeros in different places: neither tells the whole pattern.
+            structure = self._reduce(_generic_hessian(self._potential, collisions, self._mesh, positions))
+            self._pattern.hold(structure, lambda: self._foreseen(positions))
+            self._held = collisions
+        return self._pattern.fit(self._reduce(self._local_hessian(x, project)))
 
     def max_step(self, x: Array, step: Array) -> float:
         """Fraction of the step that stays free of collisions, with a tenth in reserve."""
-        start, end = self.positions(x), self.positions(x + step)
+        start = self.positions(x)
+        return self._sweep(start, self.positions(x + step) - start)
+
+    def advance(self, x: Array, step: Array, vertices: Array) -> tuple[float, Barrier]:
+        """Move body by `step` (n, 3) and obstacle to `vertices` (o, 3) together, as far as is free.
+
+        Returns the fraction of both motions that was made, and the barrier with the obstacle there.
+        """
+        start, moved = self.positions(x), self.with_obstacle(vertices)
+        fraction = self._sweep(start, moved.positions(x + step) - start)
+        return fraction, self.with_obstacle(self.obstacle + fraction * (moved.obstacle - self.obstacle))
+
+    def drag(self, x: Array, motion: Array) -> Array:
+        """Change (n, 3) in mN of the gradient, to first order, as the obstacle moves by `motion` (o, 3)."""
+        everything = np.zeros((self._operator.shape[0], 3))
+        everything[self._narrow.shape[0] :] = motion
+        return self._operator.T @ (self._local_hessian(x, True) @ everything.ravel()).reshape(-1, 3)
+
+    def _surface_gradient(self, x: Array) -> Array:
+        positions, collisions = self._collisions(x)
+        return self._potential.gradient(collisions, self._mesh, positions).reshape(-1, 3)
+
+    def _local_hessian(self, x: Array, project: bool) -> sp.csc_matrix:
+        positions, collisions = self._collisions(x)
+        method = ipctk.PSDProjectionMethod.CLAMP if project else ipctk.PSDProjectionMethod.NONE
+        return self._potential.hessian(collisions, self._mesh, positions, method)
+
+    def _reduce(self, local: sp.csc_matrix) -> sp.csr_matrix:
+        """Second derivative by x of that by surface and obstacle vertices."""
+        return sp.csr_matrix(self._wide.T @ sp.csr_matrix(local) @ self._wide)
+
+    def _foreseen(self, positions: Array) -> sp.csr_matrix:
+        """A matrix whose pattern has the pairs that may soon be active."""
+        further = FORESIGHT * self.distance
+        collisions = _new_collisions(self._corrected)
+        collisions.build(self._mesh, positions, further, 0.0, ipctk.LBVH())
+        potential = ipctk.BarrierPotential(further, self.stiffness, True)
+        return self._reduce(_generic_hessian(potential, collisions, self._mesh, positions))
+
+    def _sweep(self, start: Array, motion: Array) -> float:
+        """Free fraction of a motion of all vertices; what was found on the way serves the line search."""
+        longest = float(np.sqrt((motion**2).sum(axis=1).max(initial=0.0)))
+        bound = min(1.0, REACH * self._edge / max(longest, 1e-300))
+        end = np.asfortranarray(start + bound * motion)
+        candidates = ipctk.Candidates()
+        candidates.build(self._mesh, start, end, 0.5 * self.distance, ipctk.LBVH())
         # Additive CCD: the interval search of the default takes seconds where faces meet in parallel.
         ccd = ipctk.AdditiveCCD()
-        free = ipctk.compute_collision_free_stepsize(self._mesh, start, end, narrow_phase_ccd=ccd)
-        return 1.0 if free >= 1.0 else 0.9 * float(free)
+        free = float(candidates.compute_collision_free_stepsize(self._mesh, start, end, 0.0, ccd))
+        fraction = bound if free >= 1.0 else RESERVE * free * bound
+        if self._is_free(start):
+            self._swept = _Swept(start, motion, fraction, candidates)
+        return fraction
+
+    def _is_free(self, positions: Array) -> bool:
+        """Whether nothing intersects: known from the last swept step, or looked up."""
+        if self._swept is not None and self._swept.contains(positions):
+            return True
+        return not self._cuts(positions)
+
+    def _cuts(self, positions: Array) -> bool:
+        return bool(ipctk.has_intersections(self._mesh, positions, ipctk.LBVH()))
 
     def _collisions(self, x: Array) -> tuple[Array, ipctk.NormalCollisions]:
         positions = self.positions(x)
         if self._last is None or not np.array_equal(self._last[0], positions):
-            collisions = ipctk.NormalCollisions()
-            collisions.build(self._mesh, positions, self._distance)
+            collisions = _new_collisions(self._corrected)
+            swept = self._swept
+            few = swept is not None and len(swept.candidates) < CANDIDATES_PER_FACE * self._mesh.num_faces
+            if swept is not None and few and swept.contains(positions):
+                collisions.build(swept.candidates, self._mesh, positions, self.distance)
+            else:
+                collisions.build(self._mesh, positions, self.distance, 0.0, ipctk.LBVH())
             self._last = positions, collisions
         return self._last
+
+
+def pressure_ratio(gap: Array | float) -> Array:
+    """Pressure between parallel surfaces over the barrier's stiffness, at gaps in activation distances.
+
+    -2 u b'(u^2) of the barrier's b; meshes make it larger or smaller, see `Barrier`.
+    """
+    u = np.minimum(np.asarray(gap, dtype=float), 1.0)
+    s = u**2
+    return 2 * u * (2 * (s - 1) * np.log(s) + (s - 1) ** 2 / s)
+
+
+def barrier_stiffness(
+    potentials: Sequence[Potential], operator: sp.spmatrix | sp.sparray, triangles: IntArray, x: Array
+) -> float:
+    """Pressure in kPa with which bodies resist shear: about their Young's modulus, for a barrier's stiffness.
+
+    Taken from the gradients of `potentials` at x (n, 3) under three small stretches that keep volume:
+    the mean traction of a homogeneous body on a surface of area A is 2 mu epsilon times the mean of
+    |dev n| over directions, 0.7.
+    """
+    epsilon, energy = 1e-3, Sum(potentials)
+    centre = x.mean(axis=0)
+    points = sp.csr_matrix(operator) @ x
+    a, b, c = (points[np.asarray(triangles)[:, i]] for i in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    total = 0.0
+    for axis in range(3):
+        stretch = np.full(3, -0.5 * epsilon)
+        stretch[axis] = epsilon
+        change = (x - centre) * stretch
+        traction = energy.gradient(x + change) - energy.gradient(x - change)
+        total += 0.5 * np.linalg.norm(traction, axis=1).sum()
+    return float(3 * total / (3 * 2 * 0.7 * epsilon * area))
+
+
+def _new_collisions(corrected: bool) -> ipctk.NormalCollisions:
+    """An empty set, whose pairs will be weighted by area and, where `corrected`, counted once."""
+    collisions = ipctk.NormalCollisions()
+    collisions.use_area_weighting = True
+    if corrected:
+        collisions.collision_set_type = ipctk.NormalCollisions.IMPROVED_MAX_APPROX
+    return collisions
+
+
+def _generic_hessian(
+    potential: ipctk.BarrierPotential,
+    collisions: ipctk.NormalCollisions,
+    mesh: ipctk.CollisionMesh,
+    positions: Array,
+) -> sp.csc_matrix:
+    """A Hessian in which no entry of a colliding pair is zero by chance or cancels against another's.
+
+    Surfaces are shaken a little, and each pair's eigenvalues made positive.
+    """
+    shaken = positions + 1e-6 * potential.dhat * np.random.default_rng(0).normal(size=positions.shape)
+    return potential.hessian(collisions, mesh, np.asfortranarray(shaken), ipctk.PSDProjectionMethod.ABS)
+
+
+def _collision_mesh(positions: Array, triangles: IntArray, count: int) -> ipctk.CollisionMesh:
+    """Collision mesh of surface vertices and, from `count` on, obstacle vertices.
+
+    A coarse obstacle's large triangles must not weigh more where they meet the surface's small ones.
+    """
+    faces = np.asfortranarray(triangles, dtype=np.int32)
+    mesh = ipctk.CollisionMesh(positions, ipctk.edges(faces), faces)
+    if count < len(positions):
+        mesh.vertex_areas = _capped(mesh.vertex_areas, np.arange(len(positions)) < count)
+        mesh.edge_areas = _capped(mesh.edge_areas, (mesh.edges < count).all(axis=1))
+    return mesh
+
+
+def _capped(areas: Array, own: NDArray[np.bool_]) -> Array:
+    out = np.array(areas)
+    out[~own] = np.minimum(out[~own], np.median(out[own]))
+    return out
 
 
 def _filter(count: int, fixed: int, patches: IntArray | None, self_contact: bool) -> ipctk.CollisionFilter:
@@ -102,3 +307,28 @@ def _filter(count: int, fixed: int, patches: IntArray | None, self_contact: bool
         everyone = np.concatenate([ids, np.full(fixed, ids.max() + 1, dtype=np.int32)])
         allowed = allowed & ipctk.make_vertex_patches_filter(everyone)
     return allowed
+
+
+def _neighbours(mesh: ipctk.CollisionMesh, count: int, distance: float) -> set[tuple[int, int]]:
+    """Pairs of surface vertices of parts that are nearer than `distance` at rest and few edges apart."""
+    rest, edges, faces = mesh.rest_positions, mesh.edges, mesh.faces
+    candidates = ipctk.Candidates()
+    candidates.build(mesh, rest, 0.5 * distance, ipctk.LBVH())
+    members = [
+        candidate.vertex_ids(edges, faces)
+        for kind in (candidates.fv_candidates, candidates.ee_candidates)
+        for candidate in kind
+        if candidate.compute_distance(rest, edges, faces) < distance**2
+    ]
+    if not members:
+        return set()
+    ids = np.array(members)
+    pairs = np.concatenate([ids[:, [a, b]] for a in range(4) for b in range(a + 1, 4)])
+    pairs = np.unique(np.sort(pairs[(pairs < count).all(axis=1)], axis=1), axis=0)
+    link = sp.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(rest), len(rest)))
+    ring = link + link.T + sp.eye(len(rest))
+    near = ring
+    for _ in range(NEIGHBOUR_RINGS - 1):
+        near = near @ ring
+    close = np.asarray(near.tocsr()[pairs[:, 0], pairs[:, 1]]).ravel() > 0
+    return {(int(i), int(j)) for i, j in pairs[close] if i != j}

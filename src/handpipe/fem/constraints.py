@@ -1,17 +1,20 @@
 """Springs and one-sided penalties on embedded points: fixed, sliding and contact constraints (000 section 6).
 
-Stiffnesses are in mN/mm, one for all points or one a point.
+Stiffnesses are in mN/mm, one for all points or one a point. All Hessians are exact. Where surfaces move,
+`moved` gives the same constraint at the new place; within a solve targets and surfaces stand still.
 """
 
 from __future__ import annotations
 
-from typing import TypeAlias
+import copy
+from typing import Self, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from handpipe.errors import InputError
+from handpipe.fem.closest_feature import shape_operators
 from handpipe.fem.points import PointPotential, per_point
 from handpipe.mesh.distance import Distance
 
@@ -28,6 +31,12 @@ class Attachment(PointPotential):
         super().__init__(operator)
         self.targets = _vectors(targets, self.count, "targets")
         self.stiffness = per_point(stiffness, self.count, "stiffness")
+
+    def moved(self, targets: Array) -> Attachment:
+        """The same springs to other targets (k, 3)."""
+        other = copy.copy(self)
+        other.targets = _vectors(targets, self.count, "targets")
+        return other
 
     def energies(self, points: Array) -> Array:
         return 0.5 * self.stiffness * ((points - self.targets) ** 2).sum(axis=1)
@@ -48,6 +57,13 @@ class Sliding(PointPotential):
         self.normals = _unit(_vectors(normals, self.count, "normals"))
         self.stiffness = per_point(stiffness, self.count, "stiffness")
 
+    def moved(self, points: Array, normals: Array) -> Self:
+        """The same constraint with planes through other points (k, 3), with other normals (k, 3)."""
+        other = copy.copy(self)
+        other.origins = _vectors(points, self.count, "points")
+        other.normals = _unit(_vectors(normals, self.count, "normals"))
+        return other
+
     def heights(self, points: Array) -> Array:
         """Signed distances (k,) of points from their planes."""
         return np.einsum("ij,ij->i", points - self.origins, self.normals)
@@ -59,7 +75,7 @@ class Sliding(PointPotential):
         return (self.stiffness * self.heights(points))[:, None] * self.normals
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
-        return self.stiffness[:, None, None] * self.normals[:, :, None] * self.normals[:, None, :]
+        return self.stiffness[:, None, None] * dyads(self.normals)
 
 
 class Contact(Sliding):
@@ -82,16 +98,17 @@ class Contact(Sliding):
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
         second = self.stiffness * penalty(-self.heights(points), self.onset)[2]
-        return second[:, None, None] * self.normals[:, :, None] * self.normals[:, None, :]
+        return second[:, None, None] * dyads(self.normals)
 
 
 class SurfaceContact(PointPotential):
     """Points are kept `thickness` mm outside a closed surface.
 
     The signed distance is computed anew at every evaluation, so energy and gradient belong together
-    however far a point has slid. The Hessian leaves the surface's curvature out: it is exact where the
-    closest point is inside a face, and positive semidefinite everywhere. Within one Newton step no point may
-    move by more than its free distance and `reach` mm, or it could pass through a thin body unnoticed.
+    however far a point has slid. The Hessian is exact for the polyhedron: distance curves where an edge or a
+    vertex is closest (outside of convex, inside of hollow places) and is linear over faces. Within one Newton
+    step no point may move by more than its free distance and `reach` mm, or it could pass through a thin
+    body unnoticed.
     """
 
     def __init__(
@@ -107,16 +124,30 @@ class SurfaceContact(PointPotential):
         self.distance = distance
         self.stiffness = per_point(stiffness, self.count, "stiffness")
         self.thickness, self.onset, self.reach = thickness, onset, reach
-        self._last: tuple[Array, Array, Array] | None = None
+        self._last: tuple[Array, Array, Array, Array] | None = None
 
-    def _query(self, points: Array) -> tuple[Array, Array]:
-        """Signed distances (k,) and their gradients (k, 3)."""
+    def moved(self, distance: Distance) -> Self:
+        """The same constraint against a surface at another place or of another shape."""
+        other = copy.copy(self)
+        other.distance, other._last = distance, None
+        return other
+
+    def _query(self, points: Array) -> tuple[Array, Array, Array]:
+        """Signed distances (k,), their gradients (k, 3) and `shape_operators` (k, 3, 3)."""
         if self._last is None or not np.array_equal(self._last[0], points):
-            signed, _, closest, normals = self.distance.signed(points)
+            signed, triangles, closest, normals = self.distance.signed(points)
             away = np.abs(signed) > ON_SURFACE
             normals[away] = (points[away] - closest[away]) / signed[away, None]
-            self._last = points.copy(), signed, normals
-        return self._last[1], self._last[2]
+            surface = self.distance.surface
+            shapes = shape_operators(normals, closest, triangles, surface.vertices, surface.triangles)
+            shapes[~away] = 0.0
+            self._last = points.copy(), signed, normals, shapes
+        return self._last[1:]
+
+    def _distance_hessians(self, points: Array) -> Array:
+        """Second derivatives (k, 3, 3) of the signed distances."""
+        signed, _, shapes = self._query(points)
+        return shapes / np.where(np.abs(signed) > ON_SURFACE, signed, 1.0)[:, None, None]
 
     def depths(self, points: Array) -> Array:
         """How far (k,) each point is beneath the thickness; negative where it is free."""
@@ -136,9 +167,12 @@ class SurfaceContact(PointPotential):
         return -first[:, None] * self._query(points)[1]
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
-        second = self.stiffness * penalty(self.depths(points), self.onset)[2]
+        _, first, second = penalty(self.depths(points), self.onset)
+        curved = -(self.stiffness * first)[:, None, None] * self._distance_hessians(points)
+        if project:  # a point outside is pushed on from an edge, along which its energy is concave
+            curved[self._query(points)[0] > 0] = 0.0
         normals = self._query(points)[1]
-        return second[:, None, None] * normals[:, :, None] * normals[:, None, :]
+        return (self.stiffness * second)[:, None, None] * dyads(normals) + curved
 
 
 def penalty(depth: Array, onset: float) -> tuple[Array, Array, Array]:
@@ -168,3 +202,8 @@ def _unit(vectors: Array) -> Array:
     if np.any(norms == 0):
         raise InputError("constraint", "normals", "has a zero vector", "Give unit normals")
     return vectors / norms
+
+
+def dyads(vectors: Array) -> Array:
+    """Outer products (k, 3, 3) of vectors (k, 3) with themselves."""
+    return vectors[:, :, None] * vectors[:, None, :]
