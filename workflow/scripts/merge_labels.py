@@ -22,13 +22,14 @@ with stage(snakemake) as log:
     }
     _, bones = merge(volume, claims, seeds, settings)
 
-    surfaces = {}
-    for label, bone in bones.items():
-        marrow = marrow_surface(volume, bone)
-        surfaces[names[label]] = {"marrow": marrow}
-        if snakemake.wildcards.pose == dataset.neutral:
-            surfaces[names[label]]["whole"] = whole_bone(volume, bone, marrow)
-        log.info("%s: marrow of %.0f mm^3", names[label], marrow.volume())
+    marrows = {label: marrow_surface(volume, bone) for label, bone in bones.items()}
+    surfaces = {names[label]: {"marrow": marrow} for label, marrow in marrows.items()}
+    if snakemake.wildcards.pose == dataset.neutral:
+        for label, marrow in marrows.items():
+            others = [marrows[other] for other in marrows if other != label]
+            surfaces[names[label]]["whole"] = whole_bone(volume, bones[label], marrow, others)
+    for name, parts in surfaces.items():
+        log.info("%s: marrow of %.0f mm^3", name, parts["marrow"].volume())
     outermost = {dataset.bones[n].label: parts.get("whole", parts["marrow"]) for n, parts in surfaces.items()}
     labels = rasterise(volume, outermost)
     write_labels(

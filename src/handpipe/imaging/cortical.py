@@ -1,47 +1,71 @@
 """The whole bone in the neutral pose: its marrow and the dark cortical shell around it.
 
-Tendons and ligaments are as dark as cortical bone, and where they touch it the image shows no edge. The
-shell's thickness varies slowly over the bone, so it is measured where the shell's outer face is seen and
-carried smoothly over to where a dark neighbour hides it.
+A watershed finds the shell's outer face and tells where it shows: against bright tissue, not against tendons
+and ligaments, which are as dark as the shell. There the face is measured below the voxel size by the fitted
+dark layer. The shell's thickness varies slowly over the bone and is carried on smoothly where no face shows.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from handpipe.imaging.band import DistanceBand, at_closest
 from handpipe.imaging.marrow import Cortex, contour, cortical_layers
 from handpipe.imaging.profiles import graph_laplacian, smooth_field
 from handpipe.imaging.segmentation import BoneProbability
+from handpipe.imaging.shell_watershed import THICKEST, outer_faces, shell_basins
 from handpipe.imaging.volume import Volume
-from handpipe.mesh.distance import Distance
 from handpipe.mesh.smoothing import taubin
 from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
 
-THICKEST = 2.2  # mm of cortical bone in a hand
-STIFFNESS = 3.0
-OUTLIER, OUTLIER_THICKER = 0.3, 0.2  # mm; a dark neighbour only ever thickens the shell
+STIFFNESS = 0.5
+OUTLIER, OUTLIER_THICKER = 0.6, 0.5  # mm; a dark neighbour only ever thickens the shell
+AGREEMENT = 0.5  # voxels between the watershed's face and the fitted one
+UNREFINED = 0.1  # confidence in a face of the watershed that no fit refines
 
 
-def whole_bone(volume: Volume, bone: BoneProbability, marrow: Surface) -> Surface:
-    """Closed smooth surface of marrow and cortical shell, from the marrow's surface, world mm."""
-    thickness = shell_thickness(volume, bone, marrow)
+def whole_bone(
+    volume: Volume, bone: BoneProbability, marrow: Surface, others: Sequence[Surface] = ()
+) -> Surface:
+    """Closed smooth surface of marrow and cortical shell, from the marrow's surface, world mm.
+
+    others: the marrow surfaces of the other bones; dark tissue nearer to them is theirs.
+    """
+    thickness = shell_thickness(volume, bone, marrow, others)
     return taubin(offset_surface(marrow, thickness, float(volume.spacing.min())), 5)
 
 
-def shell_thickness(volume: Volume, bone: BoneProbability, marrow: Surface) -> Array:
+def shell_thickness(
+    volume: Volume, bone: BoneProbability, marrow: Surface, others: Sequence[Surface] = ()
+) -> Array:
     """Thickness (n,) of the cortical shell in mm at the marrow's vertices."""
     cortex = Cortex.estimate(volume, bone, marrow)
-    reach = float(volume.spacing.mean())
-    layers, _ = cortical_layers(volume, marrow, cortex, reach, outwards=THICKEST + reach)
-    outer = layers.inner + layers.thickness
-    confidence = layers.thickness_confidence * (outer < THICKEST)
+    face, confidence = _observed_faces(volume, cortex, marrow, others)
     laplacian = graph_laplacian(marrow.triangles, len(marrow.vertices))
-    field, _ = smooth_field(laplacian, outer, confidence, STIFFNESS, OUTLIER, upper_scale=OUTLIER_THICKER)
+    field, _ = smooth_field(laplacian, face, confidence, STIFFNESS, OUTLIER, upper_scale=OUTLIER_THICKER)
     return np.clip(field, 0.05, THICKEST)
+
+
+def _observed_faces(
+    volume: Volume, cortex: Cortex, marrow: Surface, others: Sequence[Surface]
+) -> tuple[Array, Array]:
+    """Offsets (n,) of the shell's outer face along the marrow's normals, and confidences (n,) in [0, 1].
+
+    The watershed decides where the face is; the fitted layer refines it where both agree.
+    """
+    voxel = float(volume.spacing.mean())
+    faces = outer_faces(shell_basins(volume, cortex, marrow, others), marrow)
+    layers, _ = cortical_layers(volume, marrow, cortex, voxel, outwards=THICKEST + voxel)
+    fitted = layers.inner + layers.thickness
+    agree = np.abs(fitted - faces.offset) < AGREEMENT * voxel
+    face = np.where(agree, fitted, faces.offset)
+    confidence = np.where(agree, np.maximum(layers.thickness_confidence, UNREFINED), UNREFINED)
+    return face, confidence * (faces.seen & (face < THICKEST))
 
 
 def offset_surface(surface: Surface, offset: Array, spacing: float) -> Surface:
@@ -50,34 +74,11 @@ def offset_surface(surface: Surface, offset: Array, spacing: float) -> Surface:
     The contour on a grid of `spacing` mm of the signed distance less the offset at the closest point.
     """
     reach = float(offset.max()) + 2 * spacing
-    low = surface.vertices.min(0) - reach
     shape = np.ceil((np.ptp(surface.vertices, axis=0) + 2 * reach) / spacing).astype(int) + 1
     affine = np.diag([spacing, spacing, spacing, 1.0])
-    affine[:3, 3] = low
-    near = np.zeros(shape, bool)
-    near[tuple(np.round((surface.vertices - low) / spacing).astype(int).T)] = True
-    away = ndimage.distance_transform_edt(~near, sampling=spacing)
-    band = np.argwhere(away < reach)
-    signed, triangles, closest, _ = Distance(surface).signed(low + spacing * band)
-    field = Volume(np.full(shape, -reach, np.float32), affine)
-    inside = ndimage.binary_fill_holes(away < 1.5 * spacing)
-    field.values[inside] = reach
-    field.values[tuple(band.T)] = _at(surface, triangles, closest, offset) - signed
-    return contour(field, 0.0)
-
-
-def _at(surface: Surface, triangles: NDArray[np.int64], points: Array, values: Array) -> Array:
-    """Vertex values (n,) interpolated at points (m, 3) on given triangles (m,)."""
-    corners = surface.triangles[triangles]
-    a, b, c = np.moveaxis(surface.vertices[corners], 1, 0)
-    normal = np.cross(b - a, c - a)
-    squared = np.maximum(np.einsum("ij,ij->i", normal, normal), 1e-300)
-    weights = np.stack(
-        [
-            np.einsum("ij,ij->i", np.cross(c - b, points - b), normal) / squared,
-            np.einsum("ij,ij->i", np.cross(a - c, points - c), normal) / squared,
-            np.einsum("ij,ij->i", np.cross(b - a, points - a), normal) / squared,
-        ],
-        axis=1,
-    )
-    return np.einsum("ij,ij->i", weights, values[corners])
+    affine[:3, 3] = surface.vertices.min(0) - reach
+    grid = Volume(np.zeros(shape, np.float32), affine)
+    band = DistanceBand.around(surface, grid, reach)
+    field = -band.signed
+    field[tuple(band.indices.T)] += at_closest(surface, band.triangles, band.closest, offset)
+    return contour(grid.like(field), 0.0)

@@ -27,9 +27,11 @@ OUTLIER = 0.25  # mm from the neighbours' face
 
 @dataclass(frozen=True)
 class Cortex:
-    """How cortical bone shows in one image: its level, the noise's deviation, and the blur's in mm."""
+    """How cortical bone shows in one image: its level and the marrow's, the noise's deviation, and the
+    blur's in mm."""
 
     level: float
+    marrow: float
     noise: float
     blur: float
 
@@ -45,7 +47,7 @@ class Cortex:
         profiles = sample_profiles(volume, surface.vertices[some], normals[some], offsets)
         candidates = marrow * np.arange(0.0, 0.25, 0.03)
         level = fit_dark_level(profiles, offsets, candidates, BLUR * spacing, noise, spacing, USUAL_THICKNESS)
-        return Cortex(level, noise, BLUR * spacing)
+        return Cortex(level, marrow, noise, BLUR * spacing)
 
 
 def _noise(values: NDArray) -> float:
