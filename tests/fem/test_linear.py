@@ -1,10 +1,11 @@
-"""Sparse solves: both backends, definite and not."""
+"""Sparse factorisations: every backend, definite and not."""
 
 import os
 import subprocess
 import sys
 
 import numpy as np
+import psutil
 import pytest
 import scipy.sparse as sp
 from tests.fem.bodies import box
@@ -14,18 +15,19 @@ from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 from handpipe.fem.reduction import FreeBlock
 
-BACKENDS = [
+PREDICTING = [
     pytest.param(
-        linear.PardisoFactor,
-        marks=pytest.mark.skipif(linear.PardisoFactor.library is None, reason="MKL is not installed"),
-    ),
-    linear.SupernodalFactor,
-    linear.SuperLUFactor,
+        linear.CLASSES[name],
+        marks=pytest.mark.skipif(not linear.PRESENT[name](), reason=f"{name} is not installed"),
+        id=name,
+    )
+    for name in ("mkl", "rslab")
 ]
+BACKENDS = [*PREDICTING, pytest.param(linear.SuperLUFactor, id="scipy")]
 
 
-def _stiffness(shift):
-    vertices, tets = box((2.0, 1.0, 1.0), (4, 3, 3))
+def _stiffness(shift, cells=(4, 3, 3)):
+    vertices, tets = box((2.0, 1.0, 1.0), cells)
     matrix = Elastic(vertices, tets, Material(6.0, 0.48)).hessian(vertices)
     return sp.csr_matrix(matrix + shift * sp.eye(matrix.shape[0]))
 
@@ -67,6 +69,63 @@ def test_refactorisation_takes_new_values_and_new_patterns(backend):
         np.testing.assert_allclose(other @ factor.solve(b), b, atol=1e-8)
 
 
+@pytest.mark.parametrize("backend", PREDICTING)
+def test_equal_patterns_are_analysed_once_whether_shared_or_not(backend, monkeypatch):
+    analyses = []
+    analyse = backend._analyse
+    monkeypatch.setattr(backend, "_analyse", lambda self, m: (analyses.append(1), analyse(self, m)))
+    matrix = _stiffness(1.0)
+    factor = backend(matrix, True)
+    factor.refactorise(sp.csr_matrix((2 * matrix.data, matrix.indices, matrix.indptr)))
+    copied = sp.csr_matrix((3 * matrix.data, matrix.indices.copy(), matrix.indptr.copy()))
+    factor.refactorise(copied)
+    assert len(analyses) == 1
+    b = np.ones(matrix.shape[0])
+    np.testing.assert_allclose(3 * matrix @ factor.solve(b), b, atol=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_two_factors_live_side_by_side(backend):
+    one, two = _stiffness(1.0), _stiffness(5.0, (3, 3, 5))
+    first, second = backend(one, True), backend(two, True)
+    for matrix, factor in ((one, first), (two, second), (one, first)):
+        b = np.ones(matrix.shape[0])
+        np.testing.assert_allclose(matrix @ factor.solve(b), b, atol=1e-9)
+    del second
+    b = np.ones(one.shape[0])
+    np.testing.assert_allclose(one @ first.solve(b), b, atol=1e-9)
+
+
+@pytest.mark.parametrize("backend", PREDICTING)
+def test_deleted_factors_return_their_memory(backend):
+    matrix = _stiffness(1.0, (12, 6, 6))
+    factor = backend(matrix, True)
+    size = 8 * factor.work.entries
+    del factor
+    before = psutil.Process().memory_info().rss
+    for _ in range(20):
+        backend(matrix, True)
+    assert psutil.Process().memory_info().rss - before < 10 * size
+
+
+@pytest.mark.parametrize("backend", PREDICTING)
+def test_predicted_work_matches_a_dense_factor(backend):
+    n = 200
+    dense = np.full((n, n), 0.1) + 2 * np.eye(n)
+    work = backend(sp.csr_matrix(dense), True).work
+    assert n**2 / 2 < work.entries < n**2  # panels may be stored whole
+    assert n**3 / 6 < work.flops < 1.1 * n**3  # libraries count with or without what is symmetric
+    assert work.bytes > 8 * n**2 / 2
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_factors_beyond_the_limit_are_refused(backend):
+    matrix = _stiffness(1.0)
+    with pytest.raises(linear.FactorTooLarge, match="MiB"):
+        backend(matrix, True, 1e4)
+    assert backend(matrix, True, 1e9).work.entries > matrix.nnz / 2
+
+
 def test_free_block_is_the_submatrix():
     matrix = _stiffness(1.0)
     free = np.random.default_rng(0).random(matrix.shape[0]) < 0.6
@@ -74,6 +133,23 @@ def test_free_block_is_the_submatrix():
     np.testing.assert_array_equal(block.toarray(), matrix.toarray()[np.ix_(free, free)])
 
 
-def test_the_environment_can_ask_for_scipy():
-    code = "from handpipe.fem import linear; assert linear.backend == 'scipy'"
-    subprocess.run([sys.executable, "-c", code], env={**os.environ, "HANDPIPE_SOLVER": "scipy"}, check=True)
+@pytest.mark.parametrize("wanted", ["scipy", "rslab"])
+def test_the_environment_chooses(wanted):
+    code = f"""
+import numpy as np, scipy.sparse as sp
+from handpipe.fem import linear
+assert linear.backend == {wanted!r}
+assert np.allclose(linear.factorise(sp.csr_matrix(2 * sp.eye(3))).solve(np.ones(3)), 0.5)
+"""
+    subprocess.run([sys.executable, "-c", code], env={**os.environ, "HANDPIPE_SOLVER": wanted}, check=True)
+
+
+def test_an_unknown_solver_is_named():
+    run = subprocess.run(
+        [sys.executable, "-c", "import handpipe.fem.linear"],
+        env={**os.environ, "HANDPIPE_SOLVER": "abacus"},
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode != 0
+    assert "abacus" in run.stderr and "rslab" in run.stderr

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-JUDGED_AFTER = 4  # iterations, whose mean rate foretells the rest
+JUDGED_AFTER = 4  # iterations at least (or a quarter of all), whose mean rate foretells the rest
 SLACK = 1.5  # since convergence speeds up
 
 
@@ -77,14 +77,15 @@ def conjugate_gradients(
         left = max(math.sqrt(new / first), float(np.linalg.norm(r)) / size)
         if left <= tolerance:
             r = b - matrix @ x  # the recurrence drifts
-            if np.linalg.norm(r) <= 1.5 * tolerance * size:
+            if np.linalg.norm(r) <= tolerance * size:
                 end = End.CONVERGED
                 break
             z = precondition(r)
             p, rz = z, float(r @ z)
             continue
-        if foretell and count >= JUDGED_AFTER:
-            foretold = count * math.log(tolerance) / min(math.log(left), -1e-3)
+        if foretell and count >= max(JUDGED_AFTER, most // 4):
+            # The Euclidean norm may rise at first, that of the preconditioner tells the rate.
+            foretold = count * math.log(tolerance) / min(0.5 * math.log(new / first), -1e-3)
             if foretold > SLACK * most:
                 break
         p = z + (new / rz) * p

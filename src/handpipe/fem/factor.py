@@ -28,14 +28,23 @@ class FactorTooLarge(HandpipeError):
 
 @dataclass(frozen=True)
 class Work:
-    """What the symbolic analysis predicts, the same on every machine and in every run.
+    """What the symbolic analysis predicts, the same in every run.
 
-    `flops` of a factorisation, `entries` of the factor (each is read twice in a solve), peak memory in bytes.
+    `flops` of a factorisation and `entries` of the factor as the library counts them, peak memory in bytes,
+    and the library's `balance`: the flops that it does in a factorisation while an iteration of conjugate
+    gradients, mostly a solve, deals with one entry. It is measured by benchmarks/fem/linear.py; a faster
+    machine or a second thread speeds up both sides much alike.
     """
 
     flops: float
     entries: float
     bytes: float
+    balance: float
+
+    @property
+    def price(self) -> float:
+        """Cost of a factorisation in iterations of conjugate gradients with the factor."""
+        return self.flops / (self.balance * self.entries)
 
 
 class Factor(Protocol):

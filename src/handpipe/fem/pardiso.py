@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Int32Array = NDArray[np.int32]
 log = logging.getLogger(__name__)
 
+BALANCE = 30.0  # see Work
 ANALYSE, FACTORISE, SOLVE, RELEASE = 11, 22, 33, -1
 ERRORS = {  # of the MKL reference
     -1: "the input is inconsistent",
@@ -65,7 +66,7 @@ class PardisoFactor:
         self, matrix: sp.csr_matrix, positive: bool = True, memory_limit: float = float("inf")
     ) -> None:
         """Raises as `linear.factorise`."""
-        self.work = Work(0.0, 0.0, 0.0)
+        self.work = Work(0.0, 0.0, 0.0, BALANCE)
         self._limit = memory_limit
         self._handle = np.zeros(64, dtype=np.int64)
         self._type = 2 if positive else -2
@@ -113,6 +114,7 @@ class PardisoFactor:
             flops=1e6 * float(self._parameters[18]),
             entries=_unwrapped(self._parameters[17]),
             bytes=1024.0 * max(kibibytes[0], kibibytes[1] + kibibytes[2]),
+            balance=BALANCE,
         )
         check_memory(self.work, self._limit)
         self._pattern = Pattern(matrix)

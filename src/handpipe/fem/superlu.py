@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 # Entries of L for N unknowns of a solid, k N^(4/3), and the bytes that SuperLU takes for each.
 ENTRIES, BYTES = 50.0, 24.0
+BALANCE = 30.0  # see Work
 
 
 class SuperLUFactor:
@@ -27,7 +28,7 @@ class SuperLUFactor:
 
     def refactorise(self, matrix: sp.csr_matrix) -> None:
         estimated = ENTRIES * matrix.shape[0] ** (4 / 3)
-        check_memory(Work(0.0, estimated, BYTES * estimated), self._limit)
+        check_memory(Work(0.0, estimated, BYTES * estimated, BALANCE), self._limit)
         options = {"SymmetricMode": True} if self._positive else {}
         threshold = 0.0 if self._positive else 1.0
         order = "MMD_AT_PLUS_A" if self._positive else "COLAMD"
@@ -45,7 +46,8 @@ class SuperLUFactor:
             if np.any(pivots <= 0) or not np.array_equal(self._lu.perm_r, self._lu.perm_c):
                 raise NotPositiveDefinite("the matrix is not positive definite")
         columns = np.diff(self._lu.L.indptr).astype(float)
-        self.work = Work(2.0 * float(columns @ columns), float(self._lu.nnz) / 2, 12.0 * self._lu.nnz)
+        entries = float(self._lu.nnz)
+        self.work = Work(2.0 * float(columns @ columns), entries / 2, 12.0 * entries, BALANCE)
 
     def solve(self, b: Array) -> Array:
         return self._lu.solve(np.asarray(b, dtype=float))

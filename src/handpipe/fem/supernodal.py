@@ -15,6 +15,8 @@ from handpipe.fem.factor import NotPositiveDefinite, Pattern, SingularMatrix, Wo
 
 Array = NDArray[np.float64]
 
+BALANCE = 30.0  # see Work
+
 rslab: Any = None
 with contextlib.suppress(ImportError):
     rslab = importlib.import_module("rslab")
@@ -35,7 +37,7 @@ class SupernodalFactor:
         self, matrix: sp.csr_matrix, positive: bool = True, memory_limit: float = float("inf")
     ) -> None:
         """Raises as `linear.factorise`."""
-        self.work = Work(0.0, 0.0, 0.0)
+        self.work = Work(0.0, 0.0, 0.0, BALANCE)
         self._positive, self._limit = positive, memory_limit
         self._threads = int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1)
         self._pattern: Pattern | None = None
@@ -68,6 +70,7 @@ class SupernodalFactor:
             flops=float(self._symbolic.estimate_memory()["factor_flops"]),
             entries=float(self._symbolic.factor_nnz),
             bytes=float(self._symbolic.memory_plan()["peak_bytes"]),
+            balance=BALANCE,
         )
         check_memory(self.work, self._limit)
         self._pattern = Pattern(matrix)

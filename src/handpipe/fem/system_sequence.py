@@ -22,11 +22,8 @@ from handpipe.fem.multigrid import Multigrid
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
-# Flops of a factorisation that take as long as one CG iteration takes for each entry of the factor.
-# Measured by benchmarks/fem/linear.py; both sides gain alike from a faster machine or a second thread.
-FLOPS_PER_ENTRY = 30.0
 LEAST_SAVING = 12.0  # where a factorisation costs fewer iterations than this, always factorise
-MULTIGRID_SETUP = 20.0  # cost of a hierarchy in iterations, measured there too
+MULTIGRID_SETUP = 10.0  # cost of a hierarchy in iterations; measured by benchmarks/fem/linear.py
 MULTIGRID_MOST = 500  # iterations
 POLISHING = 20  # iterations after a direct solve that is not accurate enough
 LOOSE = 0.1  # a relative residual above is not handed on
@@ -146,7 +143,7 @@ class SystemSequence:
 
     def _meet(self, matrix: sp.csr_matrix, free: NDArray | None) -> None:
         """Forget preconditioners of other unknowns; an old one of another pattern still serves."""
-        mask = _mask(free, matrix.shape[0])
+        mask = _mask(free, matrix.shape[0], 0 if self._rest is None else self._rest.size)
         if not np.array_equal(mask, self._free):
             self._free, self._ageing, self._too_large = mask, None, False
 
@@ -187,8 +184,7 @@ class SystemSequence:
         solve_seconds = time.perf_counter() - start
         self.work.seconds["solve"] += solve_seconds
         self._precondition = self._factor.solve
-        price = predicted.flops / (FLOPS_PER_ENTRY * predicted.entries)
-        self._ageing = Ageing(factor_seconds / solve_seconds if self._by_clock else price)
+        self._ageing = Ageing(factor_seconds / solve_seconds if self._by_clock else predicted.price)
         if self.residual <= tolerance:
             return x
         return self._hand_on(self._iterate(matrix, b, tolerance, POLISHING), tolerance)
@@ -231,15 +227,15 @@ class SystemSequence:
         return found.x
 
 
-def _mask(free: NDArray | None, size: int) -> NDArray[np.bool_]:
-    """Mask of the unknowns as given, or as far as indices reach."""
+def _mask(free: NDArray | None, size: int, total: int) -> NDArray[np.bool_]:
+    """Mask (3n,) of the unknowns; where `total` = 3n is not known, as far as indices reach."""
     if free is None:
         return np.ones(size, dtype=bool)
     free = np.asarray(free)
     if free.dtype == bool:
         mask = free.ravel()
     else:
-        mask = np.zeros(3 * (int(free.max()) // 3 + 1), dtype=bool)
+        mask = np.zeros(max(total, int(free.max()) + 1), dtype=bool)
         mask[free] = True
     if mask.sum() != size:
         raise InputError(
