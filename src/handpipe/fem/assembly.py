@@ -7,12 +7,14 @@ the data of the scalar matrix, and the rows below it follow `3 (starts[i + 1] - 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
 from numpy.typing import NDArray
+
+from handpipe.fem.buffers import Buffers
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -32,6 +34,7 @@ class Pattern:
     indices: Int32Array
     slots: Int32Array
     strides: Int32Array
+    _buffers: Buffers = field(default_factory=Buffers, repr=False, compare=False)
 
     @staticmethod
     def of_cells(cells: IntArray, vertices: int) -> Pattern:
@@ -50,6 +53,13 @@ class Pattern:
     def data(self) -> Array:
         """Zeroed values."""
         return np.zeros(len(self.indices))
+
+    def uninitialised(self) -> Array:
+        """Values to be overwritten: an array used before where no one holds it any more, else a new one.
+
+        New large arrays cost more than filling them, since the system maps and clears their pages.
+        """
+        return self._buffers.take(len(self.indices))
 
     def matrix(self, data: Array) -> sp.csr_matrix:
         """Values as a matrix (3n, 3n); all matrices of a pattern share its index arrays."""

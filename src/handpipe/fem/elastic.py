@@ -6,17 +6,21 @@ import copy
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
+from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
 from handpipe.errors import InputError
-from handpipe.fem import plasticity
+from handpipe.fem import plasticity, tet_kernels
 from handpipe.fem.assembly import Pattern
-from handpipe.fem.materials import MODELS, Material, energy_density, piola, projected_stiffness, stiffness
+from handpipe.fem.materials import MODELS, Material, piola, stiffness
+from handpipe.fem.partition import Partition, spatial_order
+from handpipe.fem.tangles import Tangles
+from handpipe.fem.tet_kernels import Body, gather
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-Int32Array = NDArray[np.int32]
+
+PARALLEL_TETS = 30_000  # below, on a busy machine waiting for the other thread costs more than it saves
 
 
 class Elastic:
@@ -38,10 +42,20 @@ class Elastic:
         self.tets = np.ascontiguousarray(tets, dtype=np.int64)
         self.vertices = np.ascontiguousarray(vertices, dtype=float)
         self.material = material
-        self.pattern = Pattern.of_cells(self.tets, len(vertices))
         self._model = MODELS[material.model]
         self._mu, self._lam = (np.ascontiguousarray(v) for v in material.lame(len(tets)))
         self.rest_gradients, self.volumes = shape_gradients(self.vertices, self.tets)
+        self.tangles = Tangles(self.vertices, self.tets)
+        # Cells that come soon after one another share rows of the Hessian, which then are in the cache.
+        order = spatial_order(self.vertices[self.tets].mean(axis=1))
+        cells = self.tets[order]
+        self._order = order
+        self.pattern = Pattern.of_cells(cells, len(vertices))
+        parts = get_num_threads() if len(tets) >= PARALLEL_TETS else 1
+        self._partition = Partition.of_cells(cells, self.vertices, parts)
+        self._body = Body(
+            cells, self.rest_gradients, self.volumes, self._model, self._mu[order], self._lam[order]
+        )
         self.weights = np.ones(len(tets)) if weights is None else np.asarray(weights, dtype=float)
         self._set_strains(plasticity.identity(len(tets)) if strains is None else strains)
 
@@ -55,49 +69,33 @@ class Elastic:
         """The same body with Poisson's ratios above `poisson` lowered to it at equal shear stiffness."""
         other = copy.copy(self)
         other._lam = np.minimum(self._lam, self._mu * 2 * poisson / (1 - 2 * poisson))
+        other._body = self._body._replace(lam=other._lam[self._order])
         return other
 
     def nearly_incompressible(self, poisson: float = 0.4) -> bool:
         """Whether some tet has a Poisson's ratio above `poisson`."""
         return bool(np.any(self._lam > self._mu * 2 * poisson / (1 - 2 * poisson)))
 
-    def inverted(self, x: Array) -> int:
-        """Number of tets turned inside out at x (n, 3)."""
-        return int((np.linalg.det(self.elastic_gradients(x)) <= 0).sum())
-
     def _set_strains(self, strains: Array) -> None:
         self.strains = np.ascontiguousarray(strains, dtype=float)
-        ratios = plasticity.determinants(self.strains)
-        if np.any(ratios <= 0):
-            worst = int(np.argmin(ratios))
-            problem = f"tet {worst} has determinant {ratios[worst]:.3g}"
-            raise InputError("plastic strains", "strains", problem, "Use positive definite strains")
-        inverses = plasticity.inverse_matrices(self.strains)
         # F Fp^-1 is linear in x with the gradients B Fp^-1: plastic strain costs the kernels nothing.
-        self._gradients = np.ascontiguousarray(self.rest_gradients @ inverses)
-        self._energies = self.weights * self.volumes * ratios
+        gradients, weights = np.empty_like(self.rest_gradients), np.empty(len(self.tets))
+        stiff_volumes = self.weights * self.volumes
+        worst = _strained(self._order, self.strains, self.rest_gradients, stiff_volumes, gradients, weights)
+        if worst >= 0:
+            ratio = plasticity.determinants(self.strains[worst : worst + 1])[0]
+            problem = f"tet {worst} has determinant {ratio:.3g}"
+            raise InputError("plastic strains", "strains", problem, "Use positive definite strains")
+        self._body = self._body._replace(gradients=gradients, weights=weights)
 
     def value(self, x: Array) -> float:
-        return _value(x, self.tets, self._gradients, self._energies, self._model, self._mu, self._lam)
+        return float(tet_kernels.energies(_coordinates(x), self._body, self._partition).sum())
 
     def gradient(self, x: Array) -> Array:
-        return _gradient(x, self.tets, self._gradients, self._energies, self._model, self._mu, self._lam)
+        return tet_kernels.forces(_coordinates(x), self._body, self._partition)
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
-        data = self.pattern.data()
-        _hessian(
-            x,
-            self.tets,
-            self._gradients,
-            self._energies,
-            self._model,
-            self._mu,
-            self._lam,
-            project,
-            self.pattern.slots,
-            self.pattern.strides,
-            data,
-        )
+        data = tet_kernels.stiffness(_coordinates(x), self._body, self._partition, self.pattern, project)
         return self.pattern.matrix(data)
 
     def deformation_gradients(self, x: Array) -> Array:
@@ -106,7 +104,9 @@ class Elastic:
 
     def elastic_gradients(self, x: Array) -> Array:
         """F Fp^-1 (m, 3, 3)."""
-        return deformation_gradients(x, self.tets, self._gradients)
+        out = np.empty((len(self.tets), 3, 3))
+        out[self._order] = deformation_gradients(x, self._body.tets, self._body.gradients)
+        return out
 
     def strain_jacobian(self, x: Array) -> sp.csr_matrix:
         """Derivative (3n, 6m) of the gradient by the strains; column 6 e + j is number j of tet e."""
@@ -114,7 +114,7 @@ class Elastic:
             self.elastic_gradients(x),
             plasticity.inverse_matrices(self.strains),
             self.rest_gradients,
-            self._energies,
+            self.weights * self.volumes * plasticity.determinants(self.strains),
             self._model,
             self._mu,
             self._lam,
@@ -123,6 +123,10 @@ class Elastic:
         starts = np.arange(0, rows.size + 1, 12)
         shape = (3 * len(self.vertices), 6 * len(self.tets))
         return sp.csc_matrix((data.ravel(), rows.ravel(), starts), shape=shape).tocsr()
+
+
+def _coordinates(x: Array) -> Array:
+    return np.ascontiguousarray(x, dtype=float)
 
 
 def shape_gradients(vertices: Array, tets: IntArray) -> tuple[Array, Array]:
@@ -138,94 +142,43 @@ def shape_gradients(vertices: Array, tets: IntArray) -> tuple[Array, Array]:
     return np.concatenate([-inverses.sum(axis=1, keepdims=True), inverses], axis=1), volumes
 
 
-@njit(cache=True, inline="always")
-def _gather(x: Array, tet: IntArray, gradients: Array, f: Array) -> None:
-    for i in range(3):
-        for k in range(3):
-            s = 0.0
-            for a in range(4):
-                s += x[tet[a], i] * gradients[a, k]
-            f[i, k] = s
-
-
 @njit(cache=True)
 def deformation_gradients(x: Array, tets: IntArray, gradients: Array) -> Array:
     """F (m, 3, 3) of positions (n, 3), tets (m, 4) and shape gradients (m, 4, 3)."""
     out = np.empty((len(tets), 3, 3))
     for e in range(len(tets)):
-        _gather(x, tets[e], gradients[e], out[e])
+        gather(x, tets[e], gradients[e], out[e])
     return out
 
 
 @njit(cache=True)
-def _value(
-    x: Array, tets: IntArray, gradients: Array, energies: Array, model: int, mu: Array, lam: Array
-) -> float:
-    f = np.empty((3, 3))
-    total = 0.0
-    for e in range(len(tets)):
-        _gather(x, tets[e], gradients[e], f)
-        total += energies[e] * energy_density(model, f, mu[e], lam[e])
-    return total
-
-
-@njit(cache=True)
-def _gradient(
-    x: Array, tets: IntArray, gradients: Array, energies: Array, model: int, mu: Array, lam: Array
-) -> Array:
-    out = np.zeros_like(x)
-    f, p = np.empty((3, 3)), np.empty((3, 3))
-    for e in range(len(tets)):
-        _gather(x, tets[e], gradients[e], f)
-        piola(model, f, mu[e], lam[e], p)
-        for a in range(4):
-            for i in range(3):
-                s = 0.0
-                for k in range(3):
-                    s += p[i, k] * gradients[e, a, k]
-                out[tets[e, a], i] += energies[e] * s
-    return out
-
-
-@njit(cache=True)
-def _hessian(
-    x: Array,
-    tets: IntArray,
+def _strained(
+    order: IntArray,
+    strains: Array,
+    rest_gradients: Array,
+    stiff_volumes: Array,
     gradients: Array,
-    energies: Array,
-    model: int,
-    mu: Array,
-    lam: Array,
-    project: bool,
-    slots: Int32Array,
-    strides: Int32Array,
-    data: Array,
-) -> None:
-    f, dp, work = np.empty((3, 3)), np.empty((9, 9)), np.empty((8, 3, 3))
-    half = np.empty((9, 4, 3))
-    for e in range(len(tets)):
-        b = gradients[e]
-        _gather(x, tets[e], b, f)
-        if project:
-            projected_stiffness(model, f, mu[e], lam[e], dp, work)
-        else:
-            stiffness(model, f, mu[e], lam[e], dp, work[0])
-        for r in range(9):
-            for c in range(4):
-                for j in range(3):
-                    s = dp[r, 3 * j] * b[c, 0] + dp[r, 3 * j + 1] * b[c, 1] + dp[r, 3 * j + 2] * b[c, 2]
-                    half[r, c, j] = energies[e] * s
-        for a in range(4):
-            stride = strides[tets[e, a]]
-            for c in range(4):
-                start = slots[16 * e + 4 * a + c]
-                for i in range(3):
-                    for j in range(3):
-                        data[start + i * stride + j] += (
-                            b[a, 0] * half[3 * i, c, j]
-                            + b[a, 1] * half[3 * i + 1, c, j]
-                            + b[a, 2] * half[3 * i + 2, c, j]
-                        )
+    weights: Array,
+) -> int:
+    """Fill B Fp^-1 and w V0 |Fp| of tets in their order of assembly; a tet with |Fp| <= 0, or -1."""
+    worst = -1
+    for at in range(len(order)):
+        e = order[at]
+        a, b, c, d, h, i = strains[e]
+        # Cofactors of the symmetric [[a, b, c], [b, d, h], [c, h, i]].
+        aa, ab, ac = d * i - h * h, c * h - b * i, b * h - c * d
+        dd, dh, ii = a * i - c * c, b * c - a * h, a * d - b * b
+        determinant = a * aa + b * ab + c * ac
+        weights[at] = stiff_volumes[e] * determinant
+        if not determinant > 0.0:
+            worst = e
+            continue
+        for corner in range(4):
+            x, y, z = rest_gradients[e, corner]
+            gradients[at, corner, 0] = (x * aa + y * ab + z * ac) / determinant
+            gradients[at, corner, 1] = (x * ab + y * dd + z * dh) / determinant
+            gradients[at, corner, 2] = (x * ac + y * dh + z * ii) / determinant
+    return worst
 
 
 @njit(cache=True)

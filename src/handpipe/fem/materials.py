@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from handpipe.errors import InputError
-from handpipe.fem.matrix3 import cofactor, determinant, rotational_svd, symmetric_eigen
+from handpipe.fem.matrix3 import cofactor, determinant, symmetric_eigen
 
 Array = NDArray[np.float64]
 Model = Literal["stable-neo-hookean", "stvk"]
@@ -159,63 +159,43 @@ def _add_stvk_stiffness(f: Array, mu: float, lam: float, out: Array, work: Array
 
 
 @njit(cache=True)
-def projected_stiffness(model: int, f: Array, mu: float, lam: float, out: Array, work: Array) -> None:
-    """Nearest positive semidefinite derivative (9, 9), by closed-form eigenvectors (Smith et al. 2019).
+def projected_eigensystem(
+    model: int, sigma: Array, mu: float, lam: float, scaling: Array, mean: Array, half: Array, work: Array
+) -> None:
+    """Closed-form eigen-system of the stiffness with its negative part left out (Smith et al. 2019).
 
-    With U, sigma, V the rotational SVD: three eigenvectors U diag(.) V^T scale, three twist, three flip. The
-    quotients (psi_i -+ psi_j) / (sigma_i -+ sigma_j) are polynomials here, safe at equal singular values.
-    `work` is (8, 3, 3).
+    In the frame of the singular vectors U, V of the rotational SVD, with singular values sigma (3,):
+    `scaling` (3, 3) couples the three scalings U diag(.) V^T; the twist and the flip of axes i and j have the
+    eigenvalues mean_ij - half_ij and mean_ij + half_ij. The quotients (psi_i -+ psi_j) / (sigma_i -+ sigma_j)
+    are polynomials here, safe at equal singular values. `work` is (3, 3, 3).
     """
-    u, v, scaling, vectors, basis = work[0], work[1], work[2], work[3], work[4]
-    sigma, values = work[5, 0], work[5, 1]
-    rotational_svd(f, u, sigma, v)
+    vectors, values, matrix = work[0], work[1, 0], work[2]
     neo = model == NEO_HOOKEAN
     m, bulk = rest_stable(mu, lam) if neo else (0.0, lam)
     pressure = bulk * (sigma[0] * sigma[1] * sigma[2] - 1.0) - 0.75 * m
     squares = sigma[0] ** 2 + sigma[1] ** 2 + sigma[2] ** 2
-    trace = 0.5 * (squares - 3.0)
+    dilation = 0.5 * lam * (squares - 3.0)
     shear = m * (1.0 - 1.0 / (squares + 1.0))
     coupling = 2.0 * m / (squares + 1.0) ** 2 if neo else lam
     for i in range(3):
-        for k in range(3):
-            other = 3 - i - k
-            gi = sigma[(i + 1) % 3] * sigma[(i + 2) % 3]
-            gk = sigma[(k + 1) % 3] * sigma[(k + 2) % 3]
-            scaling[i, k] = bulk * gi * gk + coupling * sigma[i] * sigma[k]
-            if i == k:
-                scaling[i, k] += shear if neo else mu * (3.0 * sigma[i] ** 2 - 1.0) + lam * trace
-            else:
-                scaling[i, k] += pressure * sigma[other]
-    symmetric_eigen(scaling, values, vectors)
-    out[:] = 0.0
-    for q in range(3):
-        if values[q] > 0.0:
-            for i in range(3):
-                for k in range(3):
-                    basis[i, k] = 0.0
-                    for p in range(3):
-                        basis[i, k] += u[i, p] * vectors[p, q] * v[k, p]
-            _add_dyad(values[q], basis, out)
-    for p in range(2):
-        for q in range(p + 1, 3):
-            volume = pressure * sigma[3 - p - q]
-            common = shear if neo else mu * (sigma[p] ** 2 + sigma[q] ** 2 - 1.0) + lam * trace
-            cross = 0.0 if neo else mu * sigma[p] * sigma[q]
-            for sign in (-1.0, 1.0):  # -1: twist, +1: flip
-                value = common + sign * (cross - volume)
-                if value > 0.0:
-                    for i in range(3):
-                        for k in range(3):
-                            basis[i, k] = (u[i, p] * v[k, q] + sign * u[i, q] * v[k, p]) * math.sqrt(0.5)
-                    _add_dyad(value, basis, out)
-
-
-@njit(cache=True)
-def _add_dyad(value: float, basis: Array, out: Array) -> None:
-    for a in range(9):
-        scaled = value * basis[a // 3, a % 3]
-        for b in range(9):
-            out[a, b] += scaled * basis[b // 3, b % 3]
+        gi = sigma[(i + 1) % 3] * sigma[(i + 2) % 3]
+        matrix[i, i] = bulk * gi * gi + coupling * sigma[i] ** 2
+        matrix[i, i] += shear if neo else mu * (3.0 * sigma[i] ** 2 - 1.0) + dilation
+        for j in range(i + 1, 3):
+            volume = pressure * sigma[3 - i - j]
+            gj = sigma[(j + 1) % 3] * sigma[(j + 2) % 3]
+            matrix[i, j] = matrix[j, i] = bulk * gi * gj + coupling * sigma[i] * sigma[j] + volume
+            common = shear if neo else mu * (sigma[i] ** 2 + sigma[j] ** 2 - 1.0) + dilation
+            cross = -volume if neo else mu * sigma[i] * sigma[j] - volume
+            twist, flip = max(common - cross, 0.0), max(common + cross, 0.0)
+            mean[i, j] = mean[j, i] = 0.5 * (flip + twist)
+            half[i, j] = half[j, i] = 0.5 * (flip - twist)
+    symmetric_eigen(matrix, values, vectors)
+    for i in range(3):
+        for j in range(3):
+            scaling[i, j] = 0.0
+            for q in range(3):
+                scaling[i, j] += max(values[q], 0.0) * vectors[i, q] * vectors[j, q]
 
 
 @njit(cache=True)
@@ -237,13 +217,9 @@ def piola_stresses(model: int, f: Array, mu: Array, lam: Array) -> Array:
 
 
 @njit(cache=True)
-def stiffnesses(model: int, f: Array, mu: Array, lam: Array, project: bool) -> Array:
-    """Derivatives (m, 9, 9) of first Piola stresses, projected to positive semidefinite where asked."""
-    out = np.empty((len(f), 9, 9))
-    work = np.empty((8, 3, 3))
+def stiffnesses(model: int, f: Array, mu: Array, lam: Array) -> Array:
+    """Derivatives (m, 9, 9) of first Piola stresses."""
+    out, work = np.empty((len(f), 9, 9)), np.empty((3, 3))
     for e in range(len(f)):
-        if project:
-            projected_stiffness(model, f[e], mu[e], lam[e], out[e], work)
-        else:
-            stiffness(model, f[e], mu[e], lam[e], out[e], work[0])
+        stiffness(model, f[e], mu[e], lam[e], out[e], work)
     return out
