@@ -12,6 +12,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from handpipe.errors import InputError
+from handpipe.fem.collision_surface import (
+    collision_filter,
+    collision_mesh,
+    generic_hessian,
+    neighbours,
+    new_collisions,
+)
 from handpipe.fem.growing_pattern import GrowingPattern
 from handpipe.fem.potential import Potential, Sum
 
@@ -22,7 +29,6 @@ RESERVE = 0.9  # share of a free step that is taken
 REACH = 10.0  # mean edge lengths that no surface vertex moves beyond in one step: bounds the candidates
 CANDIDATES_PER_FACE = 15  # with more of them from a swept step, a new search is cheaper than sorting them out
 FORESIGHT = 1.5  # pairs up to this many activation distances enter the Hessian's pattern in advance
-NEIGHBOUR_RINGS = 3  # so many edges apart along a surface, vertices that are near at rest are neighbours
 
 
 @dataclass(frozen=True)
@@ -85,10 +91,10 @@ class Barrier:
         self._operator = sp.vstack([self._narrow, below], format="csr")
         self._wide = sp.kron(self._operator, sp.eye(3), format="csr")
         self.distance, self.stiffness = distance, stiffness
-        self._mesh = _collision_mesh(self.positions(x if rest is None else rest), faces, count)
-        allowed = _filter(count, len(self.obstacle), patches, self_contact)
+        self._mesh = collision_mesh(self.positions(x if rest is None else rest), faces, count)
+        allowed = collision_filter(count, len(self.obstacle), patches, self_contact)
         self._mesh.can_collide = allowed
-        pairs = _neighbours(self._mesh, count, distance)
+        pairs = neighbours(self._mesh, count, distance)
         # The weights that make up for pairs counted twice take these to be whole: not so with exceptions.
         self._corrected = not pairs
         if pairs:
@@ -139,7 +145,7 @@ class Barrier:
         positions, collisions = self._collisions(x)
         if self._held is not collisions:
             # Plain and projected matrices have zeros in different places: neither tells the whole pattern.
-            structure = self._reduce(_generic_hessian(self._potential, collisions, self._mesh, positions))
+            structure = self._reduce(generic_hessian(self._potential, collisions, self._mesh, positions))
             self._pattern.hold(structure, lambda: self._foreseen(positions))
             self._held = collisions
         return self._pattern.fit(self._reduce(self._local_hessian(x, project)))
@@ -180,10 +186,10 @@ class Barrier:
     def _foreseen(self, positions: Array) -> sp.csr_matrix:
         """A matrix whose pattern has the pairs that may soon be active."""
         further = FORESIGHT * self.distance
-        collisions = _new_collisions(self._corrected)
+        collisions = new_collisions(self._corrected)
         collisions.build(self._mesh, positions, further, 0.0, ipctk.LBVH())
         potential = ipctk.BarrierPotential(further, self.stiffness, True)
-        return self._reduce(_generic_hessian(potential, collisions, self._mesh, positions))
+        return self._reduce(generic_hessian(potential, collisions, self._mesh, positions))
 
     def _sweep(self, start: Array, motion: Array) -> float:
         """Free fraction of a motion of all vertices; what was found on the way serves the line search."""
@@ -212,7 +218,7 @@ class Barrier:
     def _collisions(self, x: Array) -> tuple[Array, ipctk.NormalCollisions]:
         positions = self.positions(x)
         if self._last is None or not np.array_equal(self._last[0], positions):
-            collisions = _new_collisions(self._corrected)
+            collisions = new_collisions(self._corrected)
             swept = self._swept
             few = swept is not None and len(swept.candidates) < CANDIDATES_PER_FACE * self._mesh.num_faces
             if swept is not None and few and swept.contains(positions):
@@ -255,80 +261,3 @@ def barrier_stiffness(
         traction = energy.gradient(x + change) - energy.gradient(x - change)
         total += 0.5 * np.linalg.norm(traction, axis=1).sum()
     return float(3 * total / (3 * 2 * 0.7 * epsilon * area))
-
-
-def _new_collisions(corrected: bool) -> ipctk.NormalCollisions:
-    """An empty set, whose pairs will be weighted by area and, where `corrected`, counted once."""
-    collisions = ipctk.NormalCollisions()
-    collisions.use_area_weighting = True
-    if corrected:
-        collisions.collision_set_type = ipctk.NormalCollisions.IMPROVED_MAX_APPROX
-    return collisions
-
-
-def _generic_hessian(
-    potential: ipctk.BarrierPotential,
-    collisions: ipctk.NormalCollisions,
-    mesh: ipctk.CollisionMesh,
-    positions: Array,
-) -> sp.csc_matrix:
-    """A Hessian in which no entry of a colliding pair is zero by chance or cancels against another's.
-
-    Surfaces are shaken a little, and each pair's eigenvalues made positive.
-    """
-    shaken = positions + 1e-6 * potential.dhat * np.random.default_rng(0).normal(size=positions.shape)
-    return potential.hessian(collisions, mesh, np.asfortranarray(shaken), ipctk.PSDProjectionMethod.ABS)
-
-
-def _collision_mesh(positions: Array, triangles: IntArray, count: int) -> ipctk.CollisionMesh:
-    """Collision mesh of surface vertices and, from `count` on, obstacle vertices.
-
-    A coarse obstacle's large triangles must not weigh more where they meet the surface's small ones.
-    """
-    faces = np.asfortranarray(triangles, dtype=np.int32)
-    mesh = ipctk.CollisionMesh(positions, ipctk.edges(faces), faces)
-    if count < len(positions):
-        mesh.vertex_areas = _capped(mesh.vertex_areas, np.arange(len(positions)) < count)
-        mesh.edge_areas = _capped(mesh.edge_areas, (mesh.edges < count).all(axis=1))
-    return mesh
-
-
-def _capped(areas: Array, own: NDArray[np.bool_]) -> Array:
-    out = np.array(areas)
-    out[~own] = np.minimum(out[~own], np.median(out[own]))
-    return out
-
-
-def _filter(count: int, fixed: int, patches: IntArray | None, self_contact: bool) -> ipctk.CollisionFilter:
-    """Which pairs of vertices may collide: never two of the obstacle."""
-    ids = np.zeros(count, dtype=np.int32) if patches is None else np.asarray(patches, dtype=np.int32)
-    allowed = ipctk.make_static_obstacle_filter(count)
-    if not self_contact:
-        everyone = np.concatenate([ids, np.full(fixed, ids.max() + 1, dtype=np.int32)])
-        allowed = allowed & ipctk.make_vertex_patches_filter(everyone)
-    return allowed
-
-
-def _neighbours(mesh: ipctk.CollisionMesh, count: int, distance: float) -> set[tuple[int, int]]:
-    """Pairs of surface vertices of parts that are nearer than `distance` at rest and few edges apart."""
-    rest, edges, faces = mesh.rest_positions, mesh.edges, mesh.faces
-    candidates = ipctk.Candidates()
-    candidates.build(mesh, rest, 0.5 * distance, ipctk.LBVH())
-    members = [
-        candidate.vertex_ids(edges, faces)
-        for kind in (candidates.fv_candidates, candidates.ee_candidates)
-        for candidate in kind
-        if candidate.compute_distance(rest, edges, faces) < distance**2
-    ]
-    if not members:
-        return set()
-    ids = np.array(members)
-    pairs = np.concatenate([ids[:, [a, b]] for a in range(4) for b in range(a + 1, 4)])
-    pairs = np.unique(np.sort(pairs[(pairs < count).all(axis=1)], axis=1), axis=0)
-    link = sp.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(rest), len(rest)))
-    ring = link + link.T + sp.eye(len(rest))
-    near = ring
-    for _ in range(NEIGHBOUR_RINGS - 1):
-        near = near @ ring
-    close = np.asarray(near.tocsr()[pairs[:, 0], pairs[:, 1]]).ravel() > 0
-    return {(int(i), int(j)) for i, j in pairs[close] if i != j}

@@ -7,7 +7,7 @@ Stiffnesses are in mN/mm, one for all points or one a point. All Hessians are ex
 from __future__ import annotations
 
 import copy
-from typing import Self, TypeAlias
+from typing import Self, TypeAlias, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,6 +20,7 @@ from handpipe.mesh.distance import Distance
 
 Array = NDArray[np.float64]
 Operator: TypeAlias = sp.spmatrix | sp.sparray
+Kind = TypeVar("Kind", bound=PointPotential)
 
 ON_SURFACE = 1e-9  # mm; nearer than this the direction to the closest point means nothing
 
@@ -34,7 +35,7 @@ class Attachment(PointPotential):
 
     def moved(self, targets: Array) -> Attachment:
         """The same springs to other targets (k, 3)."""
-        other = copy.copy(self)
+        other = _twin(self)
         other.targets = _vectors(targets, self.count, "targets")
         return other
 
@@ -59,7 +60,7 @@ class Sliding(PointPotential):
 
     def moved(self, points: Array, normals: Array) -> Self:
         """The same constraint with planes through other points (k, 3), with other normals (k, 3)."""
-        other = copy.copy(self)
+        other = _twin(self)
         other.origins = _vectors(points, self.count, "points")
         other.normals = _unit(_vectors(normals, self.count, "normals"))
         return other
@@ -128,7 +129,7 @@ class SurfaceContact(PointPotential):
 
     def moved(self, distance: Distance) -> Self:
         """The same constraint against a surface at another place or of another shape."""
-        other = copy.copy(self)
+        other = _twin(self)
         other.distance, other._last = distance, None
         return other
 
@@ -186,6 +187,12 @@ def penalty(depth: Array, onset: float) -> tuple[Array, Array, Array]:
     soft = d < onset
     value = np.where(soft, d**3 / (6 * onset), 0.5 * d**2 - 0.5 * onset * d + onset**2 / 6)
     return value, np.where(soft, d**2 / (2 * onset), d - 0.5 * onset), np.minimum(d / onset, 1.0)
+
+
+def _twin(potential: Kind) -> Kind:
+    """A copy that shares the pattern of the Hessian."""
+    _ = potential.pattern
+    return copy.copy(potential)
 
 
 def _vectors(array: Array, count: int, name: str) -> Array:

@@ -42,6 +42,15 @@ class PointPotential:
         """Number of points."""
         return self.operator.shape[0]
 
+    @property
+    def pattern(self) -> Pattern:
+        """Pattern of the Hessian, found at the first call; copies of a potential share it."""
+        if self._pattern is None:
+            w = self.operator
+            starts, members = w.indptr.astype(np.int64), w.indices.astype(np.int64)
+            self._pattern = Pattern.of_ragged(starts, members, w.shape[1])
+        return self._pattern
+
     def points(self, x: Array) -> Array:
         """Positions (k, 3) of the points."""
         return self.operator @ x
@@ -53,14 +62,11 @@ class PointPotential:
         return self.operator.T @ self.forces(self.points(x))
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
-        w = self.operator
-        if self._pattern is None:
-            starts, members = w.indptr.astype(np.int64), w.indices.astype(np.int64)
-            self._pattern = Pattern.of_ragged(starts, members, w.shape[1])
-        data = self._pattern.data()
+        w, pattern = self.operator, self.pattern
+        data = pattern.data()
         blocks = np.ascontiguousarray(self.stiffnesses(self.points(x), project))
-        _scatter(w.indptr, w.indices, w.data, blocks, self._pattern.slots, self._pattern.strides, data)
-        return self._pattern.matrix(data)
+        _scatter(w.indptr, w.indices, w.data, blocks, pattern.slots, pattern.strides, data)
+        return pattern.matrix(data)
 
 
 def per_point(value: ArrayLike, count: int, name: str) -> Array:

@@ -1,0 +1,84 @@
+"""Constraints against surfaces that move."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from tests.fem.bodies import box, box_surface, sphere
+
+from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact
+from handpipe.fem.elastic import Elastic
+from handpipe.fem.equilibrium import Options, continuation
+from handpipe.fem.materials import Material
+from handpipe.fem.surface_sliding import SurfaceSliding
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+
+SIZE = (3.0, 2.0, 1.0)
+VERTICES, TETS = box(SIZE, (6, 4, 2))
+BODY, EVERY = Elastic(VERTICES, TETS, Material(6.0, 0.45)), sp.eye(len(VERTICES), format="csr")
+LOWEST, LEFT = VERTICES[:, 2] < 1e-9, VERTICES[:, 0] < 1e-9
+FINE = Options(displacement_tolerance=1e-7, force_tolerance=1e-8)
+
+
+def _motion(t):
+    """A turn by 40 degrees at t = 1 about an axis beside the body, with a shift."""
+    angle = t * np.radians(40)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = RigidTransform.about(np.array([0.0, -1.0, 0.0]), np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
+    return RigidTransform(turn.rotation, turn.translation + t * np.array([0.0, 0.0, 0.5]))
+
+
+def _planes(kind):
+    origins = VERTICES[LOWEST]
+    normals = np.tile([0.0, 0.0, 1.0], (len(origins), 1))
+    fixed = kind(EVERY[LOWEST], origins, normals, 200.0)
+    return lambda t: fixed.moved(_motion(t)(origins), normals @ _motion(t).rotation.T)
+
+
+def _surface(kind):
+    table = Surface(*box_surface((9.0, 9.0, 1.0), (-3.0, -3.0, -1.0)))
+    fixed = kind(EVERY[LOWEST], Distance(table), 200.0)
+
+    def at(t):
+        return fixed.moved(Distance(Surface(_motion(t)(table.vertices), table.triangles)))
+
+    return at
+
+
+@pytest.mark.parametrize(
+    "moving", [_planes(Sliding), _planes(Contact), _surface(SurfaceContact), _surface(SurfaceSliding)]
+)
+def test_a_body_carried_by_a_moving_surface_is_moved_as_a_whole(moving):
+    springs = Attachment(EVERY[LEFT], VERTICES[LEFT] - [0, 0, 0.05], 100.0)  # presses it onto the surface
+
+    def potentials(t):
+        return [BODY, springs.moved(_motion(t)(springs.targets)), moving(t)]
+
+    start = continuation(lambda t: potentials(0.0), VERTICES, options=FINE).x
+    carried = continuation(potentials, start, options=FINE, first_step=0.5).x
+    np.testing.assert_allclose(carried, _motion(1.0)(start), atol=1e-5)
+    assert np.abs(start - VERTICES).max() > 1e-3
+
+
+def test_moved_constraints_share_their_pattern():
+    at = _planes(Sliding)
+    matrices = [at(t).hessian(VERTICES) for t in (0.0, 0.5)]
+    assert np.shares_memory(matrices[0].indices, matrices[1].indices)
+
+
+def test_points_slide_around_a_bone_that_turns_beneath_them():
+    bone, sides = sphere(1.0, 3)
+    ring = bone[np.abs(bone[:, 2]) < 0.3]
+    every = sp.eye(len(ring), format="csr")
+    fixed = SurfaceSliding(every, Distance(Surface(bone, sides)), 10.0)
+    weak = Attachment(every, ring, 1e-3)
+
+    def turned(t):
+        vertices = bone @ _motion(t).rotation.T
+        return [weak, fixed.moved(Distance(Surface(vertices, sides)))]
+
+    found = continuation(turned, ring, options=FINE)
+    final = Distance(Surface(bone @ _motion(1.0).rotation.T, sides))
+    assert np.abs(final.signed(found.x)[0]).max() < 1e-4
+    np.testing.assert_allclose(found.x, ring, atol=0.02)  # the surface slips away below: no friction
