@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.errors import ConvergenceError, InputError
+from handpipe.fem.attempts import Attempts
 from handpipe.fem.checkpoint import Checkpoint
-from handpipe.fem.newton import Newton
 from handpipe.fem.potential import Potential, Sum
 from handpipe.fem.prediction import predict
 from handpipe.fem.record import Equilibrium, Options, Record
 from handpipe.fem.system_sequence import SystemSequence
-from handpipe.fem.untangling import inverted, nearly_incompressible, untangle
 
 __all__ = ["Equilibrium", "Options", "Record", "continuation", "solve"]
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
+TANGLED_STEP = 1 / 8  # of the first step: above it, a step that ends tangled is halved
 EASY = 6  # iterations: a step that needs no more is doubled
 
 
@@ -50,7 +50,7 @@ def solve(
         if earlier is not None:
             log.info("%s: taken up from %s", options.name, checkpoint.path)
             x = earlier[2]
-    found = _minimise(energy, x, free, options, SystemSequence(rest=x), checkpoint)
+    found = Attempts(energy, x, free, options, SystemSequence(rest=x), checkpoint).best()
     if not found.record.converged and not options.allow_partial:
         raise ConvergenceError(options.name, found.record.reason)
     if checkpoint is not None:
@@ -76,8 +76,8 @@ def continuation(
     `make_potentials(t)` gives the potentials; `prescribed(t)` (n, 3) the positions, of which the `fixed`
     degrees of freedom are taken. Each step starts from a prediction with the tangent at hand; a step that
     fails is halved, one that converges easily is doubled, up to `largest_step`. States before t = 1 may be
-    solved less exactly, to `intermediate` options. With a `checkpoint`, a killed run goes on from its last state.
-    Raises `ConvergenceError` below `smallest_step`.
+    solved less exactly, to `intermediate` options. With a `checkpoint`, a killed run goes on from its last
+    state. Raises `ConvergenceError` below `smallest_step`.
     """
     options = options or Options()
     path = _Path(make_potentials, prescribed, _free(fixed, x.size), options, intermediate or options)
@@ -106,22 +106,22 @@ class _Path:
     ) -> Equilibrium:
         """Positions at t = 1, or the last ones reached where the options allow that."""
         self.systems = SystemSequence(rest=x)
-        t, started = 0.0, time.perf_counter()
+        t, first, knots, started = 0.0, step, 0, time.perf_counter()
         if checkpoint is not None:
             t, step, x = self._take_up(x, step, checkpoint)
         while t < 1.0:
             step = min(step, 1.0 - t)
             found = self._advance(x, t + step, step, checkpoint)
             self.record.add(found.record)
-            if not found.record.converged:
-                log.info(
-                    "%s: t = %.4f failed (%s), halving", self.options.name, t + step, found.record.reason
-                )
+            tangled = found.record.tangles > knots and step > TANGLED_STEP * first
+            if tangled or not found.record.converged:
+                reason = f"{found.record.tangles} tangles" if tangled else found.record.reason
+                log.info("%s: t = %.4f failed (%s), halving", self.options.name, t + step, reason)
                 step *= 0.5
                 if step < bounds[0]:
                     return self._give_up(x, t, found.record.reason)
                 continue
-            t, x = t + step, found.x
+            t, x, knots = t + step, found.x, found.record.tangles
             if found.record.iterations <= EASY:
                 step = min(2.0 * step, bounds[1])
             elapsed = time.perf_counter() - started
@@ -149,7 +149,7 @@ class _Path:
 
     def _minimise(self, energy: Sum, x: Array, t: float, checkpoint: Checkpoint | None) -> Equilibrium:
         options = self.options if t >= 1.0 else self.intermediate
-        return _minimise(energy, x, self.free, options, self.systems, checkpoint)
+        return Attempts(energy, x, self.free, options, self.systems, checkpoint).best()
 
     def _take_up(self, x: Array, step: float, checkpoint: Checkpoint) -> tuple[float, float, Array]:
         """Load, step and positions to start from: those of an earlier run of the same problem, if any."""
@@ -172,34 +172,6 @@ class _Path:
         if self.allow_partial:
             return Equilibrium(x, self.record)
         raise ConvergenceError(self.options.name, self.record.reason)
-
-
-def _minimise(
-    energy: Sum,
-    x: Array,
-    free: NDArray[np.bool_],
-    options: Options,
-    systems: SystemSequence,
-    checkpoint: Checkpoint | None,
-) -> Equilibrium:
-    """The minimum near x (n, 3); by way of a compressible stand-in where the direct way is barred."""
-    record = Record()
-    tangled = inverted(energy, x) > 0
-    if not tangled:
-        newton = Newton(
-            energy, x, free, options, systems, checkpoint, impatient=nearly_incompressible(energy)
-        )
-        newton.run()
-        record.add(newton.record)
-        x = newton.x
-    if tangled or newton.struggling:
-        loose = untangle(energy, x, free, options, systems)
-        record.add(loose.record)
-        newton = Newton(energy, loose.x, free, options, systems, checkpoint)
-        newton.run()
-        record.add(newton.record)
-    record.inverted = inverted(energy, newton.x)
-    return Equilibrium(newton.x, record)
 
 
 def _free(fixed: NDArray | None, size: int) -> NDArray[np.bool_]:

@@ -169,7 +169,7 @@ class Newton:
         trial = self.x + direction.reshape(self.x.shape)
         if self.energy.max_step(self.x, trial - self.x) == 1.0:
             value = self.energy.value(trial)
-            if value <= self._value:
+            if value <= self._value + self._rounding(_largest(direction)):
                 self.x, self._value = trial, value
         self.record.converged, self.record.reason = True, "converged"
         log.info(
@@ -213,7 +213,7 @@ class Newton:
         alpha = min(1.0, self.options.max_step / max(length, 1e-300))
         alpha = min(alpha, self.energy.max_step(self.x, alpha * step) * alpha)
         allowed = alpha
-        noise = ROUNDING * (abs(self._value) + self._scale * length)
+        noise = self._rounding(length)
         for _ in range(40):
             trial = self.x + alpha * step
             value = self.energy.value(trial)
@@ -234,6 +234,10 @@ class Newton:
             f"{self.record.residuals[-1]:.3g} mN of {self._scale:.3g} mN, Newton step {length:.3g} mm"
         )
         return False
+
+    def _rounding(self, length: float) -> float:
+        """Differences of energy, over a step of this length, that say nothing."""
+        return ROUNDING * (abs(self._value) + self._scale * length)
 
     def _stretch(self, step: Array, trial: Array, value: float) -> tuple[Array, float, float]:
         """Double an accepted step while the energy goes on falling: a convexified Hessian is too stiff."""

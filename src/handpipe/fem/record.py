@@ -35,7 +35,8 @@ class Record:
     energies (uJ), residuals (largest vertex force, mN) and steps (largest move of a vertex, mm) have one
     entry an iteration; seconds are split by work. `projections` counts iterations whose Hessian was not
     positive definite, `escapes` stationary points left because they were no minima, `untangled` iterations
-    spent on a compressible stand-in; `inverted` is the number of tets that end inside out.
+    spent on a compressible stand-in; `tangles` counts the tets that end inside out and the
+    inner edges that tets do not wrap once.
     """
 
     converged: bool = False
@@ -45,7 +46,7 @@ class Record:
     projections: int = 0
     escapes: int = 0
     untangled: int = 0
-    inverted: int = 0
+    tangles: int = 0
     cg_iterations: int = 0
     energies: list[float] = field(default_factory=list)
     residuals: list[float] = field(default_factory=list)
@@ -58,8 +59,8 @@ class Record:
             mine, other = getattr(self, item.name), getattr(part, item.name)
             if isinstance(other, bool | str):
                 setattr(self, item.name, other)
-            elif item.name == "inverted":
-                self.inverted = part.inverted
+            elif item.name == "tangles":
+                self.tangles = part.tangles
             elif isinstance(other, int):
                 setattr(self, item.name, mine + other)
             elif isinstance(other, list):

@@ -1,31 +1,33 @@
-"""Starts with tets inside out: a compressible stand-in turns them back before the real material is asked.
+"""Ways out of and round tangles: a compressible stand-in of every body, and a start from the rest shape.
 
-Nearly incompressible bodies have many states at rest that hold knots of inverted tets, since the way out
-leads through a change of volume. With a Poisson's ratio of 0.3 there are few.
+Nearly incompressible bodies have many minima that hold knots of inverted tets or of tets wrapped twice round
+an edge, since the way out leads through a change of volume. With a Poisson's ratio of 0.3 there are few.
 """
 
 from __future__ import annotations
 
-import logging
 from dataclasses import replace
 
+import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.newton import Array, Newton, spacing
+from handpipe.fem.linear import factorise
+from handpipe.fem.newton import Newton, spacing
 from handpipe.fem.potential import Sum
 from handpipe.fem.record import Equilibrium, Options, Record
 from handpipe.fem.system_sequence import SystemSequence
 
-log = logging.getLogger(__name__)
+Array = NDArray[np.float64]
 
 LOOSE = 0.02  # of the spacing of vertices: steps below it end the phase
 LOOSE_FORCE = 1e-2
 
 
-def inverted(energy: Sum, x: Array) -> int:
-    """Number of tets of all bodies that are inside out at x (n, 3)."""
-    return sum(p.inverted(x) for p in energy.potentials if isinstance(p, Elastic))
+def tangles(energy: Sum, x: Array) -> int:
+    """Number of tets inside out and of inner edges not wrapped once, over all bodies at x (n, 3)."""
+    return sum(p.tangles.count(x) for p in energy.potentials if isinstance(p, Elastic))
 
 
 def nearly_incompressible(energy: Sum) -> bool:
@@ -33,14 +35,16 @@ def nearly_incompressible(energy: Sum) -> bool:
     return any(isinstance(p, Elastic) and p.nearly_incompressible() for p in energy.potentials)
 
 
-def untangle(energy: Sum, x: Array, free: NDArray, options: Options, systems: SystemSequence) -> Equilibrium:
+def by_stand_in(
+    energy: Sum, x: Array, free: NDArray[np.bool_], options: Options, systems: SystemSequence
+) -> Equilibrium:
     """A shape near equilibrium of the compressible stand-in of every body, from x (n, 3)."""
     bodies = [p.compressible() if isinstance(p, Elastic) else p for p in energy.potentials]
     loose = replace(
         options,
         displacement_tolerance=max(options.displacement_tolerance, LOOSE * spacing(x)),
         force_tolerance=max(options.force_tolerance, LOOSE_FORCE),
-        name=f"{options.name}, untangling",
+        name=f"{options.name}, stand-in",
     )
     newton = Newton(Sum(bodies), x, free, loose, systems)
     newton.run()
@@ -51,3 +55,39 @@ def untangle(energy: Sum, x: Array, free: NDArray, options: Options, systems: Sy
         seconds=newton.record.seconds,
     )
     return Equilibrium(newton.x, record)
+
+
+def from_rest(energy: Sum, x: Array, free: NDArray[np.bool_]) -> Array:
+    """The rest shapes carried along with the fixed degrees of freedom of x (n, 3): argmin sum V |F - I|^2.
+
+    Vertices of no body stay; bodies without fixed degrees of freedom get their rest positions.
+    """
+    bodies = [p for p in energy.potentials if isinstance(p, Elastic)]
+    laplacian = sp.csr_matrix(sum(_laplacian(b, len(x)) for b in bodies))
+    rest, start = x.copy(), x.copy()
+    used = laplacian.diagonal() > 0
+    for body in bodies:
+        rest[body.tets] = body.vertices[body.tets]
+    for i in range(3):
+        unknown = used & free[i::3]
+        start[unknown, i] = rest[unknown, i]
+        if not (used & ~unknown).any() or not unknown.any():
+            continue
+        block = sp.csr_matrix(laplacian[unknown][:, unknown])
+        pull = laplacian @ np.where(unknown, 0.0, x[:, i] - rest[:, i])
+        start[unknown, i] -= factorise(_steadied(block)).solve(pull[unknown])
+    return start
+
+
+def _laplacian(body: Elastic, vertices: int) -> sp.csr_matrix:
+    """Stiffness (n, n) of the body's shape functions."""
+    corners = body.tets.shape[1]
+    entries = np.einsum("e,eak,ebk->eab", body.volumes, body.rest_gradients, body.rest_gradients)
+    rows = np.repeat(body.tets, corners, axis=1).ravel()
+    columns = np.tile(body.tets, (1, corners)).ravel()
+    return sp.csr_matrix((entries.ravel(), (rows, columns)), shape=(vertices, vertices))
+
+
+def _steadied(matrix: sp.csr_matrix) -> sp.csr_matrix:
+    """Matrix with a little added to the diagonal, for parts that nothing is fixed on."""
+    return sp.csr_matrix(matrix + 1e-10 * float(matrix.diagonal().mean()) * sp.eye(matrix.shape[0]))

@@ -1,0 +1,88 @@
+"""Ways to the minimum near a shape, tried in turn until one ends untangled."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.fem.checkpoint import Checkpoint
+from handpipe.fem.newton import Newton
+from handpipe.fem.potential import Sum
+from handpipe.fem.record import Equilibrium, Options, Record
+from handpipe.fem.system_sequence import SystemSequence
+from handpipe.fem.untangling import by_stand_in, from_rest, nearly_incompressible, tangles
+
+Array = NDArray[np.float64]
+log = logging.getLogger(__name__)
+
+
+class Attempts:
+    """The minimisations of `energy` from x (n, 3) over the mask `free` (3n,)."""
+
+    def __init__(
+        self,
+        energy: Sum,
+        x: Array,
+        free: NDArray[np.bool_],
+        options: Options,
+        systems: SystemSequence,
+        checkpoint: Checkpoint | None = None,
+    ) -> None:
+        self.energy, self.x, self.free = energy, x, free
+        self.options, self.systems, self.checkpoint = options, systems, checkpoint
+        self.record = Record()
+
+    def best(self) -> Equilibrium:
+        """The first minimum without tangles, else the converged shape with the fewest."""
+        best: Newton | None = None
+        for newton in self._ways():
+            self.record.add(newton.record)
+            if not newton.record.converged and best is not None:
+                continue
+            newton.record.tangles = tangles(self.energy, newton.x)
+            if best is None or _worth(newton) > _worth(best):
+                best = newton
+            if newton.record.tangles == 0:
+                break
+            log.info("%s: ended with %d tangles", self.options.name, newton.record.tangles)
+        assert best is not None
+        for name in ("converged", "reason", "tangles"):
+            setattr(self.record, name, getattr(best.record, name))
+        if best.record.tangles > 0:
+            log.warning("%s: %d tangles are left", self.options.name, best.record.tangles)
+        return Equilibrium(best.x, self.record)
+
+    def _ways(self) -> Iterator[Newton]:
+        """Finished minimisations, the quickest way first."""
+        soft = nearly_incompressible(self.energy)
+        if tangles(self.energy, self.x) == 0:
+            first = self._newton(self.x, impatient=soft)
+            if not first.struggling:
+                yield first
+            if soft:
+                yield self._by_stand_in(self.x)
+                yield self._newton(self.x)
+        else:
+            yield self._by_stand_in(self.x)
+            yield self._newton(self.x)
+        if not any(hasattr(p, "max_step") for p in self.energy.potentials):
+            yield self._by_stand_in(from_rest(self.energy, self.x, self.free))
+
+    def _newton(self, x: Array, impatient: bool = False) -> Newton:
+        newton = Newton(self.energy, x, self.free, self.options, self.systems, self.checkpoint, impatient)
+        newton.run()
+        if newton.struggling:
+            self.record.add(newton.record)
+        return newton
+
+    def _by_stand_in(self, x: Array) -> Newton:
+        loose = by_stand_in(self.energy, x, self.free, self.options, self.systems)
+        self.record.add(loose.record)
+        return self._newton(loose.x)
+
+
+def _worth(newton: Newton) -> tuple[bool, int]:
+    return newton.record.converged, -newton.record.tangles
