@@ -38,9 +38,13 @@ def box_surface(
 def cuts(vertices: np.ndarray, triangles: np.ndarray) -> bool:
     """Whether a surface cuts itself: segments against triangles by Moeller and Trumbore's test, all pairs."""
     edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    a, b, c = (vertices[triangles[:, i]] for i in range(3))
-    for start in range(0, len(edges), 200):
-        ends = edges[start : start + 200]
+    edges = edges[np.argsort(vertices[edges].mean(axis=1)[:, 0])]
+    corners = vertices[triangles]
+    for start in range(0, len(edges), 100):
+        ends = edges[start : start + 100]
+        low, high = vertices[ends].min(axis=(0, 1)), vertices[ends].max(axis=(0, 1))
+        near = triangles[((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1)]
+        a, b, c = (vertices[near[:, i]] for i in range(3))
         origin, along = vertices[ends[:, 0]][:, None], (vertices[ends[:, 1]] - vertices[ends[:, 0]])[:, None]
         p = np.cross(along, c - a)
         determinant = np.einsum("etc,tc->et", p, b - a)
@@ -51,7 +55,7 @@ def cuts(vertices: np.ndarray, triangles: np.ndarray) -> bool:
         v = np.einsum("etc,etc->et", np.broadcast_to(along, q.shape), q) / determinant
         t = np.einsum("etc,tc->et", q, c - a) / determinant
         hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0) & (t <= 1) & np.isfinite(determinant)
-        apart = (triangles[None] != ends[:, :1, None]) & (triangles[None] != ends[:, 1:, None])
+        apart = (near[None] != ends[:, :1, None]) & (near[None] != ends[:, 1:, None])
         if (hit & apart.all(axis=2)).any():
             return True
     return False
