@@ -20,7 +20,7 @@ TOLERANCE = 1e-2  # relative error of the linear solve: the prediction itself is
 def predict(energy: Sum, x: Array, target: Array, free: NDArray[np.bool_], systems: SystemSequence) -> Array:
     """Move the fixed degrees of freedom of x (n, 3) to the target and the others with them.
 
-    One linear solve with the tangent stiffness at x, made positive semidefinite.
+    One linear solve with the tangent stiffness at x, projected where it is not positive definite.
     """
     start = x.copy()
     flat, aim = start.reshape(-1), target.reshape(-1)
@@ -28,9 +28,11 @@ def predict(energy: Sum, x: Array, target: Array, free: NDArray[np.bool_], syste
     flat[~free] = aim[~free]
     if not moved.any():
         return start
-    matrix = energy.hessian(x, True)
-    block = FreeBlock(matrix, free)
-    force = -(matrix @ moved)[free]
-    with contextlib.suppress(NotPositiveDefinite, SingularMatrix):  # the old shape is a start too
-        flat[free] += systems.solve(block.matrix(matrix), force, tolerance=TOLERANCE, free=free)
-    return start
+    for project in (False, True):
+        matrix = energy.hessian(x, project)
+        block = FreeBlock(matrix, free)
+        force = -(matrix @ moved)[free]
+        with contextlib.suppress(NotPositiveDefinite, SingularMatrix):
+            flat[free] += systems.solve(block.matrix(matrix), force, tolerance=TOLERANCE, free=free)
+            break
+    return start  # where both fail, the old shape is a start too
