@@ -64,7 +64,9 @@ class Pattern:
     def matrix(self, data: Array) -> sp.csr_matrix:
         """Values as a matrix (3n, 3n); all matrices of a pattern share its index arrays."""
         size = 3 * self.vertices
-        return sp.csr_matrix((data, self.indices, self.indptr), shape=(size, size), copy=False)
+        matrix = sp.csr_matrix((data, self.indices, self.indptr), shape=(size, size), copy=False)
+        matrix.has_sorted_indices = matrix.has_canonical_format = True
+        return matrix
 
 
 @njit(cache=True)

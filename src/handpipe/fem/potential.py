@@ -7,11 +7,15 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
+from numba import get_num_threads, njit, prange
 from numpy.typing import NDArray
+
+from handpipe.fem.buffers import Buffers
 
 Array = NDArray[np.float64]
 Int32Array = NDArray[np.int32]
+
+PARALLEL_ENTRIES = 1_000_000  # of a matrix; fewer are moved sooner than a thread is woken
 
 
 @runtime_checkable
@@ -44,6 +48,8 @@ class Sum:
         self._parts: list[sp.csr_matrix] = []
         self._indptr = self._indices = np.zeros(0, dtype=np.int32)
         self._places: list[Int32Array] = []
+        self._order: list[int] = []  # largest first: where it has the union's pattern, it is copied
+        self._buffers = Buffers()
 
     def value(self, x: Array) -> float:
         return float(sum(p.value(x) for p in self.potentials))
@@ -60,10 +66,11 @@ class Sum:
             return matrices[0]
         if not self._same_patterns(matrices):
             self._merge(matrices)
-        data = np.zeros(len(self._indices))
-        for matrix, places in zip(matrices, self._places, strict=True):
-            _add_at(data, places, matrix.data)
-        return sp.csr_matrix((data, self._indices, self._indptr), shape=matrices[0].shape, copy=False)
+        data = self._buffers.take(len(self._indices))
+        for number in self._order:
+            matrix, places = matrices[number], self._places[number]
+            add_rows(data, self._indptr, matrix.indptr, places, matrix.data, number == self._order[0])
+        return canonical(data, self._indices, self._indptr, matrices[0].shape)
 
     def max_step(self, x: Array, step: Array) -> float:
         limits = [p.max_step(x, step) for p in self.potentials if hasattr(p, "max_step")]
@@ -88,7 +95,21 @@ class Sum:
         union.sort_indices()
         self._indptr, self._indices = union.indptr, union.indices
         self._places = [_places(m.indptr, m.indices, union.indptr, union.indices) for m in matrices]
-        self._parts = matrices
+        self._order = sorted(range(len(matrices)), key=lambda i: -matrices[i].nnz)
+        self._parts = [pattern_of(m) for m in matrices]
+
+
+def canonical(data: Array, indices: Int32Array, indptr: Int32Array, shape: tuple[int, int]) -> sp.csr_matrix:
+    """CSR matrix of arrays that are known to be sorted and without duplicates."""
+    matrix = sp.csr_matrix((data, indices, indptr), shape=shape, copy=False)
+    matrix.has_sorted_indices = matrix.has_canonical_format = True
+    return matrix
+
+
+def pattern_of(matrix: sp.csr_matrix) -> sp.csr_matrix:
+    """A matrix that shares the index arrays and keeps none of the values alive."""
+    values = np.broadcast_to(0.0, len(matrix.indices))
+    return canonical(values, matrix.indices, matrix.indptr, matrix.shape)
 
 
 def same_pattern(a: sp.csr_matrix, b: sp.csr_matrix) -> bool:
@@ -113,7 +134,49 @@ def _places(
     return out
 
 
+def add_rows(
+    data: Array, union_indptr: Int32Array, indptr: Int32Array, places: Int32Array, values: Array, first: bool
+) -> None:
+    """Add a matrix's values to the union's `data`, of which the `first` need not be zeroed before."""
+    if len(values) < PARALLEL_ENTRIES:
+        _add_rows(data, union_indptr, indptr, places, values, first, 0, len(indptr) - 1)
+    else:
+        _add_rows_parallel(data, union_indptr, indptr, places, values, first, get_num_threads())
+
+
 @njit(cache=True)
-def _add_at(data: Array, places: Int32Array, values: Array) -> None:
-    for k in range(len(values)):
+def _add_rows(
+    data: Array,
+    union_indptr: Int32Array,
+    indptr: Int32Array,
+    places: Int32Array,
+    values: Array,
+    first: bool,
+    low: int,
+    high: int,
+) -> None:
+    if first:
+        if len(values) == len(data):
+            for k in range(indptr[low], indptr[high]):
+                data[k] = values[k]
+            return
+        for k in range(union_indptr[low], union_indptr[high]):
+            data[k] = 0.0
+    for k in range(indptr[low], indptr[high]):
         data[places[k]] += values[k]
+
+
+@njit(cache=True, parallel=True)
+def _add_rows_parallel(
+    data: Array,
+    union_indptr: Int32Array,
+    indptr: Int32Array,
+    places: Int32Array,
+    values: Array,
+    first: bool,
+    parts: int,
+) -> None:
+    rows = len(indptr) - 1
+    for part in prange(parts):
+        low, high = rows * part // parts, rows * (part + 1) // parts
+        _add_rows(data, union_indptr, indptr, places, values, first, low, high)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
+from numba import njit, prange
 from numpy.typing import NDArray
+
+from handpipe.fem.buffers import Buffers
+from handpipe.fem.potential import PARALLEL_ENTRIES, canonical, pattern_of
 
 Array = NDArray[np.float64]
 Int32Array = NDArray[np.int32]
@@ -16,7 +19,8 @@ class FreeBlock:
 
     def __init__(self, source: sp.csr_matrix, free: NDArray[np.bool_]) -> None:
         source.sort_indices()
-        self.source = source
+        self.source = pattern_of(source)
+        self._buffers = Buffers()
         self.size = int(free.sum())
         self._all = bool(free.all())
         if not self._all:
@@ -26,9 +30,18 @@ class FreeBlock:
         """The block of a matrix of the same pattern; all blocks share their index arrays."""
         if self._all:
             return matrix
-        data = matrix.data[self._places]
-        shape = (self.size, self.size)
-        return sp.csr_matrix((data, self._indices, self._indptr), shape=shape, copy=False)
+        data = self._buffers.take(len(self._places))
+        if len(data) < PARALLEL_ENTRIES:
+            np.take(matrix.data, self._places, out=data, mode="clip")
+        else:
+            _take(matrix.data, self._places, data)
+        return canonical(data, self._indices, self._indptr, (self.size, self.size))
+
+
+@njit(cache=True, parallel=True)
+def _take(values: Array, places: Int32Array, out: Array) -> None:
+    for k in prange(len(places)):
+        out[k] = values[places[k]]
 
 
 @njit(cache=True)
