@@ -126,6 +126,13 @@ def test_factors_beyond_the_limit_are_refused(backend):
     assert backend(matrix, True, 1e9).work.entries > matrix.nnz / 2
 
 
+def test_superlu_leaves_large_systems_to_multigrid():
+    large = sp.csr_matrix(2 * sp.eye(41_000))
+    with pytest.raises(linear.FactorTooLarge):
+        linear.SuperLUFactor(large, True, 1e12)
+    np.testing.assert_allclose(linear.SuperLUFactor(large).solve(np.ones(41_000)), 0.5)
+
+
 def test_free_block_is_the_submatrix():
     matrix = _stiffness(1.0)
     free = np.random.default_rng(0).random(matrix.shape[0]) < 0.6

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Int32Array = NDArray[np.int32]
 log = logging.getLogger(__name__)
 
-BALANCE = 30.0  # see Work
+BALANCE = 28.0  # see Work
 ANALYSE, FACTORISE, SOLVE, RELEASE = 11, 22, 33, -1
 ERRORS = {  # of the MKL reference
     -1: "the input is inconsistent",
@@ -113,7 +113,7 @@ class PardisoFactor:
         self.work = Work(
             flops=1e6 * float(self._parameters[18]),
             entries=_unwrapped(self._parameters[17]),
-            bytes=1024.0 * max(kibibytes[0], kibibytes[1] + kibibytes[2]),
+            bytes=1024.0 * float(max(kibibytes[0], kibibytes[1] + kibibytes[2])),
             balance=BALANCE,
         )
         check_memory(self.work, self._limit)

@@ -7,13 +7,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from handpipe.fem.factor import NotPositiveDefinite, SingularMatrix, Work, check_memory
+from handpipe.fem.factor import FactorTooLarge, NotPositiveDefinite, SingularMatrix, Work, check_memory
 
 Array = NDArray[np.float64]
 
+LARGEST = 40_000  # unknowns: multigrid is faster beyond (SuperLU took 256 s for 136,000)
 # Entries of L for N unknowns of a solid, k N^(4/3), and the bytes that SuperLU takes for each.
 ENTRIES, BYTES = 50.0, 24.0
-BALANCE = 30.0  # see Work
+BALANCE = 20.0  # see Work
 
 
 class SuperLUFactor:
@@ -22,11 +23,16 @@ class SuperLUFactor:
     def __init__(
         self, matrix: sp.csr_matrix, positive: bool = True, memory_limit: float = float("inf")
     ) -> None:
-        """Raises as `linear.factorise`; SuperLU predicts nothing, so that memory is only estimated."""
+        """Raises as `linear.factorise`; SuperLU predicts nothing, so that memory is only estimated.
+
+        Under any finite limit, more than `LARGEST` unknowns are too large as well.
+        """
         self._positive, self._limit = positive, memory_limit
         self.refactorise(matrix)
 
     def refactorise(self, matrix: sp.csr_matrix) -> None:
+        if matrix.shape[0] > LARGEST and self._limit < float("inf"):
+            raise FactorTooLarge(f"{matrix.shape[0]} unknowns are too slow for SuperLU")
         estimated = ENTRIES * matrix.shape[0] ** (4 / 3)
         check_memory(Work(0.0, estimated, BYTES * estimated, BALANCE), self._limit)
         options = {"SymmetricMode": True} if self._positive else {}

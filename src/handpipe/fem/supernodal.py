@@ -15,7 +15,7 @@ from handpipe.fem.factor import NotPositiveDefinite, Pattern, SingularMatrix, Wo
 
 Array = NDArray[np.float64]
 
-BALANCE = 30.0  # see Work
+BALANCE = 36.0  # see Work
 
 rslab: Any = None
 with contextlib.suppress(ImportError):
