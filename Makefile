@@ -1,8 +1,14 @@
 # `make` sets everything up and builds the embedded subject; `make test` sets everything up and tests.
 PYTHON ?= python3
 BIN := .venv/bin
-# gmsh's library links against these even where it draws nothing
-GMSH_LIBRARIES := libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxext6 libxft2 libxinerama1 libx11-6 libfontconfig1
+# What a minimal Debian lacks: the module venv; libraries of OpenMP, and of X11 and OpenGL, against which gmsh links
+# even where it draws nothing. The two lists stand side by side.
+LIBRARIES := libgomp.so.1 libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXfixes.so.3 libXext.so.6 \
+  libXft.so.2 libXinerama.so.1 libX11.so.6 libfontconfig.so.1
+PACKAGES = $(VENV_PACKAGE) libgomp1 libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxext6 \
+  libxft2 libxinerama1 libx11-6 libfontconfig1
+VENV_PACKAGE = $(shell $(PYTHON) -c 'import importlib.util, sys; \
+  importlib.util.find_spec("ensurepip") or print("python%d.%d-venv" % sys.version_info[:2])')
 
 .DEFAULT_GOAL := all
 .PHONY: all setup test lint format rulegraph clean
@@ -15,19 +21,29 @@ setup: .venv/installed
 .venv/installed: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "handpipe needs Python 3.11 or newer: make PYTHON=/path/to/python3"; exit 1; }
-	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv 2>/dev/null || { rm -rf .venv; \
-	  $(call system_packages,python3-venv) && $(PYTHON) -m venv .venv; }
+	@$(call system_complete) || { $(call install_packages); }
+	@[ -x $(BIN)/pip ] || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
-	@$(BIN)/python -c 'import gmsh' 2>/dev/null || { $(call system_packages,$(GMSH_LIBRARIES)); }
 	@$(BIN)/python -c 'import gmsh'
 	@touch $@
 
-# Install Debian packages where this user may, else say what to install.
-define system_packages
-if [ "$$(id -u)" = 0 ]; then apt-get update -qq && apt-get install -y -qq --no-install-recommends $(1) >/dev/null; \
-elif sudo -n true 2>/dev/null; then sudo apt-get update -qq && sudo apt-get install -y -qq --no-install-recommends $(1) >/dev/null; \
-else echo "Please run once: sudo apt-get install $(1)"; exit 1; fi
+# Whether the interpreter can make environments and, on Linux, every library is found.
+define system_complete
+$(PYTHON) -c 'import ctypes, ensurepip, sys; sys.platform != "linux" or [ctypes.CDLL(n) for n in sys.argv[1:]]' \
+  $(LIBRARIES) 2>/dev/null
+endef
+
+# Install Debian packages where this user may, else say what to install: all that is needed, once.
+APT_INSTALL := env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends
+define install_packages
+if ! command -v apt-get >/dev/null; then \
+  echo "handpipe needs libraries that this system lacks; of these, what is not there: $(LIBRARIES)"; exit 1; \
+elif [ "$$(id -u)" = 0 ]; then apt-get update -qq && $(APT_INSTALL) $(PACKAGES) >/dev/null; \
+elif sudo -n true 2>/dev/null; then sudo apt-get update -qq && sudo $(APT_INSTALL) $(PACKAGES) >/dev/null; \
+else echo "handpipe needs packages that are not installed, and this user may not install them."; \
+  echo "Run as root, once, then make again:"; \
+  echo "  apt-get update && apt-get install -y --no-install-recommends $(PACKAGES)"; exit 1; fi
 endef
 
 test: setup

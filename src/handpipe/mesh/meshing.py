@@ -17,7 +17,7 @@ from handpipe.mesh.surface import Surface, component_labels, concatenate, requir
 from handpipe.mesh.tetrahedra import TetMesh
 
 LIBRARIES = (
-    "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 "
+    "libgomp1 libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 "
     "libxext6 libxft2 libxinerama1 libx11-6 libfontconfig1"
 )
 VOLUME_TOLERANCE = 0.02
