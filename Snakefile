@@ -58,6 +58,7 @@ rule all:
     input:
         each_subject("report.html"),
         each_subject("metrics/build.json"),
+        obj_sequences(),
 
 
 rule segmentation:
@@ -104,3 +105,4 @@ rule fat:
 rule simulation:
     input:
         each_subject("simulation/{scene}/{scene}.glb"),
+        obj_sequences(),

@@ -194,6 +194,7 @@ class Scene(Model):
     layers: tuple[str, ...]
     frames: Path = Field(description="CSV of joint angles in degrees, one frame a row")
     chunk: int = Field(4, ge=1, description="frames in one job")
+    obj: bool = Field(False, description="write the frames as a sequence of OBJ files, too")
 
     @model_validator(mode="after")
     def _known(self) -> Scene:

@@ -30,13 +30,15 @@ class Shape:
     """One body in one frame.
 
     rest, vertices (n, 3) in mm: neutral and present positions of the same points;
-    cells (k, 3) triangles, (k, 4) tetrahedra or (k, 2) segments; fields: arrays over points or cells.
+    cells (k, 3) triangles, (k, 4) tetrahedra or (k, 2) segments; fields: arrays over points or cells;
+    figures: what its solver says of itself.
     """
 
     rest: Array
     vertices: Array
     cells: IntArray
     fields: dict[str, NDArray] = field(default_factory=dict)
+    figures: dict[str, float] = field(default_factory=dict)
 
 
 class Region(IntEnum):

@@ -9,7 +9,8 @@ import trimesh
 
 from handpipe.fat.constraints import inner_points
 from handpipe.fat.mesh import tissue_mesh
-from handpipe.fat.tissue import Rigid, Tissue
+from handpipe.fat.skin import Rigid
+from handpipe.fat.tissue import Tissue
 from handpipe.layers import Region, Shape, Shapes
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.rigid import RigidTransform

@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.fat.layer import FatStrains, TissueLayer
 from handpipe.fat.nails import from_vector
+from handpipe.fat.tissue import CONTACTS
 from handpipe.fem import plasticity
 from handpipe.layers import Frame, Region
 from handpipe.mesh.rigid import RigidTransform
@@ -57,6 +58,8 @@ def test_a_bent_frame_gives_skin_and_mesh():
     bare = TissueLayer("fat", ("bones",), tissue)
     shapes = bare.solve(Frame("bent", {}, bent), below(bent["core"](below()["bones"]["core"].rest)))
     assert set(shapes) == {"skin", "fat_mesh"}
+    assert shapes["skin"].figures["contact_unsettled"] == 0
+    assert shapes["skin"].figures["contact_motion"] < CONTACTS.settled
     np.testing.assert_allclose(shapes["skin"].vertices, bent["core"](tissue.skin.vertices), atol=1e-5)
     corrected = layer.solve(Frame("bent", {}, bent), below(bent["core"](below()["bones"]["core"].rest)))
     tip = tissue.rigid["tip"].vertices

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from tests.mesh.shapes import box_tets, sphere
 
-from handpipe.fat.mesh import LEAST_OCCUPANCY, closed_skin, inner_surface, occupancy, tissue_mesh
+from handpipe.fat.mesh import LEAST_OCCUPANCY, inner_surface, occupancy, tissue_mesh
+from handpipe.fat.skin import closed_skin
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface

@@ -36,7 +36,15 @@ def simulated(count: int = 3):
         strain = np.random.default_rng(i).normal(size=(len(TETS), 6))
         shapes = {
             "bones": {"distal2": Shape(ball_rest, turn(ball_rest), ball_cells)},
-            "tendons": {"flexor2": Shape(rod, turn(rod), segments, {"stretch": np.full(9, 1.0 + 0.1 * i)})},
+            "tendons": {
+                "flexor2": Shape(
+                    rod,
+                    turn(rod),
+                    segments,
+                    {"stretch": np.full(9, 1.0 + 0.1 * i)},
+                    {"contact_motion": 0.01 * i},
+                )
+            },
             "muscles": {
                 "lumbrical1": Shape(CUBE, turn(CUBE) * 1.1, TETS, {"strain": strain, "height": CUBE[:, 2]})
             },
@@ -66,6 +74,7 @@ def test_frames_round_trip(tmp_path: Path):
                 other = layers2[layer][body]
                 for name in ("rest", "vertices", "cells"):
                     np.testing.assert_array_equal(getattr(other, name), getattr(shape, name))
+                assert other.figures == shape.figures
                 assert list(other.fields) == list(shape.fields)
                 for name in shape.fields:
                     np.testing.assert_array_equal(other.fields[name], shape.fields[name])
@@ -76,7 +85,9 @@ def test_frames_store_a_body_once_and_with_units(tmp_path: Path):
     with h5py.File(tmp_path / "frames.h5") as file:
         assert file["bodies/muscles/lumbrical1/rest"].attrs["units"] == "mm"
         assert file["frames/step_10/angles"].attrs["units"] == "rad"
-        assert list(file["frames/step_9/layers/muscles/lumbrical1"]) == ["vertices", "fields"]
+        assert list(file["frames/step_9/layers/muscles/lumbrical1"]) == ["vertices", "fields", "figures"]
+        motion = file["frames/step_9/layers/tendons/flexor2/figures/contact_motion"]
+        assert (motion[()], motion.attrs["units"]) == (0.01, "mm")
 
 
 def test_frames_refuse_a_body_whose_cells_change(tmp_path: Path):

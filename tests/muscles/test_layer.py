@@ -68,6 +68,8 @@ def test_interpolated_strains_stay_positive_far_outside_the_examples():
 def test_muscles_that_would_overlap_are_kept_apart():
     layer = MuscleLayer([muscle("low"), muscle("high", (0.0, 0.0, 6.3))])
     shapes = solve(layer, 0.8)
+    for shape in (shapes["low"], shapes["high"]):
+        assert shape.figures["contact_motion"] < layer.options.contacts.gross
     low, high = (Surface(shapes[n].vertices, shapes[n].cells) for n in ("low", "high"))
     free = MuscleLayer(layer.muscles, contact=False)
     before = solve(free, 0.8)

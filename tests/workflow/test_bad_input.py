@@ -21,6 +21,8 @@ SMALL = ("--config", "subjects=[small]")
 SEGMENT = "results/small/segmentation/bent/bones/far.h5"
 MERGE = "results/small/segmentation/bent/labels.nii.gz"
 SIMULATE = "results/small/simulation/flexion/flexion.glb"
+FAT = "results/small/fat/strains.h5"
+SOFT = "results/small/soft_tissue/mesh.h5"
 DATASET = "config/datasets/small.yaml"
 
 
@@ -37,6 +39,14 @@ def missing_volume(folder: Path) -> None:
 
 def missing_scan(folder: Path) -> None:
     (folder / "small" / "bent.ply").unlink()
+
+
+def no_scan_of_an_example(folder: Path) -> None:
+    edit(folder, lambda d: d["poses"]["bent"].pop("scan"))
+
+
+def no_scan_of_neutral(folder: Path) -> None:
+    edit(folder, lambda d: d["poses"]["flat"].pop("scan"))
 
 
 def unknown_pose(folder: Path) -> None:
@@ -113,6 +123,17 @@ RUNS = [
         SIMULATE,
         ("config/scenes/flexion.csv", "row 3 (frame far), hinge_flexion", "outside its limits"),
     ),
+    (
+        no_scan_of_an_example,
+        FAT,
+        (DATASET, "poses.bent.scan", "is not given, but the layer fat is made of it"),
+    ),
+    (no_scan_of_neutral, FAT, (DATASET, "poses.flat.scan", "is not given, but the layer skin is made of it")),
+    (
+        no_scan_of_neutral,
+        SOFT,
+        (DATASET, "poses.flat.scan", "is not given, but the layer skin is made of it"),
+    ),
     (unknown_pose, SEGMENT.replace("bent", "fist"), (DATASET, "poses.fist", "is not a pose")),
 ]
 
@@ -136,7 +157,9 @@ def assert_one_message(folder: Path, target: str, source: str, field: str, probl
     assert built(folder) - before <= {"results/small/check.json"}
 
 
-@pytest.mark.parametrize(("spoil", "target", "named"), RUNS, ids=[spoil.__name__ for spoil, *_ in RUNS])
+@pytest.mark.parametrize(
+    ("spoil", "target", "named"), RUNS, ids=[f"{spoil.__name__}-{target}" for spoil, target, _ in RUNS]
+)
 def test_run_ends_with_one_message(
     small: Path, spoil: Callable[[Path], None], target: str, named: tuple[str, str, str]
 ) -> None:

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from .running import planned, run, working_copy
-from .small_subject import LABELS, ball, seeds, write_image, write_mesh
+from .small_subject import LABELS, ball, seeds, write_dataset, write_image, write_mesh
 
 SMALL = ("--config", "subjects=[small]")
 DEEPER = ("muscle", "tendon", "ligament", "fascia", "fat", "hooks", "inner")
@@ -39,6 +40,44 @@ def test_rig_needs_no_tissue(nothing_built: Path) -> None:
     rules = planned(nothing_built, "rig")
     assert deeper(rules) == set()
     assert "simulate" not in rules
+
+
+def write_scene(folder: Path, name: str, text: str) -> None:
+    scenes = folder / "config" / "scenes"
+    (scenes / f"{name}.csv").write_text("frame,hinge_flexion [deg]\nrest,0\nbent,40\n")
+    (scenes / f"{name}.yaml").write_text(f"{text}\nframes: config/scenes/{name}.csv\n")
+
+
+def test_scans_are_needed_by_fat_and_skin_alone(small: Path) -> None:
+    subject = yaml.safe_load((small / "config/datasets/small.yaml").read_text(encoding="utf-8"))
+    for pose in subject["poses"].values():
+        del pose["scan"]
+    write_dataset(small, subject)
+    write_scene(small, "inner", "layers: [bones, muscles, muscle_fascia]")
+    rules = planned(small, "all", "--config", "subjects=[small]", "scenes=[inner]")
+    assert {"fit_muscle_strains", "simulate", "report"} <= set(rules)
+    assert {rule for rule in rules if "fat" in rule or "skin" in rule or "soft" in rule} == set()
+
+
+def test_scan_of_an_example_is_not_needed_by_the_soft_tissue(small: Path) -> None:
+    subject = yaml.safe_load((small / "config/datasets/small.yaml").read_text(encoding="utf-8"))
+    del subject["poses"]["bent"]["scan"]
+    write_dataset(small, subject)
+    write_scene(small, "outer", "layers: [skin]")
+    assert "make_skin" in planned(small, "all", "--config", "subjects=[small]", "scenes=[outer]")
+
+
+@pytest.mark.parametrize("target", ["simulation", "all"])
+def test_obj_files_are_written_where_a_scene_asks_for_them(small: Path, target: str) -> None:
+    write_scene(small, "plain", "layers: [bones]")
+    write_scene(small, "exported", "layers: [bones]\nobj: true")
+    rules = planned(small, target, "--config", "subjects=[small]", "scenes=[plain,exported]")
+    assert (rules["export_scene"], rules["export_obj"]) == (2, 1)
+
+
+def test_the_skin_is_meshed_once_for_fat_and_soft_tissue(nothing_built: Path) -> None:
+    rules = planned(nothing_built, "all")
+    assert (rules["make_skin"], rules["mesh_fat"], rules["mesh_soft_tissue"]) == (1, 1, 1)
 
 
 def changed(folder: Path, before: dict[str, int]) -> set[str]:

@@ -10,7 +10,7 @@ from snakemake.exceptions import WorkflowError
 
 from handpipe.config import LAYERS, Role, load_dataset, load_scene
 from handpipe.errors import HandpipeError
-from handpipe.hand.subject import joint_limits, named_files, require_files
+from handpipe.hand.subject import joint_limits, named_files, require_files, require_scan
 from handpipe.skeleton.angles import read_angles
 
 
@@ -189,9 +189,30 @@ def chunks(subject, name):
     return range(-(-len(frames(subject, name)) // scene(name).chunk))
 
 
+def scene_chunks(wildcards):
+    """A scene's frames, in order."""
+    base = f"results/{wildcards.subject}/simulation/{wildcards.scene}"
+    return [f"{base}/frames-{c}.h5" for c in chunks(wildcards.subject, wildcards.scene)]
+
+
+def obj_sequences():
+    """Folders of OBJ files, of the scenes that ask for them."""
+    return [
+        f"results/{subject}/simulation/{name}/obj"
+        for subject in buildable_subjects()
+        for name in listed("scenes")
+        if scene(name).obj
+    ]
+
+
 def layered(subject):
     """Whether any scene asks for more than bones in one soft tissue."""
     return any(set(scene(s).needed) - {"bones", "skin"} for s in listed("scenes"))
+
+
+def fatted(subject):
+    """Whether any scene asks for the fat, and so for scans of all example poses."""
+    return any("fat" in scene(s).needed for s in listed("scenes"))
 
 
 def scribbles(subject, pose, bone):
@@ -233,7 +254,7 @@ def report_metrics(subject):
     if layered(subject):
         stages += ["tendons"] if data.tendons else []
         stages += ["muscles"] if data.muscles else []
-        stages += ["skin"]
+        stages += ["skin"] if fatted(subject) else []
     return [f"results/{subject}/metrics/{stage}.json" for stage in stages]
 
 
@@ -244,7 +265,7 @@ def report_poses(subject):
     return [
         f"results/{subject}/poses/{n}/{part}.h5"
         for n in [neutral(subject), *scanned(subject)]
-        for part in ("inner", "skin")
+        for part in (["inner", "skin"] if fatted(subject) else ["inner"])
     ]
 
 
@@ -255,7 +276,16 @@ def neutral_volume(wildcards):
 
 def neutral_scan(wildcards):
     data = dataset(wildcards.subject)
-    return data.path(data.poses[data.neutral].scan)
+    return needed_scan(wildcards.subject, data.neutral, "skin")
+
+
+def example_scan(wildcards):
+    return needed_scan(wildcards.subject, wildcards.pose, "fat")
+
+
+def needed_scan(subject, pose, layer):
+    """A pose's scan that a layer is made of; where there is none the build ends before it begins."""
+    return checked(require_scan, dataset_file(subject), dataset(subject), pose, layer)
 
 
 def of_muscles(pattern):

@@ -1,13 +1,36 @@
 # Fat and skin: mesh, constraints, nails, plastic strains (000 section 7), and the single soft tissue of 004.
 
 
+rule make_skin:
+    input:
+        dataset=ancient(of_dataset),
+        scan=neutral_scan,
+        templates=lambda w: template_files(w.subject),
+    output:
+        "results/{subject}/skin.h5",
+    log:
+        "results/{subject}/logs/make_skin/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/make_skin/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        dataset=dataset_digest,
+        edge=config["edges"]["skin"],
+    message:
+        "{wildcards.subject}: neutral skin from its scan"
+    script:
+        "../scripts/make_skin.py"
+
+
 rule mesh_fat:
     input:
         rig="results/{subject}/rig.h5",
         dataset=ancient(of_dataset),
         layers=lambda w: layer_files(w.subject, INNER_LAYERS),
-        scan=neutral_scan,
-        templates=lambda w: template_files(w.subject),
+        skin="results/{subject}/skin.h5",
     output:
         "results/{subject}/fat/mesh.h5",
     log:
@@ -21,7 +44,7 @@ rule mesh_fat:
     params:
         dataset=dataset_digest,
         layers=INNER_LAYERS,
-        edges=config["edges"],
+        edge=config["edges"]["fat"],
     message:
         "{wildcards.subject}: tetrahedra between the inner surface and the skin"
     script:
@@ -32,8 +55,7 @@ rule mesh_soft_tissue:
     input:
         dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
-        scan=neutral_scan,
-        templates=lambda w: template_files(w.subject),
+        skin="results/{subject}/skin.h5",
     output:
         "results/{subject}/soft_tissue/mesh.h5",
     log:
@@ -46,7 +68,7 @@ rule mesh_soft_tissue:
         runtime=10,
     params:
         dataset=dataset_digest,
-        edges=config["edges"],
+        edge=config["edges"]["fat"],
     message:
         "{wildcards.subject}: one soft tissue between the bones and the skin"
     script:
@@ -83,7 +105,7 @@ rule fit_fat_strains:
         rig="results/{subject}/rig.h5",
         mesh="results/{subject}/fat/mesh.h5",
         inner="results/{subject}/poses/{pose}/inner.h5",
-        scan=of_pose("scan"),
+        scan=example_scan,
     output:
         "results/{subject}/fat/poses/{pose}.h5",
     log:

@@ -28,11 +28,7 @@ rule simulate:
 
 rule export_scene:
     input:
-        chunks=lambda w: expand(
-            "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
-            chunk=chunks(w.subject, w.scene),
-            allow_missing=True,
-        ),
+        chunks=scene_chunks,
     output:
         glb="results/{subject}/simulation/{scene}/{scene}.glb",
         vtk=directory("results/{subject}/simulation/{scene}/vtk"),
@@ -48,3 +44,22 @@ rule export_scene:
         "{wildcards.subject}: {wildcards.scene} as VTU series and glTF"
     script:
         "../scripts/export_scene.py"
+
+
+rule export_obj:
+    input:
+        chunks=scene_chunks,
+    output:
+        directory("results/{subject}/simulation/{scene}/obj"),
+    log:
+        "results/{subject}/logs/export_obj/{scene}.log",
+    benchmark:
+        "results/{subject}/benchmarks/export_obj/{scene}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: {wildcards.scene} as OBJ files"
+    script:
+        "../scripts/export_obj.py"

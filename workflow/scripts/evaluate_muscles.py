@@ -1,7 +1,7 @@
 """Simulated muscles against truth; penetration after separation; inverted tets."""
 
 from common import stage
-from figures import stage_cost
+from figures import contact_figures, stage_cost
 
 with stage(snakemake):
     from pathlib import Path
@@ -49,10 +49,11 @@ with stage(snakemake):
     figures["strain_eigenvalue_min"] = (float(eigenvalues.min()), "1")
     figures["strain_eigenvalue_max"] = (float(eigenvalues.max()), "1")
 
-    errors, inverted, volumes = {Role.example: [], Role.heldout: []}, 0, []
+    errors, inverted, volumes, contacts = {Role.example: [], Role.heldout: []}, 0, [], []
     for path in snakemake.input.inner:
         [(frame, layers)] = read_frames(path)
         root = rig.poses[frame.name].root
+        contacts.append(layers["muscles"][muscles[0].name].figures)
         for muscle in muscles:
             tets = layers["muscles"][f"{muscle.name}_mesh"]
             ratios = TetMesh(tets.vertices, tets.cells).volumes()
@@ -67,6 +68,7 @@ with stage(snakemake):
             true = Surface(root.inverse()(truth[muscle.name]["vertices"]), truth[muscle.name]["triangles"])
             found = symmetric_distance(Surface(shape.vertices, shape.cells), true)
             errors[dataset.poses[frame.name].role].append(found)
+    figures |= contact_figures(contacts)
     figures["inverted_tets"] = (inverted, "1")
     figures["volume_change_max"] = (float(max(volumes)), "%")
     for role, prefix in ((Role.example, ""), (Role.heldout, "heldout_")):

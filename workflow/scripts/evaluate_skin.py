@@ -3,7 +3,9 @@
 import json
 
 from common import stage
-from figures import stage_cost
+from figures import contact_figures, stage_cost
+
+PREFIXES = {"m0": "", "m1": "m1_", "m2": "m2_"}
 
 with stage(snakemake):
     import numpy as np
@@ -19,7 +21,7 @@ with stage(snakemake):
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
-    errors = {}
+    errors, contacts = {}, {}
     for path, scan_path in zip(snakemake.input.skins, snakemake.input.scans, strict=True):
         [(frame, models)] = read_frames(path)
         points = rig.poses[frame.name].root.inverse()(read_surface(scan_path).vertices)
@@ -27,13 +29,21 @@ with stage(snakemake):
             model: surface_distance(points, Surface(shapes["skin"].vertices, shapes["skin"].cells))
             for model, shapes in models.items()
         }
+        for model, shapes in models.items():
+            contacts.setdefault(model, []).append(shapes["skin"].figures)
     rows = skin_rows(errors, {pose: dataset.poses[pose].role.value for pose in errors})
-    figures = stage_cost(snakemake, "mesh_fat", "fit_fat_strains", "collect_fat_strains", "simulate_skin")
+    figures = stage_cost(
+        snakemake, "make_skin", "mesh_fat", "fit_fat_strains", "collect_fat_strains", "simulate_skin"
+    )
     figures |= skin_metrics(rows)
-    for role in ("example", "heldout"):
-        for model, prefix in (("m0", ""), ("m1", "m1_"), ("m2", "m2_")):
+    roles = {dataset.poses[pose].role.value for pose in errors}
+    for role in roles:
+        total = role if len(roles) > 1 else "all"
+        for model, prefix in PREFIXES.items():
             for statistic in ("mean", "median", "max"):
-                figures[f"{prefix}{role}_error_{statistic}"] = figures[f"skin_{role}_{model}_{statistic}"]
+                figures[f"{prefix}{role}_error_{statistic}"] = figures[f"skin_{total}_{model}_{statistic}"]
+    for model, prefix in PREFIXES.items():
+        figures |= contact_figures(contacts[model], prefix)
     metrics.write(snakemake.output.metrics, figures)
     artifacts.write_text(snakemake.output.table, json.dumps(rows, indent=2))
     values = [

@@ -1,4 +1,4 @@
-"""What a stage cost, from the benchmark files of its rules' jobs."""
+"""Figures that several stages have: what they cost, and how contact settled."""
 
 from handpipe.evaluation.build import read_jobs
 
@@ -9,4 +9,16 @@ def stage_cost(job, *rules):
     return {
         "seconds": (sum(j.seconds for j in jobs), "s"),
         "peak_memory": (max((j.peak_memory for j in jobs), default=0.0), "GiB"),
+    }
+
+
+def contact_figures(settled, prefix=""):
+    """Most renewals of contact planes, largest motion that was left, and how many frames did not settle.
+
+    settled: what the layer says of itself in each frame (`handpipe.settling.Settled.figures`).
+    """
+    return {
+        f"{prefix}contact_renewals_max": (max(f["contact_renewals"] for f in settled), "1"),
+        f"{prefix}contact_motion_max": (max(f["contact_motion"] for f in settled), "mm"),
+        f"{prefix}contact_unsettled": (sum(f["contact_unsettled"] for f in settled), "1"),
     }

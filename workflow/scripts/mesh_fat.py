@@ -5,6 +5,7 @@ from common import stage
 with stage(snakemake) as log:
     from handpipe.config import load_dataset
     from handpipe.fat.mesh import inner_surface
+    from handpipe.fat.skin import Skin
     from handpipe.hand.simulation import simulate_frame
     from handpipe.layers import Frame
     from handpipe.mesh.rigid import RigidTransform
@@ -31,6 +32,6 @@ with stage(snakemake) as log:
     ]
     inner = inner_surface(bodies, spacing=0.8, gap=1.0)
     tissue = make_tissue(
-        dataset, rig.surfaces, below, INNER, inner, 1.0, snakemake.input.scan, snakemake.params.edges, log
+        rig.surfaces, below, INNER, inner, 1.0, Skin.load(snakemake.input.skin), snakemake.params.edge, log
     )
-    tissue.save(snakemake.output[0], [*snakemake.input.layers, snakemake.input.scan])
+    tissue.save(snakemake.output[0], [*snakemake.input.layers, snakemake.input.skin])

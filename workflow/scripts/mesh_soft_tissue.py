@@ -5,6 +5,7 @@ from common import stage
 with stage(snakemake) as log:
     from handpipe.config import load_dataset
     from handpipe.fascia.wrapping import bone_wrap
+    from handpipe.fat.skin import Skin
     from handpipe.skeleton.layer import BoneLayer
     from handpipe.skeleton.rig import Rig
     from layers import scanned_frame
@@ -15,15 +16,6 @@ with stage(snakemake) as log:
     below = {"bones": BoneLayer(rig.surfaces).solve(scanned_frame(rig, dataset.neutral), {})}
     inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in dataset.joints.values()], edge=1.5)
     # 004 section 5.5: one tissue between fat and muscle; its stiffness does not change a free pose's shape.
-    tissue = make_tissue(
-        dataset,
-        rig.surfaces,
-        below,
-        ("bones",),
-        inner,
-        6.0,
-        snakemake.input.scan,
-        snakemake.params.edges,
-        log,
-    )
+    skin = Skin.load(snakemake.input.skin)
+    tissue = make_tissue(rig.surfaces, below, ("bones",), inner, 6.0, skin, snakemake.params.edge, log)
     tissue.save(snakemake.output[0], [*snakemake.input])

@@ -32,11 +32,14 @@ with stage(snakemake):
 
     def view(pose):
         [(frame, layers)] = read_frames(base / f"poses/{pose}/inner.h5")
-        [(_, skins)] = read_frames(base / f"poses/{pose}/skin.h5")
+        skin = base / f"poses/{pose}/skin.h5"
+        if str(skin) in snakemake.input.poses:
+            [(_, skins)] = read_frames(skin)
+            layers |= {"fat": skins["m0"]}
         data = dataset.poses[pose]
         return PoseView.from_scanner(
             frame,
-            layers | {"fat": skins["m0"]},
+            layers,
             data.role.value,
             rig.poses[pose].root,
             sample=read_volume(dataset.path(data.volume)).sample,

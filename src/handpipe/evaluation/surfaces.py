@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-from handpipe.metrics import Metrics
 
 Array = NDArray[np.float64]
 
@@ -33,11 +32,6 @@ def penetration(points: Array, closed: Surface) -> Array:
     return np.maximum(-signed, 0.0)
 
 
-def penetration_depth(a: Surface, b: Surface) -> float:
-    """Largest depth in mm of a vertex of one closed surface inside the other, 0 where none is inside."""
-    return float(max(penetration(a.vertices, b).max(), penetration(b.vertices, a).max()))
-
-
 def curve_distance(points: Array, curve: Array) -> Array:
     """Distance (n,) in mm of points (n, 3) to the polyline through the points `curve` (k, 3), k >= 2."""
     segments = np.column_stack([np.arange(len(curve) - 1), np.arange(1, len(curve))])
@@ -55,14 +49,6 @@ def dice(labels: NDArray[np.integer], truth: NDArray[np.integer], label: int) ->
     a, b = labels == label, truth == label
     total = int(a.sum()) + int(b.sum())
     return 2.0 * int((a & b).sum()) / total if total else 1.0
-
-
-def dice_metrics(labels: NDArray[np.integer], truth: NDArray[np.integer], names: dict[int, str]) -> Metrics:
-    """`dice_{name}` of each label in `names` (label -> name), and their `dice_mean`."""
-    values = {name: dice(labels, truth, label) for label, name in names.items()}
-    metrics: Metrics = {f"dice_{name}": (value, "1") for name, value in values.items()}
-    metrics["dice_mean"] = (float(np.mean(list(values.values()))), "1")
-    return metrics
 
 
 def _float(points: Array) -> Array:

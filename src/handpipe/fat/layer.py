@@ -74,12 +74,17 @@ class TissueLayer:
         return transforms
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """Skin surface and tissue tets at equilibrium. Raises `ConvergenceError` where there is none."""
+        """Skin surface and tissue tets at equilibrium; the skin's figures tell how its contact settled.
+
+        Raises `ConvergenceError` where there is none."""
         tissue, bones = self.tissue, frame.bones
-        x = tissue.solve(below, self.rigid(bones), self.plastic_strains(bones), tissue.pose(bones))
-        skin = tissue.skin_matrix @ x
+        start = tissue.pose(bones)
+        settled = tissue.solve(below, self.rigid(bones), self.plastic_strains(bones), start)
+        x = settled.x
         return {
-            "skin": Shape(tissue.skin.vertices, skin, tissue.skin.triangles),
+            "skin": Shape(
+                tissue.skin.vertices, tissue.skin_matrix @ x, tissue.skin.triangles, figures=settled.figures
+            ),
             self.name + "_mesh": Shape(
                 tissue.mesh.vertices, x, tissue.mesh.tets, {"occupancy": tissue.occupancy}
             ),

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.implicit import remesh, union_surface
 from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.repair import repair
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 
@@ -19,12 +18,6 @@ IntArray = NDArray[np.int64]
 
 SAMPLES = 20  # points a tet, to measure how much of it is tissue
 LEAST_OCCUPANCY = 0.1  # a tet of the mesh keeps at least this share of its stiffness
-
-
-def closed_skin(scan: Surface, edge: float) -> tuple[Surface, list[str]]:
-    """The neutral skin as a closed surface with edges of a length in mm, and what was repaired for it."""
-    closed, notes = repair(scan)
-    return remesh(closed, edge), notes
 
 
 def tissue_mesh(skin: Surface, inner: Surface, edge: float) -> tuple[TetMesh, Array]:

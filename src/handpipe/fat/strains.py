@@ -29,9 +29,14 @@ from handpipe.mesh.operators import gradient_operator, mass_lumped, tet_laplacia
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.settling import Limits
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
+
+ON_THE_WAY = Limits(
+    renewals=4, settled=0.01, gross=np.inf
+)  # shapes between which the search chooses may creep
 
 
 @dataclass(frozen=True)
@@ -150,7 +155,7 @@ def fit_strains(
     m = len(mesh.tets)
 
     def state(logs: Array, guess: Array) -> State:
-        x = tissue.solve(below, rigid, plasticity.exp(logs), guess)
+        x = tissue.solve(below, rigid, plasticity.exp(logs), guess, ON_THE_WAY).x
         offsets, normals, weights = target.match(skin.moved(tissue.skin_matrix @ x))
         rough = laplacian @ logs.ravel()
         value = settings.smoothness * rough @ rough / m + weights @ offsets**2
@@ -161,7 +166,7 @@ def fit_strains(
     for iteration in range(settings.iterations):
         strain = strain_operator(mesh, now.x)
         held = tissue.held(below, rigid, now.x)
-        step = _direction(strain, laplacian, now, tissue.skin_matrix, held, settings)
+        step = _direction(strain, laplacian, now, tissue.skin_operator, held, settings)
         change = (strain @ step.ravel()).reshape(-1, 6)
         found, eta = _search(state, now, change, step, settings)
         if found is None:
@@ -198,20 +203,21 @@ def _direction(
     strain: sparse.csr_matrix,
     laplacian: sparse.csr_matrix,
     now: State,
-    skin_matrix: sparse.csr_matrix,
+    skin: sparse.csr_matrix,
     held: Sequence[Potential],
     settings: FitSettings,
 ) -> Array:
     """The displacement (n, 3) that minimises the linearised objective (Eq. 24) and the constraints' springs.
 
-    Without the springs the direction would move what cannot move, and the line search would pay for it.
+    skin (3 k, 3 n): flattened skin positions from the tissue's. Without the springs the direction would move
+    what cannot move, and the line search would pay for it.
     """
     n, m, k = len(now.x), len(now.logs), len(now.offsets)
     rough = laplacian @ strain
     spread = sparse.csr_matrix(
         (now.normals.ravel(), np.arange(3 * k), 3 * np.arange(k + 1)), shape=(k, 3 * k)
     )
-    gap = (spread @ sparse.kron(skin_matrix, sparse.identity(3), format="csr")).tocsr()
+    gap = (spread @ skin).tocsr()
     springs = sum((p.hessian(now.x) for p in held[1:]), start=held[0].hessian(now.x))
     springs = springs * (settings.hold / springs.diagonal().sum())
     share = settings.smoothness / m

@@ -24,8 +24,8 @@ def write_frames(
     """Write simulated frames.
 
     `bodies/{layer}/{body}/{rest,cells}` holds what all frames share; `frames/{frame}/…` the joint angles,
-    the bones' transforms, and `layers/{layer}/{body}/{vertices,fields/…}`. Raises `ValueError` where a
-    body's rest shape or cells differ between frames, or two frames have one name.
+    the bones' transforms, and `layers/{layer}/{body}/{vertices,fields/…,figures/…}`. Raises
+    `ValueError` where a body's rest shape or cells differ between frames, or two frames have one name.
     """
     names = [frame.name for frame, _ in frames]
     if len(set(names)) != len(names):
@@ -64,7 +64,11 @@ def _frame_data(frame: Frame, layers: LayerShapes) -> dict[str, Any]:
         },
         "layers": {
             layer: {
-                body: {"vertices": np.asarray(shape.vertices, np.float64), "fields": shape.fields}
+                body: {
+                    "vertices": np.asarray(shape.vertices, np.float64),
+                    "fields": shape.fields,
+                    "figures": shape.figures,
+                }
                 for body, shape in shapes.items()
             }
             for layer, shapes in layers.items()
@@ -80,7 +84,10 @@ def _units(data: Mapping[str, Any]) -> dict[str, str]:
         units[f"frames/{name}/angles"] = "rad"
         units |= {f"frames/{name}/bones/{bone}/translation": "mm" for bone in frame["bones"]}
         for layer, shapes in frame["layers"].items():
-            units |= {f"frames/{name}/layers/{layer}/{body}/vertices": "mm" for body in shapes}
+            base = f"frames/{name}/layers/{layer}"
+            units |= {f"{base}/{body}/vertices": "mm" for body in shapes}
+            moving = (body for body, shape in shapes.items() if "contact_motion" in shape["figures"])
+            units |= {f"{base}/{body}/figures/contact_motion": "mm" for body in moving}
     return units
 
 
@@ -94,6 +101,7 @@ def _frame(name: str, data: Mapping[str, Any], bodies: Mapping[str, Any]) -> tup
                 moving["vertices"],
                 bodies[layer][body]["cells"],
                 dict(moving["fields"]),
+                {name: float(value) for name, value in moving.get("figures", {}).items()},
             )
             for body, moving in shapes.items()
         }

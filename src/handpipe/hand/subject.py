@@ -42,6 +42,19 @@ def require_files(source: str | Path, dataset: Dataset) -> None:
             raise InputError(source, field, problem, "Check the path; it is relative to the dataset's root")
 
 
+def require_scan(source: str | Path, dataset: Dataset, pose: str, layer: str) -> Path:
+    """The skin scan of a pose, of which a layer is made.
+
+    Raises `InputError` where the dataset file `source` names none.
+    """
+    scan = dataset.poses[pose].scan
+    if scan is None:
+        problem = f"is not given, but the layer {layer} is made of it"
+        remedy = "Name one, or leave the layer out (skin needs neutral's scan, fat every example's too)"
+        raise InputError(source, f"poses.{pose}.scan", problem, remedy)
+    return dataset.path(scan)
+
+
 def check_surfaces(dataset: Dataset) -> None:
     """Read every scan, template, attachment and nail of a dataset.
 

@@ -4,7 +4,6 @@ section 4.1).
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -25,17 +24,17 @@ from handpipe.mesh.surface import Surface
 from handpipe.muscles.muscle import Muscle
 from handpipe.muscles.neighbours import Pairs, pairs, sliding_vertices
 from handpipe.muscles.shape import MUSCLE
+from handpipe.settling import Limits, Settled, settle
 
 Array = NDArray[np.float64]
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class SimulationOptions:
     """Stiffnesses in mN/mm of a point: spring of attachments, contact, sliding; near: mm within which
-    neighbours slide on one another; touch: mm within which they have contact planes; renewals: how often
-    contact planes are renewed; settled: mm of motion that needs none.
+    neighbours slide on one another; touch: mm within which they have contact planes; contacts: how often
+    planes are renewed. A vertex that moves by more than `touch` after that may be inside a neighbour without
+    a plane against it: that motion is gross.
     """
 
     material: Material = MUSCLE
@@ -44,8 +43,7 @@ class SimulationOptions:
     sliding: float = 4.0
     near: float = 1.0
     touch: float = 0.4
-    renewals: int = 10
-    settled: float = 0.02
+    contacts: Limits = Limits(renewals=12, settled=0.02, gross=0.4)
 
 
 class MuscleLayer:
@@ -84,6 +82,7 @@ class MuscleLayer:
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """Each muscle's surface, and its tetrahedra under `{muscle}_mesh` with the field "strain" (m, 6).
 
+        The surfaces' figures tell how the contact of all muscles settled.
         Raises `ConvergenceError`.
         """
         bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
@@ -92,27 +91,27 @@ class MuscleLayer:
         springs = self._attachments(frame.bones)
         x = np.concatenate([m.guess(bones, frame.bones) for m in self.muscles])
         x = self._equilibrium([elastic, springs], x, frame.name)
-        if self.contact:
-            posed = {n: s.moved(frame.bones[n](s.vertices)) for n, s in bones.items()}
-            x = self._in_contact([elastic, springs], x, posed, frame.name)
-        return self._shapes(x, strains)
+        if not self.contact:
+            return self._shapes(x, strains, {})
+        posed = {n: s.moved(frame.bones[n](s.vertices)) for n, s in bones.items()}
+        settled = self._in_contact([elastic, springs], x, posed, frame.name)
+        return self._shapes(settled.x, strains, settled.figures)
 
     def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
         rows = [s[m.body.held] for s, m in zip(self.surfaces, self.muscles, strict=True)]
         targets = np.concatenate([m.body.targets(bones) for m in self.muscles])
         return Attachment(sparse.vstack(rows, format="csr"), targets, self.options.spring)
 
-    def _in_contact(self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str) -> Array:
+    def _in_contact(
+        self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str
+    ) -> Settled:
         """Equilibria with the neighbours' contact planes renewed until the shapes rest."""
         obstacles = self._bone_contacts(bones)
-        for _ in range(self.options.renewals):
-            before = x
-            x = self._equilibrium([*free, *obstacles, *self._neighbours(x)], x, frame)
-            moved = float(np.linalg.norm(x - before, axis=1).max())
-            log.info("%s: contact renewed, motion %.3f mm", frame, moved)
-            if moved < self.options.settled:
-                break
-        return x
+
+        def in_place(x: Array) -> Array:
+            return self._equilibrium([*free, *obstacles, *self._neighbours(x)], x, frame)
+
+        return settle(in_place, x, self.options.contacts, f"muscles of {frame}")
 
     def _bone_contacts(self, bones: Mapping[str, Surface]) -> list[Potential]:
         """Surface vertices that no bone holds are kept out of every bone."""
@@ -121,17 +120,21 @@ class MuscleLayer:
         return [SurfaceContact(operator, Distance(bone), self.options.contact) for bone in bones.values()]
 
     def _neighbours(self, x: Array) -> list[Potential]:
-        """Contact and sliding of muscles against one another at their present places."""
+        """Contact and sliding of muscles against one another at their present places.
+
+        Vertices that a bone holds go with it and push nobody, as in stage 2.
+        """
         found: list[Potential] = []
         posed = {
             m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, self.surfaces, strict=True)
         }
         operators = {m.name: s for m, s in zip(self.muscles, self.surfaces, strict=True)}
+        held = {m.name: m.body.held for m in self.muscles}
         for a in operators:
             for b in operators:
                 if a == b:
                     continue
-                near = pairs(posed[a], posed[b], self.options.near)
+                near = pairs(posed[a], posed[b], self.options.near).without(held[a])
                 if len(near.vertices) == 0:
                     continue
                 found.append(self._contact(near.within(self.options.touch), operators[a], operators[b]))
@@ -155,14 +158,16 @@ class MuscleLayer:
         )
         return equilibrium.solve(potentials, x, options=options).x
 
-    def _shapes(self, x: Array, strains: Sequence[Array]) -> Shapes:
+    def _shapes(self, x: Array, strains: Sequence[Array], figures: dict[str, float]) -> Shapes:
         shapes: Shapes = {}
         for muscle, part, strain in zip(self.muscles, self.parts, strains, strict=True):
             body, own = muscle.body, x[part]
             if body.mesh.moved(own).volumes().min() <= 0:
                 raise ConvergenceError(f"Muscle {muscle.name}", "its equilibrium has inverted tets")
             surface = body.surface_at(own)
-            shapes[muscle.name] = Shape(body.surface.vertices, surface.vertices, surface.triangles)
+            shapes[muscle.name] = Shape(
+                body.surface.vertices, surface.vertices, surface.triangles, figures=figures
+            )
             shapes[f"{muscle.name}_mesh"] = Shape(body.mesh.vertices, own, body.mesh.tets, {"strain": strain})
         return shapes
 

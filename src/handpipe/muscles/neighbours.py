@@ -38,6 +38,11 @@ class Pairs:
         _, here, there = np.intersect1d(self.vertices, known[0], return_indices=True)
         return self._at(here, known[1][there])
 
+    def without(self, held: IntArray) -> Pairs:
+        """Those but of given vertices."""
+        chosen = np.flatnonzero(~np.isin(self.vertices, held))
+        return self._at(chosen, self.rest[chosen])
+
     def within(self, distance: float) -> Pairs:
         """Those nearer than a distance in mm."""
         chosen = np.flatnonzero(self.gaps < distance)
@@ -48,9 +53,14 @@ class Pairs:
 
 
 def pairs(a: Surface, b: Surface, near: float) -> Pairs:
-    """Vertices of a closer than `near` mm to b or inside of it."""
+    """Vertices of a closer than `near` mm to b or inside of it.
+
+    Inside a thin body the closest face may be the far one, which a's surface does not face: it would pull the
+    vertex through. Such a vertex is left free.
+    """
     gap, triangles, closest, normals = Distance(b).signed(a.vertices)
-    ids = np.flatnonzero(gap < near)
+    astray = (gap < 0) & (np.einsum("ni,ni->n", a.vertex_normals(), normals) > 0)
+    ids = np.flatnonzero((gap < near) & ~astray)
     corners = b.triangles[triangles[ids]]
     weights = barycentric_weights(closest[ids], b.vertices[corners])
     starts = 3 * np.arange(len(ids) + 1)

@@ -62,8 +62,8 @@ def register(
 ) -> Registration:
     """Rigid transform that carries the neutral surface onto the target, of least residual over all starts.
 
-    start: guesses from elsewhere, such as `flexion_starts`; the principal axes give more. volume: image of
-    the target pose; the result is then refined to the image's edge between bright marrow and dark shell. A
+    start: guesses from elsewhere, such as the parent's transform; the principal axes give more. volume: image
+    of the target pose; the result is then refined to the image's edge between bright marrow and dark shell. A
     target that lacks a part of the bone is registered by the rest. Raises `ConvergenceError` where the
     surfaces do not fit one another at all.
     """
@@ -93,21 +93,6 @@ def principal_starts(neutral: Surface, target: Surface) -> list[RigidTransform]:
                 translation = b.centre + shift * b.axes[:, 0] - rotation @ a.centre
                 starts.append(RigidTransform(rotation, translation))
     return starts
-
-
-def flexion_starts(
-    parent: RigidTransform, joint: Array, axes: Array, limits: Array, step: float = np.radians(20)
-) -> list[RigidTransform]:
-    """Starts that turn a bone on its registered parent.
-
-    joint (3,): point near the joint in the neutral frame; axes (dof, 3): rough axes; limits (dof, 2) in rad.
-    The first angle goes through its range in steps of at most `step`, the others stay at zero.
-    """
-    lower, upper = limits[0]
-    count = max(2, int(np.ceil((upper - lower) / step)) + 1)
-    axis = axes[0] / np.linalg.norm(axes[0])
-    turns = [Rotation.from_rotvec(angle * axis).as_matrix() for angle in np.linspace(lower, upper, count)]
-    return [parent @ RigidTransform.about(joint, turn) for turn in turns]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,93 @@
+"""Equilibria whose contact planes are taken anew until the shape rests."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.errors import ConvergenceError
+
+Array = NDArray[np.float64]
+
+log = logging.getLogger(__name__)
+
+CONTRACTING = 0.9  # of the motion before: a motion larger than this does not die away
+LEAST_SHARE = 0.25  # of a motion that is carried out, at least
+
+
+@dataclass(frozen=True)
+class Limits:
+    """renewals: of the contact planes, at most; mm of motion from where the planes were taken: below
+    `settled` they need no renewal, above `gross` there is no result.
+    """
+
+    renewals: int
+    settled: float
+    gross: float
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Positions x (n, 3); how often contact planes were taken; motion in mm from where those of x were taken;
+    whether that is little enough.
+    """
+
+    x: Array
+    renewals: int
+    motion: float
+    rests: bool = True
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """What an artifact keeps of it, by name; the motion is in mm."""
+        renewals, unsettled = float(self.renewals), float(not self.rests)
+        return {"contact_renewals": renewals, "contact_motion": self.motion, "contact_unsettled": unsettled}
+
+
+def largest(motion: Array) -> float:
+    """The longest vector of a motion (n, 3)."""
+    return float(np.linalg.norm(motion, axis=1).max())
+
+
+def root_mean_square(motion: Array) -> float:
+    """Of the lengths of a motion's vectors (n, 3)."""
+    return float(np.sqrt((motion**2).sum(axis=1).mean()))
+
+
+def settle(
+    equilibrium: Callable[[Array], Array],
+    x: Array,
+    limits: Limits,
+    name: str,
+    measure: Callable[[Array], float] = largest,
+) -> Settled:
+    """The equilibrium (n, 3) whose contact planes were taken where it is itself: a fixed point.
+
+    equilibrium: from positions (n, 3) where planes are taken to the equilibrium under them; x: where to
+    begin; measure: mm of a motion (n, 3). Planes that alternate between facets
+    would keep the shape in a cycle: where the motion does not die away, only a share of it is carried out
+    before planes are taken again. Of a shape that does not settle a warning is logged, and the equilibrium
+    of least motion is taken. Raises `ConvergenceError` where that is above `limits.gross`.
+    """
+    share, before = 1.0, np.inf
+    best = Settled(x, 0, np.inf)
+    for count in range(1, limits.renewals + 1):
+        found = equilibrium(x)
+        motion = measure(found - x)
+        log.info("%s: contact planes taken %d times, motion %.3f mm", name, count, motion)
+        if motion < best.motion:
+            best = Settled(found, count, motion)
+        if motion < limits.settled:
+            return best
+        if motion > CONTRACTING * before:
+            share = max(0.5 * share, LEAST_SHARE)
+        x, before = x + share * (found - x), motion
+    if best.motion > limits.gross:
+        reason = f"it moves by {best.motion:.2f} mm at least in {count} renewals of its contact planes"
+        raise ConvergenceError(name, reason)
+    log.warning("%s: not settled, motion %.3f mm in %d renewals", name, best.motion, count)
+    return replace(best, renewals=count, rests=False)
