@@ -42,6 +42,7 @@ RESIDUAL = 1e-4  # of the characteristic force
 class Row:
     """What came of a case; numbers are None where an exception left nothing to measure.
 
+    iterations count those on a compressible stand-in, too; seconds are the processor's.
     least_elastic, least_total: smallest det F_e and det F of all tets. residual: largest force on a free
     vertex over the characteristic force. minimum: whether the stiffness is positive definite.
     overlapping: tets whose middle is inside the surface more than once. failures: what is wrong, if anything.
@@ -69,33 +70,33 @@ class Row:
 
 @contextmanager
 def limited(seconds: int) -> Iterator[None]:
-    """Raises `TimeoutError` inside the block after so many seconds."""
+    """Raises `TimeoutError` inside the block after so many seconds of processor time."""
 
     def stop(number: int, frame: object) -> None:
-        raise TimeoutError(f"not done after {seconds} s")
+        raise TimeoutError(f"not done after {seconds} s of processor time")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(seconds)
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def run(case: Case, refine: int = 1, limit: int = 60) -> tuple[Row, Outcome | None]:
-    """Solve a case in at most `limit` seconds and judge it. An exception is a failed row."""
-    start = time.perf_counter()
+    """Solve a case in at most `limit` seconds of the processor and judge it; an exception is a failed row."""
+    start = time.process_time()
     try:
         with limited(limit):
             outcome = case.run(refine)
     except Exception as error:
         log.exception("%s", case.name)
-        seconds = time.perf_counter() - start
+        seconds = time.process_time() - start
         reason = f"{type(error).__name__}: {error}"
         nothing = (None,) * 9
         return Row(case.name, case.what, None, False, reason, *nothing, None, "", seconds, [reason]), None
-    return judge(case, outcome, time.perf_counter() - start), outcome
+    return judge(case, outcome, time.process_time() - start), outcome
 
 
 def judge(case: Case, outcome: Outcome, seconds: float) -> Row:
@@ -105,10 +106,12 @@ def judge(case: Case, outcome: Outcome, seconds: float) -> Row:
     least_total = float(np.linalg.det(elastic.deformation_gradients(x)).min())
     residual = relative_residual(outcome)
     intersecting, overlapping = surfaces_meet(x, outcome.triangles), overlapping_tets(outcome)
+    minimum = is_minimum(outcome)
     converged = record.converged and not record.reason.startswith("stopped")
     checks = [
         (converged, f"not converged: {record.reason}"),
         (least_total > 0, "inverted elements"),
+        (minimum, "no minimum"),
         (residual <= RESIDUAL, f"residual {residual:.1e} of the characteristic force"),
         (not intersecting and overlapping == 0, "penetration"),
         (
@@ -122,12 +125,12 @@ def judge(case: Case, outcome: Outcome, seconds: float) -> Row:
         tets=len(elastic.tets),
         converged=converged,
         reason=record.reason,
-        iterations=record.iterations,
+        iterations=record.iterations + record.untangled,
         factorisations=record.factorisations,
         least_elastic=least_elastic,
         least_total=least_total,
         residual=residual,
-        minimum=is_minimum(outcome),
+        minimum=minimum,
         intersecting=intersecting,
         overlapping=overlapping,
         error=outcome.error,
@@ -228,10 +231,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Hard cases of the equilibrium solver")
     parser.add_argument("cases", nargs="*", help="names; all, and the document's table, if none is given")
     parser.add_argument("--refine", type=int, default=1, help="divide edges by this")
-    parser.add_argument("--limit", type=int, default=60, help="seconds a case may take")
+    parser.add_argument("--limit", type=int, default=60, help="seconds of processor time a case may take")
     parser.add_argument("--json", type=Path, default=Path("results/benchmarks/hard_cases.json"))
     parser.add_argument("--picture", type=Path, default=Path("results/benchmarks/hard_cases.png"))
     given = parser.parse_args(arguments)
+    run(CASES["two-bodies"])  # compiles what the first case would have to wait for
     rows, outcomes = [], []
     for name in given.cases or CASES:
         row, outcome = run(CASES[name], given.refine, given.limit)

@@ -5,12 +5,11 @@ from benchmarks.fem.cases import CASES
 from benchmarks.fem.hard_cases import run
 
 # What the solver does not manage today, as measured. A case that comes good fails here until it is taken out.
-FAILING = {
-    "joint-steps": "tangled: tets wrap twice round four edges of the crease, though none is inverted",
-    "joint-once": "tangled: tets wrap twice round four edges of the crease, though none is inverted",
-    "plastic-random-once": "the energy is finite at inversion, and least with 20 of 324 tets inverted",
-    "plastic-random-steps": "the energy is finite at inversion, and least with 20 of 324 tets inverted",
-}
+INVERTED = (
+    "the energy is finite at inversion, and least (16.1168 uJ) with 20 of 324 tets inverted; where a barrier "
+    "that fades out keeps tets from that, they become flat (16.1249 uJ)"
+)
+FAILING = {"plastic-steps-0.05": INVERTED, "plastic-once-0.05": INVERTED}
 
 
 def entry(name: str):

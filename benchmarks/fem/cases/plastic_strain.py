@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, STEPS, YOUNG, Outcome, case, largest
+from benchmarks.fem.scenes import Body, Mask
 from handpipe.fem import plasticity
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import continuation, solve
 from handpipe.fem.materials import Material
-from handpipe.fem.potential import Potential
 
 
 @case("plastic-compatible", "plastic stretches from 0.05 to 4 of a known shape, at once")
@@ -32,29 +35,35 @@ def plastic_compatible(refine: int) -> Outcome:
     )
 
 
-def plastic_random(refine: int, at_once: bool) -> Outcome:
+def random_scene(refine: int, low: float, high: float) -> tuple[Body, Callable[[float], Elastic], Mask]:
+    """A box held at one end, and its elasticity when a share t of the logarithms of the strains has come."""
     body = scenes.box((2.0, 1.0, 1.0), (6 * refine, 3 * refine, 3 * refine))
-    x = body.vertices
+    elastic = Elastic(body.vertices, body.tets, Material(YOUNG, 0.45))
+    logarithms = plasticity.log(scenes.random_strains(len(body.tets), low, high))
     held = np.repeat(body.where(0, -1.0), 3)
-    elastic = Elastic(x, body.tets, Material(YOUNG, 0.45))
-    logs = plasticity.log(scenes.random_strains(len(body.tets), 0.05, 4.0))
+    return body, lambda t: elastic.with_strains(plasticity.exp(t * logarithms)), held
 
-    def strained(t: float) -> list[Potential]:
-        return [elastic.with_strains(plasticity.exp(t * logs))]
 
+def random_strains(refine: int, low: float, high: float, at_once: bool) -> Outcome:
+    """The strains fit together nowhere: the body is full of stress at best, and has several equilibria."""
+    body, strained, held = random_scene(refine, low, high)
+    start, elastic = body.vertices, strained(1.0)
     if at_once:
-        found = solve(strained(1.0), x, fixed=held, options=ONE_STEP)
+        found = solve([elastic], start, fixed=held, options=ONE_STEP)
     else:
-        found = continuation(strained, x, fixed=held, options=STEPS)
-    final = elastic.with_strains(plasticity.exp(logs))
-    return Outcome(x, found.x, found.record, final, body.triangles, ~held, [final], None, "none known")
+        found = continuation(lambda t: [strained(t)], start, fixed=held, options=STEPS)
+    return Outcome(
+        start, found.x, found.record, elastic, body.triangles, ~held, [elastic], None, "none known"
+    )
 
 
-@case("plastic-random-once", "plastic stretches from 0.05 to 4 at random from tet to tet, at once")
-def plastic_random_once(refine: int) -> Outcome:
-    return plastic_random(refine, at_once=True)
+def enter_random_strains() -> None:
+    for low, high in ((0.3, 2.5), (0.05, 4.0)):
+        for name, way, at_once in (("steps", "in steps", False), ("once", "at once", True)):
+            case(
+                f"plastic-{name}-{low}",
+                f"plastic stretches from {low} to {high:g} at random from tet to tet, {way}",
+            )(partial(random_strains, low=low, high=high, at_once=at_once))
 
 
-@case("plastic-random-steps", "the same in steps")
-def plastic_random_steps(refine: int) -> Outcome:
-    return plastic_random(refine, at_once=False)
+enter_random_strains()
