@@ -47,7 +47,7 @@ class Partition:
         """Parts of equal work, by bisection across the longest side of the points (n, 3) of cells (m, k)."""
         owner = np.zeros(len(points), dtype=np.int32)
         if parts > 1:
-            loads = np.bincount(cells.ravel(), minlength=len(points)).astype(np.int64)
+            loads = np.bincount(cells.ravel(), minlength=len(points)).astype(float)
             _bisect(points, loads, np.arange(len(points)), 0, parts, owner)
         visited = [np.flatnonzero((owner[cells] == p).any(axis=1)) for p in range(parts)]
         owned = np.bincount(owner, minlength=parts)
