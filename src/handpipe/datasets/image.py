@@ -6,7 +6,7 @@ scanner's gain follow.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import nibabel
@@ -131,21 +131,38 @@ def _band(
     return np.sqrt(squared), inside
 
 
-def signed_distance(surface: Surface, grid: Grid, width: float) -> Array:
-    """Signed distance in mm (negative inside) of each voxel centre to a closed surface, at most `width`."""
+Block = tuple[slice, slice, slice]
+Share = tuple[Block, Array]
+"""Shares in [0, 1] of the voxels of a block of the grid; none of any other voxel."""
+
+
+def _local_distance(surface: Surface, grid: Grid, width: float) -> Share | None:
+    """Signed distances in mm, at most `width`, in the block of voxels about a surface, if any is there."""
     vertices, triangles = surface
     local = grid.indices(vertices)
     reach = width / grid.spacing
     low = np.maximum(np.floor(local.min(axis=0) - reach).astype(int), 0)
     high = np.minimum(np.ceil(local.max(axis=0) + reach).astype(int) + 1, grid.shape)
-    result = np.full(grid.shape, width)
-    block = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
     sx, sy, sz = (int(n) for n in high - low)
     if min(sx, sy, sz) <= 0:
-        return result
+        return None
     distance, inside = _band(np.ascontiguousarray(local - low), triangles, (sx, sy, sz), reach)
-    result[block] = np.where(inside, -distance, distance) * grid.spacing
+    bx, by, bz = (slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+    return (bx, by, bz), np.where(inside, -distance, distance) * grid.spacing
+
+
+def signed_distance(surface: Surface, grid: Grid, width: float) -> Array:
+    """Signed distance in mm (negative inside) of each voxel centre to a closed surface, at most `width`."""
+    result = np.full(grid.shape, width)
+    if found := _local_distance(surface, grid, width):
+        result[found[0]] = found[1]
     return result
+
+
+def local_occupancy(surface: Surface, grid: Grid) -> list[Share]:
+    """As `occupancy`, in the block of voxels that the surface can fill; empty where it is off the grid."""
+    found = _local_distance(surface, grid, grid.spacing)
+    return [(found[0], np.clip(0.5 - found[1] / grid.spacing, 0.0, 1.0))] if found else []
 
 
 def occupancy(surface: Surface, grid: Grid) -> Array:
@@ -153,7 +170,10 @@ def occupancy(surface: Surface, grid: Grid) -> Array:
 
     A curved boundary counts about h^2 / 12 times its total curvature too much: 0.6 % of a ball of 12 voxels.
     """
-    return np.clip(0.5 - signed_distance(surface, grid, grid.spacing) / grid.spacing, 0.0, 1.0)
+    result = np.zeros(grid.shape)
+    for block, share in local_occupancy(surface, grid):
+        result[block] = share
+    return result
 
 
 def paint(tissues: Sequence[tuple[float, Sequence[Surface]]], grid: Grid, background: float) -> Array:
@@ -163,12 +183,25 @@ def paint(tissues: Sequence[tuple[float, Sequence[Surface]]], grid: Grid, backgr
     """
     image = np.full(grid.shape, background)
     for intensity, surfaces in tissues:
-        share = np.zeros(grid.shape)
-        for surface in surfaces:
-            share += occupancy(surface, grid)
-        share = np.minimum(share, 1.0)
-        image += share * (intensity - image)
+        paint_shares(image, intensity, (s for surface in surfaces for s in local_occupancy(surface, grid)))
     return image
+
+
+def paint_shares(image: Array, intensity: float, shares: Iterable[Share]) -> None:
+    """Paint one tissue over an image, in place; its shares add up to at most one."""
+    total = np.zeros_like(image)
+    for block, share in shares:
+        total[block] += share
+    image += np.minimum(total, 1.0) * (intensity - image)
+
+
+def label_volume(surfaces: Mapping[int, Surface], grid: Grid) -> NDArray[np.uint8]:
+    """Label volume of closed surfaces by label: each voxel gets the label that fills more than half of it."""
+    labels = np.zeros(grid.shape, dtype=np.uint8)
+    for value, surface in surfaces.items():
+        for block, share in local_occupancy(surface, grid):
+            labels[block][share > 0.5] = value
+    return labels
 
 
 def bias_field(grid: Grid, amplitude: float, rng: np.random.Generator) -> Array:

@@ -59,15 +59,19 @@ class KnownJoint:
 
 @dataclass(frozen=True)
 class Posture:
-    """One pose of a chain: joints outwards, their angles in rad, and the root's repositioning."""
+    """One pose of a tree of bones: joints outwards, their angles in rad, and the root's repositioning.
+
+    Bones of `with_root` move with the root bone, the first joint's parent.
+    """
 
     joints: tuple[KnownJoint, ...]
     angles: Mapping[str, float]
     root: RigidTransform
+    with_root: tuple[str, ...] = ()
 
     def transforms(self) -> dict[str, RigidTransform]:
         """Each bone's transform from the neutral frame into the pose's."""
-        result = {self.joints[0].parent: self.root}
+        result = dict.fromkeys((self.joints[0].parent, *self.with_root), self.root)
         for joint in self.joints:
             result[joint.child] = result[joint.parent] @ joint.transform(self.angles)
         return result

@@ -5,6 +5,7 @@ Lengths (metacarpal 65, proximal 40, middle 24, distal 18) are those of a median
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,115 @@ from handpipe.datasets.kinematics import KnownJoint, smoothstep
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """A round cone from one end to the other."""
+
+    start: Point
+    end: Point
+    radius_start: float
+    radius_end: float
+
+    def shape(self) -> Implicit:
+        return round_cone(self.start, self.end, self.radius_start, self.radius_end)
+
+    def resized(self, place: Callable[[Point], Point], girth: float) -> Shaft:
+        radii = girth * self.radius_start, girth * self.radius_end
+        return Shaft(place(self.start), place(self.end), *radii)
+
+
+@dataclass(frozen=True)
+class Lump:
+    """An ellipsoid along the axes: a base, a condyle, a tubercle."""
+
+    centre: Point
+    radii: Point
+
+    def shape(self) -> Implicit:
+        return ellipsoid(self.centre, self.radii)
+
+    def resized(self, place: Callable[[Point], Point], girth: float) -> Lump:
+        x, y, z = self.radii
+        return Lump(place(self.centre), (girth * x, girth * y, girth * z))
+
+
+@dataclass(frozen=True)
+class LongBone:
+    """A long bone along x, from span[0] to span[1]: parts that run into one another over `blend` mm."""
+
+    parts: tuple[Shaft | Lump, ...]
+    blend: float
+    span: tuple[float, float]
+
+    def shape(self) -> Implicit:
+        """The whole bone."""
+        return smooth_union([part.shape() for part in self.parts], self.blend)
+
+    def resized(self, length: float, girth: float) -> LongBone:
+        """The bone from x = 0 to `length`, its ends scaled by `girth` and its shaft as long as is left."""
+        low, high = self.span
+
+        def place(point: Point) -> Point:
+            x, y, z = point
+            along = girth * (x - low) if x < 0.5 * (low + high) else length - girth * (high - x)
+            return along, girth * y, girth * z
+
+        parts = tuple(part.resized(place, girth) for part in self.parts)
+        return LongBone(parts, girth * self.blend, (0.0, length))
+
+
+METACARPAL = LongBone(
+    (
+        Shaft((6.0, 0.0, 0.3), (50.0, 0.0, 0.2), 4.9, 4.1),
+        Lump((4.6, 0.6, 0.0), (4.6, 6.6, 6.0)),
+        Lump((4.8, -3.2, -2.6), (4.4, 3.2, 3.0)),
+        Lump((58.0, 0.0, 0.2), (6.6, 6.4, 6.6)),
+        Lump((56.4, 3.4, -3.4), (4.6, 3.0, 3.2)),
+        Lump((56.8, -3.0, -3.0), (4.6, 2.8, 2.8)),
+        Lump((53.5, 4.6, 2.2), (2.6, 2.0, 2.2)),
+    ),
+    2.0,
+    (0.0, 65.0),
+)
+PROXIMAL = LongBone(
+    (
+        Shaft((70.0, 0.0, 0.0), (98.0, 0.0, 0.0), 4.5, 3.7),
+        Lump((70.2, 0.0, 0.0), (4.4, 6.8, 5.8)),
+        Lump((70.6, 4.6, -2.4), (3.6, 2.4, 2.6)),
+        Lump((70.6, -4.4, -2.2), (3.6, 2.2, 2.4)),
+        Lump((101.6, 2.7, -0.7), (4.3, 2.9, 4.5)),
+        Lump((101.2, -2.7, -0.6), (4.3, 2.7, 4.2)),
+    ),
+    1.8,
+    (66.0, 106.0),
+)
+MIDDLE = LongBone(
+    (
+        Shaft((109.5, 0.0, 0.0), (124.0, 0.0, 0.0), 3.7, 2.9),
+        Lump((109.6, 0.0, 0.0), (3.0, 5.3, 4.3)),
+        Lump((109.4, 0.4, 2.9), (2.6, 2.2, 2.0)),
+        Lump((127.2, 2.1, -0.4), (3.3, 2.2, 3.4)),
+        Lump((126.9, -2.1, -0.3), (3.3, 2.1, 3.2)),
+    ),
+    1.5,
+    (106.8, 130.7),
+)
+DISTAL = LongBone(
+    (
+        Shaft((134.0, 0.0, 0.0), (145.0, 0.0, 0.2), 2.9, 2.1),
+        Lump((133.6, 0.0, 0.0), (2.5, 4.5, 3.5)),
+        Lump((134.2, 2.9, -1.2), (2.2, 1.7, 1.7)),
+        Lump((146.4, 0.2, 0.0), (3.0, 3.5, 2.0)),
+        Lump((145.4, 0.0, -1.2), (2.4, 2.2, 1.7)),
+    ),
+    1.3,
+    (131.3, 149.3),
+)
 
 
 @dataclass(frozen=True)
@@ -32,63 +142,8 @@ class KnownBone:
         return triangulate(shape, centre_start - reach, centre_end + reach, spacing)
 
 
-def _metacarpal() -> Implicit:
-    return smooth_union(
-        [
-            round_cone((6.0, 0.0, 0.3), (50.0, 0.0, 0.2), 4.9, 4.1),
-            ellipsoid((4.6, 0.6, 0.0), (4.6, 6.6, 6.0)),
-            ellipsoid((4.8, -3.2, -2.6), (4.4, 3.2, 3.0)),
-            ellipsoid((58.0, 0.0, 0.2), (6.6, 6.4, 6.6)),
-            ellipsoid((56.4, 3.4, -3.4), (4.6, 3.0, 3.2)),
-            ellipsoid((56.8, -3.0, -3.0), (4.6, 2.8, 2.8)),
-            ellipsoid((53.5, 4.6, 2.2), (2.6, 2.0, 2.2)),
-        ],
-        2.0,
-    )
-
-
-def _proximal() -> Implicit:
-    return smooth_union(
-        [
-            round_cone((70.0, 0.0, 0.0), (98.0, 0.0, 0.0), 4.5, 3.7),
-            ellipsoid((70.2, 0.0, 0.0), (4.4, 6.8, 5.8)),
-            ellipsoid((70.6, 4.6, -2.4), (3.6, 2.4, 2.6)),
-            ellipsoid((70.6, -4.4, -2.2), (3.6, 2.2, 2.4)),
-            ellipsoid((101.6, 2.7, -0.7), (4.3, 2.9, 4.5)),
-            ellipsoid((101.2, -2.7, -0.6), (4.3, 2.7, 4.2)),
-        ],
-        1.8,
-    )
-
-
-def _middle() -> Implicit:
-    return smooth_union(
-        [
-            round_cone((109.5, 0.0, 0.0), (124.0, 0.0, 0.0), 3.7, 2.9),
-            ellipsoid((109.6, 0.0, 0.0), (3.0, 5.3, 4.3)),
-            ellipsoid((109.4, 0.4, 2.9), (2.6, 2.2, 2.0)),
-            ellipsoid((127.2, 2.1, -0.4), (3.3, 2.2, 3.4)),
-            ellipsoid((126.9, -2.1, -0.3), (3.3, 2.1, 3.2)),
-        ],
-        1.5,
-    )
-
-
-def _distal() -> Implicit:
-    return smooth_union(
-        [
-            round_cone((134.0, 0.0, 0.0), (145.0, 0.0, 0.2), 2.9, 2.1),
-            ellipsoid((133.6, 0.0, 0.0), (2.5, 4.5, 3.5)),
-            ellipsoid((134.2, 2.9, -1.2), (2.2, 1.7, 1.7)),
-            ellipsoid((146.4, 0.2, 0.0), (3.0, 3.5, 2.0)),
-            ellipsoid((145.4, 0.0, -1.2), (2.4, 2.2, 1.7)),
-        ],
-        1.3,
-    )
-
-
-def _with_marrow(shape: Implicit, span: tuple[float, float], shaft: float, ends: float) -> KnownBone:
-    """Marrow under a cortical shell that is thick along the shaft and thinner under the joints."""
+def with_marrow(shape: Implicit, span: tuple[float, float], shaft: float, ends: float) -> KnownBone:
+    """Marrow under a cortical shell `shaft` mm thick along the shaft and `ends` mm under the joints."""
     length = span[1] - span[0]
 
     def thickness(x: Array) -> Array:
@@ -101,10 +156,10 @@ def _with_marrow(shape: Implicit, span: tuple[float, float], shaft: float, ends:
 def bones() -> dict[str, KnownBone]:
     """The four bones in the neutral pose."""
     return {
-        "metacarpal2": _with_marrow(_metacarpal(), (0.0, 65.0), 1.5, 1.1),
-        "proximal2": _with_marrow(_proximal(), (66.0, 106.0), 1.4, 1.0),
-        "middle2": _with_marrow(_middle(), (106.8, 130.7), 1.2, 1.0),
-        "distal2": _with_marrow(_distal(), (131.3, 149.3), 1.0, 0.95),
+        "metacarpal2": with_marrow(METACARPAL.shape(), METACARPAL.span, 1.5, 1.1),
+        "proximal2": with_marrow(PROXIMAL.shape(), PROXIMAL.span, 1.4, 1.0),
+        "middle2": with_marrow(MIDDLE.shape(), MIDDLE.span, 1.2, 1.0),
+        "distal2": with_marrow(DISTAL.shape(), DISTAL.span, 1.0, 0.95),
     }
 
 
