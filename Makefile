@@ -11,7 +11,7 @@ VENV_PACKAGE = $(shell $(PYTHON) -c 'import importlib.util, sys; \
   importlib.util.find_spec("ensurepip") or print("python%d.%d-venv" % sys.version_info[:2])')
 
 .DEFAULT_GOAL := all
-.PHONY: all setup test lint format rulegraph clean
+.PHONY: all setup test lint format rulegraph benchmark benchmark-setup clean
 
 all: setup
 	$(BIN)/snakemake -j2 all
@@ -60,6 +60,13 @@ rulegraph: setup
 	mkdir -p results
 	$(BIN)/snakemake --rulegraph mermaid-js all > results/rulegraph.mmd
 	@echo "results/rulegraph.mmd: paste it into any Mermaid viewer"
+
+# What the benchmarks compare with; without it those figures are left out.
+benchmark-setup: setup requirements-benchmark.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-benchmark.lock
+
+benchmark: benchmark-setup
+	$(BIN)/snakemake -j1 benchmark_fem
 
 clean:
 	rm -rf results .snakemake

@@ -22,6 +22,7 @@ include: "workflow/rules/fascia.smk"
 include: "workflow/rules/fat.smk"
 include: "workflow/rules/simulation.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/benchmarks.smk"
 
 
 wildcard_constraints:

@@ -18,6 +18,7 @@ with stage(snakemake):
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
     base = Path("results") / snakemake.wildcards.subject
+    BENCHMARKS = Path("results/benchmarks/fem.json")  # shown where someone has made it
 
     def truth_of(pose):
         """True surfaces by tissue, where the subject has a truth."""
@@ -73,6 +74,7 @@ with stage(snakemake):
             metrics={Path(p).stem: metrics.read(p) for p in snakemake.input.metrics},
             scenes=scenes,
             jobs=read_jobs(base / "benchmarks"),
+            benchmarks=metrics.read(BENCHMARKS) if BENCHMARKS.exists() else {},
             settings=snakemake.params.settings,
             limits=["The limits of this version stand in docs/limitations.md."],
             finger=list(rig.bones),

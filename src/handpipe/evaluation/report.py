@@ -17,6 +17,7 @@ from handpipe import __version__
 from handpipe.artifacts import write_text
 from handpipe.config import Dataset
 from handpipe.evaluation import pictures
+from handpipe.evaluation.benchmarks import Figures, benchmark_table, error_figures
 from handpipe.evaluation.build import Job, cost_table
 from handpipe.evaluation.render import Camera
 from handpipe.evaluation.slices import Plane, Sample, sagittal_plane, transversal_plane
@@ -83,9 +84,9 @@ class ReportInput:
     """All that a report shows; what is empty is left out of it.
 
     `skin_rows` of `table.skin_rows`, `rig_rows` of `skeleton.table.joint_table`; `metrics` by stage, in the
-    order shown; `scenes` frames for the 3D view by scene; `finger` the bones, from
-    proximal to distal, whose planes cut the slices (by default all); `settings` what a person chose, by name;
-    `limits` sentences.
+    order shown; `benchmarks` the figures of `snakemake benchmark_fem`; `scenes` frames for the 3D view by
+    scene; `finger` the bones, from proximal to distal, whose planes cut the slices (by default all);
+    `settings` what a person chose, by name; `limits` sentences.
     """
 
     dataset: Dataset
@@ -95,6 +96,7 @@ class ReportInput:
     metrics: Mapping[str, Metrics] = field(default_factory=dict)
     scenes: Mapping[str, Sequence[SimulatedFrame]] = field(default_factory=dict)
     jobs: Sequence[Job] = ()
+    benchmarks: Figures = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
     limits: Sequence[str] = ()
     finger: Sequence[str] = ()
@@ -139,11 +141,21 @@ def _content(report: ReportInput) -> dict[str, Any]:
             if metrics
         ],
         "costs": [t.html() for t in (_stage_costs(report.metrics), cost_table(report.jobs)) if t],
+        "benchmarks": benchmark_table(report.benchmarks),
+        "curves": _curves(report.benchmarks),
         "scenes": [
             (name, data) for name, frames in report.scenes.items() if (data := view_data(frames))["bodies"]
         ],
         "limits": list(report.limits),
     }
+
+
+def _curves(figures: Figures) -> list[Picture]:
+    """Drawings of the solver's error over its time."""
+    return [
+        Picture(pictures.data_uri(figure), f"Error over seconds by {study}", f"By {study}.")
+        for study, figure in error_figures(figures).items()
+    ]
 
 
 def _facts(dataset: Dataset) -> dict[str, str]:
