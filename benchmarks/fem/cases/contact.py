@@ -109,7 +109,7 @@ def sheet(refine: int) -> Outcome:
     return pressed(body, held, shells, ways, 0.02)
 
 
-@case("self-contact-u", "a U whose arms are pressed together")
+@case("self-contact-u", "a U whose arms are pressed together, their tips guided")
 def self_contact_u(refine: int) -> Outcome:
     body = scenes.u_shape(refine)
     x = body.vertices
@@ -123,7 +123,10 @@ def self_contact_u(refine: int) -> Outcome:
     def potentials(t: float) -> list[Potential]:
         return [elastic, barrier, Pull(every[tips], t * forces)]
 
-    held = np.repeat(body.where(0, 0.0), 3)
+    fixed = np.zeros(x.shape, dtype=bool)
+    fixed[body.where(0, 0.0)] = True
+    fixed[tips, 2] = True  # or the arms would slip past one another
+    held = fixed.ravel()
     end, record, error = by_two_paths(x, potentials, held)
     return Outcome(x, end, record, elastic, body.triangles, ~held, potentials(1.0), error, ANOTHER_PATH)
 
