@@ -44,6 +44,14 @@ class Axes:
             rotation = rotation @ Rotation.from_rotvec(angles[i] * self.directions[i]).as_matrix()
         return rotation
 
+    def rates(self, angles: Array) -> Array:
+        """Angular velocities (dof, 3) of the rotation for a unit rate of each of the angles (dof,)."""
+        rates, rotation = np.empty((self.dof, 3)), np.eye(3)
+        for i in self.order:
+            rates[i] = rotation @ self.directions[i]
+            rotation = rotation @ Rotation.from_rotvec(angles[i] * self.directions[i]).as_matrix()
+        return rates
+
     def nearest(self, rotations: Array) -> Array:
         """Angles (n, dof) in rad whose rotations are nearest to rotations (n, 3, 3)."""
         q = quaternions(rotations)

@@ -47,6 +47,22 @@ class JointFit:
             RigidTransform.about(self.centre, small) @ about
         )
 
+    def twists(self, angles: Array, model: Model = "full") -> tuple[Array, Array]:
+        """Angular velocities w (dof, 3) and velocities v (dof, 3) of the child for a unit rate of each angle.
+
+        A point at x, after the motion, moves with w x + v (cross product), in 1 and mm per rad. Eq. 2 turns
+        about C + x^, and that point moves with the derivative of x^; R^ adds its own angular velocity,
+        which the left Jacobian of the rotation vector gives.
+        """
+        w = self.axes.rates(angles)
+        if model == "partial":
+            return w, -np.cross(w, self.centre)
+        small = self.rotation_residual(angles)[0]
+        w = w @ Rotation.from_rotvec(small).as_matrix().T
+        w = w + self.rotation_residual.rates(angles) @ left_jacobian(small).T
+        about = self.centre + self.translation_residual(angles)[0]
+        return w, self.translation_residual.rates(angles) - np.cross(w, about)
+
     def angles_of(self, relative: Sequence[RigidTransform]) -> Array:
         """Angles (n, dof) in rad whose rotations about the axes are nearest to the motions (Eq. 1, Eq. 4)."""
         return self.axes.nearest(np.array([t.rotation for t in relative]))
@@ -75,6 +91,15 @@ def fit_joint(
     centre = fit_centre(relative, dof, np.zeros(3) if near is None else near)
     angles, rotation, translation = _residuals(axes, centre, relative)
     return JointFit(axes, centre, fit_residual(angles, rotation), fit_residual(angles, translation), angles)
+
+
+def left_jacobian(vector: Array) -> Array:
+    """Matrix (3, 3) from the rate of a rotation vector (3,) to the angular velocity of its rotation."""
+    angle = float(np.linalg.norm(vector))
+    x = np.cross(np.eye(3), vector)  # x @ y is the cross product of vector and y
+    if angle < 1e-4:  # the next terms of the series are below 1e-9
+        return np.eye(3) + x / 2 + x @ x / 6
+    return np.eye(3) + (1 - np.cos(angle)) / angle**2 * x + (angle - np.sin(angle)) / angle**3 * x @ x
 
 
 def leave_one_out(

@@ -48,6 +48,10 @@ class Residual:
         """Residuals (n, 3) at angles (n, dof) in rad."""
         return features(np.atleast_2d(angles), self.lower, self.upper) @ self.coefficients
 
+    def rates(self, angles: Array) -> Array:
+        """Derivatives (dof, 3) by each of the angles (dof,) in rad."""
+        return feature_rates(angles, self.lower, self.upper).T @ self.coefficients
+
 
 def features(angles: Array, lower: Array, upper: Array) -> Array:
     """phi, phi^2 (n, 2), or phi, psi, phi^2, phi psi, psi^2 (n, 5); squares as tangents beyond the range."""
@@ -56,6 +60,15 @@ def features(angles: Array, lower: Array, upper: Array) -> Array:
     if angles.shape[1] == 1:
         return np.column_stack([angles, squares])
     return np.column_stack([angles, squares[:, 0], angles[:, 0] * angles[:, 1], squares[:, 1]])
+
+
+def feature_rates(angles: Array, lower: Array, upper: Array) -> Array:
+    """Derivatives (k, dof) of `features` at angles (dof,)."""
+    dof, slopes = len(angles), 2 * np.clip(angles, lower, upper)
+    if dof == 1:
+        return np.array([[1.0], slopes])
+    phi, psi = angles
+    return np.array([[1, 0], [0, 1], [slopes[0], 0], [psi, phi], [0, slopes[1]]], float)
 
 
 def fit_residual(angles: Array, samples: Array) -> Residual:
