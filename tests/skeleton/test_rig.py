@@ -128,6 +128,27 @@ def test_a_bone_that_is_missing_in_a_pose_does_not_stop_the_fit():
     assert vertex_error(rig.bone_transforms(ANGLES["half"], ROOTS["half"]), transforms["half"]) < 1e-4
 
 
+def test_bones_that_move_as_one(tmp_path):
+    """A joint without degrees of freedom carries its bone along; it is no row of the table."""
+    middle = DATASET.joints["PIP2"].model_copy(update={"angles": (), "limits_deg": (), "axis_hints": ()})
+    fused = DATASET.model_copy(update={"joints": DATASET.joints | {"PIP2": middle}})
+    transforms = manufactured()
+    stiff = {
+        p: {**bones, "middle2": bones["proximal2"], "distal2": bones["proximal2"]}
+        for p, bones in transforms.items()
+    }
+    rig = Rig.fit(fused, stiff, SURFACES, FIT)
+    assert rig.angle_names == ("MP2_flexion", "MP2_abduction", "DIP2_flexion")
+    assert rig.poses["fist"].angles == pytest.approx(
+        {n: ANGLES["fist"][n] for n in NAMES[:2]} | {"DIP2_flexion": 0.0}, abs=1e-6
+    )
+    assert vertex_error(rig.bone_transforms(rig.poses["half"].angles, ROOTS["half"]), stiff["half"]) < 1e-4
+    rig.save(tmp_path / "rig.h5")
+    again = Rig.load(tmp_path / "rig.h5")
+    assert again.limits == rig.limits and again.joints[1].angles == ()
+    assert [r["joint"] for r in joint_table(rig, fused, stiff, FIT).rows] == ["MP2", "DIP2"]
+
+
 def test_no_pose_to_learn_from():
     with pytest.raises(InputError, match="MP2"):
         Rig.fit(DATASET, manufactured(), SURFACES, [])

@@ -24,7 +24,7 @@ HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is be
 
 @dataclass(frozen=True)
 class Axes:
-    """One axis, or two orthogonal ones, fixed in the neutral frame with the parent at rest.
+    """No axis, one, or two orthogonal ones, fixed in the neutral frame with the parent at rest.
 
     directions (dof, 3) are unit vectors, one an angle; order (dof,) says which angle turns first: a
     rotation about the first axis is followed by one about the second, as rotated by the first (Eq. 5).
@@ -54,6 +54,8 @@ class Axes:
 
     def nearest(self, rotations: Array) -> Array:
         """Angles (n, dof) in rad whose rotations are nearest to rotations (n, 3, 3)."""
+        if self.dof == 0:
+            return np.zeros((len(rotations), 0))
         q = quaternions(rotations)
         if self.dof == 1:
             return 2 * np.arctan2(q[:, 1:] @ self.directions[0], q[:, 0])[:, None]

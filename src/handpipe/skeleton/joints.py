@@ -80,13 +80,20 @@ def fit_joint(
 ) -> JointFit:
     """Fit a joint to motions of the child relative to the parent, from neutral, in the neutral frame.
 
-    dof: 1 or 2. axis_hints (dof, 3): rough axes that fix the signs. near (3,): a point near the joint; it
-    fixes the centre where the motions leave it undetermined, along the axis of a one-axis joint. Neutral
-    need not be among `relative`: it is the zero of every function.
+    dof: 0, 1 or 2; without a degree of freedom the bones move as one. axis_hints (dof, 3): rough axes that
+    fix the signs. near (3,): a point near the joint; it fixes the centre where the motions leave it
+    undetermined, along the axis of a one-axis joint. Neutral need not be among `relative`: it is the zero of
+    every function.
     """
-    hints = np.asarray(axis_hints, float)
+    hints = np.asarray(axis_hints, float).reshape(-1, 3)
     if hints.shape != (dof, 3):
         raise ValueError(f"axis_hints of shape {hints.shape}, not {(dof, 3)}")
+    if dof == 0:
+        nothing = Residual(np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+        rigid = Axes(np.zeros((0, 3)), ())
+        return JointFit(
+            rigid, np.zeros(3) if near is None else near, nothing, nothing, np.zeros((len(relative), 0))
+        )
     axes = fit_axes(np.array([t.rotation for t in relative]), hints)
     centre = fit_centre(relative, dof, np.zeros(3) if near is None else near)
     angles, rotation, translation = _residuals(axes, centre, relative)

@@ -55,6 +55,8 @@ class Residual:
 
 def features(angles: Array, lower: Array, upper: Array) -> Array:
     """phi, phi^2 (n, 2), or phi, psi, phi^2, phi psi, psi^2 (n, 5); squares as tangents beyond the range."""
+    if angles.shape[1] == 0:
+        return np.zeros((len(angles), 0))
     clamped = np.clip(angles, lower, upper)
     squares = clamped * (2 * angles - clamped)
     if angles.shape[1] == 1:
@@ -65,6 +67,8 @@ def features(angles: Array, lower: Array, upper: Array) -> Array:
 def feature_rates(angles: Array, lower: Array, upper: Array) -> Array:
     """Derivatives (k, dof) of `features` at angles (dof,)."""
     dof, slopes = len(angles), 2 * np.clip(angles, lower, upper)
+    if dof == 0:
+        return np.zeros((0, 0))
     if dof == 1:
         return np.array([[1.0], slopes])
     phi, psi = angles

@@ -76,14 +76,14 @@ class Rig:
         for name in outwards(dataset):
             joint = dataset.joints[name]
             relative = relative_motions(transforms, joint.parent, joint.child, learnt)
-            if not relative:
+            if not relative and joint.angles:
                 problem = f"no pose has both {joint.parent} and {joint.child}"
                 raise InputError(
                     dataset.name, f"joints.{name}", problem, "Give one more pose or mend registration"
                 )
             near = joint_point(surfaces[joint.parent], surfaces[joint.child])
             fit = fit_joint(relative, len(joint.angles), np.array(joint.axis_hints, float), near=near)
-            limits = np.radians(np.array(joint.limits_deg, float))
+            limits = np.radians(np.array(joint.limits_deg, float)).reshape(-1, 2)
             joints.append(RigJoint(name, joint.parent, joint.child, joint.angles, limits, fit))
         bare = Rig(dataset.root_bone, tuple(joints), {b: surfaces[b] for b in dataset.bones}, {})
         poses = {

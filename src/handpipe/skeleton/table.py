@@ -44,10 +44,11 @@ def joint_table(
     """
     fitted = [p for p in fit_poses if p != dataset.neutral]
     heldout = [p for p in transforms if p not in fit_poses and p != dataset.neutral]
-    columns = [_columns(joint, rig, dataset, transforms, fitted, heldout) for joint in rig.joints]
+    moving = [joint for joint in rig.joints if joint.angles]  # bones that move as one have nothing to explain
+    columns = [_columns(joint, rig, dataset, transforms, fitted, heldout) for joint in moving]
     rows: list[Row] = [
         {"joint": joint.name, **{name: float(errors.mean()) for name, errors in column.items()}}
-        for joint, column in zip(rig.joints, columns, strict=True)
+        for joint, column in zip(moving, columns, strict=True)
     ]
     metrics = _means(columns)
     for kind, poses in (("", fitted), ("heldout_", heldout)):
