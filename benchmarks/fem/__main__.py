@@ -12,13 +12,13 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from handpipe import artifacts
+from handpipe import artifacts, metrics
 
 log = logging.getLogger("benchmarks.fem")
 
 CHECKOUT = Path(__file__).parents[2]
 OUTPUT = CHECKOUT / "results" / "benchmarks" / "fem.json"
-FIGURES = CHECKOUT / "docs" / "figures"
+DOCUMENT = CHECKOUT / "docs" / "benchmarks.md"
 THREADS = 2
 PARTS = ("assembly", "linear", "hard_cases", "twist", "scaling", "fat", "speed_against_error")
 
@@ -39,18 +39,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
         figures |= machine.facts()
         # Written after each part: a benchmark that is stopped keeps what it has measured.
         artifacts.write_text(options.output, json.dumps(dict(sorted(figures.items())), indent=1) + "\n")
-    if options.figures:
-        draw(options.output, options.figures)
+    from benchmarks.fem import document
+
+    document.draw(metrics.read(options.output), options.output.parent)
+    if options.document:
+        document.write(options.output, DOCUMENT, DOCUMENT.parent / "figures")
 
 
 def measured(part: str, quick: bool, folder: Path) -> dict[str, object]:
-    """The figures of one part; a part that is not there yet has none."""
-    try:
-        module = importlib.import_module(f"benchmarks.fem.{part}")
-    except ModuleNotFoundError as error:
-        log.warning("%s is left out: %s", part, error)
+    """The figures of one part; one that does not measure here has none."""
+    measure: Callable[..., dict[str, object]] | None
+    measure = getattr(importlib.import_module(f"benchmarks.fem.{part}"), "measure", None)
+    if measure is None:
+        log.warning("%s has no figures of its own", part)
         return {}
-    measure: Callable[..., dict[str, object]] = module.measure
     settings = QUICK.get(part, {}) if quick else {}
     if part == "fat":
         settings = {"cache": folder / ("thin-body-quick.h5" if quick else "thin-body.h5"), **settings}
@@ -66,27 +68,20 @@ QUICK: dict[str, dict[str, object]] = {
 }
 
 
-def draw(source: Path, folder: Path) -> None:
-    """Curves of error over seconds as SVG, for the documents."""
-    from handpipe import metrics
-    from handpipe.evaluation.benchmarks import error_figures, write_svg
-
-    for study, figure in error_figures(metrics.read(source)).items():
-        write_svg(folder / f"error-by-{study.replace(' ', '-')}.svg", figure)
-
-
 def _known(path: Path) -> dict[str, object]:
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fem", description=__doc__)
-    parser.add_argument("parts", nargs="*", default=PARTS, help=f"of {', '.join(PARTS)}; by default all")
+    parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}; by default all")
     parser.add_argument("--quick", action="store_true", help="small sizes: does it run, not how fast")
     parser.add_argument("--output", type=Path, default=OUTPUT)
-    parser.add_argument("--figures", type=Path, help="folder for the drawings, e.g. docs/figures")
+    parser.add_argument("--document", action="store_true", help=f"renew the tables of {DOCUMENT.name}")
     parser.add_argument("--threads", type=int, default=THREADS)
     options = parser.parse_args(arguments)
+    if not options.parts and not options.document:
+        options.parts = PARTS
     unknown = set(options.parts) - set(PARTS)
     if unknown:
         parser.error(f"unknown parts: {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")

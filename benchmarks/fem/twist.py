@@ -23,8 +23,19 @@ YOUNG, POISSON = 1.0, 0.45
 TURN, STEPS = 180.0, 12
 TOLERANCE = 1e-8  # of |g|, the norm of all free forces, in units of E times an area of 1
 SIZES = {"5k": 6, "24k": 10, "66k": 14}  # cells across the beam: 5,184, 24,000 and 65,856 tets
-# The solver measures forces against the largest at hand, here about 0.02; `TOLERANCE` is checked afterwards.
-OPTIONS = Options(displacement_tolerance=1e-4, force_tolerance=1e-5, name="twist")
+# The solver's tolerances are those of the state before its last step, relative to the largest force at hand.
+# `TOLERANCE` is checked afterwards, at the end of each of the twelve steps.
+OPTIONS = Options(displacement_tolerance=1e-2, force_tolerance=1e-4, name="twist")
+
+
+class Watched(Elastic):
+    """A body that remembers the last shape whose energy was asked for: the end of a step."""
+
+    last: Array
+
+    def value(self, x: Array) -> float:
+        self.last = x
+        return super().value(x)
 
 
 @dataclass(frozen=True)
@@ -49,7 +60,10 @@ class Beam:
 
 @dataclass
 class Run:
-    """One run of ours: positions, what the solver did, seconds in all, the watched linear solver, |g|."""
+    """One run of ours: positions, what the solver did, seconds in all, the watched linear solver.
+
+    `residual` is the largest |g| at the end of a step.
+    """
 
     x: Array
     record: Record
@@ -72,19 +86,27 @@ def measure(sizes: dict[str, int] | None = None, repeats: int = REPEATS) -> Figu
 def ours(beam: Beam) -> Run:
     """Twelve steps by `continuation`, each from the tangent's prediction to the tolerance."""
     begun = time.perf_counter()
-    body = Elastic(beam.body.vertices, beam.body.tets, Material(YOUNG, POISSON))
+    body = Watched(beam.body.vertices, beam.body.tets, Material(YOUNG, POISSON))
+    body.last = beam.body.vertices
+    ends: list[Array] = []
+
+    def prescribed(t: float) -> Array:
+        ends.append(body.last)
+        return beam.ends(t)
+
     with watched() as linear:
         found = continuation(
             lambda t: [body],
             beam.body.vertices,
             fixed=np.repeat(beam.held, 3),
-            prescribed=beam.ends,
+            prescribed=prescribed,
             options=OPTIONS,
             first_step=1 / STEPS,
             largest_step=1 / STEPS,
         )
     seconds = time.perf_counter() - begun
-    return Run(found.x, found.record, seconds, linear, _residual(body, found.x, beam))
+    residual = max(_residual(body, x, beam) for x in [*ends[1:], found.x])
+    return Run(found.x, found.record, seconds, linear, residual)
 
 
 def at_once(beam: Beam) -> Run:

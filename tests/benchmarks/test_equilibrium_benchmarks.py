@@ -62,7 +62,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("quick")
     parts = ["twist", "scaling", "fat", "speed_against_error"]
     output = folder / "fem.json"
-    main([*parts, "--quick", "--output", str(output), "--figures", str(folder), "--threads", "1"])
+    main([*parts, "--quick", "--output", str(output), "--threads", "1"])
     return output
 
 

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 from common import stage
 
@@ -11,7 +10,6 @@ with stage(snakemake) as log:
 
     # With -j1 Snakemake counts one thread; the benchmark takes its own two all the same.
     command = [sys.executable, "-m", "benchmarks.fem", "--output", snakemake.output[0]]
-    command += ["--figures", str(Path(snakemake.output[0]).parent)]
     log.info("%s", " ".join(command))
     with open(snakemake.log[0], "a", encoding="utf-8") as file:
         code = subprocess.run(command, stdout=file, stderr=file, check=False).returncode
