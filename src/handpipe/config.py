@@ -58,9 +58,7 @@ class Joint(Model):
 
     parent: Name
     child: Name
-    angles: tuple[Name, ...] = Field(
-        max_length=2, description="one name a degree of freedom; none where both bones move as one"
-    )
+    angles: tuple[Name, ...] = Field(min_length=1, max_length=2, description="one name a degree of freedom")
     limits_deg: tuple[tuple[float, float], ...]
     axis_hints: tuple[Vector, ...] = Field(
         description="rough axis of each angle in the neutral frame: fixes its sign"
@@ -194,7 +192,12 @@ class Scene(Model):
     """Which layers, which frames. `skin` without `fat` is one soft tissue around the bones (004)."""
 
     layers: tuple[str, ...]
-    frames: Path = Field(description="CSV of joint angles in degrees, one frame a row")
+    frames: Path = Field(
+        description="CSV of joint angles in degrees, one frame a row; BVH; or hand landmarks (JSON, CSV)"
+    )
+    bones: dict[Name, str] = Field(
+        {}, description="bone -> name of its joint in a BVH file, where the two differ"
+    )
     chunk: int = Field(4, ge=1, description="frames in one job")
     obj: bool = Field(False, description="write the frames as a sequence of OBJ files, too")
 

@@ -11,7 +11,7 @@ from snakemake.exceptions import WorkflowError
 from handpipe.config import LAYERS, Role, load_dataset, load_scene
 from handpipe.errors import HandpipeError
 from handpipe.hand.subject import joint_limits, named_files, require_files, require_scan
-from handpipe.skeleton.angles import read_angles
+from handpipe.skeleton.drivers.scene_frames import frame_names
 
 
 def checked(load, *arguments):
@@ -174,12 +174,12 @@ INNER_LAYERS = [layer for layer in LAYERS if layer not in ("fat", "skin")]
 
 @functools.cache
 def frames(subject, name):
-    """A scene's joint angles, checked against the subject's limits here and not after hours of fitting."""
-    return checked(read_angles, scene(name).frames, joint_limits(dataset(subject)))
+    """Names of a scene's frames; the file is checked here, angles against limits too, not after hours of fitting."""
+    return checked(frame_names, scene(name).frames, joint_limits(dataset(subject)))
 
 
 def frames_file(wildcards):
-    """The file of a scene's frames, its angles found to be right."""
+    """The file of a scene's frames, found to be right."""
     frames(wildcards.subject, wildcards.scene)
     return scene(wildcards.scene).frames
 

@@ -7,13 +7,14 @@ with stage(snakemake):
     from handpipe.hand.frames import write_frames
     from handpipe.hand.simulation import simulate
     from handpipe.layers import Frame
-    from handpipe.skeleton.angles import read_angles
+    from handpipe.skeleton.drivers.scene_frames import read_frames
     from handpipe.skeleton.rig import Rig
     from layers import layers_of
 
     dataset, scene = load_dataset(snakemake.input.dataset), load_scene(snakemake.input.scene)
     rig = Rig.load(snakemake.input.rig)
-    frames = list(read_angles(snakemake.input.frames, rig.limits).items())
+    driven = read_frames(snakemake.input.frames, rig, hand=dataset.hand, bones=scene.bones)
+    frames = list(driven.items())
     first = int(snakemake.wildcards.chunk) * scene.chunk
     wanted = [
         Frame(name, angles, rig.bone_transforms(angles))

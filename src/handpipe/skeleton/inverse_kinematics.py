@@ -61,12 +61,14 @@ class Reach:
 class Options:
     """rest_weight: mm that a departure of one rad from rest counts as; it decides what targets leave free.
 
-    tolerance: mm within which a target counts as met; model: "full" or "partial" (no residual motions).
+    tolerance: mm within which a target counts as met; model: "full" or "partial" (no residual motions);
+    restarts: begin anew where targets are unmet, not wanted where targets are noisy and the start is near.
     """
 
     rest_weight: float = 0.1
     tolerance: float = 0.1
     model: Model = "full"
+    restarts: bool = True
 
 
 def solve(
@@ -93,7 +95,7 @@ def solve(
     middle = (problem.lower + problem.upper) / 2
     for other in (middle, *(problem.vector(pose.angles) for pose in rig.poses.values())):
         unmet = problem.distances(values) > options.tolerance
-        if not unmet.any():
+        if not (options.restarts and unmet.any()):
             break
         again = problem.minimise(np.where(problem.moved_by(values, unmet), other, values))
         if problem.distances(again).max() < 0.99 * problem.distances(values).max():

@@ -1,0 +1,159 @@
+"""Joint angles from 21 hand landmarks a frame: the palm gives frame and scale, inverse kinematics the rest.
+
+People's fingers differ in length from the rig's, and landmarks from joint centres. What carries over are the
+directions from landmark to landmark, on bones of the rig's own length; places of landmarks only lean.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.errors import InputError
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.skeleton.angles import Angles
+from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
+from handpipe.skeleton.drivers.landmarks import FINGERS, LANDMARKS, Hand, HandLandmarks, read_landmarks
+from handpipe.skeleton.inverse_kinematics import Options, solve
+from handpipe.skeleton.rig import Rig
+from handpipe.skeleton.targets import Direction, Position, Target
+
+Array = NDArray[np.float64]
+LOG = logging.getLogger(__name__)
+BONES = {
+    "THUMB": ("metacarpal1", "proximal1", "distal1"),
+    **{
+        f: tuple(f"{part}{d}" for part in ("proximal", "middle", "distal"))
+        for d, f in enumerate(FINGERS, start=2)
+    },
+}
+ENDS = {"THUMB": ("CMC", "MCP", "IP", "TIP"), **dict.fromkeys(FINGERS, ("MCP", "PIP", "DIP", "TIP"))}
+LEAN = 0.3  # weight of a landmark's place beside the direction of its bone
+FAINT = 0.3  # weight in the palm of landmarks that do not move with the root bone
+PALM_ERROR = 0.35  # distance of the palm's landmarks from the rig's, beside their spread
+
+
+@dataclass(frozen=True)
+class LandmarkMap:
+    """Where landmarks are on a rig: name -> bone and neutral point (3,); bone -> its two landmarks."""
+
+    places: dict[str, tuple[str, Array]]
+    segments: dict[str, tuple[str, str]]
+
+    @staticmethod
+    def of_rig(rig: Rig) -> LandmarkMap:
+        """From bones that are named metacarpal1, proximal1..5, middle2..5, distal1..5; some may be absent.
+
+        A landmark lies on the bone that carries its joint. Raises `InputError` where no finger is there.
+        """
+        joints, tips, parents = joint_places(rig), bone_tips(rig), rig.parents
+        places: dict[str, tuple[str, Array]] = {}
+        segments: dict[str, tuple[str, str]] = {}
+        for finger, bones in BONES.items():
+            names = [f"{finger}_{end}" for end in ENDS[finger]]
+            for bone, first, second in zip(bones, names[:-1], names[1:], strict=True):
+                if bone in joints:
+                    places[first] = (parents[bone], joints[bone])
+                    segments[bone] = (first, second)
+                if bone in tips:
+                    places[second] = (bone, tips[bone])
+        segments = {b: pair for b, pair in segments.items() if pair[0] in places and pair[1] in places}
+        if not segments:
+            remedy = "Name them metacarpal1, proximal1 to 5, middle2 to 5 and distal1 to 5"
+            raise InputError("landmarks", "bones", "the rig has no bones with the names of fingers", remedy)
+        return LandmarkMap(places, segments)
+
+
+def read_landmark_angles(path: str | Path, rig: Rig, hand: Hand = "right") -> dict[str, Angles]:
+    """Joint angles in rad, within their limits, of a file of MediaPipe landmarks.
+
+    hand: which hand the rig is of; landmarks that their file says are of the other one are mirrored. Raises
+    `InputError` for a wrong file, for a rig with too few fingers to place a palm, and for landmarks whose
+    palm is unlike the rig's.
+    """
+    return landmark_angles(read_landmarks(path), rig, hand, path)
+
+
+def landmark_angles(
+    landmarks: HandLandmarks, rig: Rig, hand: Hand = "right", source: str | Path = "landmarks"
+) -> dict[str, Angles]:
+    """As `read_landmark_angles`, of landmarks in memory."""
+    where = LandmarkMap.of_rig(rig)
+    mirror = np.array([-1.0, 1, 1]) if landmarks.hand not in (None, hand) else np.ones(3)
+    frames: dict[str, Angles] = {}
+    angles: Angles = {}
+    options = Options(rest_weight=0.3, tolerance=5.0)
+    for name, points in zip(landmarks.names, landmarks.points * mirror, strict=True):
+        seen = dict(zip(LANDMARKS, points, strict=True))
+        # The palm's moving bones are first taken at rest, then where the first answer has them.
+        for _ in range(2):
+            placed = _place_palm(seen, rig, where, angles, f"{source}: {name}")
+            found = solve(rig, _targets(placed, rig, where), start=angles, options=options)
+            angles = found.angles
+        frames[name] = angles
+    return frames
+
+
+def _place_palm(
+    seen: Mapping[str, Array], rig: Rig, where: LandmarkMap, angles: Angles, source: str
+) -> dict[str, Array]:
+    """Landmarks scaled, turned and moved to where the rig's palm is, in mm."""
+    bones = rig.bone_transforms(dict.fromkeys(rig.angle_names, 0.0) | angles)
+    palm = [n for n in ("THUMB_CMC", *(f"{f}_MCP" for f in FINGERS)) if n in where.places]
+    ours = np.array([bones[where.places[n][0]](where.places[n][1]) for n in palm])
+    theirs = np.array([seen[n] for n in palm])
+    weights = np.array(
+        [1.0 if where.places[n][0] == rig.root or _rigid(rig, where.places[n][0]) else FAINT for n in palm]
+    )
+    _check_spread(ours, source, "the rig")
+    _check_spread(theirs, source, "the landmarks")
+    middle = weights @ theirs / weights.sum()
+    spread = _spread(ours, weights)
+    scale = spread / _spread(theirs, weights)
+    fit = RigidTransform.fit(scale * (theirs - middle), ours, weights)
+    error = np.sqrt(weights @ ((fit(scale * (theirs - middle)) - ours) ** 2).sum(axis=1) / weights.sum())
+    if error > PALM_ERROR * spread:
+        problem = f"the palm's landmarks are {error:.0f} mm off the rig's"
+        raise InputError(source, "landmarks", problem, "Check that they are of a hand, in MediaPipe's order")
+    return {n: fit((scale * (p - middle))[None])[0] for n, p in seen.items()}
+
+
+def _rigid(rig: Rig, bone: str) -> bool:
+    """Whether a bone moves with the root."""
+    joints = {j.child: j for j in rig.joints}
+    while bone != rig.root:
+        if joints[bone].angles:
+            return False
+        bone = joints[bone].parent
+    return True
+
+
+def _spread(points: Array, weights: Array) -> float:
+    middle = weights @ points / weights.sum()
+    return float(np.sqrt(weights @ ((points - middle) ** 2).sum(axis=1) / weights.sum()))
+
+
+def _check_spread(points: Array, source: str, whose: str) -> None:
+    sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False) if len(points) > 2 else np.zeros(2)
+    if not sizes[1] > 0.05 * sizes[0]:
+        problem = f"{whose} has too little of a palm to place it by"
+        raise InputError(source, "palm", problem, "At least three fingers, the thumb among them, are needed")
+
+
+def _targets(placed: Mapping[str, Array], rig: Rig, where: LandmarkMap) -> Sequence[Target]:
+    targets: list[Target] = []
+    for name, (bone, point) in where.places.items():
+        if not _rigid(rig, bone):
+            targets.append(Position(bone, point, placed[name], LEAN))
+    for bone, (first, second) in where.segments.items():
+        ours = where.places[second][1] - where.places[first][1]
+        theirs = placed[second] - placed[first]
+        length = float(np.linalg.norm(theirs))
+        if length > 0:
+            targets.append(Direction(bone, ours / np.linalg.norm(ours), theirs / length))
+    return targets

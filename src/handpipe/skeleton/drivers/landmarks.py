@@ -1,0 +1,142 @@
+"""Hand landmarks as MediaPipe gives them, 21 points a frame, read from JSON or CSV.
+
+CSV: frame,WRIST_x [m],WRIST_y [m],WRIST_z [m],THUMB_CMC_x [m],...
+JSON: {"units": "m", "handedness": "Right", "frames": [[[x, y, z], ... 21 points], ...]}
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.errors import InputError
+
+Array = NDArray[np.float64]
+Hand = Literal["right", "left"]
+FINGERS = ("INDEX_FINGER", "MIDDLE_FINGER", "RING_FINGER", "PINKY")
+LANDMARKS = (
+    "WRIST",
+    *(f"THUMB_{joint}" for joint in ("CMC", "MCP", "IP", "TIP")),
+    *(f"{finger}_{joint}" for finger in FINGERS for joint in ("MCP", "PIP", "DIP", "TIP")),
+)
+UNITS = ("m", "mm", "px")
+REMEDY_UNITS = "Give m, mm or px; points from 0 to 1 of an image times its width (x, z) and height (y) are px"
+
+
+@dataclass(frozen=True)
+class HandLandmarks:
+    """names of the frames; points (frames, 21, 3) in units of their own: only their shape counts.
+
+    Axes are right-handed: x to the right of the image, y down, z away from the camera. hand: which hand
+    the points are of, where the file says so.
+    """
+
+    names: tuple[str, ...]
+    points: Array
+    hand: Hand | None
+
+
+def read_landmarks(path: str | Path) -> HandLandmarks:
+    """Read landmarks from a .json or .csv file; raises `InputError` naming frame and landmark."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise InputError(path, "file", "does not exist", "Check the path") from error
+    except UnicodeDecodeError as error:
+        raise InputError(path, "file", f"is not text ({error})", "Save it in UTF-8") from error
+    return _from_json(path, text) if Path(path).suffix == ".json" else _from_csv(path, text)
+
+
+def is_landmark_table(path: str | Path) -> bool:
+    """Whether a CSV file holds landmarks and not joint angles, by its header."""
+    try:
+        with open(path, encoding="utf-8-sig", errors="replace") as file:
+            return any(cell.strip().startswith("WRIST_") for cell in file.readline().split(","))
+    except FileNotFoundError:
+        return False
+
+
+def _from_json(path: str | Path, text: str) -> HandLandmarks:
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(path, "JSON", str(error), "Mend the syntax") from error
+    example = '{"units": "m", "handedness": "Right", "frames": [[[x, y, z], ... 21 points], ...]}'
+    if not isinstance(data, dict) or not isinstance(data.get("frames"), list) or not data["frames"]:
+        raise InputError(path, "frames", "is missing or empty", f"Write {example}")
+    _check_units(path, "units", data.get("units"))
+    hand = data.get("handedness")
+    if hand not in (None, "Right", "Left"):
+        raise InputError(path, "handedness", f"is {hand!r}", "Give Right or Left, or leave it out")
+    frames = [_json_points(path, i, frame) for i, frame in enumerate(data["frames"], start=1)]
+    names = tuple(f"frame{i}" for i in range(1, len(frames) + 1))
+    return HandLandmarks(names, np.array(frames), None if hand is None else hand.lower())
+
+
+def _json_points(path: str | Path, number: int, frame: Any) -> Array:
+    where = f"frames[{number - 1}]"
+    if not isinstance(frame, list) or len(frame) != len(LANDMARKS):
+        problem = f"has {len(frame)} points" if isinstance(frame, list) else "is not a list"
+        raise InputError(path, where, problem, f"Give {len(LANDMARKS)} points, or leave the frame out")
+    points = []
+    for name, point in zip(LANDMARKS, frame, strict=True):
+        values = [point.get(c) for c in "xyz"] if isinstance(point, dict) else point
+        points.append(_numbers(path, f"{where}, {name}", values))
+    return np.array(points)
+
+
+def _from_csv(path: str | Path, text: str) -> HandLandmarks:
+    rows = [row for row in csv.reader(text.splitlines()) if any(cell.strip() for cell in row)]
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    unit = header[1].partition(" [")[2].removesuffix("]") if len(header) > 1 else None
+    _check_units(path, "header", unit)
+    wanted = ["frame", *(f"{name}_{c} [{unit}]" for name in LANDMARKS for c in "xyz")]
+    for number, column in enumerate(wanted):
+        if number >= len(header) or header[number] != column:
+            problem = f"column {number + 1} is not {column!r}"
+            raise InputError(path, "header", problem, f"The header is: {','.join(wanted[:5])},...")
+    names: list[str] = []
+    frames = []
+    for number, row in enumerate(rows[1:], start=2):
+        name = row[0].strip()
+        if not name or name in names:
+            remedy = "Give every frame a name of its own"
+            raise InputError(path, f"row {number}, frame", f"{name!r} is empty or stands twice", remedy)
+        if len(row) != len(wanted):
+            problem = f"has {len(row)} cells, not {len(wanted)}"
+            raise InputError(path, f"row {number} (frame {name})", problem, "Complete it")
+        names.append(name)
+        cells = np.array(row[1:]).reshape(-1, 3)
+        frames.append(
+            [
+                _numbers(path, f"row {number} (frame {name}), {landmark}", cell)
+                for landmark, cell in zip(LANDMARKS, cells, strict=True)
+            ]
+        )
+    if not frames:
+        raise InputError(path, "rows", "there are none", "Give a row for each frame")
+    return HandLandmarks(tuple(names), np.array(frames), None)
+
+
+def _check_units(path: str | Path, field: str, unit: str | None) -> None:
+    if unit not in UNITS:
+        raise InputError(
+            path, field, f"does not say its unit ({unit!r})" if unit else "has no unit", REMEDY_UNITS
+        )
+
+
+def _numbers(path: str | Path, where: str, values: Iterable[Any]) -> list[float]:
+    try:
+        numbers = [float(v) for v in values]
+    except (TypeError, ValueError) as error:
+        raise InputError(path, where, f"{values} are not numbers", "Give x, y and z") from error
+    if len(numbers) != 3 or not np.isfinite(numbers).all():
+        raise InputError(path, where, "is not three finite numbers", "Give x, y and z")
+    return numbers
