@@ -58,7 +58,9 @@ class Joint(Model):
 
     parent: Name
     child: Name
-    angles: tuple[Name, ...] = Field(min_length=1, max_length=2, description="one name a degree of freedom")
+    angles: tuple[Name, ...] = Field(
+        max_length=2, description="one name a degree of freedom; none where both bones move as one"
+    )
     limits_deg: tuple[tuple[float, float], ...]
     axis_hints: tuple[Vector, ...] = Field(
         description="rough axis of each angle in the neutral frame: fixes its sign"
