@@ -7,6 +7,7 @@ from manufactured import bone, motion, noisy, turn, unit
 from handpipe.config import load_dataset
 from handpipe.errors import InputError
 from handpipe.mesh.rigid import RigidTransform
+from handpipe.skeleton.bodies import bodies, moved_as_one
 from handpipe.skeleton.rig import Rig, joint_point, outwards
 from handpipe.skeleton.table import joint_table
 
@@ -147,6 +148,27 @@ def test_bones_that_move_as_one(tmp_path):
     again = Rig.load(tmp_path / "rig.h5")
     assert again.limits == rig.limits and again.joints[1].angles == ()
     assert [r["joint"] for r in joint_table(rig, fused, stiff, FIT).rows] == ["MP2", "DIP2"]
+
+
+def test_bones_that_move_as_one_share_their_registrations():
+    middle = DATASET.joints["PIP2"].model_copy(update={"angles": (), "limits_deg": (), "axis_hints": ()})
+    fused = DATASET.model_copy(update={"joints": DATASET.joints | {"PIP2": middle}})
+    assert bodies(fused) == [("proximal2", "middle2")] and bodies(DATASET) == []
+    rng, truth = np.random.default_rng(0), manufactured()["fist"]["proximal2"]
+    errors = []
+    for _ in range(20):
+        seen = {
+            b: noisy(truth, rng, d, 0.0, at=SURFACES[b].vertices.mean(axis=0))
+            for b, d in (("proximal2", 0.5), ("middle2", 0.5))
+        }
+        one = moved_as_one(fused, {"fist": seen}, SURFACES)["fist"]
+        assert one["proximal2"] is one["middle2"]
+        errors.append([np.degrees(t.angle_to(truth)) for t in (seen["middle2"], one["middle2"])])
+    # Two centroids far apart fix two of three turns; the turn about their line is a mean of two.
+    single, both = np.sqrt((np.array(errors) ** 2).mean(axis=0))
+    assert both < 0.6 * single
+    lacking = moved_as_one(fused, {"fist": {"proximal2": truth}}, SURFACES)["fist"]
+    assert np.allclose(lacking["middle2"].rotation, truth.rotation, atol=1e-12)
 
 
 def test_no_pose_to_learn_from():

@@ -20,6 +20,7 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.angles import Angles, check_angles
 from handpipe.skeleton.axes import Axes
+from handpipe.skeleton.bodies import moved_as_one
 from handpipe.skeleton.joints import JointFit, Model, fit_joint
 from handpipe.skeleton.residual import Residual
 
@@ -67,10 +68,11 @@ class Rig:
         """Fit every joint to the given poses, then explain all poses.
 
         transforms: pose -> bone -> transform from neutral in the pose's scanner frame; a pose that lacks a
-        bone is left out for that bone's joints. surfaces: neutral bones. fit_poses: poses to learn from;
-        the other poses in `transforms` are only explained. Raises `InputError` where a joint has no pose to
-        learn from.
+        bone is left out for that bone's joints; bones that no degree of freedom parts are moved as one.
+        surfaces: neutral bones. fit_poses: poses to learn from; the other poses in `transforms` are only
+        explained. Raises `InputError` where a joint has no pose to learn from.
         """
+        transforms = moved_as_one(dataset, transforms, surfaces)
         joints = []
         learnt = [p for p in fit_poses if p != dataset.neutral]  # neutral is the zero of every joint
         for name in outwards(dataset):

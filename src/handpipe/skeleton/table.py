@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from handpipe.config import Dataset
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.metrics import Metrics
+from handpipe.skeleton.bodies import moved_as_one
 from handpipe.skeleton.joints import JointFit, Model, fit_joint, leave_one_out
 from handpipe.skeleton.rig import Bones, Rig, RigJoint, relative_motions
 
@@ -42,6 +43,7 @@ def joint_table(
     Rotation errors are angles of R_found^T R_true of the child relative to its parent; translation errors
     are distances of the child's centroid from its true place. Neutral, without error, does not count.
     """
+    transforms = moved_as_one(dataset, transforms, rig.surfaces)
     fitted = [p for p in fit_poses if p != dataset.neutral]
     heldout = [p for p in transforms if p not in fit_poses and p != dataset.neutral]
     moving = [joint for joint in rig.joints if joint.angles]  # bones that move as one have nothing to explain
