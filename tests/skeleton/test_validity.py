@@ -1,0 +1,96 @@
+"""Poses inside and outside what was seen; depths of bones against spheres, whose depth is known."""
+
+import numpy as np
+import pytest
+import trimesh
+from five_fingers import DESCRIPTION, random_angles, rig
+
+from handpipe.mesh.surface import Surface
+from handpipe.skeleton.rig import Rig
+from handpipe.skeleton.validity import PoseValidity, validity_table
+
+ZERO = {n: 0.0 for d in DESCRIPTION for n in d[3]}
+POSES = [random_angles(s, 0.6) for s in range(5)]
+CHECK = PoseValidity(rig(poses=POSES))
+
+
+def test_seen_poses_are_inside():
+    for pose in POSES:
+        found = CHECK.check(pose)
+        assert found.inside and found.distance == 0
+    assert CHECK.check(ZERO).nearest == "neutral"
+
+
+def test_an_angle_beyond_is_named_by_how_much():
+    top = max([p["PIP3_flexion"] for p in POSES] + [0.0])
+    low = min([p["MP2_flexion"] for p in POSES] + [0.0])
+    found = CHECK.check(POSES[0] | {"PIP3_flexion": top + 0.2, "MP2_flexion": low - 0.1})
+    assert found.beyond == {
+        "PIP3_flexion": pytest.approx(0.2),
+        "MP2_flexion": pytest.approx(-0.1),
+    }
+    assert not found.inside and "PIP3_flexion +11.5 deg beyond" in str(found)
+
+
+def test_a_pose_in_every_range_may_still_be_far_from_all():
+    """Single joints say little: a corner of the box of ranges is far from every pose."""
+    corner = {n: upper for n, (_, upper) in CHECK.ranges.items()}
+    found = CHECK.check(corner)
+    assert not found.beyond
+    expected = min(np.sqrt(np.mean([(p[n] - corner[n]) ** 2 for n in corner])) for p in [ZERO, *POSES])
+    assert found.distance == pytest.approx(expected)
+    assert not found.inside and found.distance > found.spacing
+
+
+def spheres(radius=6.0):
+    """The rig with spheres for the tips of index and middle finger, clear of all else."""
+    plain = rig(residuals=False)
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=radius)
+    surfaces = {b: Surface(s.vertices * 1e-3 - [0, 0, 900], s.triangles) for b, s in plain.surfaces.items()}
+    for i, bone in enumerate(plain.bones):  # nothing but the two touches anything
+        surfaces[bone] = Surface(surfaces[bone].vertices + [50.0 * i, 0, 0], surfaces[bone].triangles)
+    for bone, y in (("distal2", 10.0), ("distal3", -10.0)):
+        surfaces[bone] = Surface(np.array(ball.vertices) + [140, y, 0], np.array(ball.faces))
+    return Rig(plain.root, plain.joints, surfaces, {})
+
+
+def test_the_depth_of_spheres():
+    balls = spheres()
+    check = PoseValidity(balls)
+    assert check.check(ZERO).collisions == {}
+    depths = []
+    for degrees in (4, 8, 12):
+        angles = ZERO | {"MP2_abduction": np.radians(-degrees)}
+        transforms = balls.bone_transforms(angles)
+        apart = np.linalg.norm(transforms["distal2"](np.array([140.0, 10, 0])) - [140, -10, 0])
+        found = check.check(angles).collisions
+        expected = max(12.0 - apart, 0.0)
+        depths.append(expected)
+        assert found.get(("distal2", "distal3"), 0.0) == pytest.approx(expected, abs=0.15)
+    assert depths[0] == 0 and depths[2] > 2
+
+
+def test_what_neutral_has_does_not_count():
+    deep = spheres(radius=11.0)  # 2 mm in one another in neutral, as touching heads may be segmented
+    check = PoseValidity(deep)
+    assert check.check(ZERO).collisions == {}
+    closer = check.check(ZERO | {"MP2_abduction": np.radians(-3)})
+    assert closer.collisions[("distal2", "distal3")] > 1 and not closer.valid
+
+
+def test_the_table_has_a_row_a_frame():
+    rows, metrics = validity_table(CHECK, {"seen": POSES[1], "beyond": dict.fromkeys(ZERO, 3.0)})
+    assert [r["frame"] for r in rows] == ["seen", "beyond"]
+    assert rows[0]["beyond"] == 0 and rows[0]["nearest"] == "pose1" and rows[1]["beyond"] > 90
+    assert metrics["frames_unseen"] == (1.0, "frames")
+
+
+def test_a_mirrored_hand_is_judged_alike():
+    left = PoseValidity(rig(mirrored=True, poses=POSES))
+    for seed in (11, 12):
+        angles = random_angles(seed, 1.0)
+        a, b = CHECK.check(angles), left.check(angles)
+        assert a.nearest == b.nearest and a.beyond == b.beyond
+        assert set(a.collisions) == set(b.collisions)
+        for pair, depth in a.collisions.items():
+            assert b.collisions[pair] == pytest.approx(depth, abs=1e-3)
