@@ -35,8 +35,8 @@ class Attempts:
         self.options, self.systems, self.checkpoint = options, systems, checkpoint
         self.record = Record()
 
-    def best(self) -> Equilibrium:
-        """The first minimum without tangles, else the converged shape with the fewest."""
+    def best(self, accepted: int = 0) -> Equilibrium:
+        """The first minimum with at most `accepted` tangles, else the converged shape with the fewest."""
         best: Newton | None = None
         for newton in self._ways():
             self.record.add(newton.record)
@@ -45,13 +45,13 @@ class Attempts:
             newton.record.tangles = tangles(self.energy, newton.x)
             if best is None or _worth(newton) > _worth(best):
                 best = newton
-            if newton.record.tangles == 0:
+            if newton.record.tangles <= accepted:
                 break
             log.info("%s: ended with %d tangles", self.options.name, newton.record.tangles)
         assert best is not None
         for name in ("converged", "reason", "tangles"):
             setattr(self.record, name, getattr(best.record, name))
-        if best.record.tangles > 0:
+        if best.record.tangles > accepted:
             log.warning("%s: %d tangles are left", self.options.name, best.record.tangles)
         return Equilibrium(best.x, self.record)
 

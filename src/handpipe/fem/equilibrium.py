@@ -111,7 +111,7 @@ class _Path:
             t, step, x = self._take_up(x, step, checkpoint)
         while t < 1.0:
             step = min(step, 1.0 - t)
-            found = self._advance(x, t + step, step, checkpoint)
+            found = self._advance(x, t + step, step, knots, checkpoint)
             self.record.add(found.record)
             tangled = found.record.tangles > knots and step > TANGLED_STEP * first
             if tangled or not found.record.converged:
@@ -136,8 +136,10 @@ class _Path:
             checkpoint.done()
         return Equilibrium(x, self.record)
 
-    def _advance(self, x: Array, t: float, step: float, checkpoint: Checkpoint | None) -> Equilibrium:
-        """Solve at t from a prediction out of x, the equilibrium one step before."""
+    def _advance(
+        self, x: Array, t: float, step: float, knots: int, checkpoint: Checkpoint | None
+    ) -> Equilibrium:
+        """Solve at t from a prediction out of x, the equilibrium one step before with `knots` tangles."""
         energy = Sum(self.make_potentials(t))
         target = x if self.prescribed is None else self.prescribed(t)
         begun = time.perf_counter()
@@ -145,11 +147,13 @@ class _Path:
         self.record.seconds["linear"] += time.perf_counter() - begun
         if checkpoint is not None:
             checkpoint.at(t, step)
-        return self._minimise(energy, start, t, checkpoint)
+        return self._minimise(energy, start, t, knots, checkpoint)
 
-    def _minimise(self, energy: Sum, x: Array, t: float, checkpoint: Checkpoint | None) -> Equilibrium:
+    def _minimise(
+        self, energy: Sum, x: Array, t: float, knots: int, checkpoint: Checkpoint | None
+    ) -> Equilibrium:
         options = self.options if t >= 1.0 else self.intermediate
-        return Attempts(energy, x, self.free, options, self.systems, checkpoint).best()
+        return Attempts(energy, x, self.free, options, self.systems, checkpoint).best(knots)
 
     def _take_up(self, x: Array, step: float, checkpoint: Checkpoint) -> tuple[float, float, Array]:
         """Load, step and positions to start from: those of an earlier run of the same problem, if any."""
@@ -162,7 +166,7 @@ class _Path:
         t, step, state = earlier
         log.info("%s: taken up at t = %.4f from %s", self.options.name, t, checkpoint.path)
         checkpoint.at(t, step)
-        found = self._minimise(Sum(self.make_potentials(t)), state, t, checkpoint)
+        found = self._minimise(Sum(self.make_potentials(t)), state, t, 0, checkpoint)
         self.record.add(found.record)
         return (t, step, found.x) if found.record.converged else (0.0, step, x)
 

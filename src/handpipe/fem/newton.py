@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 
 import numpy as np
@@ -20,9 +21,10 @@ log = logging.getLogger(__name__)
 
 ARMIJO = 1e-4  # share of the predicted decrease that a step must bring
 ROUNDING = 1e-13  # of the energy: differences below this say nothing
+EPSILON = 1e-16
 RESTING = 5  # steps in a row below the tolerance that make a shape rest
 NEGLIGIBLE = 1e-3  # of a tolerance
-LOOSEST, TIGHTEST = 0.1, 1e-4  # relative error of the linear solves
+LOOSEST, TIGHTEST = 0.01, 1e-4  # relative error of the linear solves
 KICK = 0.1  # of the spacing of vertices, away from a stationary point that is no minimum
 MAX_ESCAPES = 5
 SMALL_STRAIN = 1e-3
@@ -51,7 +53,7 @@ class Newton:
         self._systems, self._checkpoint = systems, checkpoint
         self._unknowns = free
         self._directions = Directions(energy, free, systems, self.record)
-        self._scale = 0.0
+        self._scale = self._least_scale = self._energy_noise = 0.0
         self._value = 0.0
         self._renewed = any(hasattr(p, "refresh") for p in energy.potentials)
         self._left: tuple[Array, float] | None = None
@@ -119,7 +121,10 @@ class Newton:
         start = time.perf_counter()
         stiffness = self.energy.hessian(self.x)
         diagonal = np.abs(stiffness.diagonal())[self.free]
-        self._scale = SMALL_STRAIN * float(diagonal.mean()) * self._spacing()
+        force = float(diagonal.mean()) * self._spacing()
+        self._least_scale = SMALL_STRAIN * force
+        # Each element's energy near rest is a difference of terms as large as those of a strain of one.
+        self._energy_noise = EPSILON * force * self._spacing() * math.sqrt(len(self.x))
         pins = unheld.pins(self.energy, stiffness, self.x, self.free)
         self.record.seconds["assembly"] += time.perf_counter() - start
         if len(pins):
@@ -131,10 +136,10 @@ class Newton:
         self._directions = Directions(self.energy, unknowns, self._systems, self.record)
 
     def _gradient(self) -> Array:
-        """Gradient (3n,); the characteristic force is renewed on the way."""
+        """Gradient (3n,); the characteristic force at x is renewed on the way."""
         start = time.perf_counter()
         parts = [p.gradient(self.x) for p in self.energy.potentials]
-        self._scale = max([self._scale, *(_largest(p) for p in parts)])
+        self._scale = max([self._least_scale, *(_largest(p) for p in parts)])
         self.record.seconds["assembly"] += time.perf_counter() - start
         return np.sum(parts, axis=0).reshape(-1)
 
@@ -165,12 +170,14 @@ class Newton:
         return residual <= limit or length <= NEGLIGIBLE * tolerance
 
     def _finish(self, direction: Array) -> None:
-        """Take the last step too, where it costs no energy."""
+        """Take the last step too, where it brings forces down: its energy is often lost in rounding."""
         trial = self.x + direction.reshape(self.x.shape)
         if self.energy.max_step(self.x, trial - self.x) == 1.0:
             value = self.energy.value(trial)
-            if value <= self._value + self._rounding(_largest(direction)):
+            residual = _largest(np.where(self.free, self.energy.gradient(trial).reshape(-1), 0.0))
+            if np.isfinite(value) and residual < self.record.residuals[-1]:
                 self.x, self._value = trial, value
+                self.record.residuals[-1] = residual
         self.record.converged, self.record.reason = True, "converged"
         log.info(
             "%s: converged in %d iterations, residual %.2e mN of %.2e mN",
@@ -195,7 +202,10 @@ class Newton:
         rng = np.random.default_rng(self.record.escapes)
         kick = np.where(self._unknowns, rng.normal(size=self.x.size), 0.0).reshape(self.x.shape)
         kick *= KICK * self._spacing() / _largest(kick)
-        self.x = self.x + self.energy.max_step(self.x, kick) * kick
+        kick *= self.energy.max_step(self.x, kick)
+        while not np.isfinite(self.energy.value(self.x + kick)):
+            kick *= 0.5
+        self.x = self.x + kick
         self._value = self.energy.value(self.x)
         log.info("%s: stationary without being a minimum, going on from nearby", self.options.name)
         return True
@@ -237,7 +247,7 @@ class Newton:
 
     def _rounding(self, length: float) -> float:
         """Differences of energy, over a step of this length, that say nothing."""
-        return ROUNDING * (abs(self._value) + self._scale * length)
+        return ROUNDING * (abs(self._value) + self._scale * length) + self._energy_noise
 
     def _stretch(self, step: Array, trial: Array, value: float) -> tuple[Array, float, float]:
         """Double an accepted step while the energy goes on falling: a convexified Hessian is too stiff."""
