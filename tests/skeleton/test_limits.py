@@ -60,4 +60,4 @@ def test_a_round_bone_has_no_long_axis():
 def test_a_mirrored_hand_has_the_same_limits():
     poses = [ZERO | {"PIP2_flexion": 0.3, "MP4_abduction": -0.5}]
     right, left = (widened_limits(rig(False, mirrored, poses)) for mirrored in (False, True))
-    assert {n: pair for n, pair in left.items()} == {n: pytest.approx(p, abs=1e-6) for n, p in right.items()}
+    assert left == {n: pytest.approx(p, abs=1e-6) for n, p in right.items()}

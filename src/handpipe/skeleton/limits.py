@@ -86,9 +86,8 @@ def neutral_bend(rig: Rig, joint: RigJoint, index: int) -> float:
     parent, child = long_axis(rig.surfaces[joint.parent]), long_axis(rig.surfaces[joint.child])
     if parent is None or child is None:
         return 0.0
-    outwards = rig.surfaces[joint.child].vertices.mean(axis=0) - rig.surfaces[joint.parent].vertices.mean(
-        axis=0
-    )
+    middles = [rig.surfaces[bone].vertices.mean(axis=0) for bone in (joint.parent, joint.child)]
+    outwards = middles[1] - middles[0]
     axis = joint.fit.axes.directions[index]
     a, b = (v * np.sign(v @ outwards) for v in (parent, child))
     a, b = a - (a @ axis) * axis, b - (b @ axis) * axis

@@ -104,7 +104,9 @@ def depths(
     The depth is the largest signed distance of either bone's vertices inside the other. Bones that move as
     one do not count.
     """
-    rigid = {j.child: j.parent for j in rig.joints if not j.angles}
+    body = {rig.root: rig.root}
+    for joint in rig.joints:
+        body[joint.child] = joint.child if joint.angles else body[joint.parent]
     found: dict[Pair, float] = {}
     bones = list(rig.bones)
     for i, a in enumerate(bones):
@@ -112,7 +114,7 @@ def depths(
             (ca, ra), (cb, rb) = spheres[a], spheres[b]
             if np.linalg.norm(transforms[a](ca) - transforms[b](cb)) > ra + rb:
                 continue
-            if rigid.get(a, a) == rigid.get(b, b):
+            if body[a] == body[b]:
                 continue
             across = transforms[b].inverse() @ transforms[a]
             depth = max(
