@@ -37,7 +37,8 @@ def test_shipped_scenes_are_valid(path):
     ("change", "field"),
     [
         (lambda c: c["poses"]["hook"].pop("volume"), r"poses\.hook\.volume"),
-        (lambda c: c["poses"]["hook"].pop("seeds"), r"poses\.hook\.seeds"),
+        (lambda c: c["poses"]["neutral"].pop("seeds"), r"poses\.neutral.*neutral pose needs seeds"),
+        (lambda c: c.update(scanner={"spacing": 1.0}), r"scanner.*phantom-hand"),
         (lambda c: c["poses"]["hook"].update(role="neutral"), "exactly one pose has the role neutral"),
         (lambda c: c["joints"]["PIP2"].update(parent="femur"), r"joints\.PIP2.*'femur'"),
         (lambda c: c["tendons"]["flexor2"].update(bone="femur"), r"tendons\.flexor2.*'femur'"),

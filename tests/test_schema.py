@@ -52,7 +52,7 @@ def test_shipped_files_follow_their_schema(path):
 @pytest.mark.parametrize(
     "change",
     [
-        lambda c: c["poses"]["neutral"].pop("seeds"),
+        lambda c: c["poses"]["neutral"].pop("volume"),
         lambda c: c["poses"]["neutral"].update(role="unknown"),
         lambda c: c["poses"]["neutral"].update(volumes="typo.nii.gz"),
         lambda c: c["bones"]["distal2"].update(label=255),

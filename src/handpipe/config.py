@@ -31,8 +31,9 @@ class Pose(Model):
 
     role: Role
     volume: Path = Field(description="MRI volume: NIfTI, NRRD, or a folder of DICOM slices")
-    seeds: Path = Field(
-        description="seeds: label volume on the grid of `volume`; 0 none, bone labels, 255 background"
+    seeds: Path | None = Field(
+        None,
+        description="seeds: label volume on the grid of `volume`; 0 none, bone labels, 255 background",
     )
     scan: Path | None = Field(
         None, description="skin scan: PLY, OBJ or STL in mm, in the frame of `volume`; may have holes"
@@ -97,6 +98,16 @@ class Nail(Model):
     surface: Path = Field(description="the nail's patch of the neutral skin, an open surface in mm")
 
 
+class Scanner(Model):
+    """How a generated subject is imaged, where its generator asks."""
+
+    spacing: float = Field(default=0.5, ge=0.2, le=3.0, description="voxel size in mm")
+    bias: float = Field(default=0.2, ge=0, lt=1, description="amplitude of the bias field, as a share")
+    noise: float = Field(
+        default=0.03, ge=0, description="deviation of the Rician noise, as a share of marrow's intensity"
+    )
+
+
 class Truth(Model):
     """Known truth of a phantom in each pose: `folder`/{pose}.h5 and label volumes beside it."""
 
@@ -107,8 +118,9 @@ class Dataset(Model):
     """Everything that a subject has."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
-    generator: Literal["phantom-finger", "zanatomy-index"] | None = None
+    generator: Literal["phantom-finger", "zanatomy-index", "phantom-hand"] | None = None
     seed: int = 0
+    scanner: Scanner | None = Field(None, description="phantom-hand only: voxel size, bias field and noise")
     anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
     units: Literal["mm"] = "mm"
@@ -134,6 +146,10 @@ class Dataset(Model):
     def _consistent(self) -> Dataset:
         if [p.role for p in self.poses.values()].count(Role.neutral) != 1:
             raise ValueError("poses: exactly one pose has the role neutral")
+        if self.poses[self.neutral].seeds is None:
+            raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds")
+        if self.scanner is not None and self.generator != "phantom-hand":
+            raise ValueError("scanner: is only for the generator phantom-hand")
         for kind, named in (
             *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),
             *((f"tendons.{k}", (t.bone, *t.bones)) for k, t in self.tendons.items()),

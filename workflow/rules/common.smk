@@ -6,6 +6,7 @@ import hashlib
 import json
 from pathlib import Path
 
+import yaml
 from snakemake.exceptions import WorkflowError
 
 from handpipe.config import LAYERS, Role, load_dataset, load_scene
@@ -74,6 +75,23 @@ def buildable_subjects():
     return kept
 
 
+def bones_alone():
+    """Generated subjects without skin scans, whose generator makes images and truth of bones alone.
+
+    Read without checks: a mistake in another subject's file is that subject's matter.
+    """
+    found = []
+    for file in sorted(Path("config/datasets").glob("*.yaml")):
+        content = yaml.safe_load(file.read_text(encoding="utf-8")) or {}
+        poses = content.get("poses", {}).values()
+        if "generator" in content and not any("scan" in pose for pose in poses):
+            found.append(file.stem)
+    return found
+
+
+BONES_ALONE = "|".join(bones_alone()) or "-"  # a pattern for subjects; "-" is no subject
+
+
 def each_subject(pattern):
     """The files of a pattern under results/{subject}, for every subject, over its own ligaments and scenes."""
     return [
@@ -139,6 +157,16 @@ def of_pose(field):
         return [] if path is None else data.path(path)
 
     return files
+
+
+def seeds_of_pose(wildcards):
+    """The pose's seeds; a message where the dataset names none."""
+    if not (found := of_pose("seeds")(wildcards)):
+        raise WorkflowError(
+            f"handpipe: {dataset_file(wildcards.subject)}: poses.{wildcards.pose}.seeds: is not given. "
+            "Draw seeds in every pose that is to be segmented and name their file"
+        )
+    return found
 
 
 def in_poses(pattern, *roles):

@@ -26,6 +26,8 @@ rule generate_templates:
 rule generate_pose:
     input:
         dataset=ancient(of_dataset),
+    wildcard_constraints:
+        subject=f"(?!(?:{BONES_ALONE})/)[a-z][a-z0-9-]*",
     output:
         volume="results/{subject}/data/volumes/{pose}.nii.gz",
         seeds="results/{subject}/data/seeds/{pose}.nii.gz",
@@ -47,6 +49,57 @@ rule generate_pose:
         "{wildcards.subject}: images, scan and truth of {wildcards.pose}"
     script:
         "../scripts/generate_pose.py"
+
+
+rule generate_bones:
+    input:
+        dataset=ancient(of_dataset),
+    wildcard_constraints:
+        subject=BONES_ALONE,
+    output:
+        volume="results/{subject}/data/volumes/{pose}.nii.gz",
+        truth="results/{subject}/data/truth/{pose}.h5",
+        bones="results/{subject}/data/truth/{pose}.bones.nii.gz",
+        marrow="results/{subject}/data/truth/{pose}.marrow.nii.gz",
+    log:
+        "results/{subject}/logs/generate_bones/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/generate_bones/{pose}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        dataset=dataset_digest,
+    message:
+        "{wildcards.subject}: image and truth of the bones of {wildcards.pose}"
+    script:
+        "../scripts/generate_pose.py"
+
+
+rule generate_seeds:
+    input:
+        dataset=ancient(of_dataset),
+        bones="results/{subject}/data/truth/{pose}.bones.nii.gz",
+        marrow="results/{subject}/data/truth/{pose}.marrow.nii.gz",
+    wildcard_constraints:
+        subject=BONES_ALONE,
+    output:
+        "results/{subject}/data/seeds/{pose}.nii.gz",
+    log:
+        "results/{subject}/logs/generate_seeds/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/generate_seeds/{pose}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        dataset=dataset_digest,
+    message:
+        "{wildcards.subject}: seeds of {wildcards.pose} as a person would draw them"
+    script:
+        "../scripts/generate_seeds.py"
 
 
 rule check_subject:

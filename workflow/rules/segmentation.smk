@@ -6,7 +6,7 @@ rule segment_bone:
         dataset=ancient(of_dataset),
         check=subject_check,
         volume=of_pose("volume"),
-        seeds=of_pose("seeds"),
+        seeds=seeds_of_pose,
         scribbles=lambda w: scribbles(w.subject, w.pose, w.bone),
     output:
         "results/{subject}/segmentation/{pose}/bones/{bone}.h5",
@@ -30,7 +30,7 @@ rule merge_labels:
     input:
         dataset=ancient(of_dataset),
         volume=of_pose("volume"),
-        seeds=of_pose("seeds"),
+        seeds=seeds_of_pose,
         bones=lambda w: expand(
             "results/{subject}/segmentation/{pose}/bones/{bone}.h5",
             bone=dataset(w.subject).bones,

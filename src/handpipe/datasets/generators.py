@@ -8,7 +8,11 @@ from typing import Protocol, cast
 from handpipe.config import Dataset
 from handpipe.errors import InputError
 
-MODULES = {"phantom-finger": "phantom_finger", "zanatomy-index": "zanatomy_index"}
+MODULES = {
+    "phantom-finger": "phantom_finger",
+    "zanatomy-index": "zanatomy_index",
+    "phantom-hand": "phantom_hand",
+}
 
 
 class Generator(Protocol):

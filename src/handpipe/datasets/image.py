@@ -192,7 +192,9 @@ def paint_shares(image: Array, intensity: float, shares: Iterable[Share]) -> Non
     total = np.zeros_like(image)
     for block, share in shares:
         total[block] += share
-    image += np.minimum(total, 1.0) * (intensity - image)
+    np.minimum(total, 1.0, out=total)
+    total *= intensity - image
+    image += total
 
 
 def label_volume(surfaces: Mapping[int, Surface], grid: Grid) -> NDArray[np.uint8]:
@@ -222,9 +224,13 @@ def acquire(
     """
     field = bias_field(grid, bias, rng)
     gain = float(rng.uniform(300.0, 1500.0))
-    real = clean * field + noise * rng.standard_normal(grid.shape)
-    imaginary = noise * rng.standard_normal(grid.shape)
-    return gain * np.hypot(real, imaginary), field, gain
+    real = clean * field
+    real += noise * rng.standard_normal(grid.shape)
+    imaginary = rng.standard_normal(grid.shape)
+    imaginary *= noise
+    np.hypot(real, imaginary, out=real)
+    real *= gain
+    return real, field, gain
 
 
 def write_volume(path: str | object, data: NDArray, grid: Grid) -> None:

@@ -40,6 +40,21 @@ def round_cone(
     return value
 
 
+def rounded_box(
+    centre: tuple[float, float, float], half: tuple[float, float, float], rounding: float
+) -> Implicit:
+    """Box along the axes of half lengths `half`, its edges rounded by a radius; an exact distance."""
+    c, inner = np.array(centre), np.array(half) - rounding
+
+    def value(x: Array) -> Array:
+        beyond = np.abs(x - c) - inner
+        return (
+            np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0) - rounding
+        )
+
+    return value
+
+
 def smooth_union(shapes: list[Implicit], blend: float) -> Implicit:
     """Union of shapes rounded over `blend` mm where they meet (polynomial smooth minimum)."""
 
@@ -49,6 +64,22 @@ def smooth_union(shapes: list[Implicit], blend: float) -> Implicit:
             other = shape(x)
             h = np.maximum(blend - np.abs(result - other), 0.0) / blend
             result = np.minimum(result, other) - 0.25 * blend * h**2
+        return result
+
+    return value
+
+
+def carved(
+    shape: Implicit, obstacle: Implicit, gap: float, blend: float = 0.6, depth: float = 3.0
+) -> Implicit:
+    """The shape without what is closer than `gap` mm to an obstacle, cut at most `depth` mm deep."""
+
+    def value(x: Array) -> Array:
+        result = shape(x)
+        near = np.flatnonzero(np.abs(result) < depth)
+        own, cut = result[near], gap - obstacle(x[near])
+        h = np.maximum(blend - np.abs(own - cut), 0.0) / blend
+        result[near] = np.maximum(own, cut) + 0.25 * blend * h**2
         return result
 
     return value

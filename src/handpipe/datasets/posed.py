@@ -68,7 +68,8 @@ def write_pose(
     labels = {name: bone.label for name, bone in dataset.bones.items()}
     whole = seeds.majority({labels[n]: image.occupancy(s, grid) for n, s in posed.bones.items()})
     marrow = seeds.majority({labels[n]: image.occupancy(s, grid) for n, s in posed.marrow.items()})
-    image.write_volume(dataset.path(files.seeds), seeds.scribble(marrow, whole, grid, rng), grid)
+    if files.seeds is not None:
+        image.write_volume(dataset.path(files.seeds), seeds.scribble(marrow, whole, grid, rng), grid)
     if files.scan is not None:
         write_surface(dataset.path(files.scan), *scan)
     if dataset.truth is not None:

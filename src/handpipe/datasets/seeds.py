@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
+from typing import Any
 
+import nibabel
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, find_objects
 
-from handpipe.datasets.image import Grid
+from handpipe.config import Dataset
+from handpipe.datasets.image import Grid, write_volume
+from handpipe.errors import InputError
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.uint8]
@@ -39,6 +44,48 @@ def scribble(
         around = (far > 1.5) & (near < 6.0)
         _draw(seeds, around, BACKGROUND, grid, rng, 3 * strokes, length)
     return seeds
+
+
+def scribble_locally(
+    marrow: Labels,
+    whole: Labels,
+    grid: Grid,
+    rng: np.random.Generator,
+    *,
+    strokes: int = 8,
+    length: float = 6.0,
+) -> Labels:
+    """As `scribble`, each bone in a box around it: for volumes with many bones."""
+    seeds = np.zeros(grid.shape, dtype=np.uint8)
+    reach = int(np.ceil(7.0 / grid.spacing))
+    for value, box in enumerate(find_objects(whole), 1):
+        if box is None or not (marrow[box] == value).any():
+            continue
+        x, y, z = (slice(max(s.start - reach, 0), s.stop + reach) for s in box)
+        local = Grid(seeds[x, y, z].shape, grid.origin, grid.spacing)
+        own = np.where(marrow[x, y, z] == value, marrow[x, y, z], 0)
+        drawn = scribble(own, whole[x, y, z], local, rng, strokes=strokes, length=length)
+        seeds[x, y, z] = np.where(drawn > 0, drawn, seeds[x, y, z])
+    return seeds
+
+
+def draw(dataset: Dataset, pose: str) -> None:
+    """Write a generated pose's seeds where the dataset names them, from its true label volumes.
+
+    Raises `InputError` where the dataset names no seeds for the pose or has no truth.
+    """
+    path = dataset.poses[pose].seeds
+    if path is None or dataset.truth is None:
+        field = f"poses.{pose}.seeds" if path is None else "truth"
+        raise InputError(dataset.name, field, "is not given", "Name it in the dataset file")
+    folder = dataset.path(dataset.truth.folder)
+    images: list[Any] = [nibabel.load(folder / f"{pose}.{part}.nii.gz") for part in ("bones", "marrow")]
+    whole, marrow = (np.asarray(image.dataobj, dtype=np.uint8) for image in images)
+    nx, ny, nz = whole.shape
+    affine = np.asarray(images[0].affine)
+    grid = Grid((nx, ny, nz), affine[:3, 3], float(affine[0, 0]))
+    rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 3])
+    write_volume(dataset.path(path), scribble_locally(marrow, whole, grid, rng), grid)
 
 
 def _widest(depth: Array, spacing: float) -> NDArray[np.bool_]:
