@@ -109,6 +109,15 @@ def _bone(start, end, radius, flip):
     return surface if surface.volume() > 0 else Surface(surface.vertices, surface.triangles[:, ::-1])
 
 
+def relative(name, values, residuals=True):
+    """Motion of a joint's child relative to its parent by the same formula, at values (dof,) in rad."""
+    child = next(d[2] for d in DESCRIPTION if d[0] == name)
+    names = next(d[3] for d in DESCRIPTION if d[0] == name)
+    still = {n: 0.0 for d in DESCRIPTION for n in d[3]} | dict(zip(names, values, strict=True))
+    shift, rotation = posed(np.zeros(3), child, still, residuals)
+    return RigidTransform(rotation, shift)
+
+
 def posed(point, child, angles, residuals=True):
     """Where a neutral point of a bone goes, and the bone's rotation: Eq. 2 joint by joint, from the child up.
 

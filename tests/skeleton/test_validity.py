@@ -33,7 +33,7 @@ def test_an_angle_beyond_is_named_by_how_much():
 
 
 def test_a_pose_in_every_range_may_still_be_far_from_all():
-    """Only fists, open to closed, were seen: every other finger closed alone is in the range of each joint."""
+    """Only fists, open to closed, were seen; every other finger closed alone is in each joint's range."""
     fist = {n: 1.0 if n.endswith("flexion") else 0.0 for n in ZERO}
     fists = [{n: s * a for n, a in fist.items()} for s in (0.2, 0.4, 0.6, 0.8, 1.0)]
     check = PoseValidity(rig(poses=fists))
