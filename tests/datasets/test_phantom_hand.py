@@ -11,11 +11,13 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from handpipe import artifacts
-from handpipe.config import Dataset, Pose, Role, Scanner, load_dataset
+from handpipe.config import Dataset, Pose, Role, Scanner, load_dataset, load_scene
 from handpipe.datasets import generators, image, phantom_hand, seeds
 from handpipe.datasets.phantom_hand_bones import RAYS, ROOT, WITH_ROOT
 from handpipe.datasets.phantom_hand_joints import POSES, joints
 from handpipe.errors import InputError
+from handpipe.hand.subject import joint_limits
+from handpipe.skeleton.angles import read_angles
 
 CONFIG = Path(__file__).parents[2] / "config/datasets"
 NAMES = ("phantom-hand", "phantom-hand-seeded", "phantom-hand-left")
@@ -75,6 +77,14 @@ def test_dataset_files_say_what_the_truth_is(name):
             assert hint @ axis > 0.95 * np.linalg.norm(hint)
         for angle, (lower, upper) in zip(joint.angles, joint.limits_deg, strict=True):
             assert all(lower <= angles[angle] <= upper for angles in POSES.values())
+
+
+def test_the_scene_of_all_poses_fits_the_hand():
+    data = load_dataset(CONFIG / "phantom-hand.yaml")
+    frames = read_angles(load_scene(CONFIG.parent / "scenes/hand-poses.yaml").frames, joint_limits(data))
+    assert list(frames) == list(POSES)
+    for pose, angles in frames.items():
+        assert angles == pytest.approx({name: np.radians(value) for name, value in POSES[pose].items()})
 
 
 def test_lengths_are_those_of_the_measurements(hands):

@@ -153,12 +153,14 @@ def clean_image(posed: PosedHand, grid: image.Grid) -> Array:
     value, cones = image.INTENSITIES, posed.tissues
     painted = np.full(grid.shape, value["air"])
 
+    inside = tissue.share_of_cones(cones.skin, grid, tissue.SKIN_BLEND)
+    painted += inside * (value["fat"] - painted)
+
     def soft(intensity: float, rows: Array, blend: float = 0.0) -> None:
-        share = tissue.share_of_cones(rows, grid, blend)
+        share = np.minimum(tissue.share_of_cones(rows, grid, blend), inside)
         share *= intensity - painted  # voxel by voxel: what the tissue changes
         np.add(painted, share, out=painted)
 
-    soft(value["fat"], cones.skin, tissue.SKIN_BLEND)
     soft(value["muscle"], cones.muscle, 2.0)
     soft(CARTILAGE, cones.cartilage, 1.0)
     soft(value["ligament"], cones.ligament)
