@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-OPTIONS = Options(displacement_tolerance=1e-3, force_tolerance=1e-3, name="soft tissue")
+OPTIONS = Options(displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=False, name="soft tissue")
 # Root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's noise;
 # gross is more than the mean error of any model of the skin: figures of such a shape would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)

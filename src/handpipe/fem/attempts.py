@@ -12,8 +12,8 @@ from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.newton import Newton
 from handpipe.fem.potential import Sum
 from handpipe.fem.record import Equilibrium, Options, Record
-from handpipe.fem.system_sequence import SystemSequence
-from handpipe.fem.untangling import by_stand_in, from_rest, nearly_incompressible, tangles
+from handpipe.fem.untangling import by_stand_in, from_rest, inverted, nearly_incompressible, tangles
+from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
@@ -28,11 +28,11 @@ class Attempts:
         x: Array,
         free: NDArray[np.bool_],
         options: Options,
-        systems: SystemSequence,
+        workspace: Workspace,
         checkpoint: Checkpoint | None = None,
     ) -> None:
         self.energy, self.x, self.free = energy, x, free
-        self.options, self.systems, self.checkpoint = options, systems, checkpoint
+        self.options, self.workspace, self.checkpoint = options, workspace, checkpoint
         self.record = Record()
 
     def best(self, accepted: int = 0) -> Equilibrium:
@@ -45,9 +45,10 @@ class Attempts:
             newton.record.tangles = tangles(self.energy, newton.x)
             if best is None or _worth(newton) > _worth(best):
                 best = newton
-            if newton.record.tangles <= accepted:
+            fine = newton.record.tangles <= accepted or not self.options.untangle
+            if newton.record.converged and fine:
                 break
-            log.info("%s: ended with %d tangles", self.options.name, newton.record.tangles)
+            log.info("%s: %s with %d tangles", self.options.name, newton.record.reason, newton.record.tangles)
         assert best is not None
         for name in ("converged", "reason", "tangles"):
             setattr(self.record, name, getattr(best.record, name))
@@ -58,7 +59,7 @@ class Attempts:
     def _ways(self) -> Iterator[Newton]:
         """Finished minimisations, the quickest way first."""
         soft = nearly_incompressible(self.energy)
-        if tangles(self.energy, self.x) == 0:
+        if inverted(self.energy, self.x) == 0:
             first = self._newton(self.x, impatient=soft)
             if not first.struggling:
                 yield first
@@ -66,20 +67,22 @@ class Attempts:
                 yield self._by_stand_in(self.x)
                 yield self._newton(self.x)
         else:
-            yield self._by_stand_in(self.x)
+            if self.options.untangle:
+                yield self._by_stand_in(self.x)
             yield self._newton(self.x)
-        if not any(hasattr(p, "max_step") for p in self.energy.potentials):
+        bounded = any(hasattr(p, "max_step") for p in self.energy.potentials)
+        if self.options.untangle and not bounded:
             yield self._by_stand_in(from_rest(self.energy, self.x, self.free))
 
     def _newton(self, x: Array, impatient: bool = False) -> Newton:
-        newton = Newton(self.energy, x, self.free, self.options, self.systems, self.checkpoint, impatient)
+        newton = Newton(self.energy, x, self.free, self.options, self.workspace, self.checkpoint, impatient)
         newton.run()
         if newton.struggling:
             self.record.add(newton.record)
         return newton
 
     def _by_stand_in(self, x: Array) -> Newton:
-        loose = by_stand_in(self.energy, x, self.free, self.options, self.systems)
+        loose = by_stand_in(self.energy, x, self.free, self.options, self.workspace)
         self.record.add(loose.record)
         return self._newton(loose.x)
 

@@ -11,10 +11,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix
-from handpipe.fem.potential import Sum, same_pattern
+from handpipe.fem.potential import Sum
 from handpipe.fem.record import Record
-from handpipe.fem.reduction import FreeBlock
-from handpipe.fem.system_sequence import SystemSequence
+from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
 Result = TypeVar("Result")
@@ -29,10 +28,9 @@ class Directions:
     `convexified` tells whether the last Hessian was not positive definite.
     """
 
-    def __init__(self, energy: Sum, free: NDArray[np.bool_], systems: SystemSequence, record: Record) -> None:
-        self.energy, self.free, self.systems, self.record = energy, free, systems, record
+    def __init__(self, energy: Sum, free: NDArray[np.bool_], workspace: Workspace, record: Record) -> None:
+        self.energy, self.free, self.workspace, self.record = energy, free, workspace, record
         self.convexified = False
-        self._block: FreeBlock | None = None
         self._share = 0.0
 
     def at(self, x: Array, gradient: Array, tolerance: float) -> Array | None:
@@ -55,10 +53,16 @@ class Directions:
 
     def stiffness(self, x: Array, project: bool = False) -> sp.csr_matrix:
         """Hessian (N, N) of the unknowns at x."""
-        matrix = self.energy.hessian(x, project)
-        if self._block is None or not same_pattern(self._block.source, matrix):
-            self._block = FreeBlock(matrix, self.free)
-        return self._block.matrix(matrix)
+        matrix = self.energy.hessian(x, True) if project else self.tangent(x)
+        return self.workspace.block(matrix, self.free)
+
+    def tangent(self, x: Array) -> sp.csr_matrix:
+        """Plain Hessian (3n, 3n) at x, kept for a second use."""
+        matrix = self.workspace.tangent(self.energy, x, 0.0)
+        if matrix is None:
+            matrix = self.energy.hessian(x)
+            self.workspace.keep(self.energy, x, matrix)
+        return matrix
 
     def _by_blend(
         self, plain: sp.csr_matrix, projected: sp.csr_matrix, force: Array, tolerance: float
@@ -93,10 +97,12 @@ class Directions:
 
     def _solve(self, matrix: sp.csr_matrix, force: Array, tolerance: float) -> Array | None:
         """Solution, or None where the matrix is not positive definite."""
+
+        def work() -> Array:
+            return self.workspace.systems.solve(matrix, force, tolerance=tolerance, free=self.free)
+
         try:
-            return self._timed(
-                "linear", lambda: self.systems.solve(matrix, force, tolerance=tolerance, free=self.free)
-            )
+            return self._timed("linear", work)
         except (NotPositiveDefinite, SingularMatrix):
             return None
 

@@ -16,7 +16,7 @@ from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.potential import Potential, Sum
 from handpipe.fem.prediction import predict
 from handpipe.fem.record import Equilibrium, Options, Record
-from handpipe.fem.system_sequence import SystemSequence
+from handpipe.fem.workspace import Workspace
 
 __all__ = ["Equilibrium", "Options", "Record", "continuation", "solve"]
 
@@ -50,7 +50,7 @@ def solve(
         if earlier is not None:
             log.info("%s: taken up from %s", options.name, checkpoint.path)
             x = earlier[2]
-    found = Attempts(energy, x, free, options, SystemSequence(rest=x), checkpoint).best()
+    found = Attempts(energy, x, free, options, Workspace(x), checkpoint).best()
     if not found.record.converged and not options.allow_partial:
         raise ConvergenceError(options.name, found.record.reason)
     if checkpoint is not None:
@@ -105,7 +105,7 @@ class _Path:
         self, x: Array, step: float, bounds: tuple[float, float], checkpoint: Checkpoint | None
     ) -> Equilibrium:
         """Positions at t = 1, or the last ones reached where the options allow that."""
-        self.systems = SystemSequence(rest=x)
+        self.workspace = Workspace(x)
         t, first, knots, started = 0.0, step, 0, time.perf_counter()
         if checkpoint is not None:
             t, step, x = self._take_up(x, step, checkpoint)
@@ -143,7 +143,7 @@ class _Path:
         energy = Sum(self.make_potentials(t))
         target = x if self.prescribed is None else self.prescribed(t)
         begun = time.perf_counter()
-        start = predict(energy, x, target, self.free, self.systems)
+        start = predict(energy, x, target, self.free, self.workspace)
         self.record.seconds["linear"] += time.perf_counter() - begun
         if checkpoint is not None:
             checkpoint.at(t, step)
@@ -153,7 +153,7 @@ class _Path:
         self, energy: Sum, x: Array, t: float, knots: int, checkpoint: Checkpoint | None
     ) -> Equilibrium:
         options = self.options if t >= 1.0 else self.intermediate
-        return Attempts(energy, x, self.free, options, self.systems, checkpoint).best(knots)
+        return Attempts(energy, x, self.free, options, self.workspace, checkpoint).best(knots)
 
     def _take_up(self, x: Array, step: float, checkpoint: Checkpoint) -> tuple[float, float, Array]:
         """Load, step and positions to start from: those of an earlier run of the same problem, if any."""

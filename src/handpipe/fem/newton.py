@@ -14,7 +14,7 @@ from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.direction import Directions
 from handpipe.fem.potential import Sum
 from handpipe.fem.record import Options, Record
-from handpipe.fem.system_sequence import SystemSequence
+from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
@@ -43,16 +43,16 @@ class Newton:
         x: Array,
         free: NDArray[np.bool_],
         options: Options,
-        systems: SystemSequence,
+        workspace: Workspace,
         checkpoint: Checkpoint | None = None,
         impatient: bool = False,
     ) -> None:
         self.impatient, self.struggling = impatient, False
         self.energy, self.x, self.free, self.options = energy, x, free, options
         self.record = Record()
-        self._systems, self._checkpoint = systems, checkpoint
+        self._workspace, self._checkpoint = workspace, checkpoint
         self._unknowns = free
-        self._directions = Directions(energy, free, systems, self.record)
+        self._directions = Directions(energy, free, workspace, self.record)
         self._scale = self._least_scale = self._energy_noise = 0.0
         self._value = 0.0
         self._renewed = any(hasattr(p, "refresh") for p in energy.potentials)
@@ -61,10 +61,10 @@ class Newton:
 
     def run(self) -> None:
         """Iterate until converged, stuck or out of iterations."""
-        before = self._systems.work.factorisations, self._systems.work.cg_iterations
+        before = self._workspace.systems.work.factorisations, self._workspace.systems.work.cg_iterations
         self._run()
-        self.record.factorisations = self._systems.work.factorisations - before[0]
-        self.record.cg_iterations = self._systems.work.cg_iterations - before[1]
+        self.record.factorisations = self._workspace.systems.work.factorisations - before[0]
+        self.record.cg_iterations = self._workspace.systems.work.cg_iterations - before[1]
 
     def _run(self) -> None:
         if not self.free.any():
@@ -119,13 +119,16 @@ class Newton:
         of the fixed degrees of freedom vanish at rest.
         """
         start = time.perf_counter()
-        stiffness = self.energy.hessian(self.x)
+        stiffness = self._directions.tangent(self.x)
         diagonal = np.abs(stiffness.diagonal())[self.free]
         force = float(diagonal.mean()) * self._spacing()
         self._least_scale = SMALL_STRAIN * force
         # Each element's energy near rest is a difference of terms as large as those of a strain of one.
         self._energy_noise = EPSILON * force * self._spacing() * math.sqrt(len(self.x))
-        pins = unheld.pins(self.energy, stiffness, self.x, self.free)
+        pins = np.zeros(0, dtype=np.int64)
+        if not self._workspace.held:
+            pins = unheld.pins(self.energy, stiffness, self.x, self.free)
+            self._workspace.held = len(pins) == 0
         self.record.seconds["assembly"] += time.perf_counter() - start
         if len(pins):
             log.info("%s: %d rigid motions are held by nothing and fixed", self.options.name, len(pins))
@@ -133,7 +136,7 @@ class Newton:
 
     def _set_unknowns(self, unknowns: NDArray[np.bool_]) -> None:
         self._unknowns = unknowns
-        self._directions = Directions(self.energy, unknowns, self._systems, self.record)
+        self._directions = Directions(self.energy, unknowns, self._workspace, self.record)
 
     def _gradient(self) -> Array:
         """Gradient (3n,); the characteristic force at x is renewed on the way."""

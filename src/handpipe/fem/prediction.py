@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
-
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix
+from handpipe.fem.newton import spacing
 from handpipe.fem.potential import Sum
-from handpipe.fem.reduction import FreeBlock
-from handpipe.fem.system_sequence import SystemSequence
+from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-2  # relative error of the linear solve: the prediction itself is no better
+TOLERANCE = 1e-3  # relative error of the linear solve; looser ones leave compressed tets at nu = 0.48
+NEAR = 1e-3  # of the spacing of vertices: a tangent from there serves
 
 
-def predict(energy: Sum, x: Array, target: Array, free: NDArray[np.bool_], systems: SystemSequence) -> Array:
+def predict(energy: Sum, x: Array, target: Array, free: NDArray[np.bool_], workspace: Workspace) -> Array:
     """Move the fixed degrees of freedom of x (n, 3) to the target and the others with them.
 
     One linear solve with the tangent stiffness at x, projected where it is not positive definite.
@@ -28,11 +28,22 @@ def predict(energy: Sum, x: Array, target: Array, free: NDArray[np.bool_], syste
     flat[~free] = aim[~free]
     if not moved.any():
         return start
-    for project in (False, True):
-        matrix = energy.hessian(x, project)
-        block = FreeBlock(matrix, free)
-        force = -(matrix @ moved)[free]
-        with contextlib.suppress(NotPositiveDefinite, SingularMatrix):
-            flat[free] += systems.solve(block.matrix(matrix), force, tolerance=TOLERANCE, free=free)
-            break
-    return start  # where both fail, the old shape is a start too
+    tangent = workspace.tangent(None, x, NEAR * spacing(x))
+    change = _response(energy.hessian(x) if tangent is None else tangent, moved, free, workspace)
+    if change is None:
+        change = _response(energy.hessian(x, True), moved, free, workspace)
+    if change is not None:  # else the old shape is a start too
+        flat[free] += change
+    return start
+
+
+def _response(
+    matrix: sp.csr_matrix, moved: Array, free: NDArray[np.bool_], workspace: Workspace
+) -> Array | None:
+    """Displacements of the unknowns that balance those of the others (3n,); None where there are none."""
+    force = -(matrix @ moved)[free]
+    block = workspace.block(matrix, free)
+    try:
+        return workspace.systems.solve(block, force, tolerance=TOLERANCE, free=free)
+    except (NotPositiveDefinite, SingularMatrix):
+        return None

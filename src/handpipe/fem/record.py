@@ -18,6 +18,8 @@ class Options:
     residual force is below `force_tolerance` times the characteristic force (or below a thousandth of that,
     however long the step), the largest force that any potential puts on a vertex. `max_step` bounds a
     vertex's move in one iteration, in mm. `allow_partial`: hand back the best state instead of raising.
+    `untangle`: try other ways where a minimum has tangles; without, the first minimum is taken as it is, as
+    befits bodies that constraints tangle anyway.
     """
 
     displacement_tolerance: float = 1e-4
@@ -25,6 +27,7 @@ class Options:
     max_iterations: int = 100
     max_step: float = np.inf
     allow_partial: bool = False
+    untangle: bool = True
     name: str = "equilibrium"
 
 

@@ -17,7 +17,7 @@ from handpipe.fem.linear import factorise
 from handpipe.fem.newton import Newton, spacing
 from handpipe.fem.potential import Sum
 from handpipe.fem.record import Equilibrium, Options, Record
-from handpipe.fem.system_sequence import SystemSequence
+from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
 
@@ -30,13 +30,18 @@ def tangles(energy: Sum, x: Array) -> int:
     return sum(p.tangles.count(x) for p in energy.potentials if isinstance(p, Elastic))
 
 
+def inverted(energy: Sum, x: Array) -> int:
+    """Number of tets inside out, over all bodies at x (n, 3)."""
+    return sum(p.tangles.inverted(x) for p in energy.potentials if isinstance(p, Elastic))
+
+
 def nearly_incompressible(energy: Sum) -> bool:
     """Whether a stand-in would be softer than some body."""
     return any(isinstance(p, Elastic) and p.nearly_incompressible() for p in energy.potentials)
 
 
 def by_stand_in(
-    energy: Sum, x: Array, free: NDArray[np.bool_], options: Options, systems: SystemSequence
+    energy: Sum, x: Array, free: NDArray[np.bool_], options: Options, workspace: Workspace
 ) -> Equilibrium:
     """A shape near equilibrium of the compressible stand-in of every body, from x (n, 3)."""
     bodies = [p.compressible() if isinstance(p, Elastic) else p for p in energy.potentials]
@@ -46,7 +51,7 @@ def by_stand_in(
         force_tolerance=max(options.force_tolerance, LOOSE_FORCE),
         name=f"{options.name}, stand-in",
     )
-    newton = Newton(Sum(bodies), x, free, loose, systems)
+    newton = Newton(Sum(bodies), x, free, loose, workspace)
     newton.run()
     record = Record(
         untangled=newton.record.iterations,
