@@ -257,17 +257,6 @@ def _stiffness_parallel(
         _stiffness(x, body, share, slots, part, project, data)
 
 
-@njit(cache=True)
-def inverted(x: Array, body: Body) -> int:
-    """Number of tets turned inside out."""
-    f, count = np.empty((3, 3)), 0
-    for e in range(len(body.tets)):
-        gather(x, body.tets[e], body.gradients[e], f)
-        if determinant(f) <= 0.0:
-            count += 1
-    return count
-
-
 def energies(x: Array, body: Body, partition: Partition) -> Array:
     """Energies (m,) of the tets."""
     out = np.empty(len(body.tets))
