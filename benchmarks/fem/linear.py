@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -82,7 +83,8 @@ def _backends(bar: Bar) -> Figures:
             continue
         label = f"{name}_{unknowns}"
         factor = backend(matrix, True, np.inf)
-        again, solve = _seconds(lambda f=factor: f.refactorise(matrix)), _seconds(lambda f=factor: f.solve(b))
+        again = _seconds(partial(factor.refactorise, matrix))
+        solve = _seconds(partial(factor.solve, b))
         price = again / (solve + _seconds(lambda: matrix @ b))
         figures[f"{label}_refactorise"] = {"value": again, "unit": "s"}
         figures[f"{label}_solve"] = {"value": solve, "unit": "s"}
