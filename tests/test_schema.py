@@ -56,7 +56,7 @@ def test_shipped_files_follow_their_schema(path):
         lambda c: c["poses"]["neutral"].update(role="unknown"),
         lambda c: c["poses"]["neutral"].update(volumes="typo.nii.gz"),
         lambda c: c["bones"]["distal2"].update(label=255),
-        lambda c: c["joints"]["PIP2"].update(angles=["A", "B", "C", "D"]),
+        lambda c: c["joints"]["PIP2"].update(type="hinge"),
         lambda c: c["tendons"]["flexor2"].update(radius=0),
         lambda c: c.update(units="m"),
     ],

@@ -60,7 +60,12 @@ class Joint(Model):
     parent: Name
     child: Name
     angles: tuple[Name, ...] = Field(
-        max_length=2, description="one name a degree of freedom; none where both bones move as one"
+        max_length=3, description="one name a degree of freedom; none where both bones move as one"
+    )
+    type: Literal["saddle", "best"] | None = Field(
+        None,
+        description="of two angles: axes at any angle and distance (saddle), or what left-out poses favour "
+        "(best); by default two orthogonal axes through one centre",
     )
     limits_deg: tuple[tuple[float, float], ...]
     axis_hints: tuple[Vector, ...] = Field(
@@ -71,6 +76,8 @@ class Joint(Model):
     def _lengths(self) -> Joint:
         if not len(self.angles) == len(self.limits_deg) == len(self.axis_hints):
             raise ValueError("angles, limits_deg and axis_hints need the same length")
+        if self.type is not None and len(self.angles) != 2:
+            raise ValueError(f"type: {self.type} is for joints of two angles")
         return self
 
 

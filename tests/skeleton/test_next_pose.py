@@ -28,7 +28,7 @@ CANDIDATES = candidates()
 
 
 def true_error(poses, seed):
-    """Root mean square over every other joint and their range, in mm, of joints fitted to noisy scans of the poses."""
+    """Root mean square in mm over every other joint and its range, fitted to noisy scans of the poses."""
     rng, squares = np.random.default_rng(seed), []
     for joint in RIG.joints[::2]:
         scans = [

@@ -191,6 +191,20 @@ def test_round_trip(tmp_path):
         assert np.array_equal(again.surfaces[b].triangles, SURFACES[b].triangles)
 
 
+def test_a_saddle_is_kept_in_the_artifact(tmp_path):
+    joint = DATASET.joints["MP2"].model_copy(update={"type": "saddle"})
+    saddled = DATASET.model_copy(update={"joints": DATASET.joints | {"MP2": joint}})
+    transforms = manufactured(glide=1.0, degrees=0.2, mm=0.1)
+    rig = Rig.fit(saddled, transforms, SURFACES, FIT)
+    assert rig.joints[0].fit.type == "saddle" and rig.joints[0].fit.offset.any()
+    rig.save(tmp_path / "rig.h5")
+    again = Rig.load(tmp_path / "rig.h5")
+    assert np.array_equal(again.joints[0].fit.offset, rig.joints[0].fit.offset)
+    for name, t in rig.bone_transforms(ANGLES["half"]).items():
+        assert np.array_equal(t.translation, again.bone_transforms(ANGLES["half"])[name].translation)
+    assert "loo_FM_R" in joint_table(rig, saddled, transforms, FIT).rows[0]
+
+
 def test_limits():
     rig = Rig.fit(DATASET, manufactured(), SURFACES, FIT)
     angles = dict(ANGLES["half"])

@@ -24,7 +24,7 @@ HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is be
 
 @dataclass(frozen=True)
 class Axes:
-    """No axis, one, or two orthogonal ones, fixed in the neutral frame with the parent at rest.
+    """No axis, one, two (orthogonal or not) or three orthogonal ones, fixed in neutral, the parent at rest.
 
     directions (dof, 3) are unit vectors, one an angle; order (dof,) says which angle turns first: a
     rotation about the first axis is followed by one about the second, as rotated by the first (Eq. 5).
@@ -59,10 +59,22 @@ class Axes:
         q = quaternions(rotations)
         if self.dof == 1:
             return 2 * np.arctan2(q[:, 1:] @ self.directions[0], q[:, 0])[:, None]
-        u, _, vt = np.linalg.svd(_half_angle_matrices(_frame(self.directions[list(self.order)]), q))
+        if self.dof == 3:
+            return self._nearest_of_three(rotations)
+        a, b = (self.directions[i] for i in self.order)
+        u, _, vt = np.linalg.svd(_half_angle_matrices(a, b, q))
         u, v = u[:, :, 0], vt[:, 0, :]
         # A quaternion and its negative are one rotation: both half angles go into (-90, 90] degrees.
         found = 2 * np.column_stack([np.arctan(u[:, 1] / u[:, 0]), np.arctan(v[:, 1] / v[:, 0])])
+        return found[:, np.argsort(self.order)]
+
+    def _nearest_of_three(self, rotations: Array) -> Array:
+        """Three orthogonal axes reach every rotation: the angles (n, 3) are Euler angles in their frame."""
+        directions = self.directions[list(self.order)]
+        frame, side = directions.T.copy(), np.sign(np.linalg.det(directions))
+        frame[:, 2] *= side
+        found = Rotation.from_matrix(frame.T @ rotations @ frame).as_euler("XYZ")
+        found[:, 2] *= side
         return found[:, np.argsort(self.order)]
 
 
@@ -85,6 +97,28 @@ def fit_axes(rotations: Array, axis_hints: Array) -> Axes:
     fits = [(_fit_two_axes(q, hints[list(order)]), order) for order in ((0, 1), (1, 0))]
     (found, _), order = min(fits, key=lambda fit: fit[0][1])
     return Axes(_signed(found[np.argsort(order)], hints), order)
+
+
+def fit_oblique_axes(rotations: Array, axis_hints: Array) -> Axes:
+    """Two axes at any angle to one another, as in a saddle joint, that explain rotations (n, 3, 3) best.
+
+    The orthogonal pair is the start; axis_hints (2, 3) as for `fit_axes`.
+    """
+    q = quaternions(rotations)
+    hints = np.array([h / np.linalg.norm(h) for h in np.asarray(axis_hints, float)])
+    start = fit_axes(rotations, hints)
+    fits = []
+    for order in ((0, 1), (1, 0)):
+        pair, lack = _refine_pair(q, start.directions[list(order)])
+        fits.append((lack, order, pair))
+    _, order, found = min(fits, key=lambda fit: fit[0])
+    return Axes(_signed(found[np.argsort(order)], hints), order)
+
+
+def three_axes(axis_hints: Array) -> Axes:
+    """Three orthogonal axes near hints (3, 3): a ball joint turns about any; these only name its angles."""
+    frame = _frame(np.asarray(axis_hints, float)[:2]).T
+    return Axes(_signed(frame, axis_hints), (0, 1, 2))
 
 
 def _signed(axes: Array, hints: Array) -> Array:
@@ -120,7 +154,8 @@ def _refine_frame(q: Array, start: Array) -> tuple[Array, float]:
         return Rotation.from_rotvec(turn).as_matrix() @ start
 
     def residual(turn: Array) -> Array:
-        m = _half_angle_matrices(frame(turn), q)
+        turned = frame(turn)
+        m = _half_angle_matrices(turned[:, 0], turned[:, 1], q)
         det = m[:, 0, 0] * m[:, 1, 1] - m[:, 0, 1] * m[:, 1, 0]
         # The singular values s, t of a matrix of unit norm: s^2 + t^2 = 1 and s t = |det|.
         s = (np.sqrt(np.maximum(1 + 2 * det, 0)) + np.sqrt(np.maximum(1 - 2 * det, 0))) / 2
@@ -128,6 +163,30 @@ def _refine_frame(q: Array, start: Array) -> tuple[Array, float]:
 
     turn, lack = _minimise(residual, 3)
     return frame(turn), lack
+
+
+def _refine_pair(q: Array, start: Array) -> tuple[Array, float]:
+    """Axes (2, 3) in the order in which they turn, each tilted from its start, and what they lack."""
+    across = [_complete(axis)[:, 1:] for axis in start]
+
+    def pair(tilts: Array) -> Array:
+        return Rotation.from_rotvec([across[0] @ tilts[:2], across[1] @ tilts[2:]]).apply(start)
+
+    def residual(tilts: Array) -> Array:
+        """Quaternions minus those of the best angles: their squares sum to twice what Eq. 4 lacks."""
+        a, b = pair(tilts)
+        u, _, vt = np.linalg.svd(_half_angle_matrices(a, b, q))
+        (c, s), (d, t) = u[:, :, 0].T, vt[:, 0, :].T
+        best = np.column_stack(
+            [
+                c * d - s * t * (a @ b),
+                np.outer(s * d, a) + np.outer(c * t, b) + np.outer(s * t, np.cross(a, b)),
+            ]
+        )
+        return (q - best).ravel()
+
+    tilts, lack = _minimise(residual, 4)
+    return pair(tilts), lack
 
 
 def _minimise(residual: Callable[[Array], Array], n: int) -> tuple[Array, float]:
@@ -140,10 +199,15 @@ def _principal(q: Array, hint: Array) -> Array:
     return np.linalg.eigh(q[:, 1:].T @ q[:, 1:] + HINT_WEIGHT * np.outer(hint, hint))[1]
 
 
-def _half_angle_matrices(frame: Array, q: Array) -> Array:
-    """[[w, y], [x, z]] (n, 2, 2) of quaternions seen in the frame whose columns are a, b, a x b."""
-    x, y, z = (q[:, 1:] @ frame).T
-    return np.moveaxis(np.array([[q[:, 0], y], [x, z]]), 2, 0)
+def _half_angle_matrices(a: Array, b: Array, q: Array) -> Array:
+    """[[w, y], [x, z]] (n, 2, 2) of quaternions (w, v), x = v.a, y = v.b, z = v.(a x b) - w a.b.
+
+    Their products with the cosines and sines of both half angles are the dot product with the rotation
+    about a followed by that about b, whatever the angle between a and b.
+    """
+    w, x, y = q[:, 0], q[:, 1:] @ a, q[:, 1:] @ b
+    z = q[:, 1:] @ np.cross(a, b) - w * (a @ b)
+    return np.moveaxis(np.array([[w, y], [x, z]]), 2, 0)
 
 
 def _spans(axes: Array) -> bool:

@@ -20,7 +20,7 @@ from handpipe.skeleton.residual import features
 from handpipe.skeleton.rig import Rig, RigJoint
 
 Array = NDArray[np.float64]
-SAMPLES = {1: 9, 2: 5}  # values of each angle over its range
+SAMPLES = {1: 9, 2: 5, 3: 4}  # values of each angle over its range
 
 
 @dataclass(frozen=True)

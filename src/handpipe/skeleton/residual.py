@@ -32,6 +32,7 @@ TERMS: dict[int, tuple[Terms, ...]] = {
         (0, 1, 2, 4),
         (0, 1, 2, 3, 4),
     ),  # of phi, psi, phi^2, phi psi, psi^2
+    3: ((), (0, 1, 2), tuple(range(9))),  # of the angles, their squares, their products
 }
 SHRINKAGE = (0.0, 0.3, 1.0, 3.0)  # in units of one pose of typical size
 
@@ -54,13 +55,20 @@ class Residual:
 
 
 def features(angles: Array, lower: Array, upper: Array) -> Array:
-    """phi, phi^2 (n, 2), or phi, psi, phi^2, phi psi, psi^2 (n, 5); squares as tangents beyond the range."""
+    """phi, phi^2 (n, 2), or phi, psi, phi^2, phi psi, psi^2 (n, 5); squares as tangents beyond the range.
+
+    Of three angles (n, 9): the angles, their squares, and the products of the first two, first and last,
+    last two.
+    """
     if angles.shape[1] == 0:
         return np.zeros((len(angles), 0))
     clamped = np.clip(angles, lower, upper)
     squares = clamped * (2 * angles - clamped)
     if angles.shape[1] == 1:
         return np.column_stack([angles, squares])
+    if angles.shape[1] == 3:
+        phi, psi, chi = angles.T
+        return np.column_stack([angles, squares, phi * psi, phi * chi, psi * chi])
     return np.column_stack([angles, squares[:, 0], angles[:, 0] * angles[:, 1], squares[:, 1]])
 
 
@@ -71,6 +79,9 @@ def feature_rates(angles: Array, lower: Array, upper: Array) -> Array:
         return np.zeros((0, 0))
     if dof == 1:
         return np.array([[1.0], slopes])
+    if dof == 3:
+        phi, psi, chi = angles
+        return np.vstack([np.eye(3), np.diag(slopes), [[psi, phi, 0], [chi, 0, phi], [0, chi, psi]]])
     phi, psi = angles
     return np.array([[1, 0], [0, 1], [slopes[0], 0], [psi, phi], [0, slopes[1]]], float)
 

@@ -21,6 +21,7 @@ from handpipe.mesh.surface import Surface
 from handpipe.skeleton.angles import Angles, check_angles
 from handpipe.skeleton.axes import Axes
 from handpipe.skeleton.bodies import moved_as_one
+from handpipe.skeleton.joint_types import fit_best
 from handpipe.skeleton.joints import JointFit, Model, fit_joint
 from handpipe.skeleton.residual import Residual
 
@@ -84,7 +85,12 @@ class Rig:
                     dataset.name, f"joints.{name}", problem, "Give one more pose or mend registration"
                 )
             near = joint_point(surfaces[joint.parent], surfaces[joint.child])
-            fit = fit_joint(relative, len(joint.angles), np.array(joint.axis_hints, float), near=near)
+            hints = np.array(joint.axis_hints, float)
+            if joint.type == "best":
+                point = surfaces[joint.child].vertices.mean(axis=0)
+                fit = fit_best(relative, len(joint.angles), hints, near=near, point=point)
+            else:
+                fit = fit_joint(relative, len(joint.angles), hints, near=near, joint_type=joint.type)
             limits = np.radians(np.array(joint.limits_deg, float)).reshape(-1, 2)
             joints.append(RigJoint(name, joint.parent, joint.child, joint.angles, limits, fit))
         bare = Rig(dataset.root_bone, tuple(joints), {b: surfaces[b] for b in dataset.bones}, {})
@@ -234,6 +240,7 @@ def _to_groups(rig: Rig) -> dict[str, Any]:
                 "fitted_angles": j.fit.angles,
                 "rotation_residual": vars(j.fit.rotation_residual),
                 "translation_residual": vars(j.fit.translation_residual),
+                **({"offset": j.fit.offset} if j.fit.offset.any() else {}),
             }
             for j in rig.joints
         },
@@ -253,7 +260,9 @@ def _units(rig: Rig) -> dict[str, str]:
     units = {f"surfaces/{b}/vertices": "mm" for b in rig.surfaces}
     for j in rig.joints:
         units |= {f"joints/{j.name}/{k}": "rad" for k in ("limits", "fitted_angles")}
-        units[f"joints/{j.name}/centre"] = "mm"
+        units |= {
+            f"joints/{j.name}/{k}": "mm" for k in ("centre", *(["offset"] if j.fit.offset.any() else []))
+        }
         units[f"joints/{j.name}/rotation_residual/coefficients"] = "rad per product of angles in rad"
         units[f"joints/{j.name}/translation_residual/coefficients"] = "mm per product of angles in rad"
     for pose in rig.poses:
@@ -275,6 +284,7 @@ def _from_groups(data: Mapping[str, Any]) -> Rig:
                 Residual(**g["rotation_residual"]),
                 Residual(**g["translation_residual"]),
                 g["fitted_angles"],
+                g.get("offset", np.zeros(3)),
             ),
         )
         for name, g in data["joints"].items()

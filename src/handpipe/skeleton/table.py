@@ -72,7 +72,12 @@ def _columns(
     out = _errors("", joint.fit, seen, centroid)
     hints = np.array(dataset.joints[joint.name].axis_hints, float)
     left_out = [
-        _errors("loo_", fit_joint(rest, joint.fit.dof, hints, near=joint.fit.centre), [left], centroid)
+        _errors(
+            "loo_",
+            fit_joint(rest, joint.fit.dof, hints, near=joint.fit.centre, joint_type=joint.fit.type),
+            [left],
+            centroid,
+        )
         for rest, left in leave_one_out(seen)
     ]
     if left_out:
