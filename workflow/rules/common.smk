@@ -283,6 +283,7 @@ def report_metrics(subject):
         stages += ["tendons"] if data.tendons else []
         stages += ["muscles"] if data.muscles else []
         stages += ["skin"] if fatted(subject) else []
+    stages += [f"frames-{name}" for name in listed("scenes")]
     return [f"results/{subject}/metrics/{stage}.json" for stage in stages]
 
 

@@ -26,6 +26,31 @@ rule simulate:
         "../scripts/simulate.py"
 
 
+rule evaluate_frames:
+    input:
+        rig="results/{subject}/rig.h5",
+        dataset=ancient(of_dataset),
+        scene="config/scenes/{scene}.yaml",
+        frames=frames_file,
+    output:
+        metrics="results/{subject}/metrics/frames-{scene}.json",
+        table="results/{subject}/tables/frames-{scene}.json",
+    log:
+        "results/{subject}/logs/evaluate_frames/{scene}.log",
+    benchmark:
+        "results/{subject}/benchmarks/evaluate_frames/{scene}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        dataset=dataset_digest,
+    message:
+        "{wildcards.subject}: {wildcards.scene}, frames against what was seen"
+    script:
+        "../scripts/evaluate_frames.py"
+
+
 rule export_scene:
     input:
         chunks=scene_chunks,
