@@ -11,7 +11,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from handpipe import artifacts
-from handpipe.config import Dataset, Pose, Role, Scanner, load_dataset, load_scene
+from handpipe.config import Bone, Dataset, Pose, Role, Scanner, load_dataset, load_scene
 from handpipe.datasets import generators, image, phantom_hand, seeds
 from handpipe.datasets.phantom_hand_bones import RAYS, ROOT, WITH_ROOT
 from handpipe.datasets.phantom_hand_joints import POSES, joints
@@ -205,6 +205,19 @@ def test_seeds_lie_in_their_bones(dataset):
         assert not whole[drawn == seeds.BACKGROUND].any()
 
 
+def test_a_dataset_of_a_few_bones_is_imaged_around_them(tmp_path):
+    few = {name: Bone(label=label) for label, name in enumerate(("proximal2", "middle2", "distal2"), 1)}
+    data = coarse("phantom-hand-seeded", tmp_path).model_copy(update={"bones": few})
+    generators.of(data).generate_pose(data, "hook")
+    seeds.draw(data, "hook")
+    labels = volume_of(data, Path("truth/hook.bones.nii.gz"))
+    assert set(np.unique(labels)) == {0, 1, 2, 3}
+    assert set(np.unique(volume_of(data, data.poses["hook"].seeds))) == {0, 1, 2, 3, 255}
+    truth = artifacts.read(tmp_path / "truth/hook.h5", "truth")["bones"]
+    points = np.concatenate([truth[name]["vertices"] for name in few])
+    assert (np.array(labels.shape) * 1.2 < np.ptp(points, axis=0) + 2 * phantom_hand.MARGIN + 3.0).all()
+
+
 def test_the_same_seed_gives_the_same_files(dataset, tmp_path):
     again = dataset.model_copy(update={"root": tmp_path})
     generators.of(again).generate_pose(again, "fist")
@@ -230,9 +243,9 @@ def test_what_the_phantom_lacks_is_refused(tmp_path):
     scanned = Pose(role=Role.neutral, volume=Path("v.nii.gz"), seeds=Path("s.nii.gz"), scan=Path("s.ply"))
     with pytest.raises(InputError, match=r"poses\.neutral\.scan"):
         phantom_hand.generate_pose(data.model_copy(update={"poses": {"neutral": scanned}}), "neutral")
-    fewer = {n: b for n, b in data.bones.items() if n != "hamate"}
-    with pytest.raises(InputError, match="hamate"):
-        phantom_hand.generate_pose(data.model_copy(update={"bones": fewer}), "neutral")
+    more = {**data.bones, "scaphoid": Bone(label=40)}
+    with pytest.raises(InputError, match=r"bones\.scaphoid"):
+        phantom_hand.generate_pose(data.model_copy(update={"bones": more}), "neutral")
     with pytest.raises(InputError, match="wave"):
         phantom_hand.posture("wave", 1)
     assert json.loads(data.model_dump_json())["poses"]["fist"]["seeds"] is None

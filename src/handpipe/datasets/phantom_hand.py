@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -171,27 +172,28 @@ def clean_image(posed: PosedHand, grid: image.Grid) -> Array:
     return painted
 
 
-def volume_grid(posed: PosedHand, spacing: float) -> image.Grid:
-    """The voxels of a pose's volume: around the bones, cut off across the wrist."""
-    return image.Grid.around(np.concatenate([v for v, _ in posed.bones.values()]), MARGIN, spacing)
+def volume_grid(posed: PosedHand, names: Iterable[str], spacing: float) -> image.Grid:
+    """The voxels of a pose's volume: around the named bones; whatever else reaches into it is cut off."""
+    return image.Grid.around(np.concatenate([posed.bones[n][0] for n in names]), MARGIN, spacing)
 
 
 def generate_pose(dataset: Dataset, pose: str) -> None:
     """Write a pose's volume, truth and label volumes where the dataset names them; `seeds.draw` adds seeds.
 
+    A dataset with some of the bones alone is imaged around those; the others show and have no label.
     Raises `InputError` for a pose that the phantom does not know, and for what it does not have.
     """
     _check(dataset)
     files, scanner = dataset.poses[pose], dataset.scanner or Scanner()
     posed = posed_hand(dataset, pose)
-    grid = volume_grid(posed, scanner.spacing)
+    grid = volume_grid(posed, dataset.bones, scanner.spacing)
     LOG.info("%s: %d x %d x %d voxels of %g mm", pose, *grid.shape, grid.spacing)
     rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 2])
     scanned, _, _ = image.acquire(clean_image(posed, grid), grid, rng, bias=scanner.bias, noise=scanner.noise)
     image.write_volume(dataset.path(files.volume), scanned.astype(np.float32), grid)
     labels = {name: bone.label for name, bone in dataset.bones.items()}
-    whole = image.label_volume({labels[n]: s for n, s in posed.bones.items()}, grid)
-    marrow = image.label_volume({labels[n]: s for n, s in posed.marrow.items()}, grid)
+    whole = image.label_volume({label: posed.bones[n] for n, label in labels.items()}, grid)
+    marrow = image.label_volume({label: posed.marrow[n] for n, label in labels.items()}, grid)
     if dataset.truth is not None:
         folder = dataset.path(dataset.truth.folder)
         image.write_volume(folder / f"{pose}.bones.nii.gz", whole, grid)
@@ -241,7 +243,9 @@ def _check(dataset: Dataset) -> None:
         if files.scan is not None:
             problem = "is not made by this phantom, which has no skin surface"
             raise InputError(dataset.name, f"poses.{pose}.scan", problem, "Leave it out")
-    unknown = set(dataset.bones) ^ set(hand().bones)
-    if unknown:
-        problem = f"differ from the phantom's: {', '.join(sorted(unknown))}"
-        raise InputError(dataset.name, "bones", problem, f"Name {', '.join(hand().bones)}")
+    for name in dataset.bones:
+        if name not in hand().bones:
+            problem = "is not a bone of this phantom"
+            raise InputError(
+                dataset.name, f"bones.{name}", problem, f"Its bones are {', '.join(hand().bones)}"
+            )
