@@ -1,5 +1,7 @@
 """BVH files written from an independent formula give back its angles; wrong files are refused by line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from five_fingers import DESCRIPTION, posed, random_angles, rig, tips
@@ -70,6 +72,32 @@ def test_another_frame_scale_order_and_other_names_change_nothing(tmp_path):
     (tmp_path / "a.bvh").write_text(text(POSES, frame, 0.1, "XYZ", lambda b: f"Right {b}"))
     names = {b: f"Right {b}" for b in RIG.bones}
     assert close(read_bvh_angles(tmp_path / "a.bvh", RIG, names), 1e-3)
+
+
+def test_another_rest_pose_gives_the_same_directions_of_bones(tmp_path):
+    """The file's fingers are bent at rest, as an artist may have drawn them; they point as the rig's do."""
+    plain = rig(residuals=False)
+    bend = {n: np.radians(20) if n[:3] in ("PIP", "DIP") else 0.0 for n in plain.angle_names}
+    truth = {n: np.radians(30) if n[:3] in ("PIP", "DIP") else 0.0 for n in plain.angle_names}
+    rest = plain.bone_transforms(bend)
+    bent = type(plain)(
+        plain.root,
+        tuple(replace(j, fit=replace(j.fit, centre=rest[j.parent](j.fit.centre))) for j in plain.joints),
+        {b: s.moved(rest[b](s.vertices)) for b, s in plain.surfaces.items()},
+        {},
+    )
+    bvh = bvh_of(bent, {"a": truth})
+    for i, bone in enumerate(j.name for j in bvh.joints):  # what the bones do from their bent rest
+        world = [plain.bone_transforms(truth)[b].rotation @ rest[b].rotation.T for b in plain.bones]
+        turned = dict(zip(plain.bones, world, strict=True))
+        above = turned[plain.parents[bone]].T if bone in plain.parents else np.eye(3)
+        local = Rotation.from_matrix(above @ turned[bone]).as_euler("ZXY", degrees=True)
+        bvh.values[0, 3 + 3 * i : 6 + 3 * i] = local
+    write_bvh(tmp_path / "bent.bvh", bvh)
+    found = read_bvh_angles(tmp_path / "bent.bvh", plain)["frame1"]
+    # The file's axes are fitted to its joints, bent and straight: a few degrees are between them.
+    fingers = [n for n in truth if n.startswith("PIP")]
+    assert [found[n] for n in fingers] == pytest.approx([truth[n] for n in fingers], abs=np.radians(3))
 
 
 def test_a_mirrored_file_drives_the_mirrored_hand(tmp_path):
