@@ -6,7 +6,6 @@ directions from landmark to landmark, on bones of the rig's own length; places o
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +23,6 @@ from handpipe.skeleton.rig import Rig
 from handpipe.skeleton.targets import Direction, Position, Target
 
 Array = NDArray[np.float64]
-LOG = logging.getLogger(__name__)
 BONES = {
     "THUMB": ("metacarpal1", "proximal1", "distal1"),
     **{
