@@ -100,6 +100,7 @@ class _Path:
         self.intermediate = replace(intermediate, allow_partial=True, name=options.name)
         self.allow_partial = options.allow_partial
         self.record = Record()
+        self.missed: tuple[Array, float] | None = None  # by the last prediction, and its step
 
     def follow(
         self, x: Array, step: float, bounds: tuple[float, float], checkpoint: Checkpoint | None
@@ -143,11 +144,25 @@ class _Path:
         energy = Sum(self.make_potentials(t))
         target = x if self.prescribed is None else self.prescribed(t)
         begun = time.perf_counter()
-        start = predict(energy, x, target, self.free, self.workspace)
+        tangent = predict(energy, x, target, self.free, self.workspace)
+        start = self._corrected(energy, tangent, step)
         self.record.seconds["linear"] += time.perf_counter() - begun
         if checkpoint is not None:
             checkpoint.at(t, step)
-        return self._minimise(energy, start, t, knots, checkpoint)
+        found = self._minimise(energy, start, t, knots, checkpoint)
+        self.missed = (found.x - tangent, step) if found.record.converged else None
+        return found
+
+    def _corrected(self, energy: Sum, tangent: Array, step: float) -> Array:
+        """The tangent's prediction moved by what it missed last time, where that lowers the energy.
+
+        What it misses grows with the square of the step and changes slowly along the path.
+        """
+        if self.missed is None:
+            return tangent
+        missed, before = self.missed
+        moved = tangent + (step / before) ** 2 * missed
+        return moved if energy.value(moved) < energy.value(tangent) else tangent
 
     def _minimise(
         self, energy: Sum, x: Array, t: float, knots: int, checkpoint: Checkpoint | None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import importlib.metadata
 import logging
+import os
 import sys
 from pathlib import Path
 
@@ -46,6 +47,8 @@ def _load() -> ctypes.CDLL | None:
     except importlib.metadata.PackageNotFoundError:
         pass
     candidates += sorted((Path(sys.prefix) / "lib").glob("libmkl_rt.so*"))
+    # Idle threads of MKL would spin for a fifth of a second and take the cores from what comes next.
+    os.environ.setdefault("KMP_BLOCKTIME", "0")
     for path in candidates:
         try:
             return ctypes.CDLL(str(path))

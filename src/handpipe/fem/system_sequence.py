@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from handpipe.errors import InputError
-from handpipe.fem.conjugate_gradients import End, Iterations, conjugate_gradients
+from handpipe.fem.conjugate_gradients import End, Iterations, conjugate_gradients, norm
 from handpipe.fem.factor import Factor, FactorTooLarge, NotPositiveDefinite, SingularMatrix
 from handpipe.fem.linear import factorise
 from handpipe.fem.multigrid import Multigrid
@@ -249,8 +249,8 @@ def _digits(tolerance: float) -> float:
 
 
 def _residual(matrix: sp.csr_matrix, x: Array, b: Array) -> float:
-    size = float(np.linalg.norm(b))
-    return float(np.linalg.norm(b - matrix @ x)) / size if size > 0.0 else 0.0
+    size = norm(b)
+    return norm(b - matrix @ x) / size if size > 0.0 else 0.0
 
 
 def _default_limit() -> float:
