@@ -57,20 +57,25 @@ class Attempts:
         return Equilibrium(best.x, self.record)
 
     def _ways(self) -> Iterator[Newton]:
-        """Finished minimisations, the quickest way first."""
+        """Finished minimisations, the quickest way first.
+
+        A stand-in gives way to contact: where steps are bounded it comes after patience, and the rest shape,
+        which may cut through an obstacle, not at all.
+        """
         soft = nearly_incompressible(self.energy)
+        bounded = any(hasattr(p, "max_step") for p in self.energy.potentials)
         if inverted(self.energy, self.x) == 0:
-            first = self._newton(self.x, impatient=soft)
+            first = self._newton(self.x, impatient=soft and not bounded)
             if not first.struggling:
                 yield first
             if soft:
                 yield self._by_stand_in(self.x)
-                yield self._newton(self.x)
+                if first.struggling:
+                    yield self._newton(self.x)
         else:
             if self.options.untangle:
                 yield self._by_stand_in(self.x)
             yield self._newton(self.x)
-        bounded = any(hasattr(p, "max_step") for p in self.energy.potentials)
         if self.options.untangle and not bounded:
             yield self._by_stand_in(from_rest(self.energy, self.x, self.free))
 
