@@ -111,7 +111,7 @@ def beyond_limit(folder: Path) -> None:
 # What is wrong, what is asked for, and the file, field and problem that the message names.
 RUNS = [
     (missing_volume, SEGMENT, (DATASET, "poses.bent.volume", "small/bent.nii.gz does not exist")),
-    (no_seed_field, SEGMENT, (DATASET, "poses.bent.seeds", "Field required")),
+    (no_seed_field, SEGMENT, (DATASET, "poses.bent.seeds", "seeds: is not given")),
     (no_seeds_of_a_bone, SEGMENT, ("small/bent-seeds.nii.gz", "seeds", "bone 'far' (label 2) has none")),
     (left_handed, SEGMENT, ("small/bent.nii.gz", "handedness", "left-handed")),
     (not_a_number, SEGMENT, ("small/bent.nii.gz", "values", "1 voxels are NaN")),

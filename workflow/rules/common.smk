@@ -89,7 +89,9 @@ def bones_alone():
     return found
 
 
-BONES_ALONE = "|".join(bones_alone()) or "-"  # a pattern for subjects; "-" is no subject
+BONES_ALONE = (
+    "|".join(bones_alone()) or "-"
+)  # a pattern for subjects; "-" is no subject
 
 
 def each_subject(pattern):

@@ -26,8 +26,6 @@ rule generate_templates:
 rule generate_pose:
     input:
         dataset=ancient(of_dataset),
-    wildcard_constraints:
-        subject=f"(?!(?:{BONES_ALONE})/)[a-z][a-z0-9-]*",
     output:
         volume="results/{subject}/data/volumes/{pose}.nii.gz",
         seeds="results/{subject}/data/seeds/{pose}.nii.gz",
@@ -39,6 +37,8 @@ rule generate_pose:
         "results/{subject}/logs/generate_pose/{pose}.log",
     benchmark:
         "results/{subject}/benchmarks/generate_pose/{pose}.tsv"
+    wildcard_constraints:
+        subject=f"(?!(?:{BONES_ALONE})/)[a-z][a-z0-9-]*",
     threads: 1
     resources:
         mem_mb=2500,
@@ -54,8 +54,6 @@ rule generate_pose:
 rule generate_bones:
     input:
         dataset=ancient(of_dataset),
-    wildcard_constraints:
-        subject=BONES_ALONE,
     output:
         volume="results/{subject}/data/volumes/{pose}.nii.gz",
         truth="results/{subject}/data/truth/{pose}.h5",
@@ -65,6 +63,8 @@ rule generate_bones:
         "results/{subject}/logs/generate_bones/{pose}.log",
     benchmark:
         "results/{subject}/benchmarks/generate_bones/{pose}.tsv"
+    wildcard_constraints:
+        subject=BONES_ALONE,
     threads: 1
     resources:
         mem_mb=2000,
@@ -82,14 +82,14 @@ rule generate_seeds:
         dataset=ancient(of_dataset),
         bones="results/{subject}/data/truth/{pose}.bones.nii.gz",
         marrow="results/{subject}/data/truth/{pose}.marrow.nii.gz",
-    wildcard_constraints:
-        subject=BONES_ALONE,
     output:
         "results/{subject}/data/seeds/{pose}.nii.gz",
     log:
         "results/{subject}/logs/generate_seeds/{pose}.log",
     benchmark:
         "results/{subject}/benchmarks/generate_seeds/{pose}.tsv"
+    wildcard_constraints:
+        subject=BONES_ALONE,
     threads: 1
     resources:
         mem_mb=1500,
