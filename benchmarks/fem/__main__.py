@@ -26,9 +26,10 @@ PARTS = ("assembly", "linear", "hard_cases", "twist", "scaling", "fat", "speed_a
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts asked for; figures of parts that were not run are kept from the file."""
     options = _options(arguments)
-    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ[name] = str(options.threads)
-    from benchmarks.fem import machine  # the libraries read the number of threads when they are loaded
+    if "numba" not in sys.modules:  # the libraries read the number of threads when they are loaded
+        for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+            os.environ[name] = str(options.threads)
+    from benchmarks.fem import machine
 
     figures = dict(_known(options.output))
     for part in options.parts:
