@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 TURN, STEP = 90.0, 1 / 3  # degrees of one end, and the share of it in a step
-SIZES = (2, 4, 6, 8, 10)  # cells across, of which 2 divides all: their vertices are those of SIZES[0] too
-TRUTH = 16  # cells across in the refined solution
-SOLVER_SIZE = 10  # cells across where solver kinds and tolerances are compared
+SIZES = (2, 4, 6, 8)  # cells across, of which 2 divides all: their vertices are those of SIZES[0] too
+TRUTH = 12  # cells across in the refined solution
+SOLVER_SIZE = 8  # cells across where solver kinds and tolerances are compared
 TOLERANCES = (1e0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5)  # mm, of a Newton step
 TIGHT = 1e-8
 MATERIALS: dict[str, tuple[Model, float]] = {
