@@ -134,6 +134,16 @@ def read_attributes(path: str | Path) -> dict[str, Any]:
         return dict(file.attrs)
 
 
+def read_text(path: str | Path) -> str:
+    """Read a person's text file in UTF-8; raises `InputError` where it is missing or no text."""
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise InputError(path, "file", "does not exist", "Check the path") from error
+    except UnicodeDecodeError as error:
+        raise InputError(path, "file", f"is not text ({error})", "Save it in UTF-8") from error
+
+
 def write_text(path: str | Path, text: str) -> None:
     """Write a text file atomically."""
     with atomic(path) as temporary:

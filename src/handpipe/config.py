@@ -9,6 +9,7 @@ from typing import Annotated, Literal, TypeVar
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from handpipe.artifacts import read_text
 from handpipe.errors import InputError
 
 T = TypeVar("T", bound=BaseModel)
@@ -248,9 +249,7 @@ class Scene(Model):
 def load_yaml(path: str | Path, model: type[T]) -> T:
     """Read and check a YAML file; raise `InputError` naming the file and the first wrong field."""
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(path, "file", "does not exist", "Check the path") from error
+        content = yaml.safe_load(read_text(path))
     except yaml.YAMLError as error:
         raise InputError(path, "YAML", str(error).replace("\n", " "), "Mend the syntax") from error
     try:

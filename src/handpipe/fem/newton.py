@@ -14,6 +14,7 @@ from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.direction import Directions
 from handpipe.fem.potential import Sum
 from handpipe.fem.record import Options, Record
+from handpipe.fem.spacing import spacing
 from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -61,10 +62,11 @@ class Newton:
 
     def run(self) -> None:
         """Iterate until converged, stuck or out of iterations."""
-        before = self._workspace.systems.work.factorisations, self._workspace.systems.work.cg_iterations
+        systems = self._workspace.systems
+        before = systems.factorisations, systems.cg_iterations
         self._run()
-        self.record.factorisations = self._workspace.systems.work.factorisations - before[0]
-        self.record.cg_iterations = self._workspace.systems.work.cg_iterations - before[1]
+        self.record.factorisations = systems.factorisations - before[0]
+        self.record.cg_iterations = systems.cg_iterations - before[1]
 
     def _run(self) -> None:
         if not self.free.any():
@@ -93,7 +95,7 @@ class Newton:
             length = _largest(direction)
             if self._rests(residual, length):
                 self._finish(direction)
-                if not self._leave(gradient):
+                if not self._leave():
                     return
                 continue
             if self.record.iterations >= self.options.max_iterations:
@@ -190,7 +192,7 @@ class Newton:
             self._scale,
         )
 
-    def _leave(self, gradient: Array) -> bool:
+    def _leave(self) -> bool:
         """Leave a stationary point that is no minimum; False where it is one or where that failed."""
         if self._left is not None:
             x, value = self._left
@@ -288,13 +290,6 @@ class Newton:
                 self.options.force_tolerance * self._scale,
                 length,
             )
-
-
-def spacing(x: Array) -> float:
-    """Mean distance in mm of vertices (n, 3) from their neighbours, by the volume of their box."""
-    extent = np.ptp(x, axis=0)
-    extent = np.maximum(extent, 1e-3 * extent.max())
-    return float((extent.prod() / len(x)) ** (1 / 3))
 
 
 def _largest(vector: Array) -> float:

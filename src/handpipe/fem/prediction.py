@@ -7,8 +7,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix
-from handpipe.fem.newton import spacing
 from handpipe.fem.potential import Sum
+from handpipe.fem.spacing import spacing
 from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]

@@ -134,13 +134,6 @@ class SystemSequence:
                 self._too_large, self._factor = True, None
         return self._by_new_multigrid(matrix, b, tolerance)
 
-    def check_definite(self, matrix: sp.csr_matrix, free: NDArray | None = None) -> None:
-        """Raise `NotPositiveDefinite` by a factorisation, or by CG on a random system where none fits."""
-        self._meet(matrix, free)
-        self._ageing = None
-        probe = np.random.default_rng(0).normal(size=matrix.shape[0])
-        self.solve(matrix, probe, tolerance=1e-6, free=free)
-
     def _meet(self, matrix: sp.csr_matrix, free: NDArray | None) -> None:
         """Forget preconditioners of other unknowns; an old one of another pattern still serves."""
         mask = _mask(free, matrix.shape[0], 0 if self._rest is None else self._rest.size)

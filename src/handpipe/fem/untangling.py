@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.linear import factorise
-from handpipe.fem.newton import Newton, spacing
+from handpipe.fem.newton import Newton
 from handpipe.fem.potential import Sum
 from handpipe.fem.record import Equilibrium, Options, Record
+from handpipe.fem.spacing import spacing
 from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from handpipe.artifacts import write_text
+from handpipe.artifacts import read_text, write_text
 from handpipe.errors import InputError
 
 Array = NDArray[np.float64]
@@ -70,13 +70,7 @@ class Bvh:
 
 def read_bvh(path: str | Path) -> Bvh:
     """Read a BVH file; raises `InputError` naming the line of what is wrong."""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise InputError(path, "file", "does not exist", "Check the path") from error
-    except UnicodeDecodeError as error:
-        raise InputError(path, "file", f"is not text ({error})", "Give a BVH file") from error
-    lines = _Lines(path, text)
+    lines = _Lines(path, read_text(path))
     if lines.next() != ["HIERARCHY"]:
         raise lines.error("does not begin with HIERARCHY")
     joints: list[BvhJoint] = []

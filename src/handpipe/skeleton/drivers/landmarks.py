@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.artifacts import read_text
 from handpipe.errors import InputError
 
 Array = NDArray[np.float64]
@@ -45,12 +46,7 @@ class HandLandmarks:
 
 def read_landmarks(path: str | Path) -> HandLandmarks:
     """Read landmarks from a .json or .csv file; raises `InputError` naming frame and landmark."""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise InputError(path, "file", "does not exist", "Check the path") from error
-    except UnicodeDecodeError as error:
-        raise InputError(path, "file", f"is not text ({error})", "Save it in UTF-8") from error
+    text = read_text(path)
     return _from_json(path, text) if Path(path).suffix == ".json" else _from_csv(path, text)
 
 
