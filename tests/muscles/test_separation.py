@@ -68,3 +68,25 @@ def test_volume_gradient_agrees_with_differences():
             surface.moved(surface.vertices + step).volume() - surface.moved(surface.vertices - step).volume()
         )
         assert gradient[vertex, axis] == pytest.approx(change / 2e-5, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", [2, 22, 25])
+def test_thin_coarse_muscles_across_one_another_on_a_bone(seed):
+    """A point in a dimple of few triangles has a closest one that swings; steps must not swing with it."""
+    rng = np.random.default_rng(seed)
+    centre = [rng.uniform(6, 9), rng.uniform(-1, 1), rng.uniform(-0.9, 0.9)]
+    across = trimesh.transformations.rotation_matrix(rng.uniform(0, 2), [0, 0, 1])[:3, :3]
+    other = ellipsoid([8, 1.0, 1.5], [0, 0, 0], 2)
+    muscles = {
+        "a": ellipsoid([10, 1.2, 1.0], [0, 0, 0], 2),
+        "b": other.moved(other.vertices @ across.T + centre),
+    }
+    bone = ellipsoid([20, 4, 4], [0, 0, -5.0], 3)
+    found = separate(muscles, {"bone": bone})
+    assert found.penetration_before > 0.4
+    a, b = found.surfaces["a"], found.surfaces["b"]
+    for one, two in ((a, b), (b, a), (a, bone), (b, bone)):
+        vertices = Distance(two).signed(one.vertices)[0]
+        assert vertices.min() > -0.05
+    for name, start in muscles.items():
+        assert found.surfaces[name].volume() == pytest.approx(start.volume(), rel=0.01)
