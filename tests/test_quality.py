@@ -20,8 +20,9 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "fem": ("mesh", "layers"),
     "imaging": ("mesh", "layers", "fem"),
     "skeleton": ("mesh", "layers", "fem", "imaging"),
-    **dict.fromkeys(TISSUES, ("mesh", "layers", "fem", "imaging", "skeleton")),
-    "hand": ("mesh", "layers", "fem", "imaging", "skeleton", *TISSUES),
+    "shapes": ("mesh", "layers", "fem", "imaging"),
+    **dict.fromkeys(TISSUES, ("mesh", "layers", "fem", "imaging", "skeleton", "shapes")),
+    "hand": ("mesh", "layers", "fem", "imaging", "skeleton", "shapes", *TISSUES),
 }
 FLOORS["ligaments"] += ("muscles",)
 BESIDE = ("datasets", "evaluation")

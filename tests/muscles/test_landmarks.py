@@ -8,8 +8,8 @@ import pytest
 from handpipe.errors import InputError
 from handpipe.imaging.markers import read_landmarks, write_markers
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.muscles.correspondence import fixed_markers
-from handpipe.muscles.shape import fit_shape
+from handpipe.shapes.correspondence import fixed_markers
+from handpipe.shapes.fit import fit_shape
 
 from .shapes import spindle
 

@@ -11,7 +11,7 @@ from handpipe.mesh.surface import Surface
 from handpipe.muscles.layer import MuscleLayer
 from handpipe.muscles.muscle import Muscle
 from handpipe.muscles.pose_strains import PoseStrains
-from handpipe.muscles.stretch import StretchField
+from handpipe.shapes.stretch import StretchField
 from handpipe.skeleton.layer import BoneLayer
 
 PARENTS = {"b": "a"}

@@ -12,7 +12,7 @@ from handpipe.muscles.pose_strains import (
     fit_pose_strains,
     pose_laplacian,
 )
-from handpipe.muscles.stretch import StretchField
+from handpipe.shapes.stretch import StretchField
 
 
 def test_gradient_agrees_with_differences():

@@ -18,7 +18,7 @@ from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.muscles.shape import Attached
+from handpipe.shapes.fit import Attached
 from handpipe.skeleton.skinning import blend, bone_weights
 
 Array = NDArray[np.float64]

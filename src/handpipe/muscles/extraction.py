@@ -18,9 +18,9 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.metrics import Metrics
 from handpipe.muscles.body import Body
-from handpipe.muscles.correspondence import Markers, fixed_markers
-from handpipe.muscles.shape import FindMarkers, ShapeFit, ShapeOptions, fit_shape
 from handpipe.muscles.templates import Guess
+from handpipe.shapes.correspondence import Markers, fixed_markers
+from handpipe.shapes.fit import FindMarkers, ShapeFit, ShapeOptions, fit_shape
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

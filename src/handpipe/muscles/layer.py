@@ -23,8 +23,8 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.muscle import Muscle
 from handpipe.muscles.neighbours import Pairs, pairs, sliding_vertices
-from handpipe.muscles.shape import MUSCLE
 from handpipe.settling import Limits, Settled, settle
+from handpipe.shapes.fit import MUSCLE
 
 Array = NDArray[np.float64]
 

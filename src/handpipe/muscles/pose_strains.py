@@ -25,7 +25,7 @@ from handpipe.fem import plasticity
 from handpipe.fem.linear import Factor, factorise
 from handpipe.mesh.operators import tet_laplacian
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.muscles.stretch import COUNTS, StretchField
+from handpipe.shapes.stretch import COUNTS, StretchField
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import splu
 
 from handpipe import artifacts
 from handpipe.errors import ConvergenceError
+from handpipe.mesh.barycentric import barycentric_weights
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
 from handpipe.mesh.surface import Surface
@@ -204,16 +205,6 @@ def _scattered(weights: Array, corners: IntArray, total: int) -> sparse.csr_matr
     """Rows (k, total) of weights (k, 3) at corners (k, 3)."""
     k = len(corners)
     return sparse.csr_matrix((weights.ravel(), corners.ravel(), 3 * np.arange(k + 1)), shape=(k, total))
-
-
-def barycentric_weights(points: Array, corners: Array) -> Array:
-    """Weights (k, 3) of points (k, 3) in the planes of triangles (k, 3, 3)."""
-    a, b, c = np.moveaxis(corners, 1, 0)
-    normal = np.cross(b - a, c - a)
-    squared = np.maximum(np.einsum("ni,ni->n", normal, normal), 1e-300)
-    wa = np.einsum("ni,ni->n", np.cross(c - b, points - b), normal) / squared
-    wb = np.einsum("ni,ni->n", np.cross(a - c, points - c), normal) / squared
-    return np.stack([wa, wb, 1 - wa - wb], axis=1)
 
 
 def _along(weights: sparse.csr_matrix, normals: Array) -> sparse.csr_matrix:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.mesh.barycentric import barycentric_weights
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-from handpipe.muscles.separation import barycentric_weights
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -6,7 +6,7 @@ from scipy.linalg import logm, polar
 from scipy.spatial.transform import Rotation
 
 from handpipe.fem.plasticity import to_matrices
-from handpipe.muscles.stretch import log_stretch
+from handpipe.shapes.stretch import log_stretch
 
 
 def gradients(seed: int = 0) -> np.ndarray:

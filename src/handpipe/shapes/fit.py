@@ -27,9 +27,9 @@ from handpipe.fem.linear import SingularMatrix, factorise
 from handpipe.fem.materials import Material
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.muscles.correspondence import Correspondence, Markers
-from handpipe.muscles.smooth_strains import SmoothStrains
-from handpipe.muscles.stretch import COUNTS, StretchField
+from handpipe.shapes.correspondence import Correspondence, Markers
+from handpipe.shapes.smooth_strains import SmoothStrains
+from handpipe.shapes.stretch import COUNTS, StretchField
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

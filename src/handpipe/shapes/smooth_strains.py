@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.sparse.linalg import eigsh
 
 from handpipe.mesh.operators import tet_laplacian
-from handpipe.muscles.stretch import COUNTS
+from handpipe.shapes.stretch import COUNTS
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -9,9 +9,9 @@ from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
 from handpipe.mesh.surface import Surface
-from handpipe.muscles.correspondence import Correspondence, Markers
-from handpipe.muscles.shape import MUSCLE, Attached, ShapeOptions, _Problem, fit_shape
-from handpipe.muscles.smooth_strains import SmoothStrains
+from handpipe.shapes.correspondence import Correspondence, Markers
+from handpipe.shapes.fit import MUSCLE, Attached, ShapeOptions, _Problem, fit_shape
+from handpipe.shapes.smooth_strains import SmoothStrains
 
 
 def grown():

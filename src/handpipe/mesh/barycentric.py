@@ -1,0 +1,18 @@
+"""Barycentric weights of points in triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def barycentric_weights(points: Array, corners: Array) -> Array:
+    """Weights (k, 3) of points (k, 3) in the planes of triangles (k, 3, 3)."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    normal = np.cross(b - a, c - a)
+    squared = np.maximum(np.einsum("ni,ni->n", normal, normal), 1e-300)
+    wa = np.einsum("ni,ni->n", np.cross(c - b, points - b), normal) / squared
+    wb = np.einsum("ni,ni->n", np.cross(a - c, points - c), normal) / squared
+    return np.stack([wa, wb, 1 - wa - wb], axis=1)
