@@ -100,7 +100,7 @@ class _Path:
         self.intermediate = replace(intermediate, allow_partial=True, name=options.name)
         self.allow_partial = options.allow_partial
         self.record = Record()
-        self.missed: tuple[Array, float] | None = None  # by the last prediction, and its step
+        self.missed: list[tuple[float, Array]] = []  # by the last predictions: middle of step, miss / step^2
 
     def follow(
         self, x: Array, step: float, bounds: tuple[float, float], checkpoint: Checkpoint | None
@@ -145,23 +145,28 @@ class _Path:
         target = x if self.prescribed is None else self.prescribed(t)
         begun = time.perf_counter()
         tangent = predict(energy, x, target, self.free, self.workspace)
-        start = self._corrected(energy, tangent, step)
+        start = self._corrected(energy, tangent, t, step)
         self.record.seconds["linear"] += time.perf_counter() - begun
         if checkpoint is not None:
             checkpoint.at(t, step)
         found = self._minimise(energy, start, t, knots, checkpoint)
-        self.missed = (found.x - tangent, step) if found.record.converged else None
+        missed = (t - 0.5 * step, (found.x - tangent) / step**2)
+        self.missed = [*self.missed[-1:], missed] if found.record.converged else []
         return found
 
-    def _corrected(self, energy: Sum, tangent: Array, step: float) -> Array:
-        """The tangent's prediction moved by what it missed last time, where that lowers the energy.
+    def _corrected(self, energy: Sum, tangent: Array, t: float, step: float) -> Array:
+        """The tangent's prediction moved by what it missed in the last steps, where that lowers the energy.
 
-        What it misses grows with the square of the step and changes slowly along the path.
+        What it misses grows with the square of the step and changes slowly along the path: linearly, where
+        two misses are known.
         """
-        if self.missed is None:
+        if not self.missed:
             return tangent
-        missed, before = self.missed
-        moved = tangent + (step / before) ** 2 * missed
+        at, change = self.missed[-1]
+        if len(self.missed) > 1:
+            before, earlier = self.missed[0]
+            change = change + (t - 0.5 * step - at) / (at - before) * (change - earlier)
+        moved = tangent + step**2 * change
         return moved if energy.value(moved) < energy.value(tangent) else tangent
 
     def _minimise(
