@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +115,7 @@ def at_once(beam: Beam) -> Run:
     """The whole turn in one step, from the rest shape with its end turned."""
     begun = time.perf_counter()
     body = Elastic(beam.body.vertices, beam.body.tets, Material(YOUNG, POISSON))
-    options = Options(**{**vars(OPTIONS), "max_iterations": 1000, "allow_partial": True})
+    options = replace(OPTIONS, force_tolerance=1e-4, max_iterations=1000, allow_partial=True)
     with watched() as linear:
         found = solve([body], beam.ends(1.0), fixed=np.repeat(beam.held, 3), options=options)
     seconds = time.perf_counter() - begun
