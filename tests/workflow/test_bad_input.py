@@ -53,8 +53,8 @@ def unknown_pose(folder: Path) -> None:
     """Nothing is spoilt: the target itself names a pose that is not there."""
 
 
-def no_seed_field(folder: Path) -> None:
-    edit(folder, lambda d: d["poses"]["bent"].pop("seeds"))
+def no_seeds_of_neutral(folder: Path) -> None:
+    edit(folder, lambda d: d["poses"]["flat"].pop("seeds"))
 
 
 def no_seeds_of_a_bone(folder: Path) -> None:
@@ -111,7 +111,7 @@ def beyond_limit(folder: Path) -> None:
 # What is wrong, what is asked for, and the file, field and problem that the message names.
 RUNS = [
     (missing_volume, SEGMENT, (DATASET, "poses.bent.volume", "small/bent.nii.gz does not exist")),
-    (no_seed_field, SEGMENT, (DATASET, "poses.bent.seeds", "seeds: is not given")),
+    (no_seeds_of_neutral, SEGMENT, (DATASET, "poses.flat", "the neutral pose needs seeds")),
     (no_seeds_of_a_bone, SEGMENT, ("small/bent-seeds.nii.gz", "seeds", "bone 'far' (label 2) has none")),
     (left_handed, SEGMENT, ("small/bent.nii.gz", "handedness", "left-handed")),
     (not_a_number, SEGMENT, ("small/bent.nii.gz", "values", "1 voxels are NaN")),

@@ -162,13 +162,14 @@ def of_pose(field):
 
 
 def seeds_of_pose(wildcards):
-    """The pose's seeds; a message where the dataset names none."""
-    if not (found := of_pose("seeds")(wildcards)):
-        raise WorkflowError(
-            f"handpipe: {dataset_file(wildcards.subject)}: poses.{wildcards.pose}.seeds: is not given. "
-            "Draw seeds in every pose that is to be segmented and name their file"
-        )
-    return found
+    """The pose's seeds as the dataset names them; else those that are proposed from neutral."""
+    given = of_pose("seeds")(wildcards)
+    return given or f"results/{wildcards.subject}/segmentation/{wildcards.pose}/seeds.nii.gz"
+
+
+def proposed_poses(subject):
+    """Poses without seeds of their own; neutral always has some."""
+    return [name for name, pose in dataset(subject).poses.items() if pose.seeds is None]
 
 
 def in_poses(pattern, *roles):

@@ -244,10 +244,13 @@ def table_path(path: str | Path) -> Path:
     return path.with_name(path.name.split(".")[0] + ".json")
 
 
-def write_labels(path: str | Path, labels: Labels, affine: Array, table: Mapping[str, int]) -> None:
-    """Write labels (nx, ny, nz) as NIfTI and their table {name: label} as JSON beside it."""
+def write_labels(
+    path: str | Path, labels: Labels, affine: Array, table: Mapping[str, int] | None = None
+) -> None:
+    """Write labels (nx, ny, nz) as NIfTI and, where given, their table {name: label} as JSON beside it."""
     _write_nifti(path, np.asarray(labels, np.uint8), affine)
-    write_text(table_path(path), json.dumps(dict(table), indent=2) + "\n")
+    if table is not None:
+        write_text(table_path(path), json.dumps(dict(table), indent=2) + "\n")
 
 
 def read_label_table(path: str | Path) -> dict[str, int]:

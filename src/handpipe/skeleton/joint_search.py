@@ -1,0 +1,120 @@
+"""Motions that a joint may have, before any pose is known: trials for a search, and doubts about a find."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from handpipe.config import Dataset, Joint
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.skeleton.axes import Axes
+from handpipe.skeleton.bone_probes import Body
+from handpipe.skeleton.motion_search import Motions
+from handpipe.skeleton.rig import joint_point
+
+Array = NDArray[np.float64]
+
+WIDENED = np.radians(15.0)  # beyond the limits on either side
+STEP = 2.5  # mm at the far end of the bone between two trials
+DEPTHS = (-0.6, 0.0, 0.6, 1.2, 1.8)  # of the centre inside the parent, in half thicknesses of the child
+CONTACT = 300  # vertices of the child that may touch the parent
+
+
+@dataclass(frozen=True)
+class Link:
+    """A joint between two bodies, by their numbers, with what its search needs.
+
+    axes: the hints; limits (dof, 2) in rad; trials: motions of the child with the parent at rest; near
+    (n, 3): the child's outer vertices; parent_surface: distances to the whole parent bone.
+    """
+
+    name: str
+    parent: int
+    child: int
+    axes: Axes
+    limits: Array
+    trials: Motions
+    near: Array
+    parent_surface: Distance
+
+    def departure(self, parent: RigidTransform, child: RigidTransform) -> Departure:
+        """How far a found motion is from what the joint can do."""
+        relative = parent.inverse() @ child
+        angles = self.axes.nearest(relative.rotation[None])[0]
+        left = self.axes.rotation(angles).T @ relative.rotation
+        beyond = np.maximum(np.maximum(self.limits[:, 0] - angles, angles - self.limits[:, 1]), 0.0)
+        gap = float(self.parent_surface.closest(relative(self.near))[0].min())
+        turn = float(np.degrees(Rotation.from_matrix(left).magnitude()))
+        return Departure(turn, float(np.degrees(beyond.max())), gap)
+
+
+@dataclass(frozen=True)
+class Departure:
+    """turn: rotation in deg that the joint's axes do not explain; beyond: deg beyond the limits; gap: mm
+    between the two bones."""
+
+    turn: float
+    beyond: float
+    gap: float
+
+    @property
+    def plausible(self) -> float:
+        """One for a motion that the joint can have, towards zero for one that it cannot."""
+        return falling(self.turn, 14, 40) * falling(self.beyond, 12, 35) * falling(self.gap, 2.5, 6)
+
+
+def falling(value: float, good: float, bad: float) -> float:
+    """One up to `good`, falling to zero at `bad`."""
+    return float(np.clip((bad - value) / (bad - good), 0.0, 1.0))
+
+
+def all_links(dataset: Dataset, whole: Mapping[str, Surface], bodies: list[Body]) -> list[Link]:
+    """The joints that move, each after the one that carries its parent."""
+    body_of = {bone: i for i, body in enumerate(bodies) for bone in body.bones}
+    left = {n: j for n, j in dataset.joints.items() if body_of[j.parent] != body_of[j.child]}
+    reached, links = {0}, []
+    while left:
+        for name in [n for n, j in left.items() if body_of[j.parent] in reached]:
+            joint = left.pop(name)
+            child = body_of[joint.child]
+            reached.add(child)
+            links.append(_link(name, joint, whole, bodies, body_of[joint.parent], child))
+    return links
+
+
+def _link(
+    name: str, joint: Joint, whole: Mapping[str, Surface], bodies: list[Body], parent: int, child: int
+) -> Link:
+    hints = np.array(joint.axis_hints, float).reshape(-1, 3)
+    axes = Axes(hints / np.linalg.norm(hints, axis=1, keepdims=True), tuple(range(len(hints))))
+    limits = np.radians(np.array(joint.limits_deg, float)).reshape(-1, 2)
+    surface = whole[joint.child]
+    trials = _trials(axes, limits, _centres(whole[joint.parent], surface), bodies[child])
+    near = surface.vertices[:: max(len(surface.vertices) // CONTACT, 1)]
+    return Link(name, parent, child, axes, limits, trials, near, Distance(whole[joint.parent]))
+
+
+def _centres(parent: Surface, child: Surface) -> Array:
+    """Places (n, 3) where the joint's centre may be: about the gap, on a line from the child inwards."""
+    gap, middle = joint_point(parent, child), child.vertices.mean(axis=0)
+    thickness = 2 * np.sqrt(np.linalg.eigvalsh(np.cov(child.vertices.T))[0])
+    inwards = (gap - middle) / np.linalg.norm(gap - middle)
+    return gap + np.outer(np.array(DEPTHS) * thickness, inwards)
+
+
+def _trials(axes: Axes, limits: Array, centres: Array, child: Body) -> Motions:
+    """Motions at all angles within the widened limits, about all centres."""
+    reach = max(float(np.linalg.norm(child.probes.points - c, axis=1).max()) for c in centres)
+    ranges = [
+        np.linspace(a - WIDENED, b + WIDENED, int((b - a + 2 * WIDENED) * reach / STEP) + 2)
+        for a, b in limits
+    ]
+    turns = [axes.rotation(np.array(angles)) for angles in product(*ranges)]
+    return Motions.of([RigidTransform.about(c, turn) for c in centres for turn in turns])

@@ -1,0 +1,92 @@
+"""Seeds from moved bones: inside what they are of, bright, and nothing where nobody is sure."""
+
+import igl
+import numpy as np
+import pytest
+
+from handpipe.imaging.proposed_seeds import marrow_core, propose, share_outside
+from handpipe.imaging.volume import Volume
+from handpipe.mesh.surface import Surface
+
+SPACING = 0.5
+SHAPE = (80, 60, 60)
+MIDDLES = {1: np.array([11.0, 15.0, 15.0]), 2: np.array([29.0, 15.0, 15.0])}
+MARROW, WHOLE = 4.0, 5.0  # mm, radii
+
+
+def ball(middle: np.ndarray, radius: float) -> Surface:
+    vertices, triangles = igl.icosahedron()
+    for _ in range(4):
+        vertices, triangles = igl.loop(vertices, triangles)
+    return Surface(middle + radius * vertices / np.linalg.norm(vertices, axis=1, keepdims=True), triangles)
+
+
+def distance(label: int) -> np.ndarray:
+    """Distances in mm of every voxel from the middle of a ball."""
+    return np.linalg.norm(SPACING * np.moveaxis(np.indices(SHAPE), 0, -1) - MIDDLES[label], axis=-1)
+
+
+@pytest.fixture
+def volume() -> Volume:
+    values = np.full(SHAPE, 0.9)
+    for label in MIDDLES:
+        values[distance(label) < WHOLE] = 0.1
+        values[distance(label) < MARROW] = 1.0
+    return Volume(values.astype(np.float32), np.diag([SPACING, SPACING, SPACING, 1.0]))
+
+
+@pytest.fixture
+def surfaces() -> tuple[dict[int, Surface], dict[int, Surface]]:
+    return ({n: ball(m, MARROW) for n, m in MIDDLES.items()}, {n: ball(m, WHOLE) for n, m in MIDDLES.items()})
+
+
+def test_the_core_is_an_eroded_marrow(volume, surfaces):
+    core = np.zeros(SHAPE, bool)
+    core[tuple(marrow_core(volume, surfaces[0][1]).T)] = True
+    np.testing.assert_array_equal(core[distance(1) < MARROW - 0.85], True)
+    np.testing.assert_array_equal(core[distance(1) > MARROW - 0.55], False)
+
+
+def test_a_thin_marrow_keeps_its_deepest_voxels(volume):
+    thin = marrow_core(volume, ball(MIDDLES[1], 0.8))
+    assert 0 < len(thin) <= 4 / 3 * np.pi * 0.8**3 / SPACING**3
+    assert (np.linalg.norm(SPACING * thin - MIDDLES[1], axis=1) < 0.5).all()
+
+
+def test_seeds_lie_in_their_marrow_and_around_all_bones(volume, surfaces):
+    seeds = propose(volume, *surfaces)
+    assert set(np.unique(seeds)) == {0, 1, 2, 255}
+    for label in MIDDLES:
+        assert (distance(label)[seeds == label] < MARROW).all()
+    nearest = np.minimum(distance(1), distance(2))[seeds == 255] - WHOLE
+    assert nearest.min() > 1.4
+    assert nearest.max() < 6.1
+
+
+def test_no_seeds_in_what_is_dark(volume, surfaces):
+    dark = np.where(distance(1) < 2, 0.2, volume.values)
+    seeds = propose(volume.like(dark), *surfaces)
+    assert not (seeds[distance(1) < 2] == 1).any()
+    assert (seeds == 1).any()
+
+
+def test_an_unsure_bone_has_no_seeds_and_may_be_in_any_bright_place(volume, surfaces):
+    seeds = propose(volume, *surfaces, unsure=[2])
+    assert set(np.unique(seeds)) == {0, 1}  # all that surrounds the balls is bright
+    darker = volume.like(np.where(np.minimum(distance(1), distance(2)) > 7, 0.45, volume.values))
+    assert set(np.unique(propose(darker, *surfaces, unsure=[2]))) == {0, 1, 255}
+
+
+def test_a_bone_at_the_border_of_the_volume(volume, surfaces):
+    half = volume.crop(np.array([22, 0, 0]), np.array(SHAPE))
+    seeds = propose(half, *surfaces)
+    np.testing.assert_array_equal(seeds == 1, (propose(volume, *surfaces) == 1)[22:])
+
+
+def test_share_outside(volume, surfaces):
+    truth = (distance(1) < MARROW).astype(np.uint8)
+    core = marrow_core(volume, surfaces[0][1])
+    assert share_outside(core, truth, 1) == 0
+    truth[: int(MIDDLES[1][0] / SPACING)] = 0
+    assert share_outside(core, truth, 1) == pytest.approx(0.5, abs=0.1)
+    assert share_outside(core[:0], truth, 1) == 1

@@ -1,0 +1,40 @@
+"""Seeds of a pose from the neutral bones and the pose's image, and how sure each bone's place is."""
+
+from pathlib import Path
+
+from common import stage
+
+with stage(snakemake) as log:
+    from handpipe import metrics
+    from handpipe.config import load_dataset
+    from handpipe.imaging.marrow_evidence import MarrowEvidence
+    from handpipe.imaging.proposed_seeds import propose
+    from handpipe.imaging.volume import read_volume, write_labels
+    from handpipe.skeleton.bones import read_surfaces
+    from handpipe.skeleton.locating import HandModel, locate, moved_surfaces
+    from handpipe.skeleton.location_confidence import confidences, write_located
+
+    dataset = load_dataset(snakemake.input.dataset)
+    labels = {name: bone.label for name, bone in dataset.bones.items()}
+    evidence = MarrowEvidence.of(read_volume(snakemake.input.volume))
+    marrow, whole = (read_surfaces(snakemake.input.neutral, part) for part in ("marrow", "whole"))
+    hand = HandModel.of(dataset, marrow, whole)
+    motions = locate(hand, evidence)
+    sure = confidences(hand, evidence.fine, motions)
+    for bone, confidence in sure.items():
+        log.info("%s: confidence %.2f%s", bone, confidence.value, ": MARKED" if confidence.marked else "")
+        log.info("    %s", confidence)
+    marked = [bone for bone, confidence in sure.items() if confidence.marked]
+    if marked:
+        field = f"poses.{snakemake.wildcards.pose}.scribbles"
+        log.warning("draw scribbles of %s and name them under %s", ", ".join(marked), field)
+
+    marrows, wholes = (
+        {labels[b]: s for b, s in moved_surfaces(part, motions).items()} for part in (marrow, whole)
+    )
+    seeds = propose(evidence.fine, marrows, wholes, unsure=[labels[b] for b in marked])
+    write_labels(snakemake.output.seeds, seeds, evidence.fine.affine)
+    write_located(snakemake.output.located, motions, sure, [*snakemake.input])
+    figures = {f"confidence_{b}": (c.value, "1") for b, c in sure.items()}
+    figures |= {f"marked_{b}": (float(c.marked), "1") for b, c in sure.items()}
+    metrics.write(Path(snakemake.output.confidence), figures)
