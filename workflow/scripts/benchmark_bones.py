@@ -1,0 +1,16 @@
+"""Hard cases of the bones and their speed against error, in a process that has one thread from its start."""
+
+import subprocess
+import sys
+
+from common import stage
+
+with stage(snakemake) as log:
+    from handpipe.errors import HandpipeError
+
+    command = [sys.executable, "-m", "benchmarks.bones", "--output", snakemake.output[0]]
+    log.info("%s", " ".join(command))
+    with open(snakemake.log[0], "a", encoding="utf-8") as file:
+        code = subprocess.run(command, stdout=file, stderr=file, check=False).returncode
+    if code != 0:
+        raise HandpipeError(f"the benchmarks ended with code {code}. See {snakemake.log[0]}")
