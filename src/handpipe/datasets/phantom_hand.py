@@ -1,204 +1,52 @@
-"""The phantom hand: bones and joints of a whole hand with known truth in twelve poses, and a pose's files.
-
-The truth is kinematic: closed-form motions of the joints. No code of the fitting pipeline is used. A left
-hand is the mirror image of a right one: all is posed as a right hand and mirrored before it is imaged.
-"""
+"""The phantom hand: bones and joints of a whole hand with known truth in twelve poses, and a pose's files."""
 
 from __future__ import annotations
 
-import logging
-import zlib
-from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from handpipe import artifacts
-from handpipe.config import Dataset, Scanner
-from handpipe.datasets import image
-from handpipe.datasets import phantom_hand_tissue as tissue
-from handpipe.datasets.kinematics import KnownJoint, Posture
-from handpipe.datasets.phantom_hand_bones import WITH_ROOT, bones
-from handpipe.datasets.phantom_hand_joints import POSES, angles_of, joints
-from handpipe.datasets.posed import repositioning, write_surface
-from handpipe.errors import InputError
-from handpipe.mesh.rigid import RigidTransform
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Surface = tuple[Array, IntArray]
-LOG = logging.getLogger(__name__)
+from handpipe.config import Dataset
+from handpipe.datasets import posed_hand
+from handpipe.datasets.hand_tissue import Layout, Surroundings
+from handpipe.datasets.kinematics import Posture
+from handpipe.datasets.phantom_hand_bones import RAYS, bones, frames
+from handpipe.datasets.phantom_hand_joints import POSES, joints
+from handpipe.datasets.posed_hand import Hand, Motion
 
 SURFACE_SPACING = 0.6
-MARGIN = 13.0  # mm of the volume around the bones: soft tissue and some air
-CARTILAGE = 0.55  # its intensity
-MIRROR = np.array([1.0, -1.0, 1.0])
-
-
-@dataclass(frozen=True)
-class Tissues:
-    """What surrounds the bones in one pose: round cones (n, 8), both ends and both radii in mm."""
-
-    skin: Array
-    muscle: Array
-    cartilage: Array
-    ligament: Array
-    tendon: Array
-
-
-@dataclass(frozen=True)
-class PosedHand:
-    """The hand in one pose: transforms from neutral, surfaces of whole bones and of their marrow, tissues."""
-
-    joints: tuple[KnownJoint, ...]
-    angles: dict[str, float]
-    transforms: dict[str, RigidTransform]
-    bones: dict[str, Surface]
-    marrow: dict[str, Surface]
-    tissues: Tissues
-
-    def mirrored(self) -> PosedHand:
-        """The same pose of the other hand, with the same angles."""
-
-        def cones(rows: Array) -> Array:
-            return rows * np.concatenate([MIRROR, MIRROR, [1.0, 1.0]])
-
-        return PosedHand(
-            tuple(mirrored_joint(j) for j in self.joints),
-            self.angles,
-            {n: mirrored_transform(t) for n, t in self.transforms.items()},
-            {n: mirrored_surface(s) for n, s in self.bones.items()},
-            {n: mirrored_surface(s) for n, s in self.marrow.items()},
-            Tissues(*(cones(rows) for rows in vars(self.tissues).values())),
-        )
-
-
-def mirrored_surface(surface: Surface) -> Surface:
-    """A surface in the mirror, facing outwards still."""
-    return surface[0] * MIRROR, surface[1][:, ::-1].copy()
-
-
-def mirrored_transform(transform: RigidTransform) -> RigidTransform:
-    """The motion that a rigid motion has in the mirror: M T M."""
-    return RigidTransform(transform.rotation * np.outer(MIRROR, MIRROR), transform.translation * MIRROR)
-
-
-def mirrored_joint(joint: KnownJoint) -> KnownJoint:
-    """The other hand's joint: its axes turn so that equal angles are mirror images of one another."""
-    return KnownJoint(
-        joint.name,
-        joint.parent,
-        joint.child,
-        joint.angles,
-        -joint.axes * MIRROR,
-        joint.centre * MIRROR,
-        -joint.residual_rotation * MIRROR,
-        joint.residual_translation * MIRROR,
-        joint.direction * MIRROR,
-    )
-
-
-class Hand:
-    """The right hand's anatomy in the neutral pose, which `posed` puts in any other."""
-
-    def __init__(self) -> None:
-        known = bones()
-        self.bones = {n: b.surface(b.known.whole, SURFACE_SPACING) for n, b in known.items()}
-        self.marrow = {n: b.surface(b.known.marrow, SURFACE_SPACING) for n, b in known.items()}
-
-    def posed(self, posture: Posture) -> PosedHand:
-        """All bones and tissues in a posture."""
-        moves = posture.transforms()
-        return PosedHand(
-            posture.joints,
-            dict(posture.angles),
-            moves,
-            {n: (moves[n](v), f) for n, (v, f) in self.bones.items()},
-            {n: (moves[n](v), f) for n, (v, f) in self.marrow.items()},
-            Tissues(
-                tissue.cone_rows(tissue.skin(), moves),
-                tissue.cone_rows(tissue.muscle(), moves),
-                tissue.cone_rows(tissue.cartilage(), moves),
-                tissue.strand_rows(tissue.ligaments(), moves),
-                tissue.strand_rows(tissue.tendons(), moves),
-            ),
-        )
 
 
 @cache
 def hand() -> Hand:
     """The one phantom hand."""
-    return Hand()
+    known = bones()
+    return Hand(
+        {n: b.surface(b.known.whole, SURFACE_SPACING) for n, b in known.items()},
+        {n: b.surface(b.known.marrow, SURFACE_SPACING) for n, b in known.items()},
+        Surroundings.of(layout()),
+    )
+
+
+def layout() -> Layout:
+    """Where the bones lie."""
+    chains = {
+        ray: tuple((f"{kind}{ray}", s.length, s.girth) for kind, s in segments.items())
+        for ray, segments in RAYS.items()
+    }
+    return Layout(frames(), chains)
 
 
 def posture(pose: str, seed: int) -> Posture:
     """Posture of a named pose; the root is repositioned by up to 5 degrees and 6 mm in all but neutral."""
-    if pose not in POSES:
-        known = ", ".join(POSES)
-        raise InputError("phantom-hand", f"poses.{pose}", "is not a pose of the phantom", f"Use {known}")
-    root = RigidTransform.identity() if pose == "neutral" else repositioning(seed, pose)
-    return Posture(joints(), angles_of(pose), root, WITH_ROOT)
-
-
-def posed_hand(dataset: Dataset, pose: str) -> PosedHand:
-    """The dataset's hand, right or left, in a named pose."""
-    posed = hand().posed(posture(pose, dataset.seed))
-    return posed.mirrored() if dataset.hand == "left" else posed
-
-
-def clean_image(posed: PosedHand, grid: image.Grid) -> Array:
-    """Noise-free image of a posed hand."""
-    value, cones = image.INTENSITIES, posed.tissues
-    painted = np.full(grid.shape, value["air"])
-
-    inside = tissue.share_of_cones(cones.skin, grid, tissue.SKIN_BLEND)
-    painted += inside * (value["fat"] - painted)
-
-    def soft(intensity: float, rows: Array, blend: float = 0.0) -> None:
-        share = np.minimum(tissue.share_of_cones(rows, grid, blend), inside)
-        share *= intensity - painted  # voxel by voxel: what the tissue changes
-        np.add(painted, share, out=painted)
-
-    soft(value["muscle"], cones.muscle, 2.0)
-    soft(CARTILAGE, cones.cartilage, 1.0)
-    soft(value["ligament"], cones.ligament)
-    soft(value["tendon"], cones.tendon)
-    for level, surfaces in ((value["cortical"], posed.bones), (value["marrow"], posed.marrow)):
-        shares = (s for surface in surfaces.values() for s in image.local_occupancy(surface, grid))
-        image.paint_shares(painted, level, shares)
-    return painted
-
-
-def volume_grid(posed: PosedHand, names: Iterable[str], spacing: float) -> image.Grid:
-    """The voxels of a pose's volume: around the named bones; whatever else reaches into it is cut off."""
-    return image.Grid.around(np.concatenate([posed.bones[n][0] for n in names]), MARGIN, spacing)
+    return Motion("phantom-hand", joints(), POSES).posture(pose, seed)
 
 
 def generate_pose(dataset: Dataset, pose: str) -> None:
     """Write a pose's volume, truth and label volumes where the dataset names them; `seeds.draw` adds seeds.
 
-    A dataset with some of the bones alone is imaged around those; the others show and have no label.
     Raises `InputError` for a pose that the phantom does not know, and for what it does not have.
     """
-    _check(dataset)
-    files, scanner = dataset.poses[pose], dataset.scanner or Scanner()
-    posed = posed_hand(dataset, pose)
-    grid = volume_grid(posed, dataset.bones, scanner.spacing)
-    LOG.info("%s: %d x %d x %d voxels of %g mm", pose, *grid.shape, grid.spacing)
-    rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 2])
-    scanned, _, _ = image.acquire(clean_image(posed, grid), grid, rng, bias=scanner.bias, noise=scanner.noise)
-    image.write_volume(dataset.path(files.volume), scanned.astype(np.float32), grid)
-    labels = {name: bone.label for name, bone in dataset.bones.items()}
-    whole = image.label_volume({label: posed.bones[n] for n, label in labels.items()}, grid)
-    marrow = image.label_volume({label: posed.marrow[n] for n, label in labels.items()}, grid)
-    if dataset.truth is not None:
-        folder = dataset.path(dataset.truth.folder)
-        image.write_volume(folder / f"{pose}.bones.nii.gz", whole, grid)
-        image.write_volume(folder / f"{pose}.marrow.nii.gz", marrow, grid)
-        write_truth(folder / f"{pose}.h5", posed)
+    posed_hand.require_bones_alone(dataset, hand().bones)
+    posed_hand.write_pose(dataset, pose, hand().posed(posture(pose, dataset.seed)))
 
 
 def generate_templates(dataset: Dataset) -> None:
@@ -206,46 +54,5 @@ def generate_templates(dataset: Dataset) -> None:
 
     Raises `InputError` for templates of muscles and others that this phantom does not have.
     """
-    _check(dataset)
-    posed = posed_hand(dataset, "neutral")
-    for name, bone in dataset.bones.items():
-        if bone.template is not None:
-            write_surface(dataset.path(bone.template), *posed.bones[name])
-
-
-def write_truth(path: Path, posed: PosedHand) -> None:
-    """Write the truth of a pose (kind "truth"); rotations and translations are from neutral into the pose."""
-    data = {
-        "bones": {
-            name: {
-                "rotation": posed.transforms[name].rotation,
-                "translation": posed.transforms[name].translation,
-                "vertices": vertices,
-                "triangles": triangles,
-                "marrow_vertices": posed.marrow[name][0],
-                "marrow_triangles": posed.marrow[name][1],
-            }
-            for name, (vertices, triangles) in posed.bones.items()
-        },
-        "angles": dict(posed.angles),
-        "joints": {j.name: {"axes": j.axes, "centre": j.centre} for j in posed.joints},
-    }
-    artifacts.write(path, data, kind="truth", units={"bones": "mm", "angles": "rad"})
-
-
-def _check(dataset: Dataset) -> None:
-    """Refuse what the phantom does not have."""
-    for kind in ("muscles", "ligaments", "tendons", "nails"):
-        if getattr(dataset, kind):
-            problem = "are not in this phantom, which has bones alone"
-            raise InputError(dataset.name, kind, problem, "Leave them out")
-    for pose, files in dataset.poses.items():
-        if files.scan is not None:
-            problem = "is not made by this phantom, which has no skin surface"
-            raise InputError(dataset.name, f"poses.{pose}.scan", problem, "Leave it out")
-    for name in dataset.bones:
-        if name not in hand().bones:
-            problem = "is not a bone of this phantom"
-            raise InputError(
-                dataset.name, f"bones.{name}", problem, f"Its bones are {', '.join(hand().bones)}"
-            )
+    posed_hand.require_bones_alone(dataset, hand().bones)
+    posed_hand.write_templates(dataset, hand().posed(posture("neutral", dataset.seed)))

@@ -144,8 +144,3 @@ POSES = {
         (4, 10, 8, 2, 12), (16, 3, 24, 12), (22, 1, 28, 14), (26, -1, 32, 16), (30, -4, 34, 18), (3, 7)
     ),
 }
-
-
-def angles_of(pose: str) -> dict[str, float]:
-    """Joint angles of a named pose in rad; `KeyError` for one that is unknown."""
-    return {name: float(np.radians(value)) for name, value in POSES[pose].items()}

@@ -25,6 +25,7 @@ from handpipe.datasets.implicit import Implicit, round_cone, smooth_union
 from handpipe.datasets.kinematics import Posture, ramp, smoothstep
 from handpipe.datasets.posed import PosedFinger, repositioning, write_pose, write_surface
 from handpipe.datasets.sliding import KnownTendon
+from handpipe.datasets.source_meshes import folder_of
 from handpipe.datasets.tubes import sweep, volume
 from handpipe.errors import InputError
 from handpipe.mesh import implicit as grids
@@ -288,10 +289,7 @@ def finger(folder: Path) -> Finger:
 
 
 def _finger(dataset: Dataset) -> Finger:
-    if dataset.anatomy is None or not dataset.anatomy.exists():
-        problem = "is not given" if dataset.anatomy is None else f"{dataset.anatomy} does not exist"
-        raise InputError(dataset.name, "anatomy", problem, "Give the folder of the source anatomy")
-    return finger(dataset.anatomy)
+    return finger(folder_of(dataset))
 
 
 def posture(dataset: Dataset, pose: str) -> Posture:

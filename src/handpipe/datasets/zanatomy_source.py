@@ -7,21 +7,19 @@ bone.
 from __future__ import annotations
 
 import logging
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import igl
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from handpipe.datasets import myohand_model
+from handpipe.datasets.carried_joints import Similarity, carried, similarity
 from handpipe.datasets.kinematics import KnownJoint
-from handpipe.errors import InputError
+from handpipe.datasets.source_meshes import mended, read_mesh, subdivided
 from handpipe.mesh.remeshing import remesh
-from handpipe.mesh.repair import repair
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface as Mesh
 
@@ -44,7 +42,6 @@ MUSCLES = {
 }
 FLEXORS = ("Flexor_digitorum_profundus_r", "Humero_ulnar_head_of_flexor_digitorum_superficialis_r")
 EXTENSOR = "Extensor_indicis_r"
-MODEL_BONES = {"metacarpal2": "2mc", "proximal2": "2proxph", "middle2": "2midph", "distal2": "2distph"}
 # joint: parent, child, {angle: joint of the model}, residual rotation in degrees, residual translation in mm
 JOINTS = {
     "MP2": (
@@ -81,8 +78,8 @@ def read(folder: Path) -> Source:
     for name, file in MUSCLES.items():
         points, triangles = _load(folder / HAND / f"{file}.ply", name, part=True)
         muscles[name] = to_neutral(points), triangles
-    flexors = [to_neutral(_read_mesh(folder / HAND / f"{file}.ply").vertices) for file in FLEXORS]
-    extensor = to_neutral(_read_mesh(folder / HAND / f"{EXTENSOR}.ply").vertices)
+    flexors = [to_neutral(read_mesh(folder / HAND / f"{file}.ply").vertices) for file in FLEXORS]
+    extensor = to_neutral(read_mesh(folder / HAND / f"{EXTENSOR}.ply").vertices)
     return Source(
         bones,
         muscles,
@@ -92,30 +89,21 @@ def read(folder: Path) -> Source:
     )
 
 
-def _read_mesh(path: Path) -> Mesh:
-    if not path.exists():
-        raise InputError(path, "file", "is absent", "Put the anatomy where the dataset's `anatomy` says")
-    mesh = trimesh.load_mesh(path, process=False)
-    return Mesh(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
-
-
 def _load(path: Path, name: str, part: bool = False) -> Surface:
     """A closed surface; of several bodies (`part`) the most radial one, which lies first in world x."""
-    mesh = _read_mesh(path)
+    mesh = read_mesh(path)
     if part:
         mesh = min(mesh.components(), key=lambda body: float(body.vertices[:, 0].min())).compact()
         # A repair that must rebuild does so at the size of the triangles: make them small beforehand.
         mesh = Mesh(*igl.upsample(mesh.vertices, mesh.triangles, 2))
     before = mesh.volume()
-    mesh, said = repair(mesh)
-    for sentence in said:
-        log.info("%s: %s", name, sentence)
+    mesh = mended(mesh, name)
     if part:
         mesh = remesh(mesh, MUSCLE_EDGE)
         log.info("%s: volume %.0f mm^3 as read, %.0f mm^3 as used", name, before, mesh.volume())
         return mesh.vertices, mesh.triangles
-    smooth = trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).subdivide_loop(iterations=1)
-    return np.asarray(smooth.vertices, dtype=float), np.asarray(smooth.faces, dtype=np.int64)
+    mesh = subdivided(mesh)
+    return mesh.vertices, mesh.triangles
 
 
 def _long_axis(points: Array) -> Array:
@@ -157,22 +145,11 @@ def _middle_line(points: Array, bones: Mapping[str, Surface], side: float) -> Ar
 
 def _joints(folder: Path, bones: Mapping[str, Surface]) -> tuple[KnownJoint, ...]:
     """The model's joints, carried by the similarity of each bone's neighbours, averaged over the two."""
-    known = _model_joints(folder / "myohand_body.xml")
-    carry = {
-        name: _similarity(folder / "rest_pose_m" / f"{file}.ply", bones[name])
-        for name, file in MODEL_BONES.items()
-    }
+    known = myohand_model.read_joints(folder)
+    carry = {name: _similarity(folder, name, bones[name]) for name in BONES}
     result = []
     for name, ((parent, child), angles, turn, shift) in JOINTS.items():
-        centres, axes = [], []
-        for bone in (parent, child):
-            matrix, offset = carry[bone]
-            scale = np.cbrt(np.linalg.det(matrix))
-            centres.append(matrix @ known[next(iter(angles.values()))][0] + offset)
-            axes.append([matrix @ known[joint][1] / scale for joint in angles.values()])
-        apart = np.linalg.norm(centres[0] - centres[1])
-        log.info("%s: the model's centres by parent and by child lie %.1f mm apart", name, apart)
-        axis = np.mean(axes, axis=0)
+        axes, centre = carried(name, [known[joint] for joint in angles.values()], (parent, child), carry)
         along = [_long_axis_towards(bones[bone][0]) for bone in (parent, child)]
         direction = along[0] + along[1]
         result.append(
@@ -181,8 +158,8 @@ def _joints(folder: Path, bones: Mapping[str, Surface]) -> tuple[KnownJoint, ...
                 parent,
                 child,
                 tuple(angles),
-                axis / np.linalg.norm(axis, axis=1, keepdims=True),
-                np.mean(centres, axis=0),
+                axes,
+                centre,
                 np.radians(turn),
                 np.array(shift),
                 direction / np.linalg.norm(direction),
@@ -197,42 +174,9 @@ def _long_axis_towards(points: Array) -> Array:
     return axis * np.sign(axis[0])
 
 
-def _model_joints(path: Path) -> dict[str, tuple[Array, Array]]:
-    """Centres in mm and axes of the model's joints in its rest pose, by name."""
-    if not path.exists():
-        raise InputError(path, "file", "is absent", "Put the anatomy where the dataset's `anatomy` says")
-    found: dict[str, tuple[Array, Array]] = {}
-
-    def visit(body: ElementTree.Element, rotation: Rotation, origin: Array) -> None:
-        for joint in body.findall("joint"):
-            place, axis = (np.array(joint.get(key, "0 0 0").split(), dtype=float) for key in ("pos", "axis"))
-            found[joint.get("name", "")] = 1000.0 * (origin + rotation.apply(place)), rotation.apply(axis)
-        for child in body.findall("body"):
-            place = np.array(child.get("pos", "0 0 0").split(), dtype=float)
-            turn = Rotation.identity()
-            if child.get("euler"):
-                turn = Rotation.from_euler("XYZ", np.array(child.get("euler", "").split(), dtype=float))
-            elif child.get("quat"):
-                turn = Rotation.from_quat(np.roll(np.array(child.get("quat", "").split(), dtype=float), -1))
-            visit(child, rotation * turn, origin + rotation.apply(place))
-
-    visit(ElementTree.parse(path).getroot(), Rotation.identity(), np.zeros(3))
-    return found
-
-
-def _similarity(path: Path, bone: Surface) -> tuple[Array, Array]:
-    """Matrix and offset that carry the model's bone (in m, palm to +x, radial +z) onto ours."""
-    model = _read_mesh(path)
-    source = 1000.0 * model.vertices
+def _similarity(folder: Path, name: str, bone: Surface) -> Similarity:
+    """Matrix and offset that carry the model's bone (palm to +x, radial +z) onto ours."""
+    model = myohand_model.read_bone(folder, name)
     ours = _axes(_long_axis_towards(bone[0]), np.array([0.0, 1.0, 0.0]))
-    theirs = _axes(_long_axis(source), np.array([0.0, 0.1, 0.995]))
-    scale = np.ptp(bone[0] @ ours[:, 0]) / np.ptp(source @ theirs[:, 0])
-    start = np.eye(4)
-    start[:3, :3] = scale * ours @ theirs.T
-    start[:3, 3] = bone[0].mean(axis=0) - start[:3, :3] @ source.mean(axis=0)
-    sample = trimesh.Trimesh(source, model.triangles, process=False).sample(1500, seed=0)
-    target = trimesh.Trimesh(*bone, process=False)
-    fitted, _, _ = trimesh.registration.icp(
-        sample, target, initial=start, scale=True, reflection=False, max_iterations=60
-    )
-    return fitted[:3, :3], fitted[:3, 3]
+    theirs = _axes(_long_axis(model.vertices), np.array([0.0, 0.1, 0.995]))
+    return similarity(model, bone, ours, theirs)

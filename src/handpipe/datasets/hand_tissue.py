@@ -1,4 +1,4 @@
-"""What surrounds the phantom hand's bones in its images: round cones between points that bones carry.
+"""What surrounds a generated hand's bones in its images: round cones between points that bones carry.
 
 It is a background for segmentation, not anatomy with a truth: tendons and ligaments as dark as cortical bone
 and touching it, grey muscle and cartilage, fat up to the skin.
@@ -16,7 +16,6 @@ from scipy.interpolate import CubicSpline
 
 from handpipe.datasets.image import Grid
 from handpipe.datasets.phantom_bones import Point
-from handpipe.datasets.phantom_hand_bones import FINGERS, RAYS, frames
 from handpipe.mesh.rigid import RigidTransform
 
 Array = NDArray[np.float64]
@@ -46,23 +45,76 @@ class Strand:
     radius: float
 
 
-def posed_points(places: Sequence[Place], transforms: Bones) -> Array:
-    """Points (n, 3) of bones in a pose."""
-    placed = frames()
-    return np.array([(transforms[bone] @ placed[bone])(np.array(point)) for bone, point in places])
+@dataclass(frozen=True)
+class Layout:
+    """The bones of a hand as the tissues need them.
+
+    frames: where each bone's own frame lies in the neutral hand, a long bone's with its origin at its near
+    end and +x along it, a carpal's with its origin in its middle, +z dorsal; chains: by ray (1 is the thumb)
+    the long bones outwards, each with its name, its length in mm and its girth as a share of the phantom
+    finger's.
+    """
+
+    frames: Bones
+    chains: Mapping[int, tuple[tuple[str, float, float], ...]]
 
 
-def cone_rows(cones: Sequence[Cone], transforms: Bones) -> Array:
+@dataclass(frozen=True)
+class Tissues:
+    """What surrounds the bones in one pose: round cones (n, 8), both ends and both radii in mm."""
+
+    skin: Array
+    muscle: Array
+    cartilage: Array
+    ligament: Array
+    tendon: Array
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The same in the frames of the bones that carry them."""
+
+    frames: Bones
+    skin: Sequence[Cone]
+    muscle: Sequence[Cone]
+    cartilage: Sequence[Cone]
+    ligaments: Sequence[Strand]
+    tendons: Sequence[Strand]
+
+    @staticmethod
+    def of(layout: Layout) -> Surroundings:
+        """The tissues of a hand whose bones lie so."""
+        parts = (skin(layout), muscle(), cartilage(layout), ligaments(layout), tendons(layout))
+        return Surroundings(layout.frames, *parts)
+
+    def posed(self, transforms: Bones) -> Tissues:
+        """The tissues where the bones' transforms from neutral carry them."""
+        placed = {name: transforms[name] @ frame for name, frame in self.frames.items()}
+        return Tissues(
+            cone_rows(self.skin, placed),
+            cone_rows(self.muscle, placed),
+            cone_rows(self.cartilage, placed),
+            strand_rows(self.ligaments, placed),
+            strand_rows(self.tendons, placed),
+        )
+
+
+def posed_points(places: Sequence[Place], placed: Bones) -> Array:
+    """Points (n, 3) of bones, whose own frames are placed in a pose."""
+    return np.array([placed[bone](np.array(point)) for bone, point in places])
+
+
+def cone_rows(cones: Sequence[Cone], placed: Bones) -> Array:
     """Cones in a pose (n, 8): both ends, both radii."""
-    ends = posed_points([p for c in cones for p in (c.start, c.end)], transforms).reshape(-1, 6)
+    ends = posed_points([p for c in cones for p in (c.start, c.end)], placed).reshape(-1, 6)
     return np.hstack([ends, [[c.radius_start, c.radius_end] for c in cones]])
 
 
-def strand_rows(strands: Sequence[Strand], transforms: Bones) -> Array:
+def strand_rows(strands: Sequence[Strand], placed: Bones) -> Array:
     """Strands in a pose as short cones (n, 8), a millimetre and a half each."""
     rows = []
     for strand in strands:
-        knots = posed_points(strand.places, transforms)
+        knots = posed_points(strand.places, placed)
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
         line = CubicSpline(along, knots)(np.linspace(0.0, along[-1], int(along[-1] / 1.5) + 2))
         rows.append(np.hstack([line[:-1], line[1:], np.full((len(line) - 1, 2), strand.radius)]))
@@ -105,16 +157,11 @@ def share_of_cones(rows: Array, grid: Grid, blend: float = 0.0) -> NDArray[np.fl
     return np.clip(field, 0.0, 1.0, out=field)
 
 
-def _chain(ray: int) -> list[tuple[str, float, float]]:
-    """A ray's bones outwards: name, length, girth."""
-    return [(f"{kind}{ray}", s.length, s.girth) for kind, s in RAYS[ray].items()]
-
-
-def skin() -> list[Cone]:
+def skin(layout: Layout) -> list[Cone]:
     """The hand's outline: a cone around each bone, more of them in the palm and at the wrist."""
     cones = []
-    for ray in RAYS:
-        for name, length, girth in _chain(ray):
+    for chain in layout.chains.values():
+        for name, length, girth in chain:
             palm = name.startswith("metacarpal")
             start, end = (10.5, 9.5) if palm else ((9.0, 8.0) if name.startswith("proximal") else (7.6, 6.6))
             low = -4.0 if palm else (-2.0 if name.startswith("distal") else -1.2)
@@ -152,11 +199,11 @@ def muscle() -> list[Cone]:
     ]
 
 
-def cartilage() -> list[Cone]:
+def cartilage(layout: Layout) -> list[Cone]:
     """Grey joints: a ball about the end of each bone that carries another, and between the carpals."""
     cones = []
-    for ray in RAYS:
-        for name, length, girth in _chain(ray)[:-1]:
+    for ray, chain in layout.chains.items():
+        for name, length, girth in chain[:-1]:
             radius = {"m": 6.4, "p": 5.4}[name[0]] * girth if not name.startswith("middle") else 4.2 * girth
             cones.append(Cone((name, (length - 0.5, 0, 0)), (name, (length + 0.5, 0, 0)), radius, radius))
         if ray > 1:
@@ -167,15 +214,15 @@ def cartilage() -> list[Cone]:
     return [*cones, Cone(("trapezium", (0, -3, 0)), ("hamate", (0, 3, 0)), 5.5, 5.5)]
 
 
-def tendons() -> list[Strand]:
+def tendons(layout: Layout) -> list[Strand]:
     """Flexors and extensors along each ray, against the bones they pass."""
     strands = []
-    for ray in RAYS:
+    for ray, chain in layout.chains.items():
         palmar: list[Place] = [("capitate", (-45, 4 - 3 * ray, -13)), ("capitate", (0, 6 - 2.2 * ray, -14))]
         dorsal: list[Place] = [("capitate", (-45, 9 - 4 * ray, 9)), ("capitate", (0, 10 - 4 * ray, 9.6))]
         if ray == 1:
             palmar, dorsal = [("trapezium", (-4, -7, -9))], [("trapezium", (-6, 2, 8.5))]
-        for name, length, girth in _chain(ray):
+        for name, length, girth in chain:
             kind = name[0]
             half = {"m": 4.7, "p": 4.2, "d": 2.6}[kind] if not name.startswith("middle") else 3.4
             off = girth * half + TENDON - 0.15
@@ -186,11 +233,10 @@ def tendons() -> list[Strand]:
     return strands
 
 
-def ligaments() -> list[Strand]:
+def ligaments(layout: Layout) -> list[Strand]:
     """Collateral ligaments on both sides of the joints of the fingers and of the thumb's MP and IP."""
     strands = []
-    for ray in (1, *FINGERS):
-        chain = _chain(ray)
+    for chain in layout.chains.values():
         for (inner, length, girth), (outer, _, outer_girth) in zip(chain[:-1], chain[1:], strict=True):
             width = {"m": 6.4, "p": 5.6}[inner[0]] if not inner.startswith("middle") else 4.4
             for side in (1.0, -1.0):
