@@ -10,8 +10,9 @@ from handpipe.datasets.phantom_hand import posture
 from handpipe.datasets.phantom_hand_bones import bones
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.joints import fit_joint
+from handpipe.skeleton.motions import joint_motions
 from handpipe.skeleton.next_pose import RigUncertainty, plan_poses
-from handpipe.skeleton.rig import Rig, relative_motions
+from handpipe.skeleton.rig import Rig
 
 DATASET = load_dataset(Path(__file__).parents[2] / "config/datasets/phantom-hand.yaml")
 COUNT = 3  # scans after the first
@@ -35,10 +36,11 @@ def test_the_proposed_scans_teach_more_than_random_ones():
         squares = []
         for joint in [j for j in rig.joints if j.angles][::2]:
             hints = np.array(DATASET.joints[joint.name].axis_hints, float)
-            scans = relative_motions(seen, joint.parent, joint.child, ["relaxed", *poses])
-            fit = fit_joint(scans, len(joint.angles), hints, near=joint.fit.centre)
-            all_poses = relative_motions(truth, joint.parent, joint.child, list(angles))
-            turns, shifts = fit.errors(all_poses, centroids[joint.child])
+            centre = joint.fit.centre
+            scans = joint_motions(seen, joint.parent, joint.child, ["relaxed", *poses], centre)
+            fit = fit_joint(scans.relative, len(joint.angles), hints, near=centre)
+            all_poses = joint_motions(truth, joint.parent, joint.child, list(angles), centre)
+            turns, shifts = fit.errors(all_poses.relative, centroids[joint.child])
             squares += list(shifts**2 + (12 * turns) ** 2)
         return np.sqrt(np.mean(squares))
 

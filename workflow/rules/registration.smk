@@ -30,7 +30,8 @@ rule evaluate_registration:
         neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
         registrations=in_poses("results/{subject}/registration/{pose}.h5"),
     output:
-        "results/{subject}/metrics/registration.json",
+        metrics="results/{subject}/metrics/registration.json",
+        table="results/{subject}/tables/registration.json",
     log:
         "results/{subject}/logs/evaluate_registration/all.log",
     benchmark:

@@ -10,6 +10,8 @@ rule fit_rig:
         rig="results/{subject}/rig.h5",
         metrics="results/{subject}/metrics/rig.json",
         table="results/{subject}/tables/rig.json",
+        limits="results/{subject}/tables/limits.json",
+        limits="results/{subject}/tables/limits.json",
     log:
         "results/{subject}/logs/fit_rig/all.log",
     benchmark:

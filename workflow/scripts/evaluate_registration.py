@@ -1,25 +1,34 @@
-"""Registered transforms against truth."""
+"""Registered transforms against truth, with their uncertainties and what is in doubt or missing."""
+
+import json
 
 from common import stage
 from figures import stage_cost
 from truth import bone_errors
 
 with stage(snakemake):
-    from handpipe import metrics
+    from handpipe import artifacts, metrics
     from handpipe.config import load_dataset
-    from handpipe.skeleton.bones import read_registration, read_surfaces
+    from handpipe.skeleton.bones import read_surfaces
+    from handpipe.skeleton.registration_result import read_registrations
+    from handpipe.skeleton.registration_table import registration_figures, registration_rows
 
     dataset = load_dataset(snakemake.input.dataset)
     figures = stage_cost(snakemake, "register_bones")
     centroids = {b: s.centroid() for b, s in read_surfaces(snakemake.input.neutral, "whole").items()}
-    rotations, translations = [], []
+    rows, missing = [], []
     for pose, path in zip(dataset.poses, snakemake.input.registrations, strict=True):
-        if dataset.truth is None or pose == dataset.neutral:
+        if pose == dataset.neutral:
             continue
-        angles, distances = bone_errors(dataset, pose, read_registration(path), centroids)
-        rotations += angles
-        translations += distances
-    if rotations:
-        figures |= metrics.summary("rotation_error", rotations, "deg")
-        figures |= metrics.summary("translation_error", translations, "mm")
-    metrics.write(snakemake.output[0], figures)
+        found = read_registrations(path)
+        missing += [(pose, bone) for bone in dataset.bones if bone not in found]
+        errors = {}
+        if dataset.truth is not None:
+            transforms = {bone: r.transform for bone, r in found.items()}
+            here = {bone: centroids[bone] for bone in found}
+            errors = dict(
+                zip(found, zip(*bone_errors(dataset, pose, transforms, here), strict=True), strict=True)
+            )
+        rows += registration_rows(pose, found, errors)
+    metrics.write(snakemake.output.metrics, figures | registration_figures(rows, missing))
+    artifacts.write_text(snakemake.output.table, json.dumps(rows, indent=2))

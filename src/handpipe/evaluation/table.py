@@ -131,12 +131,13 @@ def _pose(row: Row) -> str:
 def rig_table(rows: Sequence[Row]) -> Table | None:
     """Table 1 of Wang 2019, its last row the average over joints; None without rows.
 
-    Rows have `joint` and mean errors, those named …_R in degrees and …_x in mm.
+    Rows have `joint`, maybe its `type` and number of `poses`, and mean errors, those named …_R in degrees
+    and …_x in mm.
     """
-    columns = list(dict.fromkeys(key for row in rows for key in row if key != "joint"))
+    columns = list(dict.fromkeys(key for row in rows for key in row if key.endswith(("_R", "_x"))))
     if not columns:
         return None
-    cells: list[list[Cell]] = [[str(row["joint"]), *(row.get(c) for c in columns)] for row in rows]
+    cells: list[list[Cell]] = [[_joint(row), *(row.get(c) for c in columns)] for row in rows]
     present = {c: [float(row[c]) for row in rows if c in row] for c in columns}
     cells.append(["average", *(float(np.mean(present[c])) for c in columns)])
     heads = [
@@ -148,6 +149,20 @@ def rig_table(rows: Sequence[Row]) -> Table | None:
         " saw."
     )
     return Table("Bone rig errors (Wang 2019, Table 1).", ["joint", *heads], cells, note)
+
+
+def _joint(row: Row) -> str:
+    """The joint's name with its type and the poses that it was fitted to, where these are stated."""
+    if "type" not in row:
+        return str(row["joint"])
+    return f"{row['joint']} ({row['type']}, {row['poses']:.0f} poses)"
+
+
+def _joint(row: Row) -> str:
+    """The joint's name, with its type and the number of fitted poses where these are stated."""
+    if "type" not in row:
+        return str(row["joint"])
+    return f"{row['joint']} ({row['type']}, {row['poses']:.0f} poses)"
 
 
 def _unit(column: str) -> str:

@@ -79,9 +79,10 @@ def check_surfaces(dataset: Dataset) -> None:
 
 
 def joint_limits(dataset: Dataset) -> dict[str, tuple[float, float]]:
-    """Lower and upper limit in rad of every angle, as the dataset states them."""
-    return {
-        angle: (radians(lower), radians(upper))
-        for joint in dataset.joints.values()
-        for angle, (lower, upper) in zip(joint.angles, joint.limits_deg, strict=True)
-    }
+    """Lower and upper limit in rad of every angle, as the dataset states them, else half a turn."""
+    limits = {}
+    for joint in dataset.joints.values():
+        stated = joint.limits_deg or ((-180.0, 180.0),) * len(joint.angles)
+        for angle, (lower, upper) in zip(joint.angles, stated, strict=True):
+            limits[angle] = (radians(lower), radians(upper))
+    return limits

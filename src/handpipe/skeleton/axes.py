@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from handpipe.skeleton.prior import Weighing
+
 Array = NDArray[np.float64]
 TOLERANCE = 1e-13
 HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is below 0.01 degrees
@@ -84,32 +86,35 @@ def quaternions(rotations: Array) -> Array:
     return xyzw[:, [3, 0, 1, 2]]
 
 
-def fit_axes(rotations: Array, axis_hints: Array) -> Axes:
+def fit_axes(rotations: Array, axis_hints: Array, weighing: Weighing | None = None) -> Axes:
     """Axes that explain rotations (n, 3, 3) best (Eq. 1; Eq. 4 and 5).
 
     axis_hints (dof, 3): rough axes; they fix the signs, and what the rotations leave undetermined. Which
     of two axes turns first is a convention in some joints and anatomy in others: the rotations decide.
+    weighing: how the rotations count, and the hints beside them.
     """
     q = quaternions(rotations)
     hints = np.array([h / np.linalg.norm(h) for h in np.asarray(axis_hints, float)])
+    weighing = weighing or Weighing.plain(len(q))
     if len(hints) == 1:
-        return Axes(_signed(_fit_one_axis(q, hints[0])[None], hints), (0,))
-    fits = [(_fit_two_axes(q, hints[list(order)]), order) for order in ((0, 1), (1, 0))]
+        return Axes(_signed(_fit_one_axis(q, hints[0], weighing)[None], hints), (0,))
+    fits = [(_fit_two_axes(q, hints[list(order)], weighing), order) for order in ((0, 1), (1, 0))]
     (found, _), order = min(fits, key=lambda fit: fit[0][1])
     return Axes(_signed(found[np.argsort(order)], hints), order)
 
 
-def fit_oblique_axes(rotations: Array, axis_hints: Array) -> Axes:
+def fit_oblique_axes(rotations: Array, axis_hints: Array, weighing: Weighing | None = None) -> Axes:
     """Two axes at any angle to one another, as in a saddle joint, that explain rotations (n, 3, 3) best.
 
-    The orthogonal pair is the start; axis_hints (2, 3) as for `fit_axes`.
+    The orthogonal pair is the start; axis_hints (2, 3) and weighing as for `fit_axes`.
     """
     q = quaternions(rotations)
     hints = np.array([h / np.linalg.norm(h) for h in np.asarray(axis_hints, float)])
-    start = fit_axes(rotations, hints)
+    weighing = weighing or Weighing.plain(len(q))
+    start = fit_axes(rotations, hints, weighing)
     fits = []
     for order in ((0, 1), (1, 0)):
-        pair, lack = _refine_pair(q, start.directions[list(order)])
+        pair, lack = _refine_pair(q, start.directions[list(order)], hints[list(order)], weighing)
         fits.append((lack, order, pair))
     _, order, found = min(fits, key=lambda fit: fit[0])
     return Axes(_signed(found[np.argsort(order)], hints), order)
@@ -117,16 +122,24 @@ def fit_oblique_axes(rotations: Array, axis_hints: Array) -> Axes:
 
 def three_axes(axis_hints: Array) -> Axes:
     """Three orthogonal axes near hints (3, 3): a ball joint turns about any; these only name its angles."""
-    frame = _frame(np.asarray(axis_hints, float)[:2]).T
-    return Axes(_signed(frame, axis_hints), (0, 1, 2))
+    return Axes(orthogonal_hints(axis_hints), (0, 1, 2))
+
+
+def orthogonal_hints(axis_hints: Array) -> Array:
+    """Unit axes (dof, 3) near hints (dof, 3), orthogonal to one another, the first one as it is."""
+    hints = np.asarray(axis_hints, float)
+    if len(hints) == 1:
+        return hints / np.linalg.norm(hints[0])
+    return _signed(_frame(hints[:2]).T[: len(hints)], hints)
 
 
 def _signed(axes: Array, hints: Array) -> Array:
     return axes * np.where((axes * hints).sum(axis=1) < 0, -1.0, 1.0)[:, None]
 
 
-def _fit_one_axis(q: Array, hint: Array) -> Array:
+def _fit_one_axis(q: Array, hint: Array, weighing: Weighing) -> Array:
     start = _principal(q, hint)[:, -1]
+    start = start if start @ hint >= 0 else -start
     across = _complete(start)[:, 1:]
 
     def axis(tilt: Array) -> Array:
@@ -135,21 +148,22 @@ def _fit_one_axis(q: Array, hint: Array) -> Array:
     def residual(tilt: Array) -> Array:
         off = np.cross(q[:, 1:], axis(tilt))
         best = np.sqrt(np.maximum(1 - (off**2).sum(axis=1), 0))
-        return (off * np.sqrt(2 / (1 + best))[:, None]).ravel()
+        off = off * (weighing.weights * np.sqrt(2 / (1 + best)))[:, None]
+        return np.concatenate([off.ravel(), _pull(axis(tilt)[None], hint[None], weighing)])
 
     return axis(_minimise(residual, 2)[0])
 
 
-def _fit_two_axes(q: Array, hints: Array) -> tuple[Array, float]:
+def _fit_two_axes(q: Array, hints: Array, weighing: Weighing) -> tuple[Array, float]:
     """Axes (2, 3) in the order in which they turn, and what Eq. 4 lacks to its bound."""
     principal = _principal(q, hints[0])
     starts = [hints, np.array([principal[:, 2], hints[1]]), np.array([hints[0], principal[:, 2]])]
-    fits = [_refine_frame(q, _frame(start)) for start in starts if _spans(start)]
+    fits = [_refine_frame(q, _frame(start), hints, weighing) for start in starts if _spans(start)]
     frame, lack = min(fits, key=lambda fit: fit[1])
     return frame[:, :2].T, lack
 
 
-def _refine_frame(q: Array, start: Array) -> tuple[Array, float]:
+def _refine_frame(q: Array, start: Array, hints: Array, weighing: Weighing) -> tuple[Array, float]:
     def frame(turn: Array) -> Array:
         return Rotation.from_rotvec(turn).as_matrix() @ start
 
@@ -159,13 +173,14 @@ def _refine_frame(q: Array, start: Array) -> tuple[Array, float]:
         det = m[:, 0, 0] * m[:, 1, 1] - m[:, 0, 1] * m[:, 1, 0]
         # The singular values s, t of a matrix of unit norm: s^2 + t^2 = 1 and s t = |det|.
         s = (np.sqrt(np.maximum(1 + 2 * det, 0)) + np.sqrt(np.maximum(1 - 2 * det, 0))) / 2
-        return det / s * np.sqrt(2 / (1 + s))
+        lack = weighing.weights * det / s * np.sqrt(2 / (1 + s))
+        return np.concatenate([lack, _pull(turned[:, :2].T, hints, weighing)])
 
     turn, lack = _minimise(residual, 3)
     return frame(turn), lack
 
 
-def _refine_pair(q: Array, start: Array) -> tuple[Array, float]:
+def _refine_pair(q: Array, start: Array, hints: Array, weighing: Weighing) -> tuple[Array, float]:
     """Axes (2, 3) in the order in which they turn, each tilted from its start, and what they lack."""
     across = [_complete(axis)[:, 1:] for axis in start]
 
@@ -183,10 +198,16 @@ def _refine_pair(q: Array, start: Array) -> tuple[Array, float]:
                 np.outer(s * d, a) + np.outer(c * t, b) + np.outer(s * t, np.cross(a, b)),
             ]
         )
-        return (q - best).ravel()
+        lack = weighing.weights[:, None] * (q - best)
+        return np.concatenate([lack.ravel(), _pull(np.array([a, b]), hints, weighing)])
 
     tilts, lack = _minimise(residual, 4)
     return pair(tilts), lack
+
+
+def _pull(axes: Array, hints: Array, weighing: Weighing) -> Array:
+    """What axes (k, 3) lack to their hints (k, 3), in half angles as the quaternions' residuals are."""
+    return (weighing.pull / 2 * np.cross(hints, axes)).ravel()
 
 
 def _minimise(residual: Callable[[Array], Array], n: int) -> tuple[Array, float]:

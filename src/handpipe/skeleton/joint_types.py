@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.joints import DEGREES, JointFit, JointType, fit_joint, leave_one_out
+from handpipe.skeleton.prior import MotionNoise
 
 Array = NDArray[np.float64]
 ORDER: tuple[JointType, ...] = ("hinge", "universal", "saddle", "ball")
@@ -29,20 +30,22 @@ def left_out_error(
     near: Array,
     point: Array,
     lever: float = LEVER,
+    noise: Sequence[MotionNoise] | None = None,
 ) -> float:
     """Root mean square over poses in mm, each left out of the fit in turn, its angles then at their best.
 
     axis_hints (3, 3) or more rows than the type has angles; near, point (3,) in mm: rough centre, and the
-    point of the child whose place counts; rotations count at the lever in mm. Infinite where the poses are
-    too few for the type.
+    point of the child whose place counts; rotations count at the lever in mm; noise as for `fit_joint`.
+    Infinite where the poses are too few for the type.
     """
     dof = DEGREES[joint_type]
     hints = np.asarray(axis_hints, float)[:dof]
     if len(relative) <= dof + 1:
         return float("inf")
     squares = []
-    for rest, left in leave_one_out(relative):
-        fit = fit_joint(rest, dof, hints, near=near, joint_type=joint_type)
+    known = [None] * len(relative) if noise is None else [rest for rest, _ in leave_one_out(noise)]
+    for (rest, left), rest_noise in zip(leave_one_out(relative), known, strict=True):
+        fit = fit_joint(rest, dof, hints, near=near, joint_type=joint_type, noise=rest_noise)
         rotation, shift = fit.errors([left], point)
         squares.append(shift[0] ** 2 + (lever * rotation[0]) ** 2)
     return float(np.sqrt(np.mean(squares)))
@@ -55,31 +58,38 @@ def choose_type(
     near: Array,
     point: Array,
     types: Sequence[JointType] = ORDER,
-    noise: float = NOISE,
+    gain: float = NOISE,
+    noise: Sequence[MotionNoise] | None = None,
 ) -> tuple[JointType, dict[JointType, float]]:
     """The type that the data earn, and every type's left-out error in mm; arguments as `left_out_error`.
 
-    types: those to choose from, simpler ones first. noise in mm: a gain below it is not believed.
+    types: those to choose from, simpler ones first. gain in mm: one below it is not believed.
     """
     hints = complete_hints(axis_hints)
     errors: dict[JointType, float] = {
-        t: left_out_error(relative, t, hints, near=near, point=point) for t in types
+        t: left_out_error(relative, t, hints, near=near, point=point, noise=noise) for t in types
     }
     chosen = types[0]
     for richer in types[1:]:
         before, after = errors[chosen], errors[richer]
-        if after < SHARE * before and before - after > noise:
+        if after < SHARE * before and before - after > gain:
             chosen = richer
     return chosen, errors
 
 
 def fit_best(
-    relative: Sequence[RigidTransform], dof: int, axis_hints: Array, *, near: Array, point: Array
+    relative: Sequence[RigidTransform],
+    dof: int,
+    axis_hints: Array,
+    *,
+    near: Array,
+    point: Array,
+    noise: Sequence[MotionNoise] | None = None,
 ) -> JointFit:
     """The joint of the type that the data earn among those of `dof` degrees of freedom."""
     types = [t for t in ORDER if DEGREES[t] == dof]
-    chosen, _ = choose_type(relative, axis_hints, near=near, point=point, types=types)
-    return fit_joint(relative, dof, axis_hints, near=near, joint_type=chosen)
+    chosen, _ = choose_type(relative, axis_hints, near=near, point=point, types=types, noise=noise)
+    return fit_joint(relative, dof, axis_hints, near=near, joint_type=chosen, noise=noise)
 
 
 def complete_hints(axis_hints: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,21 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.axes import Axes, fit_axes, fit_oblique_axes, three_axes
+from handpipe.skeleton.prior import (
+    PRIOR,
+    MotionNoise,
+    Weighing,
+    rotation_noise,
+    translation_noise,
+    unexplained,
+)
 from handpipe.skeleton.residual import Residual, fit_residual
 
 Array = NDArray[np.float64]
 Model = Literal["full", "partial"]
 JointType = Literal["rigid", "hinge", "universal", "saddle", "ball"]
 Errors = tuple[Array, Array]
+T = TypeVar("T")
 DEGREES: dict[JointType, int] = {"rigid": 0, "hinge": 1, "universal": 2, "saddle": 2, "ball": 3}
 DEFAULT_TYPES: dict[int, JointType] = {0: "rigid", 1: "hinge", 2: "universal", 3: "ball"}
 HARDLY_MOVED = 0.035  # about two degrees a pose: what moves less tells no more than the noise of registration
@@ -106,13 +115,16 @@ def fit_joint(
     *,
     near: Array | None = None,
     joint_type: JointType | None = None,
+    noise: Sequence[MotionNoise] | None = None,
 ) -> JointFit:
     """Fit a joint to motions of the child relative to the parent, from neutral, in the neutral frame.
 
     dof: 0 to 3; without a degree of freedom the bones move as one. axis_hints (dof, 3): rough axes that
     fix the signs. near (3,): a point near the joint; it fixes the centre where the motions leave it
     undetermined, along the axis of a one-axis joint. joint_type: one of that many degrees of freedom, by
-    default `DEFAULT_TYPES`. Neutral need not be among `relative`: it is the zero of every function.
+    default `DEFAULT_TYPES`. noise: how well each motion is known; with it, motions count accordingly, and
+    hints and `near` as far as the motions leave doubt (`prior.PRIOR`); without, motions alone decide.
+    Neutral need not be among `relative`: it is the zero of every function.
     """
     hints = np.asarray(axis_hints, float).reshape(-1, 3)
     joint_type = joint_type or DEFAULT_TYPES[dof]
@@ -122,18 +134,77 @@ def fit_joint(
     if joint_type == "rigid":
         nothing = Residual(np.zeros((0, 3)), np.zeros(0), np.zeros(0))
         return JointFit(Axes(np.zeros((0, 3)), ()), start, nothing, nothing, np.zeros((len(relative), 0)))
-    rotations = np.array([t.rotation for t in relative])
-    offset = np.zeros(3)
-    if joint_type == "saddle":
-        axes = fit_oblique_axes(rotations, hints)
-        centre, offset = fit_apart(axes, relative, start)
-    else:
-        axes = three_axes(hints) if joint_type == "ball" else fit_axes(rotations, hints)
-        centre = fit_centre(relative, dof, start)
+    axes, turning = _weighed_axes(np.array([t.rotation for t in relative]), hints, joint_type, noise)
+    centre, offset, shifting = _weighed_centre(axes, relative, joint_type, start, noise)
     angles, rotation, translation = _residuals(axes, centre, offset, relative)
     return JointFit(
-        axes, centre, fit_residual(angles, rotation), fit_residual(angles, translation), angles, offset
+        axes,
+        centre,
+        fit_residual(angles, rotation, turning.weights),
+        fit_residual(angles, translation, shifting.weights),
+        angles,
+        offset,
     )
+
+
+def _weighed_axes(
+    rotations: Array, hints: Array, joint_type: JointType, noise: Sequence[MotionNoise] | None
+) -> tuple[Axes, Weighing]:
+    """Axes, in two rounds where noise is given: the first one tells how much they leave unexplained."""
+
+    def fit(weighing: Weighing) -> Axes:
+        if joint_type == "ball":
+            return three_axes(hints)
+        return (fit_oblique_axes if joint_type == "saddle" else fit_axes)(rotations, hints, weighing)
+
+    weighing = Weighing.plain(len(rotations))
+    if noise is None or joint_type == "ball":
+        return fit(weighing), weighing
+    measured, more = rotation_noise(noise), PRIOR.rotation
+    for _ in range(2):
+        weighing = Weighing.of(measured, more, PRIOR.tilt)
+        axes = fit(weighing)
+        # What is left of a turn has no part about the axes themselves.
+        left = leftover(axes, rotations)
+        free = 3 - axes.dof
+        size = np.linalg.norm(left, axis=1, keepdims=True) / np.sqrt(free) * np.ones((1, free))
+        more = unexplained(size, measured, {"hinge": 2, "universal": 3, "saddle": 4}[joint_type],
+                           PRIOR.rotation, PRIOR.poses)  # fmt: skip
+    return axes, weighing
+
+
+def _weighed_centre(
+    axes: Axes,
+    relative: Sequence[RigidTransform],
+    joint_type: JointType,
+    near: Array,
+    noise: Sequence[MotionNoise] | None,
+) -> tuple[Array, Array, Weighing]:
+    """Centre (3,) and offset (3,), in two rounds where noise is given, as the axes."""
+
+    def fit(weighing: Weighing) -> tuple[Array, Array]:
+        if joint_type == "saddle":
+            return fit_apart(axes, relative, near, weighing)
+        return fit_centre(relative, axes.dof, near, weighing), np.zeros(3)
+
+    weighing = Weighing.plain(len(relative))
+    if noise is None:
+        return *fit(weighing), weighing
+    measured, more = translation_noise(noise), PRIOR.translation
+    for _ in range(2):
+        weighing = Weighing.of(measured, more, PRIOR.centre)
+        centre, offset = fit(weighing)
+        shift = _residuals(axes, centre, offset, relative)[2]
+        more = unexplained(
+            shift, measured, 4 if joint_type == "saddle" else 3, PRIOR.translation, PRIOR.poses
+        )
+    return centre, offset, weighing
+
+
+def leftover(axes: Axes, rotations: Array) -> Array:
+    """Rotation vectors (n, 3) in rad of what the best angles about the axes leave of rotations (n, 3, 3)."""
+    nearest = np.array([axes.rotation(a) for a in axes.nearest(rotations)])
+    return Rotation.from_matrix(rotations @ nearest.transpose(0, 2, 1)).as_rotvec()
 
 
 def axes_apart(axes: Axes, angles: Array) -> Array:
@@ -142,7 +213,9 @@ def axes_apart(axes: Axes, angles: Array) -> Array:
     return first @ (np.eye(3) - second)
 
 
-def fit_apart(axes: Axes, relative: Sequence[RigidTransform], near: Array) -> tuple[Array, Array]:
+def fit_apart(
+    axes: Axes, relative: Sequence[RigidTransform], near: Array, weighing: Weighing | None = None
+) -> tuple[Array, Array]:
     """Centre (3,) on the first axis and offset (3,) to the second, by least squares of Eq. 3 for two axes.
 
     Points may slide along their axes: the offset is taken along the common perpendicular.
@@ -153,12 +226,21 @@ def fit_apart(axes: Axes, relative: Sequence[RigidTransform], near: Array) -> tu
     a = np.vstack([t.rotation - np.eye(3) for t in relative])
     d = np.concatenate([axes_apart(axes, values) @ across for values in angles])
     b = np.concatenate([t(near) - near for t in relative])
-    system = np.column_stack([-a, d])
-    # Directions that the motions hardly tell stay at the start: no offset, the centre near the joint.
-    u, values, vt = np.linalg.svd(system, full_matrices=False)
-    keep = values > HARDLY_MOVED * np.sqrt(len(relative))
-    found = vt[keep].T @ ((u[:, keep].T @ b) / values[keep])
+    found = _determined(np.column_stack([-a, d]), b, 4, weighing or Weighing.plain(len(relative)))
     return near + found[:3], found[3] * across
+
+
+def _determined(system: Array, right: Array, rank: int, weighing: Weighing) -> Array:
+    """Least squares of system (3 n, p) for right (3 n,), in the directions of largest motion, `rank` at most.
+
+    Without a prior, directions that the motions hardly tell stay zero: no offset, the centre near the joint.
+    """
+    weights = np.repeat(weighing.weights, 3)
+    u, values, vt = np.linalg.svd(weights[:, None] * system, full_matrices=False)
+    least = HARDLY_MOVED * np.sqrt(len(weighing.weights)) if weighing.pull == 0 else 0.0
+    keep = (values > least) & (np.arange(len(values)) < rank)
+    u, values, vt = u[:, keep], values[keep], vt[keep]
+    return vt.T @ (values / (values**2 + weighing.pull**2) * (u.T @ (weights * right)))
 
 
 def left_jacobian(vector: Array) -> Array:
@@ -170,16 +252,16 @@ def left_jacobian(vector: Array) -> Array:
     return np.eye(3) + (1 - np.cos(angle)) / angle**2 * x + (angle - np.sin(angle)) / angle**3 * x @ x
 
 
-def leave_one_out(
-    relative: Sequence[RigidTransform],
-) -> Iterator[tuple[list[RigidTransform], RigidTransform]]:
-    """Every split into one motion and the rest; none where the rest would be empty."""
-    if len(relative) > 1:
-        for i, left in enumerate(relative):
-            yield [t for j, t in enumerate(relative) if j != i], left
+def leave_one_out(items: Sequence[T]) -> Iterator[tuple[list[T], T]]:
+    """Every split into one item and the rest; none where the rest would be empty."""
+    if len(items) > 1:
+        for i, left in enumerate(items):
+            yield [t for j, t in enumerate(items) if j != i], left
 
 
-def fit_centre(relative: Sequence[RigidTransform], dof: int, near: Array) -> Array:
+def fit_centre(
+    relative: Sequence[RigidTransform], dof: int, near: Array, weighing: Weighing | None = None
+) -> Array:
     """Centre C (3,) that minimises sum |x_i + (R_i - I) C|^2 (Wang 2019, Eq. 3).
 
     A one-axis joint leaves C free along its axis, and a two-axis joint whose second axis hardly moved
@@ -187,10 +269,7 @@ def fit_centre(relative: Sequence[RigidTransform], dof: int, near: Array) -> Arr
     """
     a = np.concatenate([t.rotation - np.eye(3) for t in relative])
     b = np.concatenate([t(near) - near for t in relative])
-    _, values, vt = np.linalg.svd(a, full_matrices=False)
-    keep = (values > HARDLY_MOVED * np.sqrt(len(relative))) & (np.arange(3) < dof + 1)
-    directions = vt[keep].T
-    return near - directions @ np.linalg.lstsq(a @ directions, b, rcond=None)[0]
+    return near - _determined(a, b, dof + 1, weighing or Weighing.plain(len(relative)))
 
 
 def _residuals(

@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.angles import Angles
-from handpipe.skeleton.rig import Rig, RigJoint
+
+if TYPE_CHECKING:
+    from handpipe.skeleton.rig import Rig, RigJoint
 
 Array = NDArray[np.float64]
 Limits = dict[str, tuple[float, float]]
@@ -52,23 +56,57 @@ def reference_range(angle: str) -> tuple[float, float] | None:
     return None if degrees is None else (float(np.radians(degrees[0])), float(np.radians(degrees[1])))
 
 
-def widened_limits(rig: Rig) -> Limits:
-    """Limits in rad of every angle: what the rig's poses show, and all that the references allow besides.
+@dataclass(frozen=True)
+class AngleRange:
+    """What is known of an angle's range, in rad: seen in the rig's poses, published, None if it is not."""
+
+    seen: tuple[float, float]
+    reference: tuple[float, float] | None
+
+    @property
+    def widened(self) -> tuple[float, float]:
+        """What was seen and a margin, and all that is published besides."""
+        lower, upper = self.seen[0] - MARGIN, self.seen[1] + MARGIN
+        if self.reference is None:
+            return lower, upper
+        return min(lower, self.reference[0]), max(upper, self.reference[1])
+
+
+def angle_ranges(rig: Rig) -> dict[str, AngleRange]:
+    """Seen and published range of every angle.
 
     References measure flexion from the straight finger, a rig from its neutral pose: their range is moved by
     the bend that the bones have in neutral. Abduction is taken from neutral as it is.
     """
-    limits = {}
+    ranges = {}
     for joint in rig.joints:
         for index, name in enumerate(joint.angles):
-            seen = [pose.angles[name] for pose in rig.poses.values()] + [0.0]
-            lower, upper = min(seen) - MARGIN, max(seen) + MARGIN
+            seen = [0.0, *(pose.angles[name] for pose in rig.poses.values())]
             published = reference_range(name)
             if published is not None:
                 bend = neutral_bend(rig, joint, index) if name.endswith("flexion") else 0.0
-                lower, upper = min(lower, published[0] - bend), max(upper, published[1] - bend)
-            limits[name] = (float(lower), float(upper))
-    return limits
+                published = (published[0] - bend, published[1] - bend)
+            ranges[name] = AngleRange((float(min(seen)), float(max(seen))), published)
+    return ranges
+
+
+def widened_limits(rig: Rig) -> Limits:
+    """Limits in rad of every angle: what the rig's poses show, and all that the references allow besides."""
+    return {name: angle.widened for name, angle in angle_ranges(rig).items()}
+
+
+def limit_rows(rig: Rig) -> list[dict[str, str | float]]:
+    """A row an angle, in deg: range seen, range published (absent if it is not), and the limits in use."""
+    rows = []
+    for name, angle in angle_ranges(rig).items():
+        row: dict[str, str | float] = {"angle": name}
+        ranges = {"seen": angle.seen, "reference": angle.reference, "limit": rig.limits[name]}
+        for kind, pair in ranges.items():
+            if pair is not None:
+                lower, upper = np.degrees(pair)
+                row |= {f"{kind}_lower": float(lower), f"{kind}_upper": float(upper)}
+        rows.append(row)
+    return rows
 
 
 def seen_ranges(poses: Mapping[str, Angles]) -> Limits:

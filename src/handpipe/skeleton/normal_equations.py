@@ -48,18 +48,22 @@ def solve(rows: Rows, weights: Array) -> Array:
 
 
 def covariance(rows: Rows, weights: Array, edges: IntArray) -> Array:
-    """Covariance (6, 6) of the solution when the rows belong to mesh vertices joined by edges (e, 2).
-
-    Neighbouring errors are alike. Taking their correlation r to fall off as r^(steps in either direction
-    of the surface), n vertices count as n ((1 - r) / (1 + r))^2 independent ones.
-    """
+    """Covariance (6, 6) of the solution when the rows belong to mesh vertices joined by edges (e, 2)."""
     matrix, _ = _normal(rows, weights)
     residual = rows.distance * np.sqrt(weights)
     variance = (residual**2).sum() / max(weights.sum() - len(matrix), 1.0)
+    return variance * alike(residual, edges) * np.linalg.pinv(matrix, rcond=1e-14)
+
+
+def alike(residual: Array, edges: IntArray) -> float:
+    """How many of a mesh's vertices count as one: errors (n,) of those joined by edges (e, 2) are alike.
+
+    Taking their correlation r to fall off as r^(steps in either direction of the surface), n vertices count
+    as n ((1 - r) / (1 + r))^2 independent ones.
+    """
     product = (residual[edges[:, 0]] * residual[edges[:, 1]]).mean()
     correlation = np.clip(product / max((residual**2).mean(), 1e-30), 0.0, 0.9)
-    alike = ((1 + correlation) / (1 - correlation)) ** 2
-    return variance * alike * np.linalg.pinv(matrix, rcond=1e-14)
+    return float(((1 + correlation) / (1 - correlation)) ** 2)
 
 
 def moved(transform: RigidTransform, step: Array, middle: Array) -> RigidTransform:

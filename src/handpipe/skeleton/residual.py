@@ -86,35 +86,48 @@ def feature_rates(angles: Array, lower: Array, upper: Array) -> Array:
     return np.array([[1, 0], [0, 1], [slopes[0], 0], [psi, phi], [0, slopes[1]]], float)
 
 
-def fit_residual(angles: Array, samples: Array) -> Residual:
-    """Function that predicts residuals best, from samples (n, 3) at angles (n, dof) in rad."""
+def fit_residual(angles: Array, samples: Array, weights: Array | None = None) -> Residual:
+    """Function that predicts residuals best, from samples (n, 3) at angles (n, dof) in rad.
+
+    weights (n,): inverse deviations of the samples, up to a factor.
+    """
+    counts = np.ones(len(samples)) if weights is None else weights
     choices = [(terms, shrinkage) for terms in TERMS[angles.shape[1]] for shrinkage in SHRINKAGE]
-    fits = [fit_ridge(angles, samples, *choice) for choice in choices]
-    weights = np.zeros(len(choices))
+    fits = [fit_ridge(angles, samples, *choice, weights=counts) for choice in choices]
+    mixture = np.zeros(len(choices))
     if len(samples) > 1:
         held = [np.arange(len(samples)) != i for i in range(len(samples))]
         predictions = [
-            np.concatenate([fit_ridge(angles[rest], samples[rest], *choice)(angles[~rest]) for rest in held])
+            np.concatenate(
+                [
+                    fit_ridge(angles[rest], samples[rest], *choice, weights=counts[rest])(angles[~rest])
+                    for rest in held
+                ]
+            )
             for choice in choices
         ]
-        weights = nnls(np.array([p.ravel() for p in predictions]).T, samples.ravel())[0]
-        weights = weights / max(weights.sum(), 1.0)
-    coefficients = np.tensordot(weights, np.array([f.coefficients for f in fits]), axes=1)
+        weighted = [(counts[:, None] * p).ravel() for p in predictions]
+        mixture = nnls(np.array(weighted).T, (counts[:, None] * samples).ravel())[0]
+        mixture = mixture / max(mixture.sum(), 1.0)
+    coefficients = np.tensordot(mixture, np.array([f.coefficients for f in fits]), axes=1)
     return Residual(coefficients, fits[0].lower, fits[0].upper)
 
 
-def fit_ridge(angles: Array, samples: Array, terms: Terms, shrinkage: float) -> Residual:
-    """Ridge regression of samples (n, 3) at angles (n, dof) with the given terms.
+def fit_ridge(
+    angles: Array, samples: Array, terms: Terms, shrinkage: float, *, weights: Array | None = None
+) -> Residual:
+    """Ridge regression of samples (n, 3) at angles (n, dof) with the given terms, weights (n,) on the rows.
 
     Each term is scaled by its root mean square over the samples, so that `shrinkage` acts on all terms
     alike: 0 is plain least squares, with 1 the prior of no residual counts as much as one pose.
     """
+    counts = np.ones((len(samples), 1)) if weights is None else weights[:, None]
     lower, upper = np.minimum(angles.min(axis=0), 0), np.maximum(angles.max(axis=0), 0)
     every = features(angles, lower, upper)
     chosen = every[:, terms]
     scale = np.maximum(np.sqrt((chosen**2).mean(axis=0)), 1e-12)
-    system = np.vstack([chosen / scale, np.sqrt(shrinkage) * np.eye(len(terms))])
-    right = np.vstack([samples, np.zeros((len(terms), 3))])
+    system = np.vstack([counts * chosen / scale, np.sqrt(shrinkage) * np.eye(len(terms))])
+    right = np.vstack([counts * samples, np.zeros((len(terms), 3))])
     coefficients = np.zeros((every.shape[1], 3))
     coefficients[list(terms)] = np.linalg.lstsq(system, right, rcond=1e-9)[0] / scale[:, None]
     return Residual(coefficients, lower, upper)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from handpipe import artifacts
-from handpipe.config import Dataset
+from handpipe.config import Dataset, Joint
 from handpipe.errors import InputError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
@@ -21,13 +21,18 @@ from handpipe.mesh.surface import Surface
 from handpipe.skeleton.angles import Angles, check_angles
 from handpipe.skeleton.axes import Axes
 from handpipe.skeleton.bodies import moved_as_one
+from handpipe.skeleton.displacement import displacement, displacement_rates, moments
 from handpipe.skeleton.joint_types import fit_best
 from handpipe.skeleton.joints import JointFit, Model, fit_joint
+from handpipe.skeleton.limits import angle_ranges, widened_limits
+from handpipe.skeleton.motions import BoneNoise, Motions, Registrations, joint_motions
 from handpipe.skeleton.residual import Residual
+from handpipe.skeleton.twists import moving_bones
 
 Array = NDArray[np.float64]
 Bones = Mapping[str, RigidTransform]
 LOG = logging.getLogger(__name__)
+ANY_ANGLE = ((-180.0, 180.0),)
 
 
 @dataclass(frozen=True)
@@ -65,41 +70,50 @@ class Rig:
         transforms: Mapping[str, Bones],
         surfaces: Mapping[str, Surface],
         fit_poses: Sequence[str],
+        registrations: Registrations | None = None,
     ) -> Rig:
         """Fit every joint to the given poses, then explain all poses.
 
         transforms: pose -> bone -> transform from neutral in the pose's scanner frame; a pose that lacks a
         bone is left out for that bone's joints; bones that no degree of freedom parts are moved as one.
         surfaces: neutral bones. fit_poses: poses to learn from; the other poses in `transforms` are only
-        explained. Raises `InputError` where a joint has no pose to learn from.
+        explained. registrations: how well each transform is known; with them, motions count accordingly, and
+        the dataset's hints where motions tell little. Limits that the dataset does not state are those of
+        `limits.widened_limits`. Raises `InputError` where a joint has no pose to learn from.
         """
+        noise = None if registrations is None else BoneNoise(dataset, registrations, surfaces)
         transforms = moved_as_one(dataset, transforms, surfaces)
         joints = []
         learnt = [p for p in fit_poses if p != dataset.neutral]  # neutral is the zero of every joint
         for name in outwards(dataset):
             joint = dataset.joints[name]
-            relative = relative_motions(transforms, joint.parent, joint.child, learnt)
-            if not relative and joint.angles:
+            near = joint_point(surfaces[joint.parent], surfaces[joint.child])
+            motions = joint_motions(transforms, joint.parent, joint.child, learnt, near, noise)
+            if not motions.poses and joint.angles:
                 problem = f"no pose has both {joint.parent} and {joint.child}"
                 raise InputError(
                     dataset.name, f"joints.{name}", problem, "Give one more pose or mend registration"
                 )
-            near = joint_point(surfaces[joint.parent], surfaces[joint.child])
-            hints = np.array(joint.axis_hints, float)
-            if joint.type == "best":
-                point = surfaces[joint.child].vertices.mean(axis=0)
-                fit = fit_best(relative, len(joint.angles), hints, near=near, point=point)
-            else:
-                fit = fit_joint(relative, len(joint.angles), hints, near=near, joint_type=joint.type)
-            limits = np.radians(np.array(joint.limits_deg, float)).reshape(-1, 2)
-            joints.append(RigJoint(name, joint.parent, joint.child, joint.angles, limits, fit))
+            fit = _fit_joint(joint, motions, near, surfaces[joint.child].vertices.mean(axis=0))
+            limits = np.radians(np.array(joint.limits_deg or ANY_ANGLE * len(joint.angles), float))
+            joints.append(RigJoint(name, joint.parent, joint.child, joint.angles, limits.reshape(-1, 2), fit))
         bare = Rig(dataset.root_bone, tuple(joints), {b: surfaces[b] for b in dataset.bones}, {})
-        poses = {
-            p: FittedPose(t[bare.root], bare.angles_of(t)) for p, t in transforms.items() if bare.root in t
-        }
-        for pose, fitted in poses.items():
-            bare._warn_of_limits(pose, fitted.angles)
-        return Rig(bare.root, bare.joints, bare.surfaces, poses)
+        rig = replace(bare, poses=bare._explained(transforms))
+        free = {name for name, joint in dataset.joints.items() if joint.limits_deg is None}
+        rig = replace(rig, joints=tuple(_widened(j, rig) if j.name in free else j for j in rig.joints))
+        for pose, fitted in rig.poses.items():
+            rig._warn_of_limits(pose, fitted.angles)
+        return rig
+
+    def _explained(self, transforms: Mapping[str, Bones]) -> dict[str, FittedPose]:
+        """The poses that have the root bone, as the rig explains them."""
+        poses = {}
+        for pose, bones in transforms.items():
+            if self.root in bones:
+                poses[pose] = FittedPose(bones[self.root], self.angles_of(bones))
+            else:
+                LOG.warning("%s is left out: it lacks the root bone %s", pose, self.root)
+        return poses
 
     @property
     def bones(self) -> tuple[str, ...]:
@@ -146,18 +160,24 @@ class Rig:
         The distance is the mean square displacement of all bones' vertices, which weighs rotations and
         translations without further parameters. Bones that are missing do not count; the root must be there.
         """
-        seen = [j for j in self.joints if j.child in transforms]
-        moments = {j.child: _moments(self.surfaces[j.child]) for j in seen}
-        start = np.concatenate([self._start(j, transforms) for j in self.joints])
+        wanted = {j.child: transforms[j.child] for j in self.joints if j.child in transforms}
+        if not wanted or not self.angle_names:
+            return dict.fromkeys(self.angle_names, 0.0)
+        of_bones = {b: moments(self.surfaces[b]) for b in wanted}
+
+        def named(values: Array) -> Angles:
+            return dict(zip(self.angle_names, values, strict=True))
 
         def residual(values: Array) -> Array:
-            angles = dict(zip(self.angle_names, values, strict=True))
-            found = self.bone_transforms(angles, transforms[self.root], model)
-            return np.concatenate([displacement(found[b], transforms[b], m) for b, m in moments.items()])
+            found = self.bone_transforms(named(values), transforms[self.root], model)
+            return np.concatenate([displacement(found[b], t, of_bones[b]) for b, t in wanted.items()])
 
-        if not seen:
-            return dict.fromkeys(self.angle_names, 0.0)
-        solution = least_squares(residual, start, xtol=1e-10, ftol=1e-12).x
+        def jacobian(values: Array) -> Array:
+            found = moving_bones(self, named(values), transforms[self.root], model)
+            return np.vstack([displacement_rates(found[b], of_bones[b]) for b in wanted])
+
+        start = np.concatenate([self._start(j, transforms) for j in self.joints])
+        solution = least_squares(residual, start, jac=jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-12).x
         return {name: float(v) for name, v in zip(self.angle_names, solution, strict=True)}
 
     def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
@@ -193,12 +213,21 @@ def outwards(dataset: Dataset) -> list[str]:
     return order
 
 
-def relative_motions(
-    transforms: Mapping[str, Bones], parent: str, child: str, poses: Sequence[str]
-) -> list[RigidTransform]:
-    """Motions of the child with the parent's undone, in the poses that have both."""
-    both = [transforms[p] for p in poses if parent in transforms[p] and child in transforms[p]]
-    return [t[parent].inverse() @ t[child] for t in both]
+def _fit_joint(joint: Joint, motions: Motions, near: Array, point: Array) -> JointFit:
+    """A joint of the dataset's type; of the type that its motions earn, where the dataset says so."""
+    hints = np.array(joint.axis_hints, float)
+    if joint.type == "best":
+        return fit_best(
+            motions.relative, len(joint.angles), hints, near=near, point=point, noise=motions.noise
+        )
+    return fit_joint(
+        motions.relative, len(joint.angles), hints, near=near, joint_type=joint.type, noise=motions.noise
+    )
+
+
+def _widened(joint: RigJoint, rig: Rig) -> RigJoint:
+    limits = widened_limits(rig)
+    return replace(joint, limits=np.array([limits[n] for n in joint.angles]).reshape(-1, 2))
 
 
 def joint_point(parent: Surface, child: Surface) -> Array:
@@ -208,24 +237,8 @@ def joint_point(parent: Surface, child: Surface) -> Array:
     return (child.vertices[near].mean(axis=0) + closest[near].mean(axis=0)) / 2
 
 
-def displacement(found: RigidTransform, wanted: RigidTransform, moments: tuple[Array, Array]) -> Array:
-    """Numbers (12,) in mm whose squares sum to the mean square of a bone's displacement.
-
-    It takes the bone's vertices from where one transform puts them to where the other does.
-    moments: centroid (3,) and square root (3, 3) of the covariance of the bone's vertices.
-    """
-    centroid, root = moments
-    turned = (found.rotation - wanted.rotation) @ root
-    return np.concatenate([turned.ravel(), found(centroid) - wanted(centroid)])
-
-
-def _moments(surface: Surface) -> tuple[Array, Array]:
-    centroid = surface.vertices.mean(axis=0)
-    values, vectors = np.linalg.eigh(np.cov(surface.vertices.T, bias=True))
-    return centroid, vectors * np.sqrt(np.maximum(values, 0))
-
-
 def _to_groups(rig: Rig) -> dict[str, Any]:
+    ranges = angle_ranges(rig)
     return {
         "root": rig.root,
         "joints": {
@@ -234,6 +247,11 @@ def _to_groups(rig: Rig) -> dict[str, Any]:
                 "child": j.child,
                 "angles": list(j.angles),
                 "limits": j.limits,
+                "seen": np.array([ranges[n].seen for n in j.angles]).reshape(-1, 2),
+                "reference": np.array([ranges[n].reference or (np.nan, np.nan) for n in j.angles]).reshape(
+                    -1, 2
+                ),
+                "type": j.fit.type,
                 "axes": j.fit.axes.directions,
                 "order": list(j.fit.axes.order),
                 "centre": j.fit.centre,
@@ -259,7 +277,7 @@ def _to_groups(rig: Rig) -> dict[str, Any]:
 def _units(rig: Rig) -> dict[str, str]:
     units = {f"surfaces/{b}/vertices": "mm" for b in rig.surfaces}
     for j in rig.joints:
-        units |= {f"joints/{j.name}/{k}": "rad" for k in ("limits", "fitted_angles")}
+        units |= {f"joints/{j.name}/{k}": "rad" for k in ("limits", "seen", "reference", "fitted_angles")}
         units |= {
             f"joints/{j.name}/{k}": "mm" for k in ("centre", *(["offset"] if j.fit.offset.any() else []))
         }

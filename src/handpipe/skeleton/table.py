@@ -12,8 +12,9 @@ from handpipe.config import Dataset
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.metrics import Metrics
 from handpipe.skeleton.bodies import moved_as_one
-from handpipe.skeleton.joints import JointFit, Model, fit_joint, leave_one_out
-from handpipe.skeleton.rig import Bones, Rig, RigJoint, relative_motions
+from handpipe.skeleton.joints import JointFit, Model, fit_joint
+from handpipe.skeleton.motions import BoneNoise, Registrations, joint_motions
+from handpipe.skeleton.rig import Bones, Rig, RigJoint, joint_point
 
 Array = NDArray[np.float64]
 MODELS: tuple[tuple[Model, str], ...] = (("full", "FM"), ("partial", "PM"))
@@ -21,14 +22,31 @@ PREFIXES: tuple[tuple[Model, str], ...] = (("full", ""), ("partial", "partial_")
 Row = dict[str, str | float]
 Columns = dict[str, Array]
 
+# Metric -> column and unit.
+NAMES = {
+    f"{prefix}{model}{kind}_error": (f"{prefix}{short}_{letter}", unit)
+    for prefix in ("", "loo_", "heldout_")
+    for short, model in (("FM", ""), ("PM", "partial_"))
+    for letter, kind, unit in (("R", "rotation", "deg"), ("x", "translation", "mm"))
+}
+# Averages of Table 1 of Wang 2019, real hand, all twelve poses fitted.
+PUBLISHED: Metrics = {
+    "paper_rotation_error_mean": (1.84, "deg"),
+    "paper_translation_error_mean": (0.45, "mm"),
+    "paper_partial_rotation_error_mean": (2.45, "deg"),
+    "paper_partial_translation_error_mean": (0.69, "mm"),
+}
+
 
 @dataclass(frozen=True)
 class JointTable:
-    """rows: one a joint; `joint`, and mean errors by column, rotations (_R) in deg, translations (_x) in mm.
+    """rows: one a joint; `joint`, `type`, `poses` that it was fitted to, and mean errors by column, rotations
+    (_R) in deg, translations (_x) in mm.
 
     Columns FM_ and PM_ are the full and the partial model on the fitted poses, with prefix loo_ on each of
     them left out of the fit in turn, with prefix heldout_ on poses that no fit saw (absent if there are
-    none). metrics: the means over joints and poses, and absolute errors of the bones.
+    none). metrics: the same by joint, the means over joints and poses, those of the paper, and absolute
+    errors of the bones.
     """
 
     rows: list[Row]
@@ -36,23 +54,34 @@ class JointTable:
 
 
 def joint_table(
-    rig: Rig, dataset: Dataset, transforms: Mapping[str, Bones], fit_poses: Sequence[str]
+    rig: Rig,
+    dataset: Dataset,
+    transforms: Mapping[str, Bones],
+    fit_poses: Sequence[str],
+    registrations: Registrations | None = None,
 ) -> JointTable:
     """Errors of a rig fitted to `fit_poses`; the other poses of `transforms`, but neutral, are held out.
 
     Rotation errors are angles of R_found^T R_true of the child relative to its parent; translation errors
     are distances of the child's centroid from its true place. Neutral, without error, does not count.
+    registrations: as the rig was fitted with.
     """
+    noise = None if registrations is None else BoneNoise(dataset, registrations, rig.surfaces)
     transforms = moved_as_one(dataset, transforms, rig.surfaces)
     fitted = [p for p in fit_poses if p != dataset.neutral]
     heldout = [p for p in transforms if p not in fit_poses and p != dataset.neutral]
     moving = [joint for joint in rig.joints if joint.angles]  # bones that move as one have nothing to explain
-    columns = [_columns(joint, rig, dataset, transforms, fitted, heldout) for joint in moving]
+    columns = {j.name: _columns(j, rig, dataset, transforms, fitted, heldout, noise) for j in moving}
     rows: list[Row] = [
-        {"joint": joint.name, **{name: float(errors.mean()) for name, errors in column.items()}}
-        for joint, column in zip(moving, columns, strict=True)
+        {
+            "joint": joint.name,
+            "type": joint.fit.type,
+            "poses": float(len(joint.fit.angles)),
+            **{name: float(errors.mean()) for name, errors in columns[joint.name].items()},
+        }
+        for joint in moving
     ]
-    metrics = _means(columns)
+    metrics = PUBLISHED | _by_joint(columns) | _means(list(columns.values()))
     for kind, poses in (("", fitted), ("heldout_", heldout)):
         metrics |= _bone_errors(kind, rig, {p: transforms[p] for p in poses if rig.root in transforms[p]})
     return JointTable(rows, metrics)
@@ -65,24 +94,23 @@ def _columns(
     transforms: Mapping[str, Bones],
     fitted: Sequence[str],
     heldout: Sequence[str],
+    noise: BoneNoise | None,
 ) -> Columns:
-    seen = relative_motions(transforms, joint.parent, joint.child, fitted)
-    unseen = relative_motions(transforms, joint.parent, joint.child, heldout)
+    near = joint_point(rig.surfaces[joint.parent], rig.surfaces[joint.child])
+    seen = joint_motions(transforms, joint.parent, joint.child, fitted, near, noise)
+    unseen = joint_motions(transforms, joint.parent, joint.child, heldout, near)
     centroid = rig.surfaces[joint.child].vertices.mean(axis=0)
-    out = _errors("", joint.fit, seen, centroid)
+    out = _errors("", joint.fit, seen.relative, centroid)
     hints = np.array(dataset.joints[joint.name].axis_hints, float)
-    left_out = [
-        _errors(
-            "loo_",
-            fit_joint(rest, joint.fit.dof, hints, near=joint.fit.centre, joint_type=joint.fit.type),
-            [left],
-            centroid,
+    left_out = []
+    for rest, left in seen.leave_one_out():
+        fit = fit_joint(
+            rest.relative, joint.fit.dof, hints, near=near, joint_type=joint.fit.type, noise=rest.noise
         )
-        for rest, left in leave_one_out(seen)
-    ]
+        left_out.append(_errors("loo_", fit, [left], centroid))
     if left_out:
         out |= {name: np.concatenate([errors[name] for errors in left_out]) for name in left_out[0]}
-    return out | _errors("heldout_", joint.fit, unseen, centroid)
+    return out | _errors("heldout_", joint.fit, unseen.relative, centroid)
 
 
 def _errors(prefix: str, fit: JointFit, relative: Sequence[RigidTransform], point: Array) -> Columns:
@@ -94,16 +122,23 @@ def _errors(prefix: str, fit: JointFit, relative: Sequence[RigidTransform], poin
     return columns
 
 
+def _by_joint(columns: Mapping[str, Columns]) -> Metrics:
+    """Means of each joint: rotation_error_{joint}, translation_error_{joint}, prefixed as in `_means`."""
+    metrics: Metrics = {}
+    for joint, found in columns.items():
+        for name, (column, unit) in NAMES.items():
+            if column in found:
+                metrics[f"{name}_{joint}"] = (float(found[column].mean()), unit)
+    return metrics
+
+
 def _means(columns: Sequence[Columns]) -> Metrics:
     """rotation_error_mean and translation_error_mean, after loo_ or heldout_, and partial_."""
     metrics: Metrics = {}
-    for prefix in ("", "loo_", "heldout_"):
-        for short, model in (("FM", ""), ("PM", "partial_")):
-            for letter, name, unit in (("R", "rotation", "deg"), ("x", "translation", "mm")):
-                found = [c[f"{prefix}{short}_{letter}"] for c in columns if f"{prefix}{short}_{letter}" in c]
-                if found:
-                    value = float(np.concatenate(found).mean())
-                    metrics[f"{prefix}{model}{name}_error_mean"] = (value, unit)
+    for name, (column, unit) in NAMES.items():
+        found = [c[column] for c in columns if column in c]
+        if found:
+            metrics[f"{name}_mean"] = (float(np.concatenate(found).mean()), unit)
     return metrics
 
 

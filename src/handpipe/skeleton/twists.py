@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.joints import Model
-from handpipe.skeleton.rig import Rig
+
+if TYPE_CHECKING:
+    from handpipe.skeleton.rig import Rig
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,104 @@
+"""Bones whose motion in one pose disagrees with all other poses: a registration that went wrong unseen.
+
+A phalanx that was registered turned about its long axis fits its image nearly as well. The joint's axes, as
+the other poses show them, cannot explain it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.config import Dataset
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.skeleton.axes import fit_axes
+from handpipe.skeleton.bodies import moved_as_one
+from handpipe.skeleton.doubts import blame
+from handpipe.skeleton.joints import leftover
+
+Array = NDArray[np.float64]
+Bones = Mapping[str, RigidTransform]
+LOG = logging.getLogger(__name__)
+
+ODD = np.radians(10.0)  # off axes that the other poses agree on
+BY_OTHERS = 4.0  # times what these axes leave of the other poses
+USUAL = np.radians(1.0)  # what axes leave of good poses, at least
+
+
+def without_odd_bones(
+    dataset: Dataset,
+    transforms: Mapping[str, Bones],
+    surfaces: Mapping[str, Surface],
+    fit_poses: Sequence[str],
+) -> tuple[dict[str, dict[str, RigidTransform]], dict[tuple[str, str], str]]:
+    """The transforms (pose -> bone -> from neutral) without odd bones; (pose, bone) -> why it is left out.
+
+    Poses that are not to be fitted are judged by those that are.
+    """
+    merged = moved_as_one(dataset, transforms, surfaces)
+    learnt = [p for p in fit_poses if p != dataset.neutral]
+    others = [p for p in transforms if p not in fit_poses and p != dataset.neutral]
+    odd: dict[str, dict[str, str]] = {pose: {} for pose in transforms}
+    there: dict[str, dict[str, tuple[str, str]]] = {pose: {} for pose in transforms}
+    for name, joint in dataset.joints.items():
+        if not 1 <= len(joint.angles) <= 2:
+            continue
+        pair = joint.parent, joint.child
+        with_both = {p: [q for q in poses if all(b in merged[q] for b in pair)]
+                     for p, poses in (("fit", learnt), ("other", others))}  # fmt: skip
+        for pose in (*with_both["fit"], *with_both["other"]):
+            there[pose][name] = pair
+        rotations = {
+            pose: (merged[pose][pair[0]].inverse() @ merged[pose][pair[1]]).rotation
+            for pose in (*with_both["fit"], *with_both["other"])
+        }
+        hints = np.array(joint.axis_hints, float)
+        for pose, angle in odd_motions(rotations, with_both["fit"], hints).items():
+            reason = f"its joint {name} is {np.degrees(angle):.0f} deg off the axes of the other poses"
+            odd[pose][name] = reason
+    reasons = {}
+    left = {pose: dict(bones) for pose, bones in transforms.items()}
+    for pose, joints in odd.items():
+        for bone, name in blame(joints, there[pose]).items():
+            reasons[pose, bone] = joints[name]
+            left[pose].pop(bone, None)
+            LOG.warning("%s: %s is left out: %s", pose, bone, joints[name])
+    return left, reasons
+
+
+def odd_motions(rotations: Mapping[str, Array], learnt: Sequence[str], hints: Array) -> dict[str, float]:
+    """Angles in rad by which odd poses are off the axes of all others.
+
+    rotations: pose -> rotation (3, 3) of the joint; learnt: poses that may tell the axes. One after the
+    other the worst is left out while enough poses remain to tell.
+    """
+    kept, odd = list(learnt), {}
+    while len(kept) > len(hints) + 2:
+        worst, angle, rest = max(
+            ((pose, *_apart(rotations, kept, pose, hints)) for pose in kept), key=lambda found: found[1]
+        )
+        if angle < max(ODD, BY_OTHERS * max(rest, USUAL)):
+            break
+        odd[worst] = angle
+        kept.remove(worst)
+    if len(kept) > len(hints) + 1:
+        for pose in rotations:
+            if pose not in learnt:
+                angle, rest = _apart(rotations, kept, pose, hints)
+                if angle >= max(ODD, BY_OTHERS * max(rest, USUAL)):
+                    odd[pose] = angle
+    return odd
+
+
+def _apart(
+    rotations: Mapping[str, Array], kept: Sequence[str], pose: str, hints: Array
+) -> tuple[float, float]:
+    """How far in rad a pose is off the axes of the other kept ones, and these root mean square."""
+    others = np.array([rotations[p] for p in kept if p != pose])
+    axes = fit_axes(others, hints)
+    left = np.linalg.norm(leftover(axes, np.vstack([rotations[pose][None], others])), axis=1)
+    return float(left[0]), float(np.sqrt((left[1:] ** 2).mean()))
