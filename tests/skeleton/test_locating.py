@@ -1,0 +1,134 @@
+"""Bones of the phantom hand found in images of its poses; wrong places are noticed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from handpipe import artifacts
+from handpipe.config import Dataset, Scanner, load_dataset
+from handpipe.datasets import phantom_hand
+from handpipe.imaging.marrow_evidence import MarrowEvidence
+from handpipe.imaging.volume import Volume, read_volume
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.skeleton.locating import HandModel, locate
+from handpipe.skeleton.location_confidence import Confidence, confidences
+
+CONFIG = Path(__file__).parents[2] / "config" / "datasets"
+RAYS = (2, 3)
+KINDS = ("metacarpal", "proximal", "middle", "distal")
+BONES = [f"{kind}{ray}" for ray in RAYS for kind in KINDS]
+SPACING = 0.8
+ELSEWHERE = RigidTransform(Rotation.from_rotvec([0.5, -0.4, 0.3]).as_matrix(), np.array([40.0, -25.0, 60.0]))
+Motions = dict[str, RigidTransform]
+
+
+@dataclass(frozen=True)
+class Scan:
+    """An image of a pose, with the truth."""
+
+    volume: Volume
+    true: Motions
+
+    @cached_property
+    def evidence(self) -> MarrowEvidence:
+        return MarrowEvidence.of(self.volume)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """Two fingers of the phantom hand, the root bone among them."""
+    data = load_dataset(CONFIG / "phantom-hand.yaml")
+    joints = {n: j for n, j in data.joints.items() if j.parent in BONES and j.child in BONES}
+    bones = {b: data.bones[b] for b in BONES}
+    root, scanner = tmp_path_factory.mktemp("hand"), Scanner(spacing=SPACING)
+    return data.model_copy(update={"bones": bones, "joints": joints, "root": root, "scanner": scanner})
+
+
+@pytest.fixture(scope="module")
+def hand(dataset: Dataset) -> HandModel:
+    known = phantom_hand.hand()
+    marrow, whole = ({b: Surface(*part[b]) for b in BONES} for part in (known.marrow, known.bones))
+    return HandModel.of(dataset, marrow, whole)
+
+
+@pytest.fixture(scope="module")
+def hook(dataset: Dataset) -> Scan:
+    phantom_hand.generate_pose(dataset, "hook")
+    bones = artifacts.read(dataset.path(Path("truth/hook.h5")), "truth")["bones"]
+    true = {b: RigidTransform(bones[b]["rotation"], bones[b]["translation"]) for b in BONES}
+    return Scan(read_volume(dataset.path(dataset.poses["hook"].volume)), true)
+
+
+def displacements(hand: HandModel, found: Motions, true: Motions) -> dict[str, float]:
+    """Root mean square displacement in mm of each bone's points from where they are."""
+    return {
+        b: float(np.sqrt(((found[b](p.points) - true[b](p.points)) ** 2).sum(axis=1).mean()))
+        for b, p in hand.probes.items()
+    }
+
+
+def marked(hand: HandModel, scanned: Scan, motions: Motions) -> set[str]:
+    sure: dict[str, Confidence] = confidences(hand, scanned.evidence.fine, motions)
+    return {b for b, confidence in sure.items() if confidence.marked}
+
+
+def long_axis(points: np.ndarray) -> np.ndarray:
+    axis = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
+    return axis * np.sign(axis[0])  # distal, in the neutral pose
+
+
+def shifted(true: RigidTransform, points: np.ndarray, by: float) -> RigidTransform:
+    """Along the bone."""
+    return true @ RigidTransform(np.eye(3), by * long_axis(points))
+
+
+def rolled(true: RigidTransform, points: np.ndarray) -> RigidTransform:
+    """Half a turn about the bone's long axis."""
+    turn = Rotation.from_rotvec(np.pi * long_axis(points)).as_matrix()
+    return true @ RigidTransform.about(points.mean(axis=0), turn)
+
+
+def onto(other: RigidTransform, points: np.ndarray, others: np.ndarray) -> RigidTransform:
+    """Middle on middle and long axis on long axis of another bone."""
+    turn = Rotation.align_vectors(long_axis(others)[None], long_axis(points)[None])[0].as_matrix()
+    return other @ RigidTransform(turn, others.mean(axis=0) - turn @ points.mean(axis=0))
+
+
+def test_every_bone_is_found(hand, hook):
+    found = locate(hand, hook.evidence)
+    assert max(displacements(hand, found, hook.true).values()) < 0.6
+    assert marked(hand, hook, found) == set()
+
+
+def test_a_hand_that_lies_elsewhere_is_found(hand, hook):
+    volume = hook.volume
+    affine = np.eye(4)
+    affine[:3, :3], affine[:3, 3] = ELSEWHERE.rotation, ELSEWHERE.translation
+    moved = Scan(
+        Volume(volume.values, affine @ volume.affine), {b: ELSEWHERE @ t for b, t in hook.true.items()}
+    )
+    found = locate(hand, moved.evidence)
+    assert max(displacements(hand, found, moved.true).values()) < 0.6
+
+
+def test_the_truth_is_sure_and_mistakes_are_marked(hand, hook):
+    true = hook.true
+    assert marked(hand, hook, true) == set()
+    along = {b: hand.probes[b].points for b in BONES}
+    wrong = {
+        "slipped": {"middle2": shifted(true["middle2"], along["middle2"], 5.0)},
+        "rolled": {"middle3": rolled(true["middle3"], along["middle3"])},
+        "on its neighbour": {"middle3": onto(true["proximal3"], along["middle3"], along["proximal3"])},
+        "on another finger": {
+            f"{k}2": onto(true[f"{k}3"], along[f"{k}2"], along[f"{k}3"]) for k in KINDS[1:]
+        },
+    }
+    for name, motions in wrong.items():
+        assert set(motions) <= marked(hand, hook, {**true, **motions}), name
