@@ -56,20 +56,20 @@ def _loose_parts(matrix: sp.csr_matrix, x: Array, free: NDArray[np.bool_]) -> li
 
 def _part_pins(energy: Potential, x: Array, vertices: IntArray, free: NDArray[np.bool_]) -> IntArray:
     rng = np.random.default_rng(0)
-    size = float(np.ptp(x[vertices], axis=0).max()) or 1.0
+    size, centre = float(np.ptp(x[vertices], axis=0).max()) or 1.0, x[vertices].mean(axis=0)
     rows = []
     for _ in range(SAMPLES):
         near = x.copy()
         near[vertices] += NOISE * size * rng.normal(size=(len(vertices), 3))
-        modes = _modes(near[vertices], size)
+        modes = _modes(near[vertices], size, centre)
         force = energy.gradient(near)[vertices].ravel()
         length = np.linalg.norm(force)
         if length > 0:
             rows.append(force @ modes / length)
     degrees = (3 * vertices[:, None] + np.arange(3)).ravel()
-    modes = _modes(x[vertices], size)
+    modes = _modes(x[vertices], size, centre)
     rows.extend(modes[~free[degrees]])
-    unfelt = scipy.linalg.null_space(np.array(rows), rcond=UNFELT) if rows else np.eye(6)
+    unfelt = _nullspace(np.array(rows)) if rows else np.eye(6)
     if unfelt.shape[1] == 0:
         return np.zeros(0, dtype=np.int64)
     motions = np.where(free[degrees][:, None], modes @ unfelt, 0.0)
@@ -77,9 +77,15 @@ def _part_pins(energy: Potential, x: Array, vertices: IntArray, free: NDArray[np
     return np.sort(degrees[pivots[: unfelt.shape[1]]])
 
 
-def _modes(x: Array, size: float) -> Array:
-    """Translations and infinitesimal rotations (3n, 6) about the centroid, scaled alike."""
-    centred = (x - x.mean(axis=0)) / size
+def _nullspace(rows: Array) -> Array:
+    """Directions (6, k) that rows (r, 6) do not see; rows of a body that is free are nothing but rounding."""
+    _, values, directions = np.linalg.svd(rows)
+    return np.asarray(directions[int((values > UNFELT).sum()) :].T)
+
+
+def _modes(x: Array, size: float, centre: Array) -> Array:
+    """Translations and infinitesimal rotations (3n, 6) about a centre (3,), scaled alike."""
+    centred = (x - centre) / size
     modes = np.zeros((len(x), 3, 6))
     for i in range(3):
         modes[:, i, i] = 1.0

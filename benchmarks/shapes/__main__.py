@@ -1,0 +1,71 @@
+"""`python -m benchmarks.shapes`: shapes from plastic strains, measured for results/benchmarks/shapes.json."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import logging
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from handpipe import artifacts
+
+log = logging.getLogger("benchmarks.shapes")
+
+OUTPUT = Path(__file__).parents[2] / "results" / "benchmarks" / "shapes.json"
+THREADS = 2
+PARTS = ("string", "known_strains", "solves", "organs", "separation")
+QUICK: dict[str, dict[str, object]] = {
+    "string": {"cells": 16},
+    "known_strains": {"edges": (3.2,), "counts": (60,)},
+    "solves": {"edge": 2.6, "rows": 300, "patience": 5.0},
+    "organs": {"edge": 2.8, "liver_edge": 18.0, "many": 500},
+    "separation": {"turns": (0.0,), "overlaps": ()},
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the parts asked for; figures of parts that were not run are kept from the file."""
+    options = _options(arguments)
+    if "numba" not in sys.modules:  # the libraries read the number of threads when they are loaded
+        for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+            os.environ[name] = str(options.threads)
+    from benchmarks.fem import machine
+
+    figures: dict[str, object] = {}
+    if options.output.exists():
+        figures = json.loads(options.output.read_text(encoding="utf-8"))
+    for part in options.parts:
+        begun = time.perf_counter()
+        log.info("%s", part)
+        measure = importlib.import_module(f"benchmarks.shapes.{part}").measure
+        figures |= measure(**(QUICK.get(part, {}) if options.quick else {}))
+        figures[f"{part}_wall_seconds"] = machine.figure(time.perf_counter() - begun, "s")
+        figures |= machine.facts()
+        # Written after each part: a benchmark that is stopped keeps what it has measured.
+        artifacts.write_text(options.output, json.dumps(dict(sorted(figures.items())), indent=1) + "\n")
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.shapes", description=__doc__)
+    parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}; by default all")
+    parser.add_argument("--quick", action="store_true", help="small sizes: does it run, not how fast")
+    parser.add_argument("--output", type=Path, default=OUTPUT)
+    parser.add_argument("--threads", type=int, default=THREADS)
+    options = parser.parse_args(arguments)
+    options.parts = options.parts or PARTS
+    unknown = set(options.parts) - set(PARTS)
+    if unknown:
+        parser.error(f"unknown parts: {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
+    return options
+
+
+if __name__ == "__main__":
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(name)s: %(message)s", stream=sys.stderr)
+    for name in ("benchmarks", "handpipe.shapes"):
+        logging.getLogger(name).setLevel(logging.INFO)
+    main()

@@ -1,0 +1,108 @@
+"""Whole fits at the scale of 003 Table 5.2, and with marks by the ten thousand.
+
+The shapes to be found come from closed-form maps, which know nothing of strains or elasticity. Marks lie on
+the true surface, without noise.
+"""
+
+from __future__ import annotations
+
+import logging
+import resource
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from benchmarks.fem.machine import Figures, figure
+from benchmarks.shapes.bodies import liver, muscle, scattered, surface_errors
+from benchmarks.shapes.solves import ends, target
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.marks import Pairs
+from handpipe.shapes.organ import OrganFit, fit_organ
+from handpipe.shapes.search import Settings
+
+Array = NDArray[np.float64]
+log = logging.getLogger("benchmarks.shapes")
+
+MEDIUM, MANY = 32, 10_000
+LIVER = 424
+
+
+def measure(edge: float = 1.06, liver_edge: float = 7.2, many: int = MANY) -> Figures:
+    """`muscle_med_…`, `liver_…`, `dense_…`."""
+    return medium(edge) | unattached(liver_edge) | dense(edge, many)
+
+
+def medium(edge: float = 1.06) -> Figures:
+    """A hand muscle, attached, 32 marks."""
+    mesh = muscle(edge)
+    wanted = target(mesh)
+    return _fitted("muscle_med", mesh, wanted, scattered(wanted.boundary(), MEDIUM), ends(mesh, wanted))
+
+
+def dense(edge: float = 1.06, marks: int = MANY) -> Figures:
+    """The same muscle with marks by the ten thousand."""
+    mesh = muscle(edge)
+    wanted = target(mesh)
+    points = scattered_many(wanted, marks)
+    found = _fitted("dense", mesh, wanted, points, ends(mesh, wanted))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    return found | {"dense_peak_memory": figure(peak, "GiB"), "dense_marks": figure(float(marks), "1")}
+
+
+def unattached(edge: float = 7.2) -> Figures:
+    """A liver, far away, that nothing holds, 424 marks and six landmarks."""
+    mesh = liver(edge)
+    wanted = grown_liver(mesh)
+    outer = mesh.boundary_vertices()
+    extremes = np.unique(
+        [outer[f(mesh.vertices[outer, c])] for c in range(3) for f in (np.argmin, np.argmax)]
+    )
+    landmarks = Pairs(mesh.vertices[extremes], wanted.vertices[extremes])
+    points = scattered(wanted.boundary(), LIVER)
+    return _fitted("liver", mesh, wanted, points, None, landmarks, Settings(iterations=40))
+
+
+def grown_liver(mesh: TetMesh) -> TetMesh:
+    """Another person's: larger to one side, thinner, bent, turned."""
+    size = np.abs(mesh.vertices).max()
+    x, y, z = mesh.vertices.T / size
+    shape = np.column_stack([x * (1.1 + 0.15 * x), y * (0.85 - 0.2 * x) + 0.15 * x**2, z * (1.05 + 0.3 * x)])
+    shape[:, 2] += 0.1 * np.sin(2.5 * x) - 0.1 * y**2
+    return mesh.moved(size * shape @ Rotation.from_euler("zx", [12, -8], degrees=True).as_matrix().T)
+
+
+def scattered_many(wanted: TetMesh, count: int) -> Array:
+    """Points on the surface by the thousand, at random."""
+    surface = wanted.boundary()
+    rng = np.random.default_rng(0)
+    areas = surface.triangle_areas()
+    triangles = surface.triangles[rng.choice(len(areas), count, p=areas / areas.sum())]
+    weights = rng.dirichlet(np.ones(3), count)
+    return np.einsum("kc,kcd->kd", weights, surface.vertices[triangles])
+
+
+def _fitted(
+    name: str,
+    mesh: TetMesh,
+    wanted: TetMesh,
+    marks: Array,
+    held: Pairs | None,
+    landmarks: Pairs | None = None,
+    settings: Settings | None = None,
+) -> Figures:
+    begun = time.perf_counter()
+    fit: OrganFit = fit_organ(mesh, marks, attachments=held, landmarks=landmarks, settings=settings)
+    seconds = time.perf_counter() - begun
+    log.info("%s: %d tets, %.1f s", name, len(mesh.tets), seconds)
+    errors = surface_errors(fit.mesh, wanted)
+    out: Figures = {
+        f"{name}_seconds": figure(seconds, "s"),
+        f"{name}_vertices": figure(float(len(mesh.vertices)), "1"),
+        f"{name}_tets": figure(float(len(mesh.tets)), "1"),
+        f"{name}_steps": figure(float(len(fit.record)), "1"),
+        f"{name}_surface_mean": figure(float(errors.mean()), "mm"),
+        f"{name}_surface_max": figure(float(errors.max()), "mm"),
+    }
+    return out | {f"{name}_{key}": figure(value, unit) for key, (value, unit) in fit.quality.items()}

@@ -1,0 +1,127 @@
+"""The linear solve of a Gauss-Newton step at the scale of 003 Table 5.1.
+
+One step of a muscle of 39,700 tets (238,000 strains) with 1,143 rows of marks: the Woodbury identity of 003
+Eq. 5.14, the iteration without a row system, and plain conjugate gradients on H = L^2 + Z^T Z (003 Eq. 5.11)
+with Z formed, as 003 had them. Plain ones are stopped after a fixed number of iterations; the time to
+their tolerance is then at least what they took.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.fem.machine import Figures, figure
+from benchmarks.shapes.bodies import muscle, scattered
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.gauss_newton import RIDGE, GaussNewton, Step
+from handpipe.shapes.marks import BoundaryMarks, Pairs
+from handpipe.shapes.response import Response
+from handpipe.shapes.rigid_motions import LooseMotions
+from handpipe.shapes.search import Search, Settings, weighted
+
+Array = NDArray[np.float64]
+log = logging.getLogger("benchmarks.shapes")
+
+TABLE_ROWS = 1143
+TOLERANCE = 1e-2  # of plain conjugate gradients' residual
+
+
+def target(mesh: TetMesh) -> TetMesh:
+    """The muscle grown, thinned and bent by a map that no strain field was asked for."""
+    x, y, z = mesh.vertices.T
+    s = x / np.abs(x).max()
+    thick = 1.0 + 0.25 * np.cos(0.5 * np.pi * s)
+    return mesh.moved(
+        np.column_stack(
+            [x * (1 + 0.06 * s), thick * y + 1.5 * s**2, (2 - thick) * 1.1 * z + 0.8 * np.sin(2 * s)]
+        )
+    )
+
+
+def ends(mesh: TetMesh, wanted: TetMesh) -> Pairs:
+    """Attachments at both thin ends: surface vertices and where they belong."""
+    outer = mesh.boundary_vertices()
+    s = mesh.vertices[outer, 0] / np.abs(mesh.vertices[:, 0]).max()
+    ids = outer[np.abs(s) > 0.94]
+    return Pairs(mesh.vertices[ids], wanted.vertices[ids])
+
+
+def model(edge: float, rows: int) -> GaussNewton:
+    """The first step over all strains of a muscle with so many rows, and seconds to prepare it."""
+    mesh = muscle(edge)
+    wanted = target(mesh)
+    held = ends(mesh, wanted)
+    settings = Settings()
+    search = Search(mesh, held.attached(mesh), settings=settings)
+    state = search.begin(mesh.vertices)
+    count = max(rows // 3 - len(held.points), 1)
+    marks = BoundaryMarks(mesh, scattered(wanted.boundary(), count), settings.tangential)
+    motions = LooseMotions(search.attached.targets, state.x)
+    response = Response(state.body, search.held, state.x, state.logs, motions.modes(state.x))
+    found = weighted(marks(state.x), settings.alpha)
+    return GaussNewton(search.smoothness, response, search.rows(state.x, found), state.logs)
+
+
+def plain(system: GaussNewton, limit: float) -> tuple[float, float, int]:
+    """Seconds of plain conjugate gradients on H with Z formed, their relative residual, iterations.
+
+    Ends at the tolerance or after `limit` seconds.
+    """
+    reactions = np.ascontiguousarray(system._reactions())
+    z = np.ascontiguousarray((system.response.pulls @ reactions).T)
+    m = len(system.logs)
+
+    def product(d: Array) -> Array:
+        smooth = system.smoothness.gradient(d.reshape(m, 6)) + RIDGE * d.reshape(m, 6).mean(axis=0) / m
+        return smooth.ravel() + (z @ d) @ z
+
+    start = system.smoothness.gradient(system.logs) + RIDGE * system.mean / m
+    begun = time.perf_counter()
+    residual = -(start.ravel() + system.rows.residuals @ z)
+    first = float(residual @ residual)
+    d, p, size, count = np.zeros_like(residual), residual.copy(), first, 0
+    while size > TOLERANCE**2 * first and time.perf_counter() - begun < limit:
+        hp = product(p)
+        length = size / float(p @ hp)
+        d += length * p
+        residual -= length * hp
+        size, before = float(residual @ residual), size
+        p = residual + size / before * p
+        count += 1
+    return time.perf_counter() - begun, (size / first) ** 0.5, count
+
+
+def timed(work) -> tuple[Step, float]:  # type: ignore[no-untyped-def]
+    """A step, and the seconds it took."""
+    begun = time.perf_counter()
+    step = work()
+    return step, time.perf_counter() - begun
+
+
+def measure(edge: float = 0.94, rows: int = TABLE_ROWS, patience: float = 40.0) -> Figures:
+    """`solve_…`: seconds by method; `woodbury_over_cg`: plain conjugate gradients' over Woodbury's."""
+    system = model(edge, rows)
+    log.info("%d strains, %d rows", system.logs.size, len(system.rows.residuals))
+    direct, direct_seconds = timed(system.by_rows)
+    log.info("rows: %.1f s", direct_seconds)
+    iterated, iterated_seconds = timed(system.by_iteration)
+    log.info("iteration: %.1f s, %d", iterated_seconds, iterated.iterations)
+    plain_seconds, left, count = plain(system, patience * direct_seconds)
+    log.info("plain: %.1f s, %d", plain_seconds, count)
+    difference = np.abs(iterated.motion - direct.motion).max() / np.abs(direct.motion).max()
+    return {
+        "solve_strains": figure(float(system.logs.size), "1"),
+        "solve_rows": figure(float(len(system.rows.residuals)), "1"),
+        "solve_woodbury_seconds": figure(direct_seconds, "s"),
+        "solve_iteration_seconds": figure(iterated_seconds, "s"),
+        "solve_iteration_count": figure(float(iterated.iterations), "1"),
+        "solve_iteration_difference": figure(float(difference), "1"),
+        "solve_plain_seconds": figure(plain_seconds, "s"),
+        "solve_plain_residual": figure(left, "1"),
+        "solve_plain_count": figure(float(count), "1"),
+        "woodbury_over_cg": figure(plain_seconds / direct_seconds, "1"),
+    }

@@ -1,0 +1,86 @@
+"""`python -m handpipe.shapes template.vtk marks.mrk.json`: deform an organ's template to marks in an image.
+
+Coordinates are mm, RAS; .mrk.json files may be LPS, as 3D Slicer says in them. Writes fitted.vtu (with the
+plastic strains), surface.ply, quality.json and fit.h5 into the output folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from handpipe.errors import HandpipeError
+from handpipe.fem.materials import Material
+from handpipe.imaging.markers import read_markers
+from handpipe.shapes.files import read_pairs, read_template, write_fit
+from handpipe.shapes.organ import fit_organ
+from handpipe.shapes.search import Settings
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; 0 if it succeeded, 1 with a line that says why not."""
+    options = _parser().parse_args(arguments)
+    level = logging.DEBUG if options.verbose else logging.INFO
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(message)s", stream=sys.stderr)
+    logging.getLogger("handpipe.shapes").setLevel(level)
+    try:
+        run(options)
+    except HandpipeError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def run(options: argparse.Namespace) -> None:
+    """Read, fit, write, and print the quality."""
+    pairs = {
+        name: read_pairs(*paths)
+        for name in ("attachments", "landmarks")
+        if (paths := getattr(options, name)) is not None
+    }
+    marks = None if options.marks is None else read_markers(options.marks)[0]
+    settings = Settings(
+        alpha=options.alpha,
+        beta=options.beta,
+        iterations=options.iterations,
+        enough=options.enough,
+        outliers=options.outliers,
+        material=Material(options.young, options.poisson),
+    )
+    fit = fit_organ(read_template(options.template), marks, settings=settings, **pairs)
+    files = [options.template, options.marks, *(options.attachments or ()), *(options.landmarks or ())]
+    write_fit(options.output, fit, [f for f in files if f is not None])
+    for name, (value, unit) in fit.quality.items():
+        print(f"{name:28s} {value:10.4g} {unit}")
+
+
+def _parser() -> argparse.ArgumentParser:
+    known = Settings()
+    parser = argparse.ArgumentParser(prog="python -m handpipe.shapes", description=__doc__.split("\n")[0])
+    parser.add_argument("template", type=Path, help="tet mesh: VTK, VTU, Gmsh...")
+    parser.add_argument("marks", type=Path, nargs="?", help="marks on the boundary: .mrk.json")
+    for name, what in (("attachments", "that other organs hold"), ("landmarks", "seen in the image")):
+        parser.add_argument(
+            f"--{name}",
+            nargs=2,
+            type=Path,
+            metavar=("TEMPLATE.mrk.json", "IMAGE.mrk.json"),
+            help=f"points {what}: on the template and in the image, the same labels",
+        )
+    parser.add_argument("--output", type=Path, default=Path("organ"), help="folder; by default organ")
+    parser.add_argument("--alpha", type=float, default=known.alpha, help="weight of marks, 1/mm^2")
+    parser.add_argument("--beta", type=float, default=known.beta, help="weight of attachments, 1/mm^2")
+    parser.add_argument("--iterations", type=int, default=known.iterations, help="at most, at full weight")
+    parser.add_argument("--enough", type=float, default=known.enough, help="mm at the farthest mark")
+    parser.add_argument("--outliers", action="store_true", help="leave out marks far beyond the others")
+    parser.add_argument("--young", type=float, default=known.material.young, help="kPa")
+    parser.add_argument("--poisson", type=float, default=known.material.poisson)
+    parser.add_argument("--verbose", action="store_true")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,67 @@
+"""Where a template is put before its shape is changed: by pairs of points, or by its marks alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.fit import Attached
+from handpipe.shapes.marks import BoundaryMarks
+from handpipe.shapes.rigid_motions import LooseMotions
+
+Array = NDArray[np.float64]
+
+FLAT = 1e-3  # spread of points across a line, over that along it, below which they are on it
+ROUNDS = 15
+CLEARLY = 0.7  # of the distance of marks: a turn is only believed where it brings so much
+FLIPS = [np.diag(d) for d in ([1.0, 1, 1], [1.0, -1, -1], [-1.0, 1, -1], [-1.0, -1, 1])]
+
+
+def placed(mesh: TetMesh, pairs: list[Attached], marks: BoundaryMarks) -> Array:
+    """Vertices (n, 3) of the template placed rigidly.
+
+    By pairs where three of them are not on a line; else by the marks, from the template's own orientation or
+    one in which its principal axes are those of the marks, whichever brings them clearly nearer.
+    """
+    x = mesh.vertices
+    points = np.concatenate([p.matrix @ x for p in pairs]) if pairs else np.zeros((0, 3))
+    targets = np.concatenate([p.targets for p in pairs]) if pairs else np.zeros((0, 3))
+    if len(points) >= 3 and _spread(points) > FLAT and _spread(targets) > FLAT:
+        return RigidTransform.fit(points, targets)(x)
+    if len(points):
+        x = x + (targets.mean(axis=0) - points.mean(axis=0))
+        return x if len(marks.points) == 0 else _nearest([x], marks)
+    if len(marks.points) == 0:
+        return x
+    surface = x[mesh.boundary_vertices()]
+    centre, wanted = surface.mean(axis=0), marks.points.mean(axis=0)
+    axes, aims = _axes(surface), _axes(marks.points)
+    turns = [np.eye(3), *(aims @ flip @ axes.T for flip in FLIPS)]
+    return _nearest([(x - centre) @ turn.T + wanted for turn in turns], marks)
+
+
+def _spread(points: Array) -> float:
+    values = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return float(values[1] / max(values[0], 1e-300))
+
+
+def _axes(points: Array) -> Array:
+    """Principal axes (3, 3) in columns, a rotation."""
+    axes = np.linalg.eigh(np.cov(points.T))[1]
+    return axes if np.linalg.det(axes) > 0 else axes * [1.0, 1.0, -1.0]
+
+
+def _nearest(starts: list[Array], marks: BoundaryMarks) -> Array:
+    """The start that closest points bring nearest to the marks; the first if no other is clearly nearer."""
+    best, least = starts[0], np.inf
+    for number, start in enumerate(starts):
+        x = start
+        free = LooseMotions(np.zeros((0, 3)), x)
+        for _ in range(ROUNDS):
+            x = free.settled(x, marks(x))
+        distance = float(np.sqrt((marks.distances(x) ** 2).mean()))
+        if distance < (least if number == 0 else CLEARLY * least):
+            best, least = x, distance
+    return best

@@ -1,0 +1,91 @@
+"""Rigid motions that attachments leave free, and how marks settle them (003 section 5.6).
+
+003 stabilises an unattached object by its centroid and average rotation and alternates between strains and
+placement. Here the motions are unknowns of the same Gauss-Newton step, and for given strains the placement
+is the best one: energy does not see it, so no equilibrium has to be found anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.shapes.correspondence import Correspondence
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+UNFELT = 1e-6  # of what attachments resist most: three on a line leave the turn about it
+ROUNDS, SETTLED = 20, 1e-9  # of the body's size
+
+
+class LooseMotions:
+    """Twists (6, r), (velocity of the centre, angular velocity times size), that targets do not feel.
+
+    Springs to targets on one line keep their lengths in a turn of the body about it, wherever their other
+    ends are: it is the targets that decide.
+    """
+
+    def __init__(self, targets: Array, x: Array) -> None:
+        """targets (t, 3) of attached points; x (n, 3) positions."""
+        self.centre = x.mean(axis=0)
+        self.size = float(np.ptp(x, axis=0).max())
+        self.twists = np.eye(6)
+        if len(targets):
+            felt = _modes(targets, self.centre, self.size)
+            _, values, rows = np.linalg.svd(felt, full_matrices=True)
+            rank = int((values > UNFELT * values[0]).sum())
+            self.twists = rows[rank:].T
+
+    @property
+    def count(self) -> int:
+        return self.twists.shape[1]
+
+    def modes(self, x: Array) -> Array:
+        """Displacements (3n, r) of positions x (n, 3)."""
+        return _modes(x, self.centre, self.size) @ self.twists
+
+    def pins(self, x: Array) -> IntArray:
+        """Degrees of freedom (r,) whose fixing stops these motions and nothing else: no reactions at rest."""
+        if self.count == 0:
+            return np.zeros(0, dtype=np.int64)
+        pivots = scipy.linalg.qr(self.modes(x).T, mode="economic", pivoting=True)[2]
+        return np.asarray(pivots[: self.count], dtype=np.int64)
+
+    def transform(self, amounts: Array) -> RigidTransform:
+        """The rigid transform of amounts (r,) of the motions, not linearised."""
+        velocity, turn = np.split(self.twists @ amounts, 2)
+        turn = turn / self.size
+        generator = np.zeros((4, 4))
+        generator[:3, :3] = np.cross(np.eye(3), turn).T @ -np.eye(3)
+        generator[:3, 3] = velocity - generator[:3, :3] @ self.centre
+        whole = scipy.linalg.expm(generator)
+        return RigidTransform(whole[:3, :3], whole[:3, 3])
+
+    def settled(self, x: Array, points: Correspondence) -> Array:
+        """x (n, 3) moved so that its points come nearest to their targets, as the correspondence measures."""
+        if self.count == 0 or points.count == 0:
+            return x
+        for _ in range(ROUNDS):
+            matrix, residuals = points.rows(x)
+            columns = matrix @ self.modes(x)
+            amounts = -np.linalg.lstsq(columns, residuals, rcond=1e-9)[0]
+            moved = self.transform(amounts)(x)
+            if points.energy(moved) > points.energy(x):
+                break
+            x = moved
+            if np.abs(amounts).max() < SETTLED * self.size:
+                break
+        return x
+
+
+def _modes(x: Array, centre: Array, size: float) -> Array:
+    """Displacements (3n, 6) of the unit twists about a centre."""
+    arms = (x - centre) / size
+    modes = np.zeros((len(x), 3, 6))
+    for i in range(3):
+        modes[:, i, i] = 1.0
+        modes[:, :, 3 + i] = np.cross(np.eye(3)[i], arms)
+    return modes.reshape(-1, 6)

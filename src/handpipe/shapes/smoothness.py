@@ -1,0 +1,60 @@
+"""The smoothness of strains, |L S|^2 (003 Eq. 5.3), and the inverse of its Hessian.
+
+The plastic strain Laplacian acts on each of the six numbers alone (003 Eq. A.2): one factorisation of the
+scalar matrix over tets serves all six. Its nullspace, the constant, is left out by fixing one tet and taking
+means off, which gives the solution of the Singular Lemma (ii) without bordering the matrix.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from handpipe.errors import InputError
+from handpipe.fem.linear import factorise
+from handpipe.mesh.operators import tet_laplacian
+from handpipe.shapes.stretch import COUNTS
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+ROOTS = np.sqrt(COUNTS)
+
+
+class Smoothness:
+    """E(S) = |L S|^2 / 2 of log-strains S (m, 6), numbers off the diagonal counted twice.
+
+    With B its Hessian, `root` is B^1/2 and `unroot` the pseudo-inverse of that.
+    """
+
+    def __init__(self, tets: IntArray) -> None:
+        """Raises `InputError` where tets (m, 4) are not connected by faces, or fewer than two."""
+        self.laplacian = tet_laplacian(tets)
+        parts = connected_components(self.laplacian, directed=False)[0]
+        if parts > 1 or len(tets) < 2:
+            problem = f"are {len(tets)}, in {parts} parts that no face connects"
+            raise InputError("template", "tets", problem, "Give one connected body of at least two tets")
+        self._factor = factorise(self.laplacian[1:, 1:].tocsr())
+
+    def energy(self, logs: Array) -> float:
+        """E(S)."""
+        return 0.5 * float(((self.laplacian @ logs) ** 2 @ COUNTS).sum())
+
+    def gradient(self, logs: Array) -> Array:
+        """B S (m, 6)."""
+        return COUNTS * (self.laplacian @ (self.laplacian @ logs))
+
+    def root(self, logs: Array) -> Array:
+        """B^1/2 S (m, 6)."""
+        return ROOTS * (self.laplacian @ logs)
+
+    def unroot(self, values: Array) -> Array:
+        """Strains S (m, 6) of zero mean with B^1/2 S = values, up to the mean of these."""
+        return self.inverse(values) / ROOTS
+
+    def inverse(self, values: Array) -> Array:
+        """Pseudo-inverse of L times values (m, k)."""
+        found = np.zeros_like(values)
+        found[1:] = self._factor.solve((values - values.mean(axis=0))[1:])
+        return found - found.mean(axis=0)

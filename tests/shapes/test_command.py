@@ -1,0 +1,79 @@
+"""The command: files in, a fitted organ and its quality out; errors that say where."""
+
+import json
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from tests.muscles.shapes import box
+
+from handpipe import artifacts, metrics
+from handpipe.errors import InputError
+from handpipe.imaging.markers import write_markers
+from handpipe.shapes.__main__ import main
+from handpipe.shapes.files import read_pairs, read_template
+
+MESH = box((6, 2, 2), (30.0, 8.0, 8.0))
+GROWN = MESH.moved(MESH.vertices * [1.0, 1.3, 0.9] - [0.0, 1.0, 0.0])
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    meshio.write(tmp_path / "organ.vtk", meshio.Mesh(MESH.vertices, [("tetra", MESH.tets)]))
+    faces = GROWN.boundary_faces()[0]
+    write_markers(tmp_path / "marks.mrk.json", GROWN.vertices[faces].mean(axis=1))
+    held = np.flatnonzero(MESH.vertices[:, 0] == 0)
+    labels = [str(i) for i in held]
+    write_markers(tmp_path / "points.mrk.json", MESH.vertices[held], labels)
+    write_markers(tmp_path / "places.mrk.json", GROWN.vertices[held][::-1], labels[::-1])
+    return tmp_path
+
+
+def test_files_in_files_out(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    pairs = [str(folder / "points.mrk.json"), str(folder / "places.mrk.json")]
+    out = folder / "out"
+    arguments = [str(folder / "organ.vtk"), str(folder / "marks.mrk.json"), "--attachments", *pairs]
+    assert main([*arguments, "--output", str(out), "--iterations", "6"]) == 0
+    quality = metrics.read(out / "quality.json")
+    assert quality["marks_mean"][0] < 0.1
+    assert quality["attachments_max"][0] < 0.2
+    assert quality["volume_after"][0] == pytest.approx(GROWN.volumes().sum(), rel=0.02)
+    assert quality["smallest_dihedral_before"][0] == pytest.approx(MESH.smallest_dihedral())
+    assert "volume_after" in capsys.readouterr().out
+    fit = artifacts.read(out / "fit.h5", "organ")
+    written = meshio.read(out / "fitted.vtu")
+    assert written.points == pytest.approx(fit["vertices"])
+    assert written.cell_data["plastic_strain"][0].shape == (len(MESH.tets), 6)
+    assert len(fit["record"]["objective"]) > 2
+    assert (out / "surface.ply").exists()
+
+
+def test_errors_name_the_file(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    assert main([str(folder / "nothing.vtk"), str(folder / "marks.mrk.json")]) == 1
+    assert "nothing.vtk: file: does not exist" in capsys.readouterr().err
+    (folder / "places.mrk.json").write_text(json.dumps({"markups": []}))
+    with pytest.raises(InputError, match=r"places.mrk.json"):
+        read_pairs(folder / "points.mrk.json", folder / "places.mrk.json")
+
+
+def test_unequal_labels_are_refused(folder: Path) -> None:
+    write_markers(folder / "places.mrk.json", GROWN.vertices[:1], ["elsewhere"])
+    with pytest.raises(InputError, match="lacks"):
+        read_pairs(folder / "points.mrk.json", folder / "places.mrk.json")
+
+
+def test_templates_are_checked(folder: Path) -> None:
+    assert len(read_template(folder / "organ.vtk").tets) == len(MESH.tets)
+    mirrored = MESH.tets[:, [0, 2, 1, 3]]
+    meshio.write(folder / "mirrored.vtk", meshio.Mesh(MESH.vertices, [("tetra", mirrored)]))
+    assert (read_template(folder / "mirrored.vtk").volumes() > 0).all()
+    meshio.write(folder / "metres.vtk", meshio.Mesh(MESH.vertices / 1000, [("tetra", MESH.tets)]))
+    with pytest.raises(InputError, match="metres"):
+        read_template(folder / "metres.vtk")
+    meshio.write(folder / "shell.vtk", meshio.Mesh(MESH.vertices, [("triangle", MESH.boundary_faces()[0])]))
+    with pytest.raises(InputError, match="there are none"):
+        read_template(folder / "shell.vtk")
+    (folder / "broken.vtk").write_text("nonsense")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_template(folder / "broken.vtk")

@@ -1,0 +1,133 @@
+"""Steps over the strains of all tets against finite differences and dense linear algebra."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from tests.muscles.shapes import box
+
+from handpipe.errors import InputError
+from handpipe.fem import plasticity
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.correspondence import Correspondence
+from handpipe.shapes.fit import Attached
+from handpipe.shapes.gauss_newton import RIDGE, GaussNewton
+from handpipe.shapes.response import Response
+from handpipe.shapes.rigid_motions import LooseMotions
+from handpipe.shapes.search import Search, Settings, State
+from handpipe.shapes.smoothness import Smoothness
+from handpipe.shapes.stretch import COUNTS
+
+MESH = box((4, 2, 2), (12.0, 4.0, 4.0))
+
+
+def search(held: str) -> tuple[Search, State, Correspondence]:
+    """A bar held at one end, along one edge or not at all, under small strains, and marks beside it."""
+    x = MESH.vertices
+    ids = {
+        "end": np.flatnonzero(x[:, 0] == 0),
+        "edge": np.flatnonzero((x[:, 0] == 0) & (x[:, 1] == 0)),
+        "nothing": np.zeros(0, int),
+    }[held]
+    attached = Attached.vertices(ids, x[ids], len(x)) if len(ids) else None
+    found = Search(MESH, attached, settings=Settings(alpha=3.0, beta=2.0))
+    rng = np.random.default_rng(1)
+    middles = x[MESH.tets].mean(axis=1)
+    logs = 0.01 * middles @ rng.standard_normal((3, 6))
+    outer = MESH.boundary_vertices()[::3]
+    matrix = sp.csr_matrix(
+        (np.ones(len(outer)), outer, np.arange(len(outer) + 1)), shape=(len(outer), len(x))
+    )
+    marks = Correspondence(matrix, 1.1 * x[outer] + 0.3 * rng.standard_normal((len(outer), 3)), None)
+    return found, found.at(logs, x), marks
+
+
+def system(held: str) -> tuple[Search, State, Correspondence, GaussNewton]:
+    found, state, marks = search(held)
+    motions = LooseMotions(found.attached.targets, state.x)
+    response = Response(state.body, found.held, state.x, state.logs, motions.modes(state.x))
+    rows = found.rows(state.x, marks)
+    return found, state, marks, GaussNewton(found.smoothness, response, rows, state.logs)
+
+
+def dense(system: GaussNewton) -> tuple[np.ndarray, np.ndarray]:
+    """The same minimisation over all strains at once, by the normal equations of 003 Eq. 5.11."""
+    m = len(system.logs)
+    follow = np.stack([system.response.motion(d.reshape(m, 6)) for d in np.eye(6 * m)], axis=1)
+    z = np.hstack([system.rows.matrix @ follow, system.rows.matrix @ system.response.loose])
+    rough = np.kron(np.linalg.matrix_power(system.smoothness.laplacian.toarray(), 2), np.diag(COUNTS))
+    rough += np.kron(np.ones((m, m)) / m**2, np.diag(RIDGE))
+    r = system.response.loose.shape[1]
+    hessian = np.zeros((6 * m + r, 6 * m + r))
+    hessian[: 6 * m, : 6 * m] = rough
+    hessian[6 * m :, 6 * m :] = np.diag(system.ridge[6:])
+    gradient = z.T @ system.rows.residuals
+    gradient[: 6 * m] += rough @ system.logs.ravel()
+    found = -np.linalg.solve(hessian + z.T @ z, gradient)
+    return found[: 6 * m].reshape(m, 6), found[6 * m :]
+
+
+@pytest.mark.parametrize("held", ["end", "edge", "nothing"])
+def test_all_solvers_give_the_step_of_the_dense_system(held: str) -> None:
+    strains, loose = dense(system(held)[3])
+    model = system(held)[3]
+    for step in (model.by_rows(), model.by_iteration(tolerance=1e-9, most=2000)):
+        assert step.strains == pytest.approx(strains, abs=1e-4 * np.abs(strains).max())
+        assert step.loose == pytest.approx(loose, abs=1e-4 * np.abs(strains).max())
+        assert step.slope < 0
+
+
+@pytest.mark.parametrize("held", ["end", "edge", "nothing"])
+def test_motion_and_slope_are_those_of_a_small_step(held: str) -> None:
+    found, state, marks, model = system(held)
+    step = model.by_rows()
+    motions = LooseMotions(found.attached.targets, state.x)
+    assert motions.count == {"end": 0, "edge": 1, "nothing": 6}[held]
+    size = 1e-3
+    moved = state.x + size * step.motion
+    trial = found.at(state.logs + size * step.strains, moved)
+    assert np.abs(trial.x - moved).max() < 0.02 * np.abs(trial.x - state.x).max()
+    change = found.objective(trial, marks) - found.objective(state, marks)
+    assert change / size == pytest.approx(step.slope, rel=0.02)
+
+
+def test_a_truncated_iteration_lowers_the_model_already() -> None:
+    model = system("end")[3]
+    best = model.by_rows().slope
+    few = model.by_iteration(tolerance=1e-12, most=5)
+    assert few.iterations == 5
+    assert best < few.slope < 0.5 * best or few.slope <= best
+
+
+def test_pull_is_the_transpose_of_motion() -> None:
+    response = system("nothing")[3].response
+    rng = np.random.default_rng(0)
+    change, forces = rng.standard_normal((len(MESH.tets), 6)), rng.standard_normal(3 * len(MESH.vertices))
+    assert np.vdot(response.pull(forces), change) == pytest.approx(forces @ response.motion(change))
+
+
+def test_uniform_growth_of_a_free_body_is_found_in_a_few_steps() -> None:
+    found = Search(MESH, settings=Settings(alpha=3.0, enough=1e-4))
+    grown = MESH.vertices @ np.diag([1.4, 0.8, 1.2]) + [3.0, -2.0, 1.0]
+    marks = Correspondence(sp.identity(len(grown), format="csr"), grown, None)
+    state = found.run(found.begin(MESH.vertices), "marks", lambda x: marks, 1.0, True, 10)
+    assert state.x == pytest.approx(grown, abs=1e-3)
+    expected = np.tile([1.4, 0, 0, 0.8, 0, 1.2], (len(MESH.tets), 1))
+    assert plasticity.exp(state.logs) == pytest.approx(expected, abs=1e-3)
+
+
+def test_smoothness_is_inverted_up_to_constants() -> None:
+    smoothness = Smoothness(MESH.tets)
+    logs = np.random.default_rng(0).standard_normal((len(MESH.tets), 6))
+    assert smoothness.unroot(smoothness.root(logs)) == pytest.approx(logs - logs.mean(axis=0))
+    assert smoothness.energy(np.ones_like(logs)) == pytest.approx(0, abs=1e-20)
+    step = 1e-6 * np.random.default_rng(1).standard_normal(logs.shape)
+    change = smoothness.energy(logs + step) - smoothness.energy(logs - step)
+    assert change == pytest.approx(2 * np.vdot(smoothness.gradient(logs), step), rel=1e-5)
+
+
+def test_a_body_in_two_parts_is_refused() -> None:
+    apart = TetMesh(
+        np.concatenate([MESH.vertices, MESH.vertices + 50]), np.concatenate([MESH.tets, MESH.tets + 45])
+    )
+    with pytest.raises(InputError, match="2 parts"):
+        Smoothness(apart.tets)
