@@ -58,12 +58,13 @@ def covariance(rows: Rows, weights: Array, edges: IntArray) -> Array:
 def alike(residual: Array, edges: IntArray) -> float:
     """How many of a mesh's vertices count as one: errors (n,) of those joined by edges (e, 2) are alike.
 
-    Taking their correlation r to fall off as r^(steps in either direction of the surface), n vertices count
-    as n ((1 - r) / (1 + r))^2 independent ones.
+    Smooth errors' correlation falls off with the square of the distance: r at one step is r^(k^2) at k steps
+    in either direction of the surface. n vertices count as n / (sum over k of r^(k^2))^2 independent ones.
     """
     product = (residual[edges[:, 0]] * residual[edges[:, 1]]).mean()
-    correlation = np.clip(product / max((residual**2).mean(), 1e-30), 0.0, 0.9)
-    return float(((1 + correlation) / (1 - correlation)) ** 2)
+    correlation = np.clip(product / max((residual**2).mean(), 1e-30), 0.0, 0.95)
+    steps = np.arange(1, 25)
+    return float((1 + 2 * (correlation ** (steps**2)).sum()) ** 2)
 
 
 def moved(transform: RigidTransform, step: Array, middle: Array) -> RigidTransform:

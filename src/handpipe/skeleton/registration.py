@@ -33,6 +33,7 @@ SURPLUS = 1.2  # ratio of areas above which the target holds more than the bone
 POOR = 0.01  # residual by the bone's size above which starts of all directions are tried, too
 WORST = 0.05  # the same, beyond which the surfaces are of different bones
 STILL = 1e-5  # rad, and mm per mm of the bone's size
+PROMISING = 20  # of many starts, those that a few steps bring nearest
 RIVALS = 4  # places that are followed to the end
 APART = np.radians(15.0)  # turns closer than this are one place
 MATCHED = 0.3  # mm; and five times the residual
@@ -43,21 +44,27 @@ LOOSE = 5.0  # deg of uncertainty beyond which a turn is anybody's guess
 
 @dataclass(frozen=True)
 class _Pair:
-    """The two surfaces ready for closest-point queries, and the neutral's mean (3,)."""
+    """The two surfaces ready for closest-point queries.
+
+    middle (3,): the neutral's mean; size in mm: the root of its area; ratio: the target's area by it.
+    """
 
     neutral: Distance
     target: Distance
     middle: Array
+    size: float
+    ratio: float
 
-    @property
-    def size(self) -> float:
-        """Length in mm of the bone's dimension: the root of its area."""
-        return float(np.sqrt(self.neutral.surface.area()))
+    @staticmethod
+    def of(neutral: Surface, target: Surface) -> _Pair:
+        area = neutral.area()
+        middle = neutral.vertices.mean(axis=0)
+        return _Pair(Distance(neutral), Distance(target), middle, float(np.sqrt(area)), target.area() / area)
 
     @property
     def surplus(self) -> bool:
         """Whether the target holds more than the bone, so that the neutral's points have to lead."""
-        return self.target.surface.area() > SURPLUS * self.neutral.surface.area()
+        return self.ratio > SURPLUS
 
     def target_rows(self, transform: RigidTransform, points: Array) -> Rows:
         """Distances of target points from the moved neutral surface."""
@@ -81,10 +88,9 @@ class _Pair:
 
     def score(self, transform: RigidTransform, target: Array, neutral: Array) -> float:
         """Mean square in mm^2 of both surfaces' distances, without what one of them may lack."""
-        ratio = self.target.surface.area() / self.neutral.surface.area()
         a = self.target_rows(transform, target).distance
         b = self.neutral_rows(transform, neutral).distance
-        return _trimmed(a, KEPT * min(1.0, 1 / ratio)) + _trimmed(b, KEPT * min(1.0, ratio))
+        return _trimmed(a, KEPT * min(1.0, 1 / self.ratio)) + _trimmed(b, KEPT * min(1.0, self.ratio))
 
 
 def register(
@@ -102,7 +108,7 @@ def register(
     `doubt` says why it may be wrong. Raises `ConvergenceError` where the surfaces do not fit one another at
     all.
     """
-    pair = _Pair(Distance(neutral_marrow), Distance(target_marrow), neutral_marrow.vertices.mean(axis=0))
+    pair = _Pair.of(neutral_marrow, target_marrow)
     guesses = [start] if isinstance(start, RigidTransform) else list(start or [])
     rivals = _rivals(pair, [*guesses, *principal_starts(neutral_marrow, target_marrow)])
     if np.sqrt(rivals[0][0]) > POOR * pair.size:
@@ -132,8 +138,11 @@ def _sorted(scored: Sequence[Scored]) -> list[Scored]:
 
 def _rivals(pair: _Pair, starts: Sequence[RigidTransform]) -> list[Scored]:
     """The places to which the starts lead, apart from one another, those of least score first."""
-    coarse = _brought(pair, starts, COARSE, iterations=15)
-    fine = _brought(pair, [t for _, t in _distinct(coarse)[:RIVALS]], FINE, iterations=40)
+    rough = starts
+    if len(starts) > PROMISING:
+        rough = [t for _, t in _brought(pair, starts, COARSE // 2, iterations=5)[:PROMISING]]
+    coarse = _brought(pair, rough, COARSE, iterations=15)
+    fine = _brought(pair, [t for _, t in _distinct(coarse)[:RIVALS]], FINE, iterations=24)
     return _distinct(fine)
 
 
