@@ -18,8 +18,8 @@ def benchmark(path: Path, seconds: float, rss: str, cpu: str, end: float) -> Non
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    benchmark(tmp_path / "segment_bone" / "fist" / "distal2.tsv", 10, "512", "9", end=1010)
-    benchmark(tmp_path / "segment_bone" / "fist" / "middle2.tsv", 8, "1024", "7.5", end=1012)
+    benchmark(tmp_path / "correct_bone" / "fist" / "distal2.tsv", 10, "512", "9", end=1010)
+    benchmark(tmp_path / "correct_bone" / "fist" / "middle2.tsv", 8, "1024", "7.5", end=1012)
     benchmark(tmp_path / "fit_rig" / "all.tsv", 5, "NA", "-", end=1100)
     return tmp_path
 
@@ -31,7 +31,7 @@ def test_span_busy_time_sums_and_peaks(folder: Path):
     assert metrics["cpu_seconds"] == (pytest.approx(16.5), "s")
     assert metrics["peak_memory"] == (pytest.approx(1.0), "GiB")
     assert metrics["jobs"] == (3, "1")
-    assert metrics["segment_bone.job_seconds"] == (pytest.approx(18), "s")
+    assert metrics["correct_bone.job_seconds"] == (pytest.approx(18), "s")
     assert metrics["fit_rig.peak_memory"] == (0, "GiB")
 
 
@@ -43,7 +43,7 @@ def test_costliest_rule_comes_first(folder: Path):
     made = cost_table(read_jobs(folder))
     assert made is not None
     assert [row[:3] for row in made.rows] == [
-        ["segment_bone", "2", 18],
+        ["correct_bone", "2", 18],
         ["fit_rig", "1", 5],
         ["all", "3", 23],
     ]

@@ -10,9 +10,10 @@ SPACING = 0.5
 
 
 def points_of(lower, upper, spacing=SPACING):
-    """Voxel centres (nx, ny, nz, 3) of a box, and the affine."""
-    axes = [np.arange(a, b, spacing) for a, b in zip(lower, upper, strict=True)]
-    affine = np.diag([spacing] * 3 + [1.0])
+    """Voxel centres (nx, ny, nz, 3) of a box, and the affine; spacing: one for all axes, or of each."""
+    steps = np.broadcast_to(np.asarray(spacing, float), 3)
+    axes = [np.arange(a, b, h) for a, b, h in zip(lower, upper, steps, strict=True)]
+    affine = np.diag([*steps, 1.0])
     affine[:3, 3] = lower
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), affine
 
@@ -25,8 +26,8 @@ def grid_points(volume):
 def voxelised(intensity, lower, upper, noise=0.04, seed=0, spacing=SPACING, fine=3):
     """Volume of a function of points: the mean over each voxel, with Rician noise."""
     points, affine = points_of(lower, upper, spacing)
-    shifts = (np.arange(fine) - (fine - 1) / 2) / fine * spacing
-    shifts = np.stack(np.meshgrid(shifts, shifts, shifts), axis=-1).reshape(-1, 3)
+    shifts = (np.arange(fine) - (fine - 1) / 2) / fine
+    shifts = np.stack(np.meshgrid(shifts, shifts, shifts), axis=-1).reshape(-1, 3) * spacing
     values = np.mean([intensity(points + s) for s in shifts], axis=0)
     random = np.random.default_rng(seed)
     real, imaginary = noise * random.standard_normal((2, *values.shape))
@@ -71,8 +72,8 @@ class Phalanx:
         value = np.where(self.bone(points) < 0, 0.03, value)
         return np.where(self.marrow(points) < 0, 1.0, value)
 
-    def volume(self, noise=0.04, seed=0):
-        return voxelised(self.intensity, (-16, -9, -11), (16, 9, 9), noise, seed)
+    def volume(self, noise=0.04, seed=0, spacing=SPACING):
+        return voxelised(self.intensity, (-16, -9, -11), (16, 9, 9), noise, seed, spacing)
 
     def seeds(self, volume):
         """A stroke along the axis, and a few voxels around the bone."""

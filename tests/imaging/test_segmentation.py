@@ -161,14 +161,6 @@ def test_bad_seeds_are_named(case) -> None:
     assert {"bone": "distal2", "background": "255", "unknown": "7"}[case] in caught.value.problem
 
 
-def test_probabilities_return_from_their_file(tmp_path, phalanx) -> None:
-    bone = phalanx[2]
-    bone.save(tmp_path / "bone.h5")
-    again = BoneProbability.load(tmp_path / "bone.h5")
-    np.testing.assert_array_equal(again.probability, bone.probability)
-    assert again.slices == bone.slices
-
-
 def test_a_contour_of_nothing_is_an_error() -> None:
     with pytest.raises(InputError):
         contour(Volume(np.zeros((4, 4, 4), np.float32), np.eye(4)), 0.5)

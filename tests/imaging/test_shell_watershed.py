@@ -6,7 +6,7 @@ from handpipe.imaging.cortical import offset_surface
 from handpipe.imaging.marrow import Cortex, contour
 from handpipe.imaging.shell_watershed import Basin, outer_faces, shell_basins
 
-CORTEX = Cortex(level=0.05, marrow=1.0, noise=0.04, blur=0.25)
+CORTEX = Cortex(level=0.05, marrow=1.0, noise=0.04)
 
 
 def surface_of(volume, distance):

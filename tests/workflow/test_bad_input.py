@@ -18,7 +18,7 @@ from .running import run
 from .small_subject import AFFINE, ball, image, opened, seeds, write_dataset, write_image, write_mesh
 
 SMALL = ("--config", "subjects=[small]")
-SEGMENT = "results/small/segmentation/bent/bones/far.h5"
+SEGMENT = "results/small/segmentation/bent/bones.h5"
 MERGE = "results/small/segmentation/bent/labels.nii.gz"
 SIMULATE = "results/small/simulation/flexion/flexion.glb"
 FAT = "results/small/fat/strains.h5"
@@ -59,7 +59,7 @@ def no_seeds_of_neutral(folder: Path) -> None:
 
 def no_seeds_of_a_bone(folder: Path) -> None:
     labels = seeds()
-    write_image(folder / "small" / "bent-seeds.nii.gz", np.where(labels == 2, 0, labels))
+    write_image(folder / "small" / "bent-seeds.nii.gz", np.where(labels == 1, 0, labels))
 
 
 def left_handed(folder: Path) -> None:
@@ -112,7 +112,7 @@ def beyond_limit(folder: Path) -> None:
 RUNS = [
     (missing_volume, SEGMENT, (DATASET, "poses.bent.volume", "small/bent.nii.gz does not exist")),
     (no_seeds_of_neutral, SEGMENT, (DATASET, "poses.flat", "the neutral pose needs seeds")),
-    (no_seeds_of_a_bone, SEGMENT, ("small/bent-seeds.nii.gz", "seeds", "bone 'far' (label 2) has none")),
+    (no_seeds_of_a_bone, SEGMENT, ("small/bent-seeds.nii.gz", "seeds", "bone 'near' (label 1) has none")),
     (left_handed, SEGMENT, ("small/bent.nii.gz", "handedness", "left-handed")),
     (not_a_number, SEGMENT, ("small/bent.nii.gz", "values", "1 voxels are NaN")),
     (scan_in_metres, SEGMENT, ("small/bent.ply", "units", "looks like metres")),

@@ -26,7 +26,7 @@ def nothing_built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("target", ["simulation", "all"])
 def test_bones_and_skin_need_no_inner_tissue(nothing_built: Path, target: str) -> None:
     rules = planned(nothing_built, target, "--config", "scenes=[bones-and-skin]")
-    assert {"segment_bone", "fit_rig", "mesh_soft_tissue", "simulate", "export_scene"} <= set(rules)
+    assert {"segment_pose", "fit_rig", "mesh_soft_tissue", "simulate", "export_scene"} <= set(rules)
     assert deeper(rules) == set()
 
 
@@ -96,15 +96,15 @@ def test_scribbles_rerun_their_bone_alone(built_small: Path, tmp_path: Path) -> 
     drawn = np.where(seeds() == LABELS["far"], LABELS["far"], 0).astype(np.uint8)
     write_image(folder / "small" / "bent-far.nii.gz", drawn)
     assert planned(folder, "segmentation", *SMALL) == {
-        "segment_bone": 1,
+        "correct_bone": 1,
         "merge_labels": 1,
         "evaluate_segmentation": 1,
         "segmentation": 1,
     }
     process = run(folder, "-j2", "segmentation", *SMALL)
     assert process.returncode == 0, process.stdout
-    merged = {f"bent/{name}" for name in ("labels.nii.gz", "labels.json", "surfaces.h5")}
-    assert changed(folder, before) == {"bent/bones/far.h5", *merged}
+    merged = {f"bent/{name}" for name in ("labels.nii.gz", "labels.json", "surfaces.h5", "looks.json")}
+    assert changed(folder, before) == {"bent/corrected/far.h5", *merged}
 
 
 def test_changed_scan_is_checked_but_images_stay(built_small: Path, tmp_path: Path) -> None:

@@ -1,4 +1,6 @@
-# What is timed, and against what; asked for by name: snakemake -j1 benchmark_fem, benchmark_bones, benchmark_shapes
+# What is timed, and against what; asked for by name: snakemake -j1 benchmark_fem, benchmark_bones, …
+
+BENCHMARK_POSES = ["neutral", "fist"]  # of the walkers' regions
 
 
 rule benchmark_fem:
@@ -50,3 +52,32 @@ rule benchmark_shapes:
         "benchmarks of shapes from plastic strains; nothing else should run meanwhile"
     script:
         "../scripts/benchmark_shapes.py"
+
+
+rule benchmark_segmentation:
+    input:
+        dataset=ancient("config/datasets/phantom-hand-seeded.yaml"),
+        files=expand(
+            "results/phantom-hand-seeded/data/{part}.nii.gz",
+            part=[
+                part.format(pose=pose)
+                for pose in BENCHMARK_POSES
+                for part in ("volumes/{pose}", "seeds/{pose}", "truth/{pose}.marrow")
+            ],
+        ),
+    output:
+        "results/benchmarks/segmentation.json",
+    log:
+        "results/benchmarks/logs/benchmark_segmentation.log",
+    benchmark:
+        "results/benchmarks/jobs/benchmark_segmentation.tsv"
+    threads: 1
+    resources:
+        mem_mb=6000,
+        runtime=30,
+    params:
+        poses=BENCHMARK_POSES,
+    message:
+        "the random walker against scikit-image's; nothing else should run meanwhile"
+    script:
+        "../scripts/benchmark_segmentation.py"

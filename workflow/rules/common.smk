@@ -250,7 +250,35 @@ def scribbles(subject, pose, bone):
     """Extra seeds of one bone: a change there reruns that bone alone."""
     data = dataset(subject)
     extra = data.poses[pose].scribbles.get(bone)
-    return [] if extra is None else data.path(extra)
+    if extra is None:
+        raise WorkflowError(
+            f"handpipe: {dataset_file(subject)}: poses.{pose}.scribbles.{bone}: is not given. "
+            "A bone without scribbles is in the pose's bones.h5"
+        )
+    return data.path(extra)
+
+
+def all_scribbles(wildcards):
+    """The scribbles of a pose, in the order of its corrected bones."""
+    data = dataset(wildcards.subject)
+    return [data.path(file) for file in data.poses[wildcards.pose].scribbles.values()]
+
+
+def corrected_bones(wildcards):
+    """The bones of a pose that have scribbles, each segmented again with them."""
+    return expand(
+        "results/{subject}/segmentation/{pose}/corrected/{bone}.h5",
+        bone=dataset(wildcards.subject).poses[wildcards.pose].scribbles,
+        allow_missing=True,
+    )
+
+
+def neutral_looks(wildcards):
+    """How the bones look in neutral: what those of another pose are compared with."""
+    pose = neutral(wildcards.subject)
+    if wildcards.pose == pose:
+        return []
+    return f"results/{wildcards.subject}/segmentation/{pose}/looks.json"
 
 
 def template_files(subject):

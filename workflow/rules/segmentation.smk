@@ -1,7 +1,32 @@
 # Volumes to labels and bone surfaces (004 section 3.1).
 
 
-rule segment_bone:
+rule segment_pose:
+    input:
+        dataset=ancient(of_dataset),
+        check=subject_check,
+        volume=of_pose("volume"),
+        seeds=seeds_of_pose,
+    output:
+        "results/{subject}/segmentation/{pose}/bones.h5",
+    log:
+        "results/{subject}/logs/segment_pose/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/segment_pose/{pose}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=20,
+    params:
+        dataset=dataset_digest,
+    message:
+        "{wildcards.subject}: segment the bones of {wildcards.pose}"
+    script:
+        "../scripts/segment_pose.py"
+
+
+# A bone with scribbles again: they are an input of this rule and of the merging alone.
+rule correct_bone:
     input:
         dataset=ancient(of_dataset),
         check=subject_check,
@@ -9,11 +34,11 @@ rule segment_bone:
         seeds=seeds_of_pose,
         scribbles=lambda w: scribbles(w.subject, w.pose, w.bone),
     output:
-        "results/{subject}/segmentation/{pose}/bones/{bone}.h5",
+        "results/{subject}/segmentation/{pose}/corrected/{bone}.h5",
     log:
-        "results/{subject}/logs/segment_bone/{pose}/{bone}.log",
+        "results/{subject}/logs/correct_bone/{pose}/{bone}.log",
     benchmark:
-        "results/{subject}/benchmarks/segment_bone/{pose}/{bone}.tsv"
+        "results/{subject}/benchmarks/correct_bone/{pose}/{bone}.tsv"
     threads: 1
     resources:
         mem_mb=1500,
@@ -21,9 +46,9 @@ rule segment_bone:
     params:
         dataset=dataset_digest,
     message:
-        "{wildcards.subject}: segment {wildcards.bone} in {wildcards.pose}"
+        "{wildcards.subject}: segment {wildcards.bone} in {wildcards.pose} with its scribbles"
     script:
-        "../scripts/segment_bone.py"
+        "../scripts/correct_bone.py"
 
 
 rule merge_labels:
@@ -31,15 +56,15 @@ rule merge_labels:
         dataset=ancient(of_dataset),
         volume=of_pose("volume"),
         seeds=seeds_of_pose,
-        bones=lambda w: expand(
-            "results/{subject}/segmentation/{pose}/bones/{bone}.h5",
-            bone=dataset(w.subject).bones,
-            allow_missing=True,
-        ),
+        bones="results/{subject}/segmentation/{pose}/bones.h5",
+        corrected=corrected_bones,
+        scribbles=all_scribbles,
+        neutral=neutral_looks,
     output:
         labels="results/{subject}/segmentation/{pose}/labels.nii.gz",
         table="results/{subject}/segmentation/{pose}/labels.json",
         surfaces="results/{subject}/segmentation/{pose}/surfaces.h5",
+        looks="results/{subject}/segmentation/{pose}/looks.json",
     log:
         "results/{subject}/logs/merge_labels/{pose}.log",
     benchmark:
@@ -60,6 +85,7 @@ rule evaluate_segmentation:
     input:
         dataset=ancient(of_dataset),
         labels=in_poses("results/{subject}/segmentation/{pose}/labels.nii.gz"),
+        looks=in_poses("results/{subject}/segmentation/{pose}/looks.json"),
     output:
         "results/{subject}/metrics/segmentation.json",
     log:

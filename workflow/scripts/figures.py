@@ -12,6 +12,16 @@ def stage_cost(job, *rules):
     }
 
 
+def pose_cost(job, poses, *rules):
+    """`seconds_per_pose`, mean, and `seconds_per_pose_max`: the jobs of a pose, one after the other."""
+    jobs = [j for j in read_jobs(f"results/{job.wildcards.subject}/benchmarks") if j.rule in rules]
+    seconds = [sum(j.seconds for j in jobs if j.name.split("/")[0] == pose) for pose in poses]
+    return {
+        "seconds_per_pose": (sum(seconds) / len(seconds), "s"),
+        "seconds_per_pose_max": (max(seconds), "s"),
+    }
+
+
 def contact_figures(settled, prefix=""):
     """Most renewals of contact planes, largest motion that was left, and how many frames did not settle.
 

@@ -4,35 +4,46 @@ from common import stage
 
 with stage(snakemake) as log:
     from handpipe.config import load_dataset
-    from handpipe.imaging.cortical import whole_bone
-    from handpipe.imaging.marrow import marrow_surface
+    from handpipe.errors import InputError
+    from handpipe.imaging import claims
+    from handpipe.imaging.bone_surfaces import bone_surfaces
     from handpipe.imaging.rasterise import rasterise
-    from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, merge
+    from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, merge
     from handpipe.imaging.volume import read_labels, read_volume, write_labels
     from handpipe.skeleton.bones import write_surfaces
 
     dataset = load_dataset(snakemake.input.dataset)
-    settings = SegmentationSettings()
+    pose = snakemake.wildcards.pose
     volume = read_volume(snakemake.input.volume)
     seeds = read_labels(snakemake.input.seeds, volume)
-    names = {bone.label: name for name, bone in dataset.bones.items()}
-    claims = {
-        dataset.bones[name].label: BoneProbability.load(path)
-        for name, path in zip(dataset.bones, snakemake.input.bones, strict=True)
-    }
-    _, bones = merge(volume, claims, seeds, settings)
+    corrected = dataset.poses[pose].scribbles
+    for name, path in zip(corrected, snakemake.input.scribbles, strict=True):
+        seeds = add_scribbles(seeds, read_labels(path, volume), dataset.bones[name].label)
+    table = {name: bone.label for name, bone in dataset.bones.items()}
+    names = {label: name for name, label in table.items()}
 
-    marrows = {label: marrow_surface(volume, bone) for label, bone in bones.items()}
-    surfaces = {names[label]: {"marrow": marrow} for label, marrow in marrows.items()}
-    if snakemake.wildcards.pose == dataset.neutral:
-        for label, marrow in marrows.items():
-            others = [marrows[other] for other in marrows if other != label]
-            surfaces[names[label]]["whole"] = whole_bone(volume, bones[label], marrow, others)
+    found = claims.load(snakemake.input.bones, snakemake.input.corrected)
+    _, merged = merge(
+        volume, {table[name]: bone for name, bone in found.items()}, seeds, SegmentationSettings()
+    )
+    bones = {names[label]: bone for label, bone in merged.items()}
+    looks = claims.appearances(volume, bones)
+    neutral = claims.read_looks(snakemake.input.neutral)[0] if snakemake.input.neutral else {}
+    left_out = {name: "it has no seeds in its marrow" for name in table if name not in bones}
+    left_out |= claims.doubted(looks, neutral, corrected)
+    if left_out and pose == dataset.neutral:
+        problem = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+        raise InputError(
+            snakemake.input.seeds, "seeds", problem, "Mend its strokes, or draw scribbles for it"
+        )
+    for name, reason in left_out.items():
+        log.warning("%s is left out: %s", name, reason)
+    bones = {name: bone for name, bone in bones.items() if name not in left_out}
+
+    surfaces = bone_surfaces(volume, bones, whole=pose == dataset.neutral, threads=snakemake.threads)
     for name, parts in surfaces.items():
         log.info("%s: marrow of %.0f mm^3", name, parts["marrow"].volume())
-    outermost = {dataset.bones[n].label: parts.get("whole", parts["marrow"]) for n, parts in surfaces.items()}
-    labels = rasterise(volume, outermost)
-    write_labels(
-        snakemake.output.labels, labels, volume.affine, {n: b.label for n, b in dataset.bones.items()}
-    )
+    outermost = {table[name]: parts.get("whole", parts["marrow"]) for name, parts in surfaces.items()}
+    write_labels(snakemake.output.labels, rasterise(volume, outermost), volume.affine, table)
+    claims.write_looks(snakemake.output.looks, looks, left_out)
     write_surfaces(snakemake.output.surfaces, surfaces, [*snakemake.input])

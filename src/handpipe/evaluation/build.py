@@ -15,13 +15,17 @@ MIB_PER_GIB = 1024.0
 
 @dataclass(frozen=True)
 class Job:
-    """One job: seconds by the clock and of processors, peak memory in GiB, end in s since the epoch."""
+    """One job: seconds by the clock and of processors, peak memory in GiB, end in s since the epoch.
+
+    name: what its rule's wildcards say of it, as "fist" or "fist/distal2".
+    """
 
     rule: str
     seconds: float
     cpu_seconds: float
     peak_memory: float
     end: float
+    name: str = ""
 
 
 def read_jobs(folder: str | Path) -> list[Job]:
@@ -33,12 +37,12 @@ def read_jobs(folder: str | Path) -> list[Job]:
     folder = Path(folder)
     jobs = []
     for path in sorted(folder.rglob("*.tsv")):
-        rule = path.relative_to(folder).parts[0].removesuffix(".tsv")
+        rule, *rest = path.relative_to(folder).with_suffix("").parts
         with open(path, newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file, delimiter="\t"):
                 seconds, cpu = _number(row.get("s")), _number(row.get("cpu_time"))
                 memory = _number(row.get("max_rss")) / MIB_PER_GIB
-                jobs.append(Job(rule, seconds, cpu, memory, path.stat().st_mtime))
+                jobs.append(Job(rule, seconds, cpu, memory, path.stat().st_mtime, "/".join(rest)))
     return jobs
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from handpipe.imaging.rasterise import inside
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
@@ -28,18 +29,35 @@ class DistanceBand:
 
     @staticmethod
     def around(surface: Surface, grid: Volume, reach: float) -> DistanceBand:
-        """The band of `reach` mm, longer than the surface's edges, on a volume's grid of cubic voxels."""
-        near = np.zeros(grid.shape, bool)
-        corners = np.round(grid.to_index(surface.vertices)).astype(np.int64)
-        near[tuple(np.clip(corners, 0, np.array(grid.shape) - 1).T)] = True
-        within = ndimage.distance_transform_edt(~near, sampling=grid.spacing) < reach
-        indices = np.argwhere(within)
+        """The band of `reach` mm, longer than the surface's edges, on a volume's grid."""
+        near = _around_points(grid.to_index(surface.vertices), reach / grid.spacing, grid.shape)
+        indices = np.argwhere(near)
         signed, triangles, closest, _ = Distance(surface).signed(grid.to_world(indices))
-        field = np.zeros(grid.shape)
-        field[tuple(indices.T)] = signed
-        nearest = ndimage.distance_transform_edt(~within, return_distances=False, return_indices=True)
-        field = np.where(within, field, reach * np.sign(field[tuple(nearest)]))
+        field = np.where(inside(grid, surface), -reach, reach)
+        field[near] = np.clip(signed, -reach, reach)
         return DistanceBand(field, indices, triangles, closest)
+
+
+@njit(cache=True, nogil=True)
+def _around_points(points, radii, shape):  # type: ignore[no-untyped-def]
+    """Mask (nx, ny, nz) of the voxels within an ellipsoid of radii (3,) in voxels around any point (n, 3)."""
+    near = np.zeros(shape, np.bool_)
+    low, high = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    for p in range(len(points)):
+        for c in range(3):
+            low[c] = max(int(np.ceil(points[p, c] - radii[c])), 0)
+            high[c] = min(int(np.floor(points[p, c] + radii[c])), shape[c] - 1)
+        for i in range(low[0], high[0] + 1):
+            x = ((i - points[p, 0]) / radii[0]) ** 2
+            for j in range(low[1], high[1] + 1):
+                rest = 1 - x - ((j - points[p, 1]) / radii[1]) ** 2
+                if rest < 0:
+                    continue
+                half = np.sqrt(rest) * radii[2]
+                first = max(int(np.ceil(points[p, 2] - half)), low[2])
+                last = min(int(np.floor(points[p, 2] + half)), high[2])
+                near[i, j, first : last + 1] = True
+    return near
 
 
 def at_closest(surface: Surface, triangles: IntArray, points: Array, values: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.imaging.band import DistanceBand, at_closest
-from handpipe.imaging.marrow import Cortex, contour, cortical_layers
+from handpipe.imaging.marrow import Cortex, contour, cortical_layers, extent_along
 from handpipe.imaging.profiles import graph_laplacian, smooth_field
 from handpipe.imaging.segmentation import BoneProbability
 from handpipe.imaging.shell_watershed import THICKEST, outer_faces, shell_basins
@@ -58,9 +58,10 @@ def _observed_faces(
 
     The watershed decides where the face is; the fitted layer refines it where both agree.
     """
-    voxel = float(volume.spacing.mean())
     faces = outer_faces(shell_basins(volume, cortex, marrow, others), marrow)
-    layers, _ = cortical_layers(volume, marrow, cortex, voxel, outwards=THICKEST + voxel)
+    outwards = THICKEST + float(volume.spacing.max())
+    layers, normals = cortical_layers(volume, marrow, cortex, 1.0, outwards)
+    voxel = extent_along(volume, normals)
     fitted = layers.inner + layers.thickness
     agree = np.abs(fitted - faces.offset) < AGREEMENT * voxel
     face = np.where(agree, fitted, faces.offset)

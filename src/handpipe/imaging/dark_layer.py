@@ -34,18 +34,20 @@ def fit_dark_layers(
     profiles: Array,
     offsets: Array,
     dark: float,
-    blur: float,
+    blur: float | Array,
     noise: float,
-    reach: float,
+    reach: float | Array,
     thickness: float,
 ) -> DarkLayers:
     """Fit the model to profiles (n, m) at offsets (m,) in mm, ascending, the inner tissue first.
 
     The inner face is sought within `reach` of offset 0, the outer face before the last offset. dark: the
     layer's level; blur: standard deviation of the image's point spread in mm; noise: of the values;
-    thickness: the usual one in mm, where a fit starts.
+    thickness: the usual one in mm, where a fit starts. blur and reach are those of all profiles, or of
+    each (n,) where the image is coarser in some directions.
     """
-    fits = _fit(np.ascontiguousarray(profiles), offsets, dark, blur, noise, reach, thickness)
+    blurs, reaches = (np.broadcast_to(np.asarray(v, float), len(profiles)).copy() for v in (blur, reach))
+    fits = _fit(np.ascontiguousarray(profiles), offsets, dark, blurs, noise, reaches, thickness)
     inner, thick, low, high, misfit, deviation_inner, deviation_thick = fits.T
     good = np.exp(-0.5 * np.maximum(misfit - 1.5, 0.0))
     inside = (np.abs(inner) < 0.98 * reach) & (low - dark > 3 * noise)
@@ -61,9 +63,9 @@ def fit_dark_level(
     profiles: Array,
     offsets: Array,
     candidates: Array,
-    blur: float,
+    blur: float | Array,
     noise: float,
-    reach: float,
+    reach: float | Array,
     thickness: float,
 ) -> float:
     """The layer's level among candidates (c,) for which the model explains the profiles best."""
@@ -72,7 +74,7 @@ def fit_dark_level(
     return float(candidates[int(np.argmin(misfits))])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _model(s, p, dark, blur):  # type: ignore[no-untyped-def]
     """Value and derivatives by (inner face, thickness, inner level, outer level) at offset s."""
     a, b = (s - p[0]) / blur, (s - p[0] - p[1]) / blur
@@ -84,7 +86,7 @@ def _model(s, p, dark, blur):  # type: ignore[no-untyped-def]
     return value, (p[2] - dark) * ga + d_thickness, d_thickness, 1 - fa, fb
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _start(profile, offsets, dark, reach, thickness, p):  # type: ignore[no-untyped-def]
     """First guess from the levels on either side and the crossings half-way from them to the layer."""
     m = len(offsets)
@@ -115,7 +117,7 @@ def _start(profile, offsets, dark, reach, thickness, p):  # type: ignore[no-unty
             rising = True
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _prior(p, start, precision, h, g):  # type: ignore[no-untyped-def]
     """Add a Gaussian prior about the start to the normal equations; return its energy."""
     energy = 0.0
@@ -127,7 +129,7 @@ def _prior(p, start, precision, h, g):  # type: ignore[no-untyped-def]
     return energy
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _normal_equations(profile, offsets, dark, blur, noise, window, p, h, g):  # type: ignore[no-untyped-def]
     """Gauss-Newton matrix h and gradient g of the misfit up to one window beyond either face; its mean."""
     h[:] = 0.0
@@ -151,31 +153,53 @@ def _normal_equations(profile, offsets, dark, blur, noise, window, p, h, g):  # 
     return energy, energy / weight_sum
 
 
-@njit(cache=True)
-def _fit(profiles, offsets, dark, blur, noise, reach, thickness):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _factorise(h, damping, lower):  # type: ignore[no-untyped-def]
+    """Cholesky factor (4, 4) of a positive matrix with its diagonal enlarged by a share."""
+    for i in range(4):
+        for j in range(i + 1):
+            total = h[i, j] * (1 + damping) if i == j else h[i, j]
+            for k in range(j):
+                total -= lower[i, k] * lower[j, k]
+            lower[i, j] = math.sqrt(max(total, 1e-300)) if i == j else total / lower[j, j]
+
+
+@njit(cache=True, nogil=True)
+def _substitute(lower, b, x):  # type: ignore[no-untyped-def]
+    """Solve L L^T x = b."""
+    for i in range(4):
+        x[i] = b[i]
+        for k in range(i):
+            x[i] -= lower[i, k] * x[k]
+        x[i] /= lower[i, i]
+    for i in range(3, -1, -1):
+        for k in range(i + 1, 4):
+            x[i] -= lower[k, i] * x[k]
+        x[i] /= lower[i, i]
+
+
+@njit(cache=True, nogil=True)
+def _fit(profiles, offsets, dark, blurs, noise, reaches, thickness):  # type: ignore[no-untyped-def]
     """Levenberg-Marquardt for every profile: rows of parameters, misfit and deviations of the faces."""
     n = len(profiles)
     out = np.zeros((n, 7))
     h, g, start, trial = np.zeros((4, 4)), np.zeros(4), np.zeros(4), np.zeros(4)
-    h2, g2 = np.zeros((4, 4)), np.zeros(4)
-    window = WINDOW * blur
+    h2, g2, p = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
+    lower, step, unit, precision = np.zeros((4, 4)), np.zeros(4), np.zeros(4), np.zeros(4)
     longest = offsets[-1]
     for i in range(n):
-        profile = profiles[i]
+        profile, blur, reach = profiles[i], blurs[i], reaches[i]
+        window = WINDOW * blur
         _start(profile, offsets, dark, reach, thickness, start)
-        precision = np.array(
-            [1 / reach**2, 1 / (4 * thickness) ** 2, 1 / (5 * noise) ** 2, 1 / (5 * noise) ** 2]
-        )
-        precision[3] = 1 / max(start[2] - dark, noise) ** 2
-        p = start.copy()
+        precision[0], precision[1] = 1 / reach**2, 1 / (4 * thickness) ** 2
+        precision[2], precision[3] = 1 / (5 * noise) ** 2, 1 / max(start[2] - dark, noise) ** 2
+        p[:] = start
         energy, misfit = _normal_equations(profile, offsets, dark, blur, noise, window, p, h, g)
         energy += _prior(p, start, precision, h, g)
         damping = 1e-2
         for _ in range(20):
-            damped = h.copy()
-            for c in range(4):
-                damped[c, c] *= 1 + damping
-            step = np.linalg.solve(damped, g)
+            _factorise(h, damping, lower)
+            _substitute(lower, g, step)
             trial[:] = p - step
             trial[0] = min(max(trial[0], -reach), reach)
             trial[1] = min(max(trial[1], 0.05), longest - trial[0])
@@ -194,9 +218,12 @@ def _fit(profiles, offsets, dark, blur, noise, reach, thickness):  # type: ignor
                 damping *= 6
                 if damping > 1e4:
                     break
-        covariance = np.linalg.inv(h)
         out[i, :4] = p
         out[i, 4] = misfit
-        out[i, 5] = math.sqrt(max(covariance[0, 0], 0.0))
-        out[i, 6] = math.sqrt(max(covariance[1, 1], 0.0))
+        _factorise(h, 0.0, lower)
+        for c in range(2):
+            unit[:] = 0.0
+            unit[c] = 1.0
+            _substitute(lower, unit, step)
+            out[i, 5 + c] = math.sqrt(max(step[c], 0.0))
     return out

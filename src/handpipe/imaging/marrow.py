@@ -27,27 +27,26 @@ OUTLIER = 0.25  # mm from the neighbours' face
 
 @dataclass(frozen=True)
 class Cortex:
-    """How cortical bone shows in one image: its level and the marrow's, the noise's deviation, and the
-    blur's in mm."""
+    """How cortical bone shows in one image: its level and the marrow's, and the noise's deviation."""
 
     level: float
     marrow: float
     noise: float
-    blur: float
 
     @staticmethod
     def estimate(volume: Volume, bone: BoneProbability, surface: Surface) -> Cortex:
         """From the profiles across a bone's marrow surface: the level that explains them best."""
         values = volume.values[bone.slices]
         marrow = float(np.median(values[bone.probability > 0.5]))
-        noise, spacing = _noise(values), float(volume.spacing.mean())
+        noise = _noise(values)
         normals = surface.vertex_normals()
         some = slice(None, None, max(len(normals) // 300, 1))
-        offsets = profile_offsets(spacing, spacing)
+        voxel = extent_along(volume, normals[some])
+        offsets = profile_offsets(volume, voxel.max())
         profiles = sample_profiles(volume, surface.vertices[some], normals[some], offsets)
         candidates = marrow * np.arange(0.0, 0.25, 0.03)
-        level = fit_dark_level(profiles, offsets, candidates, BLUR * spacing, noise, spacing, USUAL_THICKNESS)
-        return Cortex(level, marrow, noise, BLUR * spacing)
+        level = fit_dark_level(profiles, offsets, candidates, BLUR * voxel, noise, voxel, USUAL_THICKNESS)
+        return Cortex(level, marrow, noise)
 
 
 def _noise(values: NDArray) -> float:
@@ -81,15 +80,21 @@ def marrow_surface(volume: Volume, bone: BoneProbability) -> Surface:
     cortex = Cortex.estimate(local, BoneProbability(np.zeros(3, int), bone.probability), surface)
     laplacian = graph_laplacian(surface.triangles, len(surface.vertices))
     for _ in range(2):
-        layers, normals = cortical_layers(local, surface, cortex, REACH * float(local.spacing.mean()))
+        layers, normals = cortical_layers(local, surface, cortex, REACH)
         move, _ = smooth_field(laplacian, layers.inner, layers.inner_confidence, STIFFNESS, OUTLIER)
         surface = taubin(surface.moved(surface.vertices + move[:, None] * normals), 5)
     return surface
 
 
-def profile_offsets(spacing: float, reach: float, outwards: float = 2.6) -> Array:
+def extent_along(volume: Volume, directions: Array) -> Array:
+    """A voxel's extent (n,) in mm along unit directions (n, 3): its edge where voxels are cubes."""
+    return np.linalg.norm(directions @ volume.affine[:3, :3], axis=1)
+
+
+def profile_offsets(volume: Volume, reach: float, outwards: float = 2.6) -> Array:
     """Offsets (m,) in mm along a normal: `reach` and the fit's window inwards, `outwards` outwards."""
-    return np.arange(-reach - WINDOW * BLUR * spacing, outwards + 1e-9, 0.4 * spacing)
+    window = WINDOW * BLUR * float(volume.spacing.max())
+    return np.arange(-reach - window, outwards + 1e-9, 0.4 * float(volume.spacing.min()))
 
 
 def cortical_layers(
@@ -97,17 +102,19 @@ def cortical_layers(
 ) -> tuple[DarkLayers, Array]:
     """Dark layers fitted along the normals (n, 3) at a marrow surface's vertices, up to `outwards` mm.
 
-    Blur moves the half-intensity surface of a curved edge by half its variance times the summed
-    curvature, as heat flow does; the faces are moved back by that.
+    reach: in voxels, of the inner face from the surface. Blur moves the half-intensity surface of a curved
+    edge by half its variance times the summed curvature, as heat flow does; the faces are moved back by that.
     """
-    offsets = profile_offsets(float(volume.spacing.mean()), reach, outwards)
     normals = surface.vertex_normals()
+    voxel = extent_along(volume, normals)
+    offsets = profile_offsets(volume, reach * float(voxel.max()), outwards)
     profiles = sample_profiles(volume, surface.vertices, normals, offsets)
+    blur = BLUR * voxel
     layers = fit_dark_layers(
-        profiles, offsets, cortex.level, cortex.blur, cortex.noise, reach, USUAL_THICKNESS
+        profiles, offsets, cortex.level, blur, cortex.noise, reach * voxel, USUAL_THICKNESS
     )
     curvature = summed_curvature(surface)
     outer_curvature = curvature / np.maximum(1 + 0.75 * layers.thickness * curvature, 0.5)
-    shift, outer_shift = 0.5 * cortex.blur**2 * curvature, 0.5 * cortex.blur**2 * outer_curvature
+    shift, outer_shift = 0.5 * blur**2 * curvature, 0.5 * blur**2 * outer_curvature
     moved = layers._replace(inner=layers.inner + shift, thickness=layers.thickness + outer_shift - shift)
     return moved, normals

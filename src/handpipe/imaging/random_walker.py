@@ -2,10 +2,10 @@
 
 The probability that a walk from a voxel reaches an inside seed first is harmonic: L p = 0 with the
 seeds' values as boundary data, where L is the graph Laplacian with edge weights exp(-beta (g_i - g_j)^2)
-(Grady 2006, Eqs. 1 and 10). The seven-point operator is kept as arrays of edge weights on the grid, whose rim
-of one voxel has no edges and spares the border's special cases. Conjugate gradients are preconditioned by
-multigrid with 2 x 2 x 2 aggregates: summing the edges between aggregates is the Galerkin product, so that
-every level is again such a grid.
+(Grady 2006, Eqs. 1 and 10), over the edge's squared length where voxels are not cubes. The seven-point
+operator is kept as arrays of edge weights on the grid, whose rim of one voxel has no edges and spares the
+border's special cases. Conjugate gradients are preconditioned by multigrid with 2 x 2 x 2 aggregates: summing
+the edges between aggregates is the Galerkin product, so that every level is again such a grid.
 """
 
 from __future__ import annotations
@@ -39,18 +39,23 @@ def random_walker(
     start: NDArray | None = None,
     tolerance: float = 1e-3,
     max_iterations: int = 200,
+    spacing: NDArray | None = None,
 ) -> NDArray[np.float64]:
     """Probability (nx, ny, nz) that a walk from a voxel reaches an inside seed first.
 
     values (nx, ny, nz): intensities in units of a tissue contrast, so that `beta` has no unit;
-    seeds (nx, ny, nz): 0 free, INSIDE or OUTSIDE; start: a first guess; tolerance: of the probability.
+    seeds (nx, ny, nz): 0 free, INSIDE or OUTSIDE; start: a first guess; tolerance: of the probability;
+    spacing (3,): the voxel's size, cubes where it is not given. The contrast of a sharp edge does not depend
+    on the distance of the samples on either side, so that lengths weigh the edges and not the contrasts.
     Raises `ConvergenceError` where the iterations do not suffice.
     """
     free = seeds == 0
+    size = np.ones(3) if spacing is None else np.asarray(spacing, float)
     edges, ground, load = _system(
         np.pad(np.asarray(values, np.float64), 1),
         np.pad(np.asarray(seeds, np.uint8), 1),
         beta,
+        (size.min() / size) ** 2,
         MINIMUM_WEIGHT,
     )
     levels = _hierarchy(edges, ground)
@@ -59,8 +64,8 @@ def random_walker(
     return np.where(free, np.clip(solution, 0, 1), seeds == INSIDE)
 
 
-@njit(cache=True)
-def _system(values, seeds, beta, minimum):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True)
+def _system(values, seeds, beta, conductance, minimum):  # type: ignore[no-untyped-def]
     """Edges among free voxels, weights to seeds (ground) and weights to inside seeds (load)."""
     nx, ny, nz = values.shape
     edges = np.zeros((3, nx, ny, nz))
@@ -75,7 +80,8 @@ def _system(values, seeds, beta, minimum):  # type: ignore[no-untyped-def]
                     here, there = seeds[i, j, k], seeds[a, b, c]
                     if here and there:
                         continue
-                    w = np.exp(-beta * (values[i, j, k] - values[a, b, c]) ** 2) + minimum
+                    w = conductance[axis] * np.exp(-beta * (values[i, j, k] - values[a, b, c]) ** 2)
+                    w += minimum
                     if not here and not there:
                         edges[axis, i, j, k] = w
                     elif here:
@@ -87,7 +93,7 @@ def _system(values, seeds, beta, minimum):  # type: ignore[no-untyped-def]
     return edges, ground, load
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _diagonal(edges, ground):  # type: ignore[no-untyped-def]
     """Row sums: all edges of a voxel and its ground."""
     out = ground.copy()
@@ -101,7 +107,7 @@ def _diagonal(edges, ground):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _coarsen(edges, ground, factor):  # type: ignore[no-untyped-def]
     """Sums over 2 x 2 x 2 aggregates: Galerkin product with piecewise constants, its edges times `factor`."""
     nx, ny, nz = ground.shape
@@ -129,7 +135,7 @@ def _hierarchy(edges: NDArray, ground: NDArray) -> list[Level]:
     return levels
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def _neighbours(edges, x, i, j, k):  # type: ignore[no-untyped-def]
     """Sum over a voxel's edges of weight times the neighbour's value."""
     return (
@@ -142,7 +148,7 @@ def _neighbours(edges, x, i, j, k):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def _apply(edges, diagonal, x):  # type: ignore[no-untyped-def]
     out = np.zeros_like(x)
     nx, ny, nz = x.shape
@@ -154,7 +160,7 @@ def _apply(edges, diagonal, x):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def _sweep(edges, diagonal, x, b, forward):  # type: ignore[no-untyped-def]
     """One Gauss-Seidel sweep in place; a backward sweep is the adjoint of a forward one."""
     nx, ny, nz = x.shape
@@ -169,7 +175,7 @@ def _sweep(edges, diagonal, x, b, forward):  # type: ignore[no-untyped-def]
                     x[i, j, k] = (b[i, j, k] + _neighbours(edges, x, i, j, k)) / d
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def _restrict_residual(edges, diagonal, x, b, shape):  # type: ignore[no-untyped-def]
     """Sums of b - A x over aggregates."""
     out = np.zeros(shape)
@@ -184,7 +190,7 @@ def _restrict_residual(edges, diagonal, x, b, shape):  # type: ignore[no-untyped
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _prolong_add(x, coarse, diagonal):  # type: ignore[no-untyped-def]
     nx, ny, nz = x.shape
     for i in range(1, nx - 1):

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 from scipy import ndimage
 
-from handpipe import artifacts
 from handpipe.config import Model
 from handpipe.errors import InputError
 from handpipe.imaging.random_walker import INSIDE, OUTSIDE, random_walker
@@ -21,8 +19,14 @@ from handpipe.imaging.volume import Labels, Volume, box
 
 logger = logging.getLogger(__name__)
 
+IntArray = NDArray[np.int64]
+
 BACKGROUND = 255
-KIND = "bone_probability"
+BRIGHT_PERCENTILE = 99.0  # of the volume: fat and marrow
+DARKEST = 0.2  # of that: air and cortical bone lie below, marrow at the dark end of a bias field far above
+LONGEST = 110.0  # mm of marrow: half as much again as a long third metacarpal
+AROUND_CONFLICT = 4  # voxels of sure labels around a conflict
+SURROUNDINGS = 5.0  # mm around the marrow that the shell and its neighbourhood take
 
 
 class SegmentationSettings(Model):
@@ -47,23 +51,34 @@ class BoneProbability:
         """The region within the whole volume."""
         return box(self.offset, self.offset + self.probability.shape)
 
-    def save(self, path: str | Path, inputs: Iterable[str | Path] = ()) -> None:
-        """Write as an artifact."""
-        data: dict[str, Any] = {"offset": self.offset, "probability": self.probability}
-        artifacts.write(path, data, kind=KIND, units={"probability": "1"}, inputs=list(inputs))
+    def at(self, indices: IntArray) -> NDArray[np.float32]:
+        """Probability (m,) at voxels (m, 3) of the whole volume; 0 beyond the region."""
+        local, inside = self._local(indices)
+        out = np.zeros(len(indices), np.float32)
+        out[inside] = self.probability[tuple(local[inside].T)]
+        return out
 
-    @staticmethod
-    def load(path: str | Path) -> BoneProbability:
-        """Read an artifact; raises `InputError` as `artifacts.read` does."""
-        data = artifacts.read(path, KIND)
-        return BoneProbability(data["offset"], data["probability"])
+    def set(self, indices: IntArray, values: NDArray) -> None:
+        """Set the probability at voxels (m, 3) of the whole volume to values (m,), within the region."""
+        local, inside = self._local(indices)
+        self.probability[tuple(local[inside].T)] = values[inside]
+
+    def _local(self, indices: IntArray) -> tuple[IntArray, NDArray[np.bool_]]:
+        local = indices - self.offset
+        inside = np.all((local >= 0) & (local < self.probability.shape), axis=1)
+        return local, inside
 
 
-def check_seeds(source: str | Path, seeds: Labels, bones: Mapping[str, int]) -> None:
-    """Raise `InputError` where seeds (nx, ny, nz) lack a bone or the background, or hold unknown labels."""
+def check_seeds(
+    source: str | Path, seeds: Labels, bones: Mapping[str, int], scribbled: Collection[str] = ()
+) -> None:
+    """Raise `InputError` where seeds (nx, ny, nz) lack a bone or the background, or hold unknown labels.
+
+    scribbled: bones that may have none: their scribbles are all the seeds they have.
+    """
     present = set(np.unique(seeds).tolist())
     for name, label in bones.items():
-        if label not in present:
+        if label not in present and name not in scribbled:
             raise InputError(
                 source, "seeds", f"bone {name!r} (label {label}) has none", "Draw a stroke in its marrow"
             )
@@ -76,42 +91,119 @@ def check_seeds(source: str | Path, seeds: Labels, bones: Mapping[str, int]) -> 
         raise InputError(source, "seeds", problem, "Relabel them, or add the bones to the dataset file")
 
 
-def add_scribbles(seeds: Labels, scribbles: Labels) -> Labels:
-    """Seeds (nx, ny, nz) overruled by extra scribbles on the same grid."""
-    return np.where(scribbles > 0, scribbles, seeds)
+def add_scribbles(seeds: Labels, scribbles: Labels, label: int | None = None) -> Labels:
+    """Seeds (nx, ny, nz) overruled by extra scribbles on the same grid, or by those of one label alone."""
+    drawn = scribbles > 0 if label is None else scribbles == label
+    return np.where(drawn, scribbles, seeds)
 
 
 def segment_bone(
     volume: Volume, seeds: Labels, label: int, settings: SegmentationSettings
 ) -> BoneProbability:
-    """Probability of one bone's marrow against everything else, in a box around its seeds.
+    """Probability of one bone's marrow against everything else, in a box around the marrow.
 
     seeds (nx, ny, nz): 0 none, bone labels, 255 background. Seeds that disagree with the marrow's
-    intensity are dropped; the box grows until the marrow ends inside it.
-    Raises `InputError` where the bone has no seeds.
+    intensity are dropped; the box grows until the marrow ends inside it or at the volume's border.
+    Raises `InputError` where the bone has no seeds, where they lie in darkness, and where what they lie in
+    goes on for longer than any bone of a hand.
     """
+    problem = local_problem(volume, seeds, label, settings)
+    start = None
+    while True:
+        walked = random_walker(problem.values, problem.marks, settings.beta, start, spacing=volume.spacing)
+        probability = _connected(walked, problem.marks == INSIDE)
+        claimed = probability > 0.5
+        bone = BoneProbability(problem.offset, probability.astype(np.float32))
+        lower, upper = problem.offset, problem.offset + probability.shape
+        if not _touches_border(claimed, lower > 0, upper < volume.shape):
+            return _fitted(bone, volume)
+        _check_length(claimed, volume.spacing, label)
+        logger.info("label %d: its marrow leaves the region; growing the region", label)
+        problem = _problem(volume, seeds, label, problem.level, lower, upper, settings)
+        start = _in_box(bone, problem.offset, problem.offset + problem.marks.shape)
+
+
+@dataclass(frozen=True)
+class LocalProblem:
+    """What a bone's walker is given in a box whose first voxel is voxel `offset` (3,).
+
+    values (nx, ny, nz): intensities by the marrow's `level`; marks (nx, ny, nz): the walker's seeds.
+    """
+
+    offset: IntArray
+    level: float
+    values: NDArray[np.float32]
+    marks: NDArray[np.uint8]
+
+
+def local_problem(volume: Volume, seeds: Labels, label: int, settings: SegmentationSettings) -> LocalProblem:
+    """The first region in which a bone is sought: its seeds and a margin. Raises as `segment_bone` does."""
+    lower, upper, level = _around_seeds(volume, seeds, label)
+    return _problem(volume, seeds, label, level, lower, upper, settings)
+
+
+def _problem(
+    volume: Volume,
+    seeds: Labels,
+    label: int,
+    level: float,
+    lower: IntArray,
+    upper: IntArray,
+    settings: SegmentationSettings,
+) -> LocalProblem:
+    """The problem in a box enlarged by the margin. Outside are other seeds and all dark voxels."""
+    margin = np.ceil(settings.margin / volume.spacing).astype(np.int64)
+    lower, upper = np.maximum(lower - margin, 0), np.minimum(upper + margin, volume.shape)
+    values, marked = volume.values[box(lower, upper)] / np.float32(level), seeds[box(lower, upper)]
+    outside = ((marked != 0) & (marked != label)) | (values < settings.dark)
+    marks = np.where(outside, OUTSIDE, np.where(marked == label, INSIDE, 0)).astype(np.uint8)
+    return LocalProblem(lower, level, values, marks)
+
+
+def _around_seeds(volume: Volume, seeds: Labels, label: int) -> tuple[IntArray, IntArray, float]:
+    """The box of a bone's seeds, and the marrow's level at them."""
     own = np.argwhere(seeds == label)
     if len(own) == 0:
         raise InputError("seeds", f"label {label}", "has no seeds", "Draw a stroke in the bone's marrow")
     level = float(np.median(volume.values[tuple(own.T)]))
-    shape = np.array(volume.shape)
-    margin = np.ceil(settings.margin / volume.spacing).astype(np.int64)
-    lower, upper = own.min(0), own.max(0) + 1
-    while True:
-        lower, upper = np.maximum(lower - margin, 0), np.minimum(upper + margin, shape)
-        region = box(lower, upper)
-        values = volume.values[region] / level
-        marks = _marks(values, seeds[region], label, settings.dark)
-        probability = _connected(random_walker(values, marks, settings.beta), marks == INSIDE)
-        if not _touches_border(probability > 0.5, lower > 0, upper < shape):
-            return BoneProbability(lower, probability.astype(np.float32))
-        logger.info("label %d: its marrow leaves the region; growing the region", label)
+    bright = float(np.percentile(volume.values[::2, ::2, ::2], BRIGHT_PERCENTILE))
+    if level < DARKEST * bright:
+        problem = f"its seeds lie in darkness: {level:.3g}, where bright tissue is {bright:.3g}"
+        raise InputError("seeds", f"label {label}", problem, "Draw its strokes in the bone's marrow")
+    return own.min(0), own.max(0) + 1, level
 
 
-def _marks(values: NDArray, seeds: Labels, label: int, dark: float) -> NDArray[np.uint8]:
-    """The walker's seeds: the bone inside; other seeds and all dark voxels outside."""
-    outside = ((seeds != 0) & (seeds != label)) | (values < dark)
-    return np.where(outside, OUTSIDE, np.where(seeds == label, INSIDE, 0)).astype(np.uint8)
+def _check_length(claimed: NDArray[np.bool_], spacing: NDArray, label: int) -> None:
+    """Raise `InputError` where what the seeds lie in is longer than a bone of the hand."""
+    low, high = bounds(claimed)
+    length = float(np.max((high - low) * spacing))
+    if length > LONGEST:
+        problem = f"what its seeds lie in goes on for more than {length:.0f} mm, and no dark shell ends it"
+        raise InputError("seeds", f"label {label}", problem, "Draw its strokes in the bone's marrow alone")
+
+
+def _fitted(bone: BoneProbability, volume: Volume) -> BoneProbability:
+    """The same probability in a box that holds the claimed voxels and `SURROUNDINGS` mm around them."""
+    reach = np.ceil(SURROUNDINGS / volume.spacing).astype(np.int64)
+    low, high = bounds(bone.probability > 0.5)
+    lower = np.maximum(bone.offset + low - reach, 0)
+    upper = np.minimum(bone.offset + high + reach, volume.shape)
+    return BoneProbability(lower, _in_box(bone, lower, upper))
+
+
+def _in_box(bone: BoneProbability, lower: IntArray, upper: IntArray) -> NDArray[np.float32]:
+    """Probability in the box of voxels lower <= index < upper; 0 beyond the bone's region."""
+    out = np.zeros(upper - lower, np.float32)
+    first = np.maximum(lower, bone.offset)
+    last = np.minimum(upper, bone.offset + bone.probability.shape)
+    out[box(first - lower, last - lower)] = bone.probability[box(first - bone.offset, last - bone.offset)]
+    return out
+
+
+def bounds(mask: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
+    """First voxel (3,) and the one after the last (3,) of a mask's box; the mask must not be empty."""
+    spans = [np.flatnonzero(mask.any(axis=tuple(c for c in range(3) if c != axis))) for axis in range(3)]
+    return np.array([s[0] for s in spans]), np.array([s[-1] + 1 for s in spans])
 
 
 def _connected(probability: NDArray, seeds: NDArray[np.bool_]) -> NDArray:
@@ -148,53 +240,41 @@ def merge(
         claims[bone.slices] += claimed
         labels[bone.slices][claimed] = label
     labels[claims > 1] = 0
-    resolved = {label: bone.probability.copy() for label, bone in bones.items()}
+    resolved = {label: BoneProbability(bone.offset, bone.probability.copy()) for label, bone in bones.items()}
     conflicts, count = ndimage.label(claims > 1)
     for number, slices in enumerate(ndimage.find_objects(conflicts), 1):
         logger.info("conflict %d of %d between bones", number, count)
-        _resolve(volume, labels, conflicts == number, slices, seeds, bones, resolved, settings)
-    return labels, {label: BoneProbability(bones[label].offset, p) for label, p in resolved.items()}
+        lower = np.maximum([s.start - AROUND_CONFLICT for s in slices], 0)
+        upper = np.minimum([s.stop + AROUND_CONFLICT for s in slices], volume.shape)
+        free = conflicts[box(lower, upper)] == number
+        _resolve(volume.crop(lower, upper), labels, free, lower, seeds, resolved, settings)
+    return labels, resolved
 
 
 def _resolve(
-    volume: Volume,
+    local: Volume,
     labels: Labels,
-    conflict: NDArray[np.bool_],
-    slices: tuple[slice, slice, slice],
+    free: NDArray[np.bool_],
+    lower: IntArray,
     seeds: Labels,
     bones: Mapping[int, BoneProbability],
-    resolved: dict[int, NDArray[np.float32]],
     settings: SegmentationSettings,
 ) -> None:
-    """Share one conflict's voxels among the bones by a walker for each; updates labels and probabilities."""
-    reach = 4
-    lower = np.maximum([s.start - reach for s in slices], 0)
-    upper = np.minimum([s.stop + reach for s in slices], volume.shape)
-    region = box(lower, upper)
-    free = conflict[region]
-    rivals = [k for k in bones if (labels[region] == k).any() or _claims(bones[k], conflict)]
-    level = np.median(volume.values[region][free])
+    """Share one conflict's voxels among the bones by a walker for each; updates labels and probabilities.
+
+    local: the volume in the conflict's region, whose first voxel is `lower`; free: the conflict's voxels.
+    """
+    region = box(lower, lower + free.shape)
+    index = np.argwhere(free) + lower
+    rivals = [k for k in bones if (labels[region] == k).any() or (bones[k].at(index) > 0.5).any()]
+    values = local.values / np.median(local.values[free])
     chances = []
     for label in rivals:
         sure = np.where((labels[region] == label) | (seeds[region] == label), INSIDE, OUTSIDE)
-        chances.append(random_walker(volume.values[region] / level, np.where(free, 0, sure), settings.beta))
-    winner = np.array([0, *rivals], np.uint8)[np.argmax([np.full(free.shape, 0.5), *chances], axis=0)]
-    labels[region][free] = winner[free]
+        marks = np.where(free, 0, sure)
+        chances.append(random_walker(values, marks, settings.beta, spacing=local.spacing)[free])
+    winner = np.array([0, *rivals], np.uint8)[np.argmax([np.full(len(index), 0.5), *chances], axis=0)]
+    labels[tuple(index.T)] = winner
     for label, chance in zip(rivals, chances, strict=True):
-        own = np.where(winner == label, chance, np.minimum(chance, 0.5))  # one owner, to the last digit
-        _overwrite(resolved[label], bones[label].offset, lower, own, free)
-
-
-def _claims(bone: BoneProbability, voxels: NDArray[np.bool_]) -> bool:
-    """Whether a bone claims any of the volume's voxels."""
-    return bool(((bone.probability > 0.5) & voxels[bone.slices]).any())
-
-
-def _overwrite(
-    target: NDArray, offset: NDArray, lower: NDArray, values: NDArray, where: NDArray[np.bool_]
-) -> None:
-    """Set values, given on a box at `lower`, where asked, in an array whose first voxel is `offset`."""
-    index = np.argwhere(where)
-    local = index + lower - offset
-    inside = ((local >= 0) & (local < target.shape)).all(axis=1)
-    target[tuple(local[inside].T)] = values[tuple(index[inside].T)]
+        # One owner, to the last digit of what is written.
+        bones[label].set(index, np.where(winner == label, chance, np.minimum(chance, 0.5)))

@@ -9,6 +9,7 @@ bright. Where it borders on a dark basin the line between them is arbitrary: no 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -27,7 +28,8 @@ from handpipe.mesh.surface import Surface
 Array = NDArray[np.float64]
 
 THICKEST = 2.2  # mm of cortical bone in a hand
-FINER = 2  # grid points a voxel along each axis: a shell is about one voxel thick
+REACH = THICKEST + 1.0  # mm either side of the marrow's surface that are flooded
+FINER = 2  # grid points along a voxel's shortest edge: a shell is about one voxel thick
 BRIGHT = 0.25  # of the marrow's contrast with the shell: brighter tissue is not dark
 EDGE = 0.5  # voxels, deviation of the Gaussian under the gradient
 VALLEY = 1.2  # mm outwards in which a shell's darkest place lies
@@ -51,18 +53,32 @@ class OuterFaces(NamedTuple):
 def shell_basins(volume: Volume, cortex: Cortex, marrow: Surface, others: Sequence[Surface] = ()) -> Volume:
     """Basins (values of `Basin`) around a bone's marrow surface on a grid finer than the volume's.
 
-    others: the marrow surfaces of the bones near it.
+    others: the marrow surfaces of the bones near it. Voxels that the flood does not need have no basin, 0.
     """
-    fine = _finer(volume, marrow, THICKEST + 3 * float(volume.spacing.max()))
-    gradient = ndimage.gaussian_gradient_magnitude(fine.values, EDGE * FINER)
-    markers = _markers(volume, fine, gradient, cortex, marrow, others)
-    return fine.like(watershed(gradient, markers))
+    indices = volume.to_index(marrow.vertices)
+    margin = (REACH + 1.0) / volume.spacing + 1
+    lower, upper = np.floor(indices.min(0) - margin), np.ceil(indices.max(0) + margin) + 1
+    local = volume.crop(lower.astype(np.int64), upper.astype(np.int64))
+    grid = FineGrid.over(local)
+    band = DistanceBand.around(marrow, local, REACH + float(volume.spacing.max()))
+    depth = np.sign(band.signed) * REACH
+    valley = _valley(volume, cortex, marrow)
+    depth[tuple(band.indices.T)] = band.signed[tuple(band.indices.T)] - at_closest(
+        marrow, band.triangles, band.closest, valley
+    )
+    distance = grid.linear(band.signed)
+    values = grid.spline(local.values)
+    gradient = ndimage.gaussian_gradient_magnitude(values, EDGE * FINER)
+    markers = _markers(grid, values, gradient, distance, grid.linear(depth), cortex, others)
+    basins = watershed(gradient, markers, mask=np.abs(distance) < REACH)
+    basins[distance <= -REACH] = Basin.bone
+    return Volume(basins.astype(np.float32), grid.affine)
 
 
 def outer_faces(basins: Volume, marrow: Surface) -> OuterFaces:
     """The faces of the bone's basin along the normals at the marrow's vertices."""
     step = 0.25 * float(basins.spacing.mean())
-    offsets = np.arange(0.0, THICKEST + 1.0, step)
+    offsets = np.arange(0.0, REACH, step)
     points = marrow.vertices[:, None] + offsets[:, None] * marrow.vertex_normals()[:, None]
     indices = np.round(basins.to_index(points.reshape(-1, 3))).astype(np.int64)
     indices = np.clip(indices, 0, np.array(basins.shape) - 1)
@@ -73,38 +89,68 @@ def outer_faces(basins: Volume, marrow: Surface) -> OuterFaces:
     return OuterFaces(offsets[first] - 0.5 * step, beyond == Basin.bright)
 
 
-def _finer(volume: Volume, surface: Surface, margin: float) -> Volume:
-    """The volume around a surface, interpolated by cubic splines on a grid `FINER` times as fine."""
-    indices = volume.to_index(surface.vertices)
-    lower = np.floor(indices.min(0) - margin / volume.spacing).astype(np.int64)
-    upper = np.ceil(indices.max(0) + margin / volume.spacing).astype(np.int64) + 1
-    local = volume.crop(lower, upper)
-    shape = FINER * (np.array(local.shape) - 1) + 1
-    values = ndimage.zoom(local.values, shape / local.shape, order=3, mode="nearest")
-    return Volume(values, local.affine @ np.diag([1 / FINER] * 3 + [1.0]))
+@dataclass(frozen=True)
+class FineGrid:
+    """A grid over a volume, of cubes `FINER` times as fine as its shortest voxel edge.
+
+    coordinates: along each axis the grid's points in voxels of the volume; affine (4, 4) of the grid.
+    """
+
+    coordinates: tuple[Array, Array, Array]
+    affine: Array
+
+    @staticmethod
+    def over(volume: Volume) -> FineGrid:
+        """The grid from the first voxel's centre to the last one's."""
+        counts = np.round((np.array(volume.shape) - 1) * FINER * volume.spacing / volume.spacing.min()) + 1
+        x, y, z = (np.linspace(0, n - 1, int(m)) for n, m in zip(volume.shape, counts, strict=True))
+        steps = np.append((np.array(volume.shape) - 1) / (counts - 1), 1.0)
+        return FineGrid((x, y, z), volume.affine @ np.diag(steps))
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        nx, ny, nz = (len(c) for c in self.coordinates)
+        return nx, ny, nz
+
+    def to_world(self, indices: NDArray) -> Array:
+        """World points (n, 3) of voxel indices (n, 3) of this grid."""
+        return np.asarray(indices, float) @ self.affine[:3, :3].T + self.affine[:3, 3]
+
+    def spline(self, values: NDArray) -> NDArray[np.float32]:
+        """The volume's values, by cubic splines."""
+        return ndimage.zoom(values, np.array(self.shape) / values.shape, order=3, mode="nearest")
+
+    def linear(self, values: NDArray) -> NDArray[np.float32]:
+        """The volume's values, by trilinear interpolation."""
+        out = np.asarray(values, np.float32)
+        for axis, at in enumerate(self.coordinates):
+            low = np.minimum(at.astype(np.int64), values.shape[axis] - 2)
+            share = np.expand_dims((at - low).astype(np.float32), tuple(c for c in range(3) if c != axis))
+            out = np.take(out, low, axis) * (1 - share) + np.take(out, low + 1, axis) * share
+        return out
 
 
 def _markers(
-    volume: Volume,
-    fine: Volume,
+    grid: FineGrid,
+    values: NDArray[np.float32],
     gradient: NDArray[np.float32],
+    distance: NDArray[np.float32],
+    depth: NDArray[np.float32],
     cortex: Cortex,
-    marrow: Surface,
     others: Sequence[Surface],
 ) -> NDArray[np.int32]:
-    """Markers (nx, ny, nz) of the basins; 0 where the flood decides."""
-    band = DistanceBand.around(marrow, fine, THICKEST + float(volume.spacing.max()))
-    distance = band.signed
-    dark = fine.values < cortex.level + BRIGHT * (cortex.marrow - cortex.level)
+    """Markers (nx, ny, nz) of the basins; 0 where the flood decides.
+
+    distance: from the marrow's surface; depth: from the darkest place outside it, less than 0 before it.
+    """
+    dark = values < cortex.level + BRIGHT * (cortex.marrow - cortex.level)
     plateau = gradient <= ndimage.minimum_filter(gradient, 3)
-    markers = np.zeros(fine.shape, np.int32)
+    markers = np.zeros(grid.shape, np.int32)
     markers[plateau & ~dark] = Basin.bright
     markers[dark & (distance > THICKEST)] = Basin.dark
-    markers[tuple(_nearer_to(others, fine, dark & (distance > 0), distance).T)] = Basin.dark
-    valley = at_closest(marrow, band.triangles, band.closest, _valley(volume, cortex, marrow))
-    own = distance < LEAST_VALLEY
-    own[tuple(band.indices.T)] |= distance[tuple(band.indices.T)] < valley
-    markers[own] = Basin.bone
+    rivalled = dark & (distance > 0) & (distance < REACH)
+    markers[tuple(_nearer_to(others, grid, rivalled, distance).T)] = Basin.dark
+    markers[(distance < LEAST_VALLEY) | (depth < 0)] = Basin.bone
     return markers
 
 
@@ -120,13 +166,21 @@ def _valley(volume: Volume, cortex: Cortex, marrow: Surface) -> Array:
 
 
 def _nearer_to(
-    others: Sequence[Surface], fine: Volume, where: NDArray[np.bool_], distance: Array
+    others: Sequence[Surface], grid: FineGrid, where: NDArray[np.bool_], distance: NDArray[np.float32]
 ) -> NDArray[np.int64]:
     """Voxels (m, 3) of those asked for that are nearer to other surfaces' vertices than to the own one."""
     indices = np.argwhere(where)
-    if not others:
+    close = [s.vertices[_within(s.vertices, grid, REACH)] for s in others]
+    vertices = np.concatenate([np.zeros((0, 3)), *close])
+    if len(vertices) == 0:
         return indices[:0]
     own = distance[tuple(indices.T)]
-    tree = cKDTree(np.concatenate([s.vertices for s in others]))
-    other = tree.query(fine.to_world(indices), distance_upper_bound=float(own.max()) + 1e-9)[0]
+    other = cKDTree(vertices).query(grid.to_world(indices), distance_upper_bound=REACH)[0]
     return indices[other < own]
+
+
+def _within(points: Array, grid: FineGrid, reach: float) -> NDArray[np.bool_]:
+    """Which points (n, 3) lie in the grid's box or within `reach` mm of it."""
+    index = (points - grid.affine[:3, 3]) @ np.linalg.inv(grid.affine[:3, :3]).T
+    margin = reach / np.linalg.norm(grid.affine[:3, :3], axis=0)
+    return ((index > -margin) & (index < np.array(grid.shape) + margin)).all(axis=1)

@@ -1,0 +1,1 @@
+"""The random walker of `handpipe.imaging` against scikit-image's, in regions of the phantom hand."""

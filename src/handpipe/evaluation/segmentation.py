@@ -1,0 +1,34 @@
+"""What a segmentation says of itself: bones that do not look like bones, or are not of one size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from handpipe.imaging.claims import Appearance
+from handpipe.metrics import Metrics
+
+
+def looks_figures(
+    looks: Mapping[str, Mapping[str, Appearance]], left_out: Mapping[str, Mapping[str, str]], neutral: str
+) -> Metrics:
+    """Figures of the bones by pose and bone, and of why bones are left out.
+
+    `left_out_bones`: whose seeds are missing or wrong; of the others `cut_off_bones`, that reach the volume's
+    border, `enclosed_min`, the least share of a boundary with a dark shell, and `volume_change_max`, the
+    largest relative difference of a marrow's volume from neutral.
+    """
+    kept = [
+        (name, look)
+        for pose, bones in looks.items()
+        for name, look in bones.items()
+        if name not in left_out[pose]
+    ]
+    first = looks[neutral]
+    whole = [(n, k) for n, k in kept if n in first and not (k.cut_off or first[n].cut_off)]
+    changes = [abs(look.volume / first[name].volume - 1) for name, look in whole]
+    return {
+        "left_out_bones": (sum(len(bones) for bones in left_out.values()), "1"),
+        "cut_off_bones": (sum(look.cut_off for _, look in kept), "1"),
+        "enclosed_min": (min((look.enclosed for _, look in kept), default=0.0), "1"),
+        "volume_change_max": (max(changes, default=0.0), "1"),
+    }

@@ -1,0 +1,182 @@
+"""What every bone claims of one pose's volume: found, written, read, and held against what bones look like.
+
+Strokes in the wrong place still give something. It is told from the bone that was meant by its looks: marrow
+is as bright as that of the bones around it, a dark shell encloses it, and it is as large as in neutral.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from handpipe import artifacts
+from handpipe.artifacts import write_text
+from handpipe.errors import InputError
+from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, segment_bone
+from handpipe.imaging.volume import Labels, Volume
+
+logger = logging.getLogger(__name__)
+
+KIND = "bone_probabilities"
+NEIGHBOURS = 5  # bones around one whose marrow it is compared with
+LEAST_LEVEL = 0.65  # of their marrow: muscle has half of it, a bias field changes little from bone to bone
+LEAST_ENCLOSED = 0.6  # of the marrow's boundary that has a dark shell
+DARK = 0.6  # of the marrow's level, in a voxel of a shell thinner than it
+SAME = 0.2  # of its marrow's volume by which a rigid bone may differ between poses: noise, partial volume
+SHELL = 1.0  # mm from the marrow's boundary within which the shell is dark
+
+
+def segment(
+    volume: Volume, seeds: Labels, bones: Mapping[str, int], settings: SegmentationSettings
+) -> tuple[dict[str, BoneProbability], dict[str, str]]:
+    """The marrow of bones (name -> label) from seeds (nx, ny, nz), each by itself.
+
+    Also what is wrong with the seeds of the bones that are not among them.
+    """
+    found, wrong = {}, {}
+    for number, (name, label) in enumerate(bones.items(), 1):
+        logger.info("%s: %d of %d bones", name, number, len(bones))
+        try:
+            found[name] = segment_bone(volume, seeds, label, settings)
+        except InputError as error:
+            wrong[name] = error.problem
+            logger.warning("%s: %s", name, error.problem)
+    return found, wrong
+
+
+def save(path: str | Path, bones: Mapping[str, BoneProbability], inputs: Iterable[str | Path] = ()) -> None:
+    """Write the bones' probabilities as an artifact."""
+    data = {name: {"offset": b.offset, "probability": b.probability} for name, b in bones.items()}
+    units = {f"{name}/probability": "1" for name in bones}
+    artifacts.write(path, data, kind=KIND, units=units, inputs=list(inputs))
+
+
+def load(path: str | Path, corrected: Iterable[str | Path] = ()) -> dict[str, BoneProbability]:
+    """Read the bones of an artifact, and in their place those of others that correct some of them.
+
+    Raises `InputError` as `artifacts.read` does.
+    """
+    found: dict[str, BoneProbability] = {}
+    for file in (path, *corrected):
+        groups = artifacts.read(file, KIND)
+        found |= {name: BoneProbability(g["offset"], g["probability"]) for name, g in groups.items()}
+    return found
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """How what a bone claims looks in the image.
+
+    volume: of the marrow in mm^3; level: its median intensity; relative_level: that over the median of the
+    bones around it; enclosed: share of its boundary with a dark shell; cut_off: whether it reaches the
+    volume's border.
+    """
+
+    volume: float
+    level: float
+    relative_level: float
+    enclosed: float
+    cut_off: bool
+
+    def doubts(self, neutral: Appearance | None = None) -> list[str]:
+        """What speaks against a bone, in words; nothing where all is well. neutral: how it looks there."""
+        doubts = []
+        if self.relative_level < LEAST_LEVEL:
+            doubts.append(f"it is only {self.relative_level:.2f} times as bright as the bones around it")
+        if self.enclosed < LEAST_ENCLOSED:
+            doubts.append(f"a dark shell encloses only {100 * self.enclosed:.0f} % of it")
+        if neutral is not None and not (self.cut_off or neutral.cut_off):
+            change = self.volume / neutral.volume - 1
+            if abs(change) > SAME:
+                doubts.append(f"its marrow's volume differs by {100 * change:+.0f} % from neutral")
+        return doubts
+
+
+def appearances(volume: Volume, bones: Mapping[str, BoneProbability]) -> dict[str, Appearance]:
+    """How every bone looks; a bone that claims nothing has no volume and no shell."""
+    levels, places = {}, {}
+    for name, bone in bones.items():
+        claimed = bone.probability > 0.5
+        values = volume.values[bone.slices][claimed]
+        levels[name] = float(np.median(values)) if len(values) else 0.0
+        index = np.argwhere(claimed if len(values) else np.ones_like(claimed))
+        middle = bone.offset + index.mean(0)
+        places[name] = volume.to_world(middle[None])[0]
+    return {name: _appearance(volume, bone, name, levels, places) for name, bone in bones.items()}
+
+
+def _appearance(
+    volume: Volume,
+    bone: BoneProbability,
+    name: str,
+    levels: Mapping[str, float],
+    places: Mapping[str, NDArray],
+) -> Appearance:
+    claimed = bone.probability > 0.5
+    others = sorted((n for n in levels if n != name), key=lambda n: np.linalg.norm(places[n] - places[name]))
+    around = float(np.median([levels[n] for n in others[:NEIGHBOURS] or [name]]))
+    return Appearance(
+        volume=float(claimed.sum() * np.prod(volume.spacing)),
+        level=levels[name],
+        relative_level=levels[name] / max(around, 1e-12),
+        enclosed=_enclosed(volume, bone, claimed, levels[name]),
+        cut_off=_cut_off(bone, claimed, volume.shape),
+    )
+
+
+def _enclosed(volume: Volume, bone: BoneProbability, claimed: NDArray[np.bool_], level: float) -> float:
+    """Share of the claimed voxels beside unclaimed ones that have a dark voxel within `SHELL`.
+
+    The volume's border is no boundary: whatever the bone has beyond it is not seen.
+    """
+    outside = ~np.pad(claimed, 1, mode="edge")
+    beside = ndimage.binary_dilation(outside)[1:-1, 1:-1, 1:-1] & claimed
+    dark = volume.values[bone.slices] < DARK * level
+    if not beside.any() or not dark.any():
+        return 0.0
+    distance = ndimage.distance_transform_edt(~dark, sampling=volume.spacing)
+    return float((distance[beside] < SHELL + 0.5 * volume.spacing.max()).mean())
+
+
+def _cut_off(bone: BoneProbability, claimed: NDArray[np.bool_], shape: tuple[int, int, int]) -> bool:
+    """Whether claimed voxels lie on a face of the whole volume."""
+    index = np.argwhere(claimed) + bone.offset
+    return bool(((index == 0) | (index == np.array(shape) - 1)).any())
+
+
+def doubted(
+    looks: Mapping[str, Appearance], neutral: Mapping[str, Appearance], corrected: Collection[str] = ()
+) -> dict[str, str]:
+    """The bones that do not look as they should, with what speaks against them; each is logged.
+
+    neutral: how the bones look there, where that is known; corrected: bones whose looks a person has accepted
+    by scribbles: their doubts are logged alone.
+    """
+    wrong = {}
+    for name, look in looks.items():
+        if look.cut_off:
+            logger.warning("%s: cut off by the volume's border; its surface is closed there", name)
+        if doubts := look.doubts(neutral.get(name)):
+            logger.warning("%s: doubted, since %s", name, " and ".join(doubts))
+            if name not in corrected:
+                wrong[name] = " and ".join(doubts)
+    return wrong
+
+
+def write_looks(path: str | Path, looks: Mapping[str, Appearance], left_out: Mapping[str, str]) -> None:
+    """Write how the bones of a pose look, and why bones are left out, as JSON."""
+    data = {"bones": {name: asdict(look) for name, look in looks.items()}, "left_out": dict(left_out)}
+    write_text(path, json.dumps(data, indent=2) + "\n")
+
+
+def read_looks(path: str | Path) -> tuple[dict[str, Appearance], dict[str, str]]:
+    """Read what `write_looks` wrote."""
+    data = json.loads(Path(path).read_text(encoding="utf-8"))
+    return {name: Appearance(**fields) for name, fields in data["bones"].items()}, data["left_out"]
