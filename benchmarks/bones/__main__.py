@@ -11,9 +11,14 @@ import json
 import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # loading them loads numba, which reads its number of threads then
+    from benchmarks.bones.hard_cases import Row
+    from benchmarks.bones.speed_against_error import Point
 
 log = logging.getLogger("benchmarks.bones")
 
@@ -32,26 +37,34 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = _options(arguments)
     from benchmarks.bones import document, hard_cases, speed_against_error
     from benchmarks.bones.cases import CASES
-    from benchmarks.bones.subject import INDEX, SMALL
-    from handpipe.artifacts import write_text
+    from benchmarks.bones.subject import PHALANGES, SMALL
 
     found = json.loads(options.output.read_text(encoding="utf-8")) if options.output.exists() else {}
     rows = {row["case"]: hard_cases.Row(**row) for row in found.get("hard_cases", [])}
     points = [speed_against_error.Point(**p) for p in found.get("speed_against_error", [])]
-    for name in CASES if "hard_cases" in options.what else [n for n in CASES if n in options.what]:
-        rows[name] = hard_cases.measure(name, SMALL if options.quick else INDEX)
+    for name in CASES if "hard_cases" in options.what else [n for n in options.what if n in CASES]:
+        rows[name] = hard_cases.measure(name, SMALL if options.quick else PHALANGES)
+        _save(options.output, rows.values(), points)
     if "speed_against_error" in options.what:
-        measure = speed_against_error.measure
-        points = measure((0.8, 1.2), (1e-2,), (7.0,), SMALL) if options.quick else measure()
+        measure, points = speed_against_error.measure, []
+        for point in measure((0.8, 1.2), (1e-2,), (7.0,), SMALL) if options.quick else measure():
+            points.append(point)
+            _save(options.output, rows.values(), points)
     listed = [rows[name] for name in CASES if name in rows]
-    content = {
-        "hard_cases": [asdict(row) for row in listed],
-        "speed_against_error": [asdict(p) for p in points],
-    }
-    write_text(options.output, json.dumps(content, indent=1) + "\n")
     print(hard_cases.table(listed))
     if options.document:
         document.write(listed, points, DOCUMENT, PICTURE)
+
+
+def _save(path: Path, rows: Iterable[Row], points: Iterable[Point]) -> None:
+    """Written after each row and point: a benchmark that is stopped keeps what it has measured."""
+    from handpipe.artifacts import write_text
+
+    content = {
+        "hard_cases": [asdict(row) for row in rows],
+        "speed_against_error": [asdict(point) for point in points],
+    }
+    write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:

@@ -50,7 +50,7 @@ def words(rows: Sequence[Row]) -> str:
 def speed_table(points: Sequence[Point]) -> str:
     """The settings as a Markdown table."""
     heads = (
-        "setting", "Dice mean / min", "registration", "rig, left-out poses", "bones not found",
+        "setting", "Dice mean / min", "registration", "rig, left-out poses", "bones left out",
         "seconds a pose",
     )  # fmt: skip
     lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from benchmarks.bones.cases import CASES, Case, Place
 from benchmarks.bones.outcome import BoneErrors, Outcome, run
-from benchmarks.bones.subject import INDEX, NEUTRAL, Part
+from benchmarks.bones.subject import NEUTRAL, PHALANGES, Part
 
 log = logging.getLogger(__name__)
 
@@ -179,8 +179,8 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def measure(name: str, part: Part = INDEX, bars: Bars = BARS) -> Row:
-    """The row of a case, on a part of the hand; by default all bones of the index finger.
+def measure(name: str, part: Part = PHALANGES, bars: Bars = BARS) -> Row:
+    """The row of a case, on a part of the hand; by default the phalanges of the index finger.
 
     An exception that is not meant for people is a failed row.
     """

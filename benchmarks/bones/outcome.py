@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,13 +12,15 @@ from benchmarks.bones.cases import Case, Place
 from benchmarks.bones.chain import Registered, Segmented, register, segment
 from benchmarks.bones.errors import motion_error, overlap
 from benchmarks.bones.notices import listening
-from benchmarks.bones.subject import INDEX, NEUTRAL, Conditions, Part, scan
+from benchmarks.bones.subject import NEUTRAL, PHALANGES, Conditions, Part, scan
 from handpipe.imaging.segmentation import SegmentationSettings
 from handpipe.metrics import Metrics
 from handpipe.skeleton.odd_bones import without_odd_bones
 from handpipe.skeleton.registration_result import Registration
 from handpipe.skeleton.rig import Rig
 from handpipe.skeleton.table import joint_table
+
+log = logging.getLogger(__name__)
 
 SETTINGS = SegmentationSettings.model_validate({})
 
@@ -73,7 +76,7 @@ def registered(
     return register(dataset, rest, segmented(bones, conditions, pose, settings))
 
 
-def run(case: Case, part: Part = INDEX, settings: SegmentationSettings = SETTINGS) -> Outcome:
+def run(case: Case, part: Part = PHALANGES, settings: SegmentationSettings = SETTINGS) -> Outcome:
     """Images to rig under a case's conditions, on a part of the hand; poses are those that both name."""
     poses = tuple(p for p in case.poses if p in part.poses)
     part = Part(part.bones, poses)
@@ -92,6 +95,7 @@ def run(case: Case, part: Part = INDEX, settings: SegmentationSettings = SETTING
                 said.setdefault((pose, bone), []).extend(texts)
         left_out |= {(pose, bone) for bone in part.bones if bone not in trusted[pose]}
         errors |= _pose_errors(case, part, pose, bones, motions)
+        log.info("%s: %s: %.1f + %.1f s", case.name, pose, bones.notes.seconds, motions.notes.seconds)
     rig: Metrics = {}
     odd: dict[Place, str] = {}
     rig_said: list[str] = []

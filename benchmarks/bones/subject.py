@@ -31,8 +31,8 @@ DATASET = Path(__file__).parents[2] / "config" / "datasets" / "phantom-hand.yaml
 MARGIN = 9.0  # mm of the volume around the bones
 PLUG = 2.0  # mm, radius of the marrow that joins two fused bones
 NEUTRAL = "neutral"
-SEVEN = (NEUTRAL, "fist", "hook", "flat", "spread", "oppose_little", "bow")
-TWELVE = (*SEVEN, "oppose_index", "oppose_middle", "oppose_ring", "point", "relaxed")
+FIVE = (NEUTRAL, "fist", "hook", "spread", "oppose_little")
+TWELVE = (*FIVE, "flat", "bow", "oppose_index", "oppose_middle", "oppose_ring", "point", "relaxed")
 # Axes about which the whole hand is turned by 120 degrees: the first only rolls long bones about themselves.
 TURNS = ((1.0, 0.0, 0.0), (1.0, 1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, -1.0))
 
@@ -41,7 +41,7 @@ TURNS = ((1.0, 0.0, 0.0), (1.0, 1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (
 class Part:
     """Bones of the phantom hand from the root outwards, each the parent of the next, and its poses."""
 
-    bones: tuple[str, ...] = ("metacarpal2", "proximal2", "middle2", "distal2")
+    bones: tuple[str, ...] = ("proximal2", "middle2", "distal2")
     poses: tuple[str, ...] = TWELVE
 
     def dataset(self, hand: Handedness = "right") -> Dataset:
@@ -62,7 +62,7 @@ class Part:
         return Dataset.model_validate({**whole, **part})
 
 
-INDEX = Part()
+PHALANGES = Part()
 SMALL = Part(("middle2", "distal2"), (NEUTRAL, "hook", "spread"))
 
 
