@@ -6,9 +6,11 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
+from handpipe.imaging.rasterise import rasterise
 from handpipe.imaging.segmentation import BACKGROUND
-from handpipe.imaging.volume import Labels, Volume, box
+from handpipe.imaging.volume import Labels, Volume
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 
@@ -17,8 +19,8 @@ Array = NDArray[np.float64]
 DEEP = 1.4  # voxels inside the marrow
 LEAST = 0.6  # of the greatest depth, where the marrow is thinner
 BRIGHT = 0.65  # levels: darker voxels are no marrow
-SHELL = (1.5, 6.0)  # mm outside a whole bone
-GRID = 1.0  # mm between the places where distances are computed; they are linear between
+SHELL = (2.4, 6.5)  # mm from the outermost grid places inside a whole bone: at least 1 mm outside it
+GRID = 1.0  # mm between the places where distances are computed
 
 
 def propose(
@@ -33,11 +35,7 @@ def propose(
     the pose, by label; unsure: labels whose place may be wrong. These get no seeds, and as nobody knows
     where they are no bright place is background.
     """
-    nearest = np.full(normalised.shape, np.float32(SHELL[1] + 1.0))
-    for surface in whole.values():
-        region, distance = _distances(normalised, surface, SHELL[1])
-        np.minimum(nearest[region], distance, out=nearest[region])
-    around = (nearest > SHELL[0]) & (nearest < SHELL[1])
+    around = _around(normalised, whole)
     if unsure:
         around &= normalised.values < BRIGHT
     seeds = np.where(around, np.uint8(BACKGROUND), np.uint8(0))
@@ -49,12 +47,34 @@ def propose(
     return seeds
 
 
+def _around(volume: Volume, whole: Mapping[int, Surface]) -> NDArray[np.bool_]:
+    """Voxels (nx, ny, nz) in a shell about all bones, found on a grid of `GRID`."""
+    step = _step(volume)
+    affine = volume.affine.copy()
+    affine[:3, :3] = affine[:3, :3] * step
+    affine[:3, 3] = volume.to_world((step - 1)[None] / 2)[0]
+    coarse = Volume(volume.values[:: step[0], :: step[1], :: step[2]], affine)
+    far = ndimage.distance_transform_edt(rasterise(coarse, whole) == 0, sampling=coarse.spacing)
+    shell = (far > SHELL[0]) & (far < SHELL[1])
+    for axis in range(3):
+        shell = shell.repeat(step[axis], axis)
+    return shell[tuple(slice(0, n) for n in volume.shape)]
+
+
+def _step(volume: Volume) -> NDArray[np.int64]:
+    """Voxels (3,) from one place of the coarse grid to the next."""
+    return np.maximum(np.round(GRID / volume.spacing), 1).astype(np.int64)
+
+
 def marrow_core(volume: Volume, marrow: Surface) -> NDArray[np.int64]:
     """Voxels (n, 3) deep inside a marrow surface; the deepest ones where it is thin."""
-    region, distance = _distances(volume, marrow, 0.0)
+    corners = volume.to_index(marrow.vertices)
+    lower = np.clip(np.floor(corners.min(axis=0)).astype(np.int64), 0, volume.shape)
+    upper = np.clip(np.ceil(corners.max(axis=0)).astype(np.int64) + 1, 0, volume.shape)
+    distance = _distances(volume, marrow, lower, upper)
     greatest = max(-float(distance.min(initial=0.0)), 0.0)
     deep = distance < -min(DEEP * float(volume.spacing.max()), LEAST * greatest)
-    return np.argwhere(deep) + [s.start for s in region]
+    return np.argwhere(deep) + lower
 
 
 def share_outside(voxels: NDArray[np.int64], truth: Labels, label: int) -> float:
@@ -62,16 +82,13 @@ def share_outside(voxels: NDArray[np.int64], truth: Labels, label: int) -> float
     return float((truth[tuple(voxels.T)] != label).mean()) if len(voxels) else 1.0
 
 
-def _distances(volume: Volume, surface: Surface, margin: float) -> tuple[tuple[slice, slice, slice], NDArray]:
-    """Signed distances in mm of the voxels in a box about a surface, and the box."""
-    corners, spread = volume.to_index(surface.vertices), margin / volume.spacing
-    lower = np.clip(np.floor(corners.min(axis=0) - spread).astype(np.int64), 0, volume.shape)
-    upper = np.clip(np.ceil(corners.max(axis=0) + spread).astype(np.int64) + 1, 0, volume.shape)
-    step = np.maximum(np.round(GRID / volume.spacing), 1).astype(np.int64)
+def _distances(volume: Volume, surface: Surface, lower: NDArray[np.int64], upper: NDArray[np.int64]) -> Array:
+    """Signed distances in mm of the voxels lower <= index < upper to a surface, by way of a coarse grid."""
+    step = _step(volume)
     shape = (np.maximum(upper - lower - 1, 0) // step) + 2
     places = np.indices(shape).reshape(3, -1).T * step + lower
     coarse = Distance(surface).signed(volume.to_world(places))[0].reshape(shape)
-    return box(lower, upper), _refined(coarse, step, upper - lower)
+    return _refined(coarse, step, upper - lower)
 
 
 def _refined(coarse: Array, step: NDArray[np.int64], shape: NDArray[np.int64]) -> Array:

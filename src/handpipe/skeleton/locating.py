@@ -39,6 +39,7 @@ CANDIDATES = 24  # trials that are improved
 REFINED = 5  # of them brought onto the edges
 GUESSES = 4  # kept for a branch
 BEHIND = 0.6  # of a bone's edges: guesses that far behind the best are given up
+NO_DOUBT = 0.9  # of the root's edges: no other start is tried
 SAME = 1.0  # mm (rms) between two motions that count as one
 OVERLAP_DEPTH = 1.0  # mm of marrow inside another whole bone
 CROWDED = 4.0  # what a bone wholly inside others loses, in bones that agree
@@ -103,12 +104,15 @@ class Search:
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     def root(self) -> RigidTransform:
-        """The motion of the root's body that agrees best."""
+        """The motion of the root's body that agrees best: the first that leaves no doubt, else of all."""
         body = self.model.bodies[0]
-        starts = root_starts(self.evidence, {b: self.model.marrow[b] for b in body.bones})
-        found = self._best(body, starts, held=False)
-        LOG.info("root: %d starts, agreements %s", len(starts), np.round([s for _, s in found], 2))
-        return found[0][0]
+        found: list[tuple[RigidTransform, float]] = []
+        for starts in root_starts(self.evidence, {b: self.model.marrow[b] for b in body.bones}):
+            found += self._best(body, starts, held=False)
+            LOG.info("root: edges agree by %s", np.round(sorted(share for _, share in found)[::-1], 2))
+            if max(share for _, share in found) > NO_DOUBT:
+                break
+        return max(found, key=lambda pair: pair[1])[0]
 
     def branch(self, links: Sequence[Link], root: RigidTransform) -> list[Guess]:
         """Guesses of all bodies beyond one joint of the root, best first."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,36 +58,37 @@ def solid(surface: Surface, count: int = 6000) -> Blob:
     return Blob.of(points[Distance(surface).signed(points)[0] < 0])
 
 
-def root_starts(evidence: MarrowEvidence, marrow: Mapping[str, Surface]) -> Motions:
+def root_starts(evidence: MarrowEvidence, marrow: Mapping[str, Surface]) -> Iterator[Motions]:
     """Motions that carry one of the root's bones onto a blob of its size, either way round and rolled.
 
-    Rest is always among them.
+    One set after another, each from other ways to tell blobs apart; rest is in all of them.
     """
     bones = {name: solid(surface) for name, surface in marrow.items()}
     long = {n: b for n, b in bones.items() if b.lengths[0] > LONG * b.lengths[1]} or bones
     volumes = [marrow[n].volume() for n in long]
-    starts = [RigidTransform.identity()]
-    for blob in _bright_blobs(evidence.fine, 0.4 * min(volumes), 2.5 * max(volumes)):
-        for name, bone in long.items():
-            if bone.alike(blob):
-                LOG.info("a blob like %s at %s mm", name, np.round(blob.centre, 1))
-                starts += _onto(bone, blob)
-    return Motions.of(starts)
+    for blobs in _bright_blobs(evidence.fine, 0.4 * min(volumes), 2.5 * max(volumes)):
+        starts = [RigidTransform.identity()]
+        for blob, bone in product(blobs, long.values()):
+            starts += _onto(bone, blob) if bone.alike(blob) else []
+        LOG.info("root: %d bright blobs, %d starts", len(blobs), len(starts))
+        yield Motions.of(starts)
 
 
-def _bright_blobs(image: Volume, least: float, most: float) -> Iterator[Blob]:
+def _bright_blobs(image: Volume, least: float, most: float) -> Iterator[list[Blob]]:
     """Connected bright parts of `least` to `most` mm^3, as they are and without their outer voxels."""
     voxel = float(np.prod(image.spacing))
-    for threshold in THRESHOLDS:
+    for threshold, worn in product(THRESHOLDS, (False, True)):
         mask = image.values > threshold
-        for worn in range(2):
-            mask = ndimage.binary_erosion(mask) if worn else mask
-            parts, _ = ndimage.label(mask)
-            sizes = np.bincount(parts.ravel()) * voxel
-            for number, box in enumerate(ndimage.find_objects(parts), 1):
-                if least / (1 + worn) < sizes[number] < most:
-                    own = np.argwhere(parts[box] == number) + [s.start for s in box]
-                    yield Blob.of(image.to_world(own))
+        parts, _ = ndimage.label(ndimage.binary_erosion(mask) if worn else mask)
+        sizes = np.bincount(parts.ravel()) * voxel
+        sizes[0] = 0
+        boxes = ndimage.find_objects(parts)
+        found = []
+        for number in np.flatnonzero((sizes > least / (1 + worn)) & (sizes < most)):
+            box = boxes[number - 1]
+            own = np.argwhere(parts[box] == number) + [s.start for s in box]
+            found.append(Blob.of(image.to_world(own)))
+        yield found
 
 
 def _onto(bone: Blob, blob: Blob) -> list[RigidTransform]:
