@@ -15,6 +15,7 @@ from handpipe.errors import InputError
 T = TypeVar("T", bound=BaseModel)
 Vector = tuple[float, float, float]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
 
 
 class Model(BaseModel):
@@ -68,14 +69,18 @@ class Joint(Model):
         description="of two angles: axes at any angle and distance (saddle), or what left-out poses favour "
         "(best); by default two orthogonal axes through one centre",
     )
-    limits_deg: tuple[tuple[float, float], ...]
+    limits_deg: tuple[tuple[float, float], ...] | None = Field(
+        None,
+        description="[lower, upper] of each angle; by default what the poses show, widened by published ranges",
+    )
     axis_hints: tuple[Vector, ...] = Field(
         description="rough axis of each angle in the neutral frame: fixes its sign"
     )
 
     @model_validator(mode="after")
     def _lengths(self) -> Joint:
-        if not len(self.angles) == len(self.limits_deg) == len(self.axis_hints):
+        limits = self.angles if self.limits_deg is None else self.limits_deg
+        if not len(self.angles) == len(limits) == len(self.axis_hints):
             raise ValueError("angles, limits_deg and axis_hints need the same length")
         if self.type is not None and len(self.angles) != 2:
             raise ValueError(f"type: {self.type} is for joints of two angles")
@@ -126,9 +131,13 @@ class Dataset(Model):
     """Everything that a subject has."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
-    generator: Literal["phantom-finger", "zanatomy-index", "phantom-hand"] | None = None
+    generator: (
+        Literal["phantom-finger", "zanatomy-index", "phantom-hand", "myohand-bones", "zanatomy-bones"] | None
+    ) = None
     seed: int = 0
-    scanner: Scanner | None = Field(None, description="phantom-hand only: voxel size, bias field and noise")
+    scanner: Scanner | None = Field(
+        None, description="generated hands of bones alone: voxel size, bias field and noise"
+    )
     anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
     units: Literal["mm"] = "mm"
@@ -156,8 +165,8 @@ class Dataset(Model):
             raise ValueError("poses: exactly one pose has the role neutral")
         if self.poses[self.neutral].seeds is None:
             raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds")
-        if self.scanner is not None and self.generator != "phantom-hand":
-            raise ValueError("scanner: is only for the generator phantom-hand")
+        if self.scanner is not None and self.generator not in HANDS_OF_BONES:
+            raise ValueError(f"scanner: is only for the generators {', '.join(HANDS_OF_BONES)}")
         for kind, named in (
             *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),
             *((f"tendons.{k}", (t.bone, *t.bones)) for k, t in self.tendons.items()),

@@ -12,6 +12,8 @@ MODULES = {
     "phantom-finger": "phantom_finger",
     "zanatomy-index": "zanatomy_index",
     "phantom-hand": "phantom_hand",
+    "myohand-bones": "myohand_bones",
+    "zanatomy-bones": "zanatomy_bones",
 }
 
 
