@@ -5,7 +5,8 @@ from manufactured import bone, turn, unit
 from handpipe.errors import ConvergenceError
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-from handpipe.skeleton.registration import principal_starts, register
+from handpipe.skeleton.registration import register
+from handpipe.skeleton.starts import principal_starts, uniform_starts
 
 NEUTRAL = bone(60, 48)
 TRUTH = RigidTransform(turn(np.radians(100) * unit([0.3, 0.9, -0.2])), np.array([31.0, -12.0, 55.0]))
@@ -67,6 +68,91 @@ def test_a_leak_of_the_segmentation_is_ignored():
     found = register(NEUTRAL, target.moved(TRUTH(vertices)))
     assert rotation_error(found, TRUTH) < 0.2
     assert centre_error(found, TRUTH) < 0.05
+
+
+@pytest.mark.parametrize("degrees", [90.0, 120.0])
+def test_a_bone_without_a_long_axis_far_from_neutral(degrees):
+    """As a carpal: a lump whose principal axes tell nothing; noise as of an image."""
+    rng = np.random.default_rng(int(degrees))
+    squat = NEUTRAL.moved(NEUTRAL.vertices * [0.36, 1.2, 1.3])
+    target = bone(43, 61, stretch=1.4, seed=1)
+    truth = RigidTransform.about(np.array([9.0, 4, 2]), turn(np.radians(degrees) * unit([0.5, -0.4, 0.7])))
+    points = truth(target.vertices * [0.36, 1.2, 1.3]) + 0.05 * rng.normal(size=target.vertices.shape)
+    found = register(squat, target.moved(points))
+    assert rotation_error(found, truth) < 0.5
+    assert not found.doubt
+
+
+@pytest.mark.parametrize("cap", [False, True])
+def test_half_of_a_bone(cap):
+    """The image ends amid the bone: what is segmented is closed by a flat cap that no bone has."""
+    target = cut(bone(70, 50, stretch=1.3), 0.0, cap)
+    found = register(NEUTRAL, target.moved(TRUTH(target.vertices)))
+    assert rotation_error(found, TRUTH) < 0.3
+    assert centre_error(found, TRUTH) < 0.1
+    assert not found.doubt
+    assert 0.4 < found.covered < 0.6
+
+
+def cut(surface, x, cap):
+    """What lies beyond x; a cap joins the rim to its middle by rings of triangles."""
+    beyond = surface.vertices[surface.triangles].mean(axis=1)[:, 0] > x
+    part = Surface(surface.vertices, surface.triangles[beyond]).compact()
+    edges, vertices, triangles = part.boundary_edges(), [part.vertices], [part.triangles]
+    rim = np.unique(edges)
+    middle, count, inner = part.vertices[rim].mean(axis=0), len(part.vertices), np.searchsorted(rim, edges)
+    before = rim
+    for share in np.linspace(0, 1, 7)[1:] if cap else ():
+        ring = count + np.arange(len(rim))
+        vertices.append((1 - share) * part.vertices[rim] + share * middle)
+        a, b, c, d = before[inner[:, 0]], before[inner[:, 1]], ring[inner[:, 1]], ring[inner[:, 0]]
+        triangles += [np.stack([a, b, c], 1), np.stack([a, c, d], 1)]
+        before, count = ring, count + len(rim)
+    return Surface(np.vstack(vertices), np.vstack(triangles))
+
+
+def test_two_bones_in_one_segment():
+    """A joint's bones have grown together in the image: the neutral bone is found in what is there."""
+    own = bone(70, 50, stretch=1.3)
+    bent = RigidTransform(turn([0, 1.0, 0]), np.array([28.0, 0, -14]))(0.8 * own.vertices)
+    both = Surface(
+        np.vstack([own.vertices, bent]), np.vstack([own.triangles, own.triangles + len(own.vertices)])
+    )
+    found = register(NEUTRAL, both.moved(TRUTH(both.vertices)))
+    assert rotation_error(found, TRUTH) < 0.1
+    assert centre_error(found, TRUTH) < 0.05
+    assert found.covered > 0.95 and found.explained < 0.75 and not found.doubt
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.1])
+def test_another_bone_of_the_same_kind_is_doubted(scale):
+    """A neighbour's phalanx is a little shorter or longer."""
+    target = bone(40, 44, stretch=1.2)
+    assert register(NEUTRAL, target.moved(TRUTH(scale * target.vertices))).doubt
+
+
+def test_a_bone_that_fits_turned_is_doubted():
+    """Half a turn about the long axis changes nothing but a trace, less than the noise."""
+    rng = np.random.default_rng(3)
+    x, y, z = NEUTRAL.vertices.T
+    across = np.hypot(y, z / 0.85)
+    angle = np.arctan2(z / 0.85, y)
+    radius = (4.2 + 1.2 * (x / 18) ** 2) * np.sqrt(np.maximum(1 - (x / 18) ** 2, 0)) ** 0.6
+    assert np.corrcoef(across, radius)[0, 1] > 0.9  # the same bone without its condyles
+    radius = radius * (1 + 0.15 * np.cos(2 * angle) + 0.001 * np.cos(angle))
+    even = NEUTRAL.moved(np.column_stack([x + 0.01 * x**2, radius * np.cos(angle), radius * np.sin(angle)]))
+    noisy = TRUTH(even.vertices) + 0.1 * rng.normal(size=even.vertices.shape)
+    found = register(even, even.moved(noisy))
+    assert "turned by 1" in found.doubt
+    assert rotation_error(found, TRUTH) < 2 or abs(rotation_error(found, TRUTH) - 180) < 2
+
+
+def test_starts_of_all_directions():
+    starts = uniform_starts(NEUTRAL, NEUTRAL)
+    rng = np.random.default_rng(0)
+    for vector in rng.normal(size=(50, 3)):
+        truth = RigidTransform(turn(np.pi * rng.random() * unit(vector)), np.zeros(3))
+        assert min(np.degrees(s.angle_to(truth)) for s in starts) < 46
 
 
 def test_starts_hold_a_good_guess():

@@ -3,13 +3,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from manufactured import bone, motion, noisy, turn, unit
+from scipy.optimize import least_squares
 
+from handpipe import artifacts
 from handpipe.config import load_dataset
 from handpipe.errors import InputError
+from handpipe.evaluation.table import rig_table
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.bodies import bodies, moved_as_one
+from handpipe.skeleton.displacement import displacement, displacement_rates, moments
+from handpipe.skeleton.limits import limit_rows
+from handpipe.skeleton.registration_result import Registration
 from handpipe.skeleton.rig import Rig, joint_point, outwards
 from handpipe.skeleton.table import joint_table
+from handpipe.skeleton.twists import moving_bones
 
 DATASET = load_dataset(Path(__file__).parents[2] / "config/datasets/phantom-finger.yaml")
 LENGTHS = {"metacarpal2": 0.0, "proximal2": 40.0, "middle2": 78.0, "distal2": 116.0}
@@ -169,6 +176,156 @@ def test_bones_that_move_as_one_share_their_registrations():
     assert both < 0.6 * single
     lacking = moved_as_one(fused, {"fist": {"proximal2": truth}}, SURFACES)["fist"]
     assert np.allclose(lacking["middle2"].rotation, truth.rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize("model", ["full", "partial"])
+def test_angles_are_those_of_numerical_derivatives(model):
+    """scipy's own differences of the displacements, written out, end in the same angles."""
+    rig = Rig.fit(DATASET, manufactured(glide=1.0, degrees=0.2, mm=0.1), SURFACES, FIT)
+    wanted = manufactured(glide=1.3, degrees=1.0, mm=0.3, seed=5)["reach"]
+    found = rig.angles_of(wanted, model)
+
+    def residual(values):
+        bones = rig.bone_transforms(dict(zip(NAMES, values, strict=True)), wanted["metacarpal2"], model)
+        return np.concatenate(
+            [(bones[b](SURFACES[b].vertices) - wanted[b](SURFACES[b].vertices)).ravel() for b in SURFACES]
+        )
+
+    start = [found[n] + 0.05 for n in NAMES]
+    differences = least_squares(residual, start, jac="3-point", xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+    assert [found[n] for n in NAMES] == pytest.approx(differences, abs=1e-8)
+
+
+def test_rates_of_displacements():
+    rig = Rig.fit(DATASET, manufactured(glide=1.0, degrees=0.2, mm=0.1), SURFACES, FIT)
+    wanted, h = manufactured(seed=3)["curl"], 1e-6
+    for name in ("proximal2", "distal2"):
+        of_bone = moments(SURFACES[name])
+
+        def moved(angles, name=name, of_bone=of_bone):
+            bones = rig.bone_transforms(angles, wanted["metacarpal2"])
+            return displacement(bones[name], wanted[name], of_bone)
+
+        rates = displacement_rates(moving_bones(rig, ANGLES["half"], wanted["metacarpal2"])[name], of_bone)
+        for i, angle in enumerate(NAMES):
+            ahead, back = (moved(ANGLES["half"] | {angle: ANGLES["half"][angle] + s}) for s in (h, -h))
+            assert np.allclose(rates[:, i], (ahead - back) / (2 * h), atol=1e-6)
+        square = (moved(ANGLES["half"]) ** 2).sum()
+        bones = rig.bone_transforms(ANGLES["half"], wanted["metacarpal2"])
+        apart = bones[name](SURFACES[name].vertices) - wanted[name](SURFACES[name].vertices)
+        assert square == pytest.approx((apart**2).sum(axis=1).mean(), rel=1e-9)
+
+
+def uncertain(transforms, degrees, mm):
+    covariance = np.diag([np.radians(degrees) ** 2] * 3 + [mm**2] * 3)
+    return {
+        p: {b: Registration(t, 0.03, covariance) for b, t in bones.items()} for p, bones in transforms.items()
+    }
+
+
+def test_a_pose_that_is_hardly_known_hardly_counts():
+    transforms = {p: dict(t) for p, t in manufactured(degrees=0.1, mm=0.03).items()}
+    rng = np.random.default_rng(1)
+    middle = SURFACES["middle2"].vertices.mean(axis=0)
+    transforms["fist"]["middle2"] = noisy(transforms["fist"]["middle2"], rng, 6.0, 1.0, at=middle)
+    known = uncertain(transforms, 0.1, 0.03)
+    covariance = np.diag([np.radians(6.0) ** 2] * 3 + [1.0] * 3)
+    weak = known | {
+        "fist": known["fist"] | {"middle2": Registration(transforms["fist"]["middle2"], 0.03, covariance)}
+    }
+    truth = manufactured()
+
+    def error(registrations):
+        rig = Rig.fit(DATASET, transforms, SURFACES, FIT, registrations)
+        fit = rig.joints[1].fit
+        true = [
+            truth[p]["proximal2"].inverse() @ truth[p]["middle2"] for p in ("half", "reach", "bow", "hook")
+        ]
+        turns, shifts = fit.errors(true, middle)
+        return np.degrees(turns).mean() + shifts.mean()
+
+    assert error(weak) < 0.4 * error(known)
+
+
+def test_five_poses_lean_on_the_hints():
+    """Neutral and four poses with little abduction: what the hint tells of its axis is not thrown away."""
+    few = ["neutral", "bow", "hook", "fist", "half"]
+    gains = []
+    for seed in range(3):
+        transforms = manufactured(glide=1.0, degrees=0.3, mm=0.05, seed=seed)
+        tilts = []
+        for registrations in (None, uncertain(transforms, 0.5, 0.09)):
+            axes = Rig.fit(DATASET, transforms, SURFACES, few, registrations).joints[0].fit.axes
+            tilts.append(np.degrees(np.arccos(min(1.0, axes.directions[1] @ AXES["MP2"][1]))))
+        gains.append(tilts)
+    alone, leaning = np.mean(gains, axis=0)
+    assert leaning < 8 and leaning < 0.7 * alone
+    # With motions that tell, hints that are ten degrees off do no harm.
+    rig = Rig.fit(DATASET, transforms, SURFACES, FIT, uncertain(transforms, 0.5, 0.09))
+    m = {k: v for k, (v, _) in joint_table(rig, DATASET, transforms, FIT).metrics.items()}
+    assert m["heldout_rotation_error_mean"] < 1.5
+
+
+def test_limits_that_nobody_states_are_what_is_known(tmp_path):
+    free = {n: j.model_copy(update={"limits_deg": None}) for n, j in DATASET.joints.items()}
+    open_dataset = DATASET.model_copy(update={"joints": DATASET.joints | {"PIP2": free["PIP2"]}})
+    rig = Rig.fit(open_dataset, manufactured(), SURFACES, FIT)
+    lower, upper = np.degrees(rig.limits["PIP2_flexion"])
+    assert upper == pytest.approx(103, abs=0.1)  # seen: 100, and the margin
+    assert lower <= 0 and np.degrees(rig.limits["DIP2_flexion"]) == pytest.approx([-10, 80])
+    rows = {row["angle"]: row for row in limit_rows(rig)}
+    assert rows["PIP2_flexion"]["seen_upper"] == pytest.approx(100, abs=1e-4)
+    assert rows["DIP2_flexion"]["limit_upper"] == pytest.approx(80)
+    assert rows["DIP2_flexion"]["reference_upper"] - rows["DIP2_flexion"]["reference_lower"] == pytest.approx(
+        90
+    )
+    rig.save(tmp_path / "rig.h5")
+    stored = artifacts.read(tmp_path / "rig.h5", "rig")["joints"]["PIP2"]
+    assert np.degrees(stored["seen"]) == pytest.approx(np.array([[0, 100]]), abs=1e-4)
+    assert stored["type"] == "hinge" and stored["reference"].shape == (1, 2)
+
+
+def test_a_left_hand_is_a_right_one_in_the_mirror():
+    """Mirrored motions, bones and hints give the mirrored rig: equal angles, equal errors."""
+    mirror = np.array([1.0, -1.0, 1.0])
+    transforms = manufactured(glide=1.0, degrees=0.2, mm=0.1)
+    other = {
+        p: {
+            b: RigidTransform(t.rotation * np.outer(mirror, mirror), t.translation * mirror)
+            for b, t in bones.items()
+        }
+        for p, bones in transforms.items()
+    }
+    surfaces = {b: s.moved(s.vertices * mirror).flipped() for b, s in SURFACES.items()}
+    joints = {
+        n: j.model_copy(update={"axis_hints": tuple(tuple(-np.array(h) * mirror) for h in j.axis_hints)})
+        for n, j in DATASET.joints.items()
+    }
+    left = DATASET.model_copy(update={"joints": joints, "hand": "left"})
+    a = Rig.fit(DATASET, transforms, SURFACES, FIT, uncertain(transforms, 0.3, 0.1))
+    b = Rig.fit(left, other, surfaces, FIT, uncertain(other, 0.3, 0.1))
+    for pose, fitted in a.poses.items():
+        assert b.poses[pose].angles == pytest.approx(fitted.angles, abs=1e-5)
+    for one, two in zip(a.joints, b.joints, strict=True):
+        assert np.allclose(two.fit.axes.directions, -one.fit.axes.directions * mirror, atol=1e-5)
+        assert np.allclose(two.fit.centre, one.fit.centre * mirror, atol=1e-4)
+    right_table = joint_table(a, DATASET, transforms, FIT).rows[0]
+    left_table = joint_table(b, left, other, FIT).rows[0]
+    assert left_table["loo_FM_R"] == pytest.approx(right_table["loo_FM_R"], rel=1e-2)
+
+
+def test_the_type_that_is_earned_stands_in_the_table():
+    best = DATASET.joints["MP2"].model_copy(update={"type": "best"})
+    chosen = DATASET.model_copy(update={"joints": DATASET.joints | {"MP2": best}})
+    transforms = manufactured(degrees=0.2, mm=0.05)
+    table = joint_table(Rig.fit(chosen, transforms, SURFACES, FIT), chosen, transforms, FIT)
+    assert [row["type"] for row in table.rows] == ["universal", "hinge", "hinge"]
+    assert [row["poses"] for row in table.rows] == [5, 5, 5]
+    by_joint = [table.metrics[f"loo_rotation_error_{j}"][0] for j in ("MP2", "PIP2", "DIP2")]
+    assert np.mean(by_joint) == pytest.approx(table.metrics["loo_rotation_error_mean"][0])
+    assert table.metrics["paper_rotation_error_mean"] == (1.84, "deg")
+    text = rig_table(table.rows).html()
+    assert "MP2 (universal, 5 poses)" in text
 
 
 def test_no_pose_to_learn_from():

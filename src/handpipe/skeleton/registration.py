@@ -112,7 +112,8 @@ def register(
     guesses = [start] if isinstance(start, RigidTransform) else list(start or [])
     rivals = _rivals(pair, [*guesses, *principal_starts(neutral_marrow, target_marrow)])
     if np.sqrt(rivals[0][0]) > POOR * pair.size:
-        rivals = _sorted([*rivals, *_rivals(pair, uniform_starts(neutral_marrow, target_marrow))])
+        more = _rivals(pair, uniform_starts(neutral_marrow, target_marrow))
+        rivals = _distinct(_sorted([*rivals, *more]))
     found = _finish(pair, rivals[0][1])
     if not np.isfinite(found.rms) or found.rms > WORST * pair.size:
         raise ConvergenceError(
