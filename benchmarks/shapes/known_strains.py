@@ -94,7 +94,7 @@ def _size(strains: Array) -> Array:
     return np.linalg.norm(plasticity.to_matrices(strains), axis=(1, 2))
 
 
-def measure(edges: tuple[float, ...] = (2.4, 1.8), counts: tuple[int, ...] = (122, 488)) -> Figures:
+def measure(edges: tuple[float, ...] = (1.8, 1.4, 1.06), counts: tuple[int, ...] = (122, 488)) -> Figures:
     """`known_strains_…_{tets}_{marks}`: errors by mesh size and number of marks."""
     out: Figures = {}
     for edge in edges:

@@ -29,19 +29,19 @@ MEDIUM, MANY = 32, 10_000
 LIVER = 424
 
 
-def measure(edge: float = 1.06, liver_edge: float = 7.2, many: int = MANY) -> Figures:
+def measure(edge: float = 0.74, liver_edge: float = 4.5, many: int = MANY) -> Figures:
     """`muscle_med_…`, `liver_…`, `dense_…`."""
     return medium(edge) | unattached(liver_edge) | dense(edge, many)
 
 
-def medium(edge: float = 1.06) -> Figures:
+def medium(edge: float = 0.74) -> Figures:
     """A hand muscle, attached, 32 marks."""
     mesh = muscle(edge)
     wanted = target(mesh)
     return _fitted("muscle_med", mesh, wanted, scattered(wanted.boundary(), MEDIUM), ends(mesh, wanted))
 
 
-def dense(edge: float = 1.06, marks: int = MANY) -> Figures:
+def dense(edge: float = 0.74, marks: int = MANY) -> Figures:
     """The same muscle with marks by the ten thousand."""
     mesh = muscle(edge)
     wanted = target(mesh)
@@ -51,7 +51,7 @@ def dense(edge: float = 1.06, marks: int = MANY) -> Figures:
     return found | {"dense_peak_memory": figure(peak, "GiB"), "dense_marks": figure(float(marks), "1")}
 
 
-def unattached(edge: float = 7.2) -> Figures:
+def unattached(edge: float = 4.5) -> Figures:
     """A liver, far away, that nothing holds, 424 marks and six landmarks."""
     mesh = liver(edge)
     wanted = grown_liver(mesh)

@@ -102,7 +102,7 @@ def timed(work) -> tuple[Step, float]:  # type: ignore[no-untyped-def]
     return step, time.perf_counter() - begun
 
 
-def measure(edge: float = 0.94, rows: int = TABLE_ROWS, patience: float = 40.0) -> Figures:
+def measure(edge: float = 0.68, rows: int = TABLE_ROWS, patience: float = 40.0) -> Figures:
     """`solve_…`: seconds by method; `woodbury_over_cg`: plain conjugate gradients' over Woodbury's."""
     system = model(edge, rows)
     log.info("%d strains, %d rows", system.logs.size, len(system.rows.residuals))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.shapes.correspondence import Correspondence
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 UNFELT = 1e-6  # of what attachments resist most: three on a line leave the turn about it
-ROUNDS, SETTLED = 20, 1e-9  # of the body's size
+ROUNDS, SETTLED = 20, 1e-7  # of the body's size
 
 
 class LooseMotions:
@@ -58,11 +59,11 @@ class LooseMotions:
         """The rigid transform of amounts (r,) of the motions, not linearised."""
         velocity, turn = np.split(self.twists @ amounts, 2)
         turn = turn / self.size
-        generator = np.zeros((4, 4))
-        generator[:3, :3] = np.cross(np.eye(3), turn).T @ -np.eye(3)
-        generator[:3, 3] = velocity - generator[:3, :3] @ self.centre
-        whole = scipy.linalg.expm(generator)
-        return RigidTransform(whole[:3, :3], whole[:3, 3])
+        spin, angle = np.cross(np.eye(3), turn), float(np.linalg.norm(turn))
+        first, second = (0.5, 1 / 6) if angle < 1e-4 else (_versine(angle), _excess(angle))
+        rotation = Rotation.from_rotvec(turn).as_matrix()
+        shift = velocity + first * spin @ velocity + second * spin @ spin @ velocity
+        return RigidTransform(rotation, self.centre - rotation @ self.centre + shift)
 
     def settled(self, x: Array, points: Correspondence) -> Array:
         """x (n, 3) moved so that its points come nearest to their targets, as the correspondence measures."""
@@ -79,6 +80,14 @@ class LooseMotions:
             if np.abs(amounts).max() < SETTLED * self.size:
                 break
         return x
+
+
+def _versine(angle: float) -> float:
+    return (1 - np.cos(angle)) / angle**2
+
+
+def _excess(angle: float) -> float:
+    return (angle - np.sin(angle)) / angle**3
 
 
 def _modes(x: Array, centre: Array, size: float) -> Array:

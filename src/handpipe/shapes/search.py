@@ -39,6 +39,7 @@ log = logging.getLogger(__name__)
 SHORTEST = 0.01  # share of a step below which a stage ends (003 section 5.4, criterion iii)
 LARGEST = 1.0  # change of a log-strain in one step
 ARMIJO = 0.1
+RESOLUTION = np.array([0.002, 0.01])  # mm of the mean and the largest distance that another step is worth
 GROWTH = (0.01, 0.1, 1.0)  # of the marks' weight
 EARLY = 4  # steps of a stage that another one follows
 
@@ -130,6 +131,7 @@ class Search:
         self, state: State, stage: str, find: FindMarks, weight: float, uniform: bool, most: int
     ) -> State:
         """At most that many steps; `find` gives the marks' places on the present shape before each."""
+        nearest = np.full(2, np.inf)
         for _ in range(most):
             begun = time.perf_counter()
             marks = weighted(find(state.x), weight)
@@ -139,8 +141,12 @@ class Search:
             self._note(state, stage, find, marks, after, length, step, begun)
             if length == 0.0 or before - after < self.settings.progress * before:
                 break
-            if marks.count and self.record[-1].marks_max < self.settings.enough:
+            distances = np.array([self.record[-1].marks_mean, self.record[-1].marks_max])
+            if marks.count and (
+                distances[1] < self.settings.enough or (nearest - distances < RESOLUTION).all()
+            ):
                 break
+            nearest = np.minimum(nearest, distances)
         return state
 
     def objective(self, state: State, marks: Correspondence) -> float:
