@@ -70,7 +70,8 @@ def kept_apart(
     result = {}
     for name, surface in bones.items():
         grid = grids.Grid.around(surface[0], 2.0, SPACING)
-        values, at = _distances(surface, grid).ravel(), grid.points()
+        at = grid.points()
+        values = shapes[name](at)
         near = np.flatnonzero((values > -REACH) & (values < 1.0))
         others = (
             (shapes[other], motion)
@@ -92,17 +93,18 @@ def kept_apart(
     return result
 
 
-def marrow(bone: Surface, frame: RigidTransform, shaft: float, ends: float) -> Surface:
+def marrow(bone: Surface, shape: Implicit, frame: RigidTransform, shaft: float, ends: float) -> Surface:
     """The bone's surface moved inwards by `shaft` mm along its shaft and `ends` mm under its joints.
 
-    frame: the bone's own, with +x along it.
+    shape: its signed distance; frame: the bone's own, with +x along it.
     """
     grid = grids.Grid.around(bone[0], 1.0, SPACING)
     along = frame.inverse()(bone[0])[:, 0]
-    x = frame.inverse()(grid.points())[:, 0]
+    at = grid.points()
+    x = frame.inverse()(at)[:, 0]
     from_end = np.minimum(x - along.min(), along.max() - x) / np.ptp(along)
     thickness = ends + (shaft - ends) * smoothstep(from_end, 0.1, 0.3)
-    mesh = grids.isosurface(_distances(bone, grid).ravel() + thickness, grid).largest_component().compact()
+    mesh = grids.isosurface(shape(at) + thickness, grid).largest_component().compact()
     return mesh.vertices, mesh.triangles
 
 

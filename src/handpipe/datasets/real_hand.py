@@ -182,15 +182,10 @@ def subject(
     sound = {n: carving.without_handles(s, n) for n, s in bones.items()}
     whole = carving.kept_apart(sound, touching(motion.joints), postures, GAP)
     lie = layout(whole, frames)
-    cortex = dict.fromkeys(CARPALS, (CARPAL_CORTEX, CARPAL_CORTEX)) | {
-        n: (girth * shaft, girth * ends)
-        for chain in lie.chains.values()
-        for n, _, girth in chain
-        for shaft, ends in [phantom_hand_bones.KINDS[n[:-1]].cortex]
-    }
-    marrow = {n: carving.marrow(s, frames[n], *cortex[n]) for n, s in whole.items()}
-    surroundings = Surroundings.of(lie)
+    cortex = _cortex(lie)
     shapes = {n: sampled.of_surface(s, carving.SPACING, carving.REACH) for n, s in whole.items()}
+    marrow = {n: carving.marrow(s, shapes[n], frames[n], *cortex[n]) for n, s in whole.items()}
+    surroundings = Surroundings.of(lie)
     surroundings = replace(
         surroundings,
         tendons=[_laid_on(strand, shapes, frames) for strand in surroundings.tendons],
@@ -204,6 +199,16 @@ def touching(joints: Sequence[KnownJoint]) -> set[tuple[str, str]]:
     pairs = {(joint.parent, joint.child) for joint in joints}
     pairs |= {(name, other) for name, others in phantom_hand_bones.BESIDE.items() for other in others}
     return {(min(pair), max(pair)) for pair in pairs}
+
+
+def _cortex(layout: Layout) -> dict[str, tuple[float, float]]:
+    """Thickness in mm along each bone's shaft and at its ends: the phantom hand's, thinner in thin bones."""
+    found = dict.fromkeys(CARPALS, (CARPAL_CORTEX, CARPAL_CORTEX))
+    for chain in layout.chains.values():
+        for name, _, girth in chain:
+            shaft, ends = phantom_hand_bones.KINDS[name[:-1]].cortex
+            found[name] = girth * shaft, girth * ends
+    return found
 
 
 def _laid_on(

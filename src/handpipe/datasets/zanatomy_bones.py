@@ -49,8 +49,9 @@ CHANGES: dict[str, dict[str, float]] = {
         "PIP2_flexion": 10,
     },
     "oppose_little": {
-        "TM_flexion": 28, "TM_abduction": 27, "MP1_flexion": 32, "MP1_abduction": 16, "IP1_flexion": 20,
-        "MP5_flexion": 55, "MP5_abduction": 5, "PIP5_flexion": 40, "DIP5_flexion": 30, "CMC5_flexion": 18,
+        "TM_flexion": 28, "TM_abduction": 32, "MP1_flexion": 28, "MP1_abduction": 10, "IP1_flexion": 25,
+        "MP5_flexion": 62, "MP5_abduction": 8, "PIP5_flexion": 25, "DIP5_flexion": 15, "CMC5_flexion": 20,
+        "MP4_flexion": 20, "PIP4_flexion": 15,
     },
     "oppose_index": {
         "TM_flexion": 12, "TM_abduction": 20, "MP1_flexion": 11, "MP1_abduction": 4, "IP1_flexion": -6,
