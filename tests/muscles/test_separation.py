@@ -1,54 +1,66 @@
-"""Overlapping ellipsoids come apart, keep their volume and do not move where nothing touches."""
+"""Overlapping bodies come apart, keep their volume, change smoothly and do not move where nothing touches."""
 
 import numpy as np
 import pytest
 import trimesh
+from tests.muscles.crossings import crossings, inside
 
-from handpipe.mesh.distance import Distance, sample_points
+from handpipe.errors import ConvergenceError
+from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-from handpipe.muscles.separation import separate, volume_gradient
+from handpipe.muscles.separation import separate
 
 
-def ellipsoid(radii, centre, subdivisions: int = 4) -> Surface:
+def ellipsoid(radii, centre, subdivisions: int = 3) -> Surface:
     sphere = trimesh.creation.icosphere(subdivisions=subdivisions)
     return Surface(sphere.vertices * radii + centre, sphere.faces)
 
 
-def depth(a: Surface, b: Surface) -> float:
-    return max(0.0, -Distance(b).signed(sample_points(a, 20000))[0].min())
+def pair() -> dict[str, Surface]:
+    return {"a": ellipsoid([25, 5, 4], [0, 0, 0]), "b": ellipsoid([22, 5, 4], [4, 1, 7.0])}
+
+
+def assert_apart(surfaces, bones=()) -> None:
+    """No edge passes through a triangle, and no vertex is inside."""
+    muscles = list(surfaces.values())
+    for i, one in enumerate(muscles):
+        for other in (*muscles[:i], *muscles[i + 1 :], *bones):
+            assert crossings(one, other) == 0 and crossings(other, one) == 0
+            assert not inside(one.vertices, other).any()
 
 
 def test_two_muscles_come_apart_and_keep_their_volume():
-    muscles = {"a": ellipsoid([25, 5, 4], [0, 0, 0]), "b": ellipsoid([22, 5, 4], [4, 1, 7.0])}
+    muscles = pair()
     result = separate(muscles, {})
-    assert depth(muscles["a"], muscles["b"]) > 0.5
+    assert result.penetration_before > 0.5 and result.penetration == 0
+    assert_apart(result.surfaces)
     for name, other in (("a", "b"), ("b", "a")):
         surface, start = result.surfaces[name], muscles[name]
-        assert depth(surface, result.surfaces[other]) < 0.05
         assert surface.volume() == pytest.approx(start.volume(), rel=0.01)
         moved = np.linalg.norm(surface.vertices - start.vertices, axis=1)
         far = Distance(muscles[other]).closest(start.vertices)[0] > 6
         assert far.sum() > 50 and moved[far].max() < 0.08  # of the volume given back
         assert moved.max() > 0.2  # each of the two gave way
+    gap = Distance(result.surfaces["b"]).closest(result.surfaces["a"].vertices)[0].min()
+    assert gap < 0.06  # and no further than it must
 
 
 def test_smooth_where_it_was_pushed():
-    muscles = {"a": ellipsoid([25, 5, 4], [0, 0, 0]), "b": ellipsoid([22, 5, 4], [4, 1, 7.0])}
+    muscles = pair()
     result = separate(muscles, {})
     for name, start in muscles.items():
-        ends = start.triangles[:, [0, 1]]
+        ends = start.edges()
         shift = result.surfaces[name].vertices - start.vertices
         slope = np.linalg.norm(shift[ends[:, 0]] - shift[ends[:, 1]], axis=1)
         slope /= np.linalg.norm(start.vertices[ends[:, 0]] - start.vertices[ends[:, 1]], axis=1)
-        assert slope.max() < 0.3
+        assert slope.max() < 0.35
 
 
 def test_a_bone_stays_and_the_muscle_gives_way():
     bone = ellipsoid([30, 5, 5], [0, 0, -8.2])
     result = separate({"a": ellipsoid([25, 5, 4], [0, 0, 0])}, {"bone": bone})
     assert result.penetration_before > 0.5
-    assert depth(result.surfaces["a"], bone) < 0.05
-    assert depth(bone, result.surfaces["a"]) < 0.05
+    assert_apart(result.surfaces, [bone])
 
 
 def test_apart_is_left_alone():
@@ -58,21 +70,34 @@ def test_apart_is_left_alone():
         assert np.array_equal(result.surfaces[name].vertices, start.vertices)
 
 
-def test_volume_gradient_agrees_with_differences():
-    surface = ellipsoid([3, 2, 1], [1, 2, 3], subdivisions=1)
-    gradient = volume_gradient(surface)
-    for vertex, axis in ((0, 0), (7, 2)):
-        step = np.zeros_like(surface.vertices)
-        step[vertex, axis] = 1e-5
-        change = (
-            surface.moved(surface.vertices + step).volume() - surface.moved(surface.vertices - step).volume()
-        )
-        assert gradient[vertex, axis] == pytest.approx(change / 2e-5, rel=1e-6)
+def test_three_muscles_in_one_place_on_a_bone():
+    muscles = {
+        "a": ellipsoid([20, 5, 3], [0, 0, 0]),
+        "b": ellipsoid([20, 5, 3], [2, 3.5, 4.2]),
+        "c": ellipsoid([20, 5, 3], [-2, 7.5, 0.3]),
+    }
+    bone = ellipsoid([30, 5, 5], [0, 3, -6.8])
+    result = separate(muscles, {"bone": bone})
+    assert_apart(result.surfaces, [bone])
+    for name, start in muscles.items():
+        assert result.surfaces[name].volume() == pytest.approx(start.volume(), rel=0.01)
 
 
-@pytest.mark.parametrize("seed", [2, 22, 25])
+def test_attached_vertices_stay_inside_the_bone():
+    bone = ellipsoid([30, 5, 5], [0, 0, -8.2])
+    muscle = ellipsoid([25, 5, 4], [0, 0, 0])
+    depth = -Distance(bone).signed(muscle.vertices)[0]
+    held = np.flatnonzero((depth > 0) & (muscle.vertices[:, 0] > 2))
+    result = separate({"a": muscle}, {"bone": bone}, held={"a": held})
+    found = result.surfaces["a"].vertices
+    assert len(held) > 5 and np.array_equal(found[held], muscle.vertices[held])
+    free = np.setdiff1d(np.arange(len(found)), held)
+    assert not inside(found[free], bone).any()
+
+
+@pytest.mark.parametrize("seed", [2, 5, 13, 22, 25])
 def test_thin_coarse_muscles_across_one_another_on_a_bone(seed):
-    """A point in a dimple of few triangles has a closest one that swings; steps must not swing with it."""
+    """Deep enough that the nearest way out of the other is, for many points, the way through it."""
     rng = np.random.default_rng(seed)
     centre = [rng.uniform(6, 9), rng.uniform(-1, 1), rng.uniform(-0.9, 0.9)]
     across = trimesh.transformations.rotation_matrix(rng.uniform(0, 2), [0, 0, 1])[:3, :3]
@@ -84,9 +109,12 @@ def test_thin_coarse_muscles_across_one_another_on_a_bone(seed):
     bone = ellipsoid([20, 4, 4], [0, 0, -5.0], 3)
     found = separate(muscles, {"bone": bone})
     assert found.penetration_before > 0.4
-    a, b = found.surfaces["a"], found.surfaces["b"]
-    for one, two in ((a, b), (b, a), (a, bone), (b, bone)):
-        vertices = Distance(two).signed(one.vertices)[0]
-        assert vertices.min() > -0.05
+    assert_apart(found.surfaces, [bone])
     for name, start in muscles.items():
         assert found.surfaces[name].volume() == pytest.approx(start.volume(), rel=0.01)
+
+
+def test_says_what_cannot_be_parted():
+    bone = ellipsoid([20, 6, 6], [0, 0, 0])
+    with pytest.raises(ConvergenceError, match="lost and bone"):
+        separate({"lost": ellipsoid([10, 2, 2], [0, 0, 1.0], 2)}, {"bone": bone})

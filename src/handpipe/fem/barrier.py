@@ -61,10 +61,11 @@ class Barrier:
 
     `distance` d_hat in mm: beyond it there is no force; keep it below the edge length. Parts that are
     nearer than it at rest, and few edges apart, are taken for neighbours and never collide. `patches` (k,):
-    no contact within a patch where `self_contact` is off. `obstacle`: (vertices (o, 3), triangles) that do
-    not move in a solve; `advance` moves them between solves. `rest` (n, 3) in place of x for areas and
-    neighbours. Without intersection at the start: `InputError` otherwise. Later the value is infinite at
-    intersecting positions; steps are bounded by continuous collision detection.
+    no contact within a patch where `self_contact` is off. `allowed`: a further filter of pairs of surface
+    and, after them, obstacle vertices. `obstacle`: (vertices (o, 3), triangles) that do not move in a solve;
+    `advance` moves them between solves. `rest` (n, 3) in place of x for areas and neighbours. Without
+    intersection at the start: `InputError` otherwise. Later the value is infinite at intersecting positions;
+    steps are bounded by continuous collision detection.
     """
 
     def __init__(
@@ -79,6 +80,7 @@ class Barrier:
         patches: IntArray | None = None,
         self_contact: bool = True,
         rest: Array | None = None,
+        allowed: ipctk.CollisionFilter | None = None,
     ) -> None:
         self._narrow = sp.csr_matrix(operator)
         count = self._narrow.shape[0]
@@ -92,13 +94,15 @@ class Barrier:
         self._wide = sp.kron(self._operator, sp.eye(3), format="csr")
         self.distance, self.stiffness = distance, stiffness
         self._mesh = collision_mesh(self.positions(x if rest is None else rest), faces, count)
-        allowed = collision_filter(count, len(self.obstacle), patches, self_contact)
-        self._mesh.can_collide = allowed
+        colliding = collision_filter(count, len(self.obstacle), patches, self_contact)
+        if allowed is not None:
+            colliding = colliding & allowed
+        self._mesh.can_collide = colliding
         pairs = neighbours(self._mesh, count, distance)
         # The weights that make up for pairs counted twice take these to be whole: not so with exceptions.
         self._corrected = not pairs
         if pairs:
-            self._mesh.can_collide = allowed & ipctk.make_sparse_filter(dict.fromkeys(pairs, False), True)
+            self._mesh.can_collide = colliding & ipctk.make_sparse_filter(dict.fromkeys(pairs, False), True)
         self._edge = float(ipctk.mean_edge_length(self.positions(x), self.positions(x), self._mesh.edges)[0])
         self._potential = ipctk.BarrierPotential(distance, stiffness, True)
         self._pattern = GrowingPattern()

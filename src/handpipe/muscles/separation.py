@@ -7,6 +7,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +17,12 @@ from scipy.sparse.linalg import splu
 
 from handpipe import artifacts
 from handpipe.errors import ConvergenceError
-from handpipe.mesh.barycentric import barycentric_weights
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
+from handpipe.fem import equilibrium
+from handpipe.fem.barrier import Barrier
 from handpipe.mesh.surface import Surface
+from handpipe.muscles.overlap import Body, collision_filter, depth
+from handpipe.muscles.parting import body_pairs, parted
+from handpipe.muscles.surface_energy import Plate, Pressure, thin_plate, volume_gradient
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -27,23 +30,22 @@ IntArray = NDArray[np.int64]
 log = logging.getLogger(__name__)
 
 KIND = "separated-muscles"
-STRIDE = 0.5  # mm that a vertex moves in one step at most
-DAMPED = 20  # steps after which they are halved
-FLAT = 0.7  # cosine between a face's normal and the interpolated one; at sharper edges that says nothing
+STIFFNESS = 1.0  # mm of displacement whose pressure, by size alone, finds half the clearance
+HOLD = 1e2  # times a vertex's stiffness, by which held ones are pulled back to their places
+ROUNDS = 12  # in which pressures are sought
+RESERVE = 0.9  # of the volume's band that is used
 
 
 @dataclass(frozen=True)
 class SeparationOptions:
-    """reach: mm over which a displacement fades along the surface; clearance: mm kept between surfaces;
-    tolerance: mm of penetration that ends the search; acceptable: mm that the best of all steps may leave;
-    volume: relative change of a muscle's volume at most."""
+    """reach: mm over which a displacement fades along the surface; clearance: mm within which surfaces press
+    on one another; tolerance: mm, of the vertices; volume: relative change of a muscle's volume at most."""
 
     reach: float = 3.0
-    clearance: float = 0.02
-    tolerance: float = 0.02
-    acceptable: float = 0.05
+    clearance: float = 0.05
+    tolerance: float = 0.005
     volume: float = 0.008
-    iterations: int = 100
+    iterations: int = 300
 
 
 @dataclass(frozen=True)
@@ -73,201 +75,158 @@ def separate(
     *,
     held: Mapping[str, IntArray] | None = None,
 ) -> Separation:
-    """Push overlapping closed surfaces apart, both muscles of a pair alike; `fixed` bodies stay.
+    """Part overlapping closed surfaces, both muscles of a pair alike; `fixed` bodies stay.
 
-    The displacement u minimises thin-plate bending and size, reach^4 |lap u|^2 + |u|^2 integrated over the
-    surfaces, under a stiff one-sided penalty at vertices, edge midpoints and triangle centres that lie inside
-    another body. Where nothing is penetrated u is zero and stays zero. held: vertex ids of each muscle that
-    do not move and do not collide (attachments). Raises `ConvergenceError` where penetration remains.
+    Muscles are deflated until none meets another or a bone, then grow back to the displacement u from their
+    given shapes that minimises thin-plate bending and size, reach^4 |lap u|^2 + |u|^2 integrated over the
+    surfaces, with a barrier between them that no step crosses: surfaces that were apart never meet. Pressures
+    keep volumes. held: vertex ids of each muscle that do not move and do not collide (attachments).
+    Surfaces that do not meet are handed back as they are. Raises `ConvergenceError` where bodies meet however
+    deflated, or volumes find no room.
     """
     options = options or SeparationOptions()
-    bodies = [_Body(s, options.reach, (held or {}).get(name)) for name, s in muscles.items()]
-    names = list(muscles)
-    starts = np.cumsum([0, *(len(b.surface.vertices) for b in bodies)])
-    x0 = np.concatenate([b.surface.vertices for b in bodies])
-    stiffness = sparse.block_diag([b.stiffness for b in bodies], format="csr")
-    mass = float(np.median(np.concatenate([b.mass for b in bodies])))
-    parts = [slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
-    x, before, depth = x0.copy(), 0.0, 0.0
-    best: Separation | None = None
-    for iteration in range(options.iterations):
-        contacts = _contacts(bodies, parts, x, fixed, options.clearance)
-        depth = max(0.0, float(-(contacts.gaps + options.clearance).min(initial=0.0)))
-        volumes = _volume_rows(bodies, parts, x, options.volume)
-        before = depth if iteration == 0 else before
-        if not volumes and (best is None or depth < best.penetration):
-            surfaces = {n: b.surface.moved(x[p]) for n, b, p in zip(names, bodies, parts, strict=True)}
-            best = Separation(surfaces, before, depth, iteration)
-        if best is not None and best.penetration <= options.tolerance:
-            return best
-        penalty = mass * min(
-            10.0 * 1.4**iteration, 1e6
-        )  # soft at first: deep overlaps contradict one another
-        step = _step(x, x0, stiffness, mass, penalty, contacts, volumes)
-        # Between thin bodies the set of touching points may alternate; half steps end that.
-        share = 1.0 if iteration < DAMPED else 0.5
-        x = x + step * min(share, STRIDE / max(float(np.linalg.norm(step, axis=1).max()), 1e-9))
-        log.info("separation %d: penetration %.3f mm at %d points", iteration, depth, len(contacts.gaps))
-    if best is not None and best.penetration <= options.acceptable:
-        log.info("separation: the best of all steps leaves %.3f mm", best.penetration)
-        return best
-    raise ConvergenceError(
-        "Separation of muscles",
-        f"{depth:.3f} mm of penetration and volumes changed by up to "
-        f"{100 * _largest_change(bodies, parts, x):.1f} % after {options.iterations} steps",
+    nothing = np.zeros(0, dtype=np.int64)
+    scene = _Scene(
+        [Body(n, s, np.asarray((held or {}).get(n, nothing))) for n, s in muscles.items()],
+        [Body(n, s, nothing, fixed=True) for n, s in fixed.items()],
     )
-
-
-class _Body:
-    def __init__(self, surface: Surface, reach: float, held: IntArray | None) -> None:
-        self.surface, self.volume = surface, surface.volume()
-        self.mass = mass_lumped(surface.vertices, surface.triangles)
-        laplacian = cotangent_laplacian(surface.vertices, surface.triangles)
-        bending = laplacian @ sparse.diags(1 / self.mass) @ laplacian
-        hold = np.zeros(len(self.mass))
-        hold[[] if held is None else held] = 1e6
-        self.stiffness = reach**4 * bending + sparse.diags(self.mass * (1 + hold))
-        self.samples = _sampling(surface, hold > 0)
-
-
-def _sampling(surface: Surface, held: NDArray[np.bool_]) -> sparse.csr_matrix:
-    """Matrix (s, n) that takes vertices to vertices, edge midpoints and triangle centres, without held
-    vertices.
-    """
-    n, edges, triangles = len(surface.vertices), surface.edges(), surface.triangles
-    free = np.flatnonzero(~held)
-    edges, triangles = edges[~held[edges].any(axis=1)], triangles[~held[triangles].any(axis=1)]
-    parts = [_average(cells, n) for cells in (free[:, None], edges, triangles)]
-    return sparse.vstack(parts, format="csr")
-
-
-def _average(cells: IntArray, n: int) -> sparse.csr_matrix:
-    k, size = cells.shape
-    return sparse.csr_matrix(
-        (np.full(k * size, 1 / size), cells.ravel(), size * np.arange(k + 1)), shape=(k, n)
-    )
+    rest = scene.rest()
+    before = scene.penetration(rest)
+    apart = parted(scene.muscles, scene.bones)
+    if apart is None:
+        return Separation(dict(muscles), before, before, 0)
+    x, iterations = _grown(scene, rest, np.concatenate(apart), options)
+    surfaces = {n: b.surface.moved(x[p]) for n, b, p in zip(muscles, scene.muscles, scene.parts, strict=True)}
+    return Separation(surfaces, before, scene.penetration(x), iterations)
 
 
 @dataclass(frozen=True)
-class _Contacts:
-    """Gaps (c,) less the clearance, their gradients (c, 3 N), and the points' weights of vertices (c, N)."""
+class _Scene:
+    """Muscles, whose vertices follow one another in x (N, 3), and bones."""
 
-    gaps: Array
-    rows: sparse.csr_matrix
-    points: sparse.csr_matrix
+    muscles: list[Body]
+    bones: list[Body]
+
+    @property
+    def parts(self) -> list[slice]:
+        starts = np.cumsum([0, *(len(b.surface.vertices) for b in self.muscles)])
+        return [slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+
+    def rest(self) -> Array:
+        return np.concatenate([b.surface.vertices for b in self.muscles])
+
+    def held(self) -> IntArray:
+        """Vertices of x that stay."""
+        return np.concatenate([b.held + p.start for b, p in zip(self.muscles, self.parts, strict=True)])
+
+    def penetration(self, x: Array) -> float:
+        """Depth in mm at most of a muscle in another or in a bone."""
+        bodies = self.muscles + self.bones
+        at = [*(x[p] for p in self.parts), *(b.surface.vertices for b in self.bones)]
+        both = [*body_pairs(self.muscles, self.bones), *combinations(reversed(range(len(self.muscles))), 2)]
+        return max((depth(bodies[i], bodies[j], at[i], at[j]) for i, j in both), default=0.0)
+
+    def barrier(self, x: Array, clearance: float) -> Barrier:
+        """Between all that may collide, with muscles at x (N, 3)."""
+        copies, triangles, start, first = [], [], 0, 0
+        for body in self.muscles:
+            vertices, faces = body.copies
+            copies.append(vertices + start)
+            triangles.append(faces + first)
+            start, first = start + len(body.surface.vertices), first + len(vertices)
+        chosen = np.concatenate(copies)
+        operator = sparse.csr_matrix((np.ones(first), chosen, np.arange(first + 1)), shape=(first, len(x)))
+        bodies = self.muscles + self.bones
+        return Barrier(
+            operator,
+            np.concatenate(triangles),
+            x,
+            clearance,
+            STIFFNESS,
+            obstacle=_joined(self.bones),
+            rest=self.rest(),
+            allowed=collision_filter(bodies),
+        )
 
 
-def _contacts(
-    bodies: Sequence[_Body], parts: Sequence[slice], x: Array, fixed: Mapping[str, Surface], clearance: float
-) -> _Contacts:
-    """Points inside another body, each to be moved along its closest point's interpolated normal.
-
-    With the triangle's own normal a point in a dimple of few triangles swings between them for ever.
-    """
-    gaps, rows, own_rows = [np.zeros(0)], [sparse.csr_matrix((0, x.size))], [sparse.csr_matrix((0, len(x)))]
-    moved = [b.surface.moved(x[p]) for b, p in zip(bodies, parts, strict=True)]
-    for i, (body, part) in enumerate(zip(bodies, parts, strict=True)):
-        points = body.samples @ x[part]
-        others = [(j, s) for j, s in enumerate(moved) if j != i] + [(-1, s) for s in fixed.values()]
-        for j, other in others:
-            near = _near(points, other, clearance)
-            gap, triangles, closest, normals = Distance(other).signed(points[near])
-            inside = gap < clearance
-            near = near[inside]
-            own = _shift(body.samples[near], part.start, len(x))
-            own_rows.append(own)
-            corners = other.triangles[triangles[inside]]
-            weights = barycentric_weights(closest[inside], other.vertices[corners])
-            smooth = np.einsum("ka,kai->ki", weights, other.vertex_normals()[corners])
-            smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
-            flat = np.einsum("ki,ki->k", smooth, normals[inside]) > FLAT
-            directions = np.where(flat[:, None], smooth, normals[inside])
-            if j >= 0:
-                own = own - _scattered(weights, corners + parts[j].start, len(x))
-            gaps.append(gap[inside] - clearance)
-            rows.append(_along(own, directions))
-    stacked = sparse.vstack(rows, format="csr"), sparse.vstack(own_rows, format="csr")
-    return _Contacts(np.concatenate(gaps), *stacked)
+def _joined(bones: Sequence[Body]) -> tuple[Array, IntArray] | None:
+    if not bones:
+        return None
+    starts = np.cumsum([0, *(len(b.surface.vertices) for b in bones)])
+    triangles = [b.surface.triangles + s for b, s in zip(bones, starts, strict=False)]
+    return np.concatenate([b.surface.vertices for b in bones]), np.concatenate(triangles)
 
 
-def _near(points: Array, other: Surface, margin: float) -> IntArray:
-    low, high = other.vertices.min(axis=0) - margin, other.vertices.max(axis=0) + margin
-    return np.flatnonzero(((points > low) & (points < high)).all(axis=1))
-
-
-def _shift(matrix: sparse.csr_matrix, start: int, total: int) -> sparse.csr_matrix:
-    return sparse.csr_matrix(
-        (matrix.data, matrix.indices + start, matrix.indptr), shape=(matrix.shape[0], total)
+def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions) -> tuple[Array, int]:
+    """Vertices (N, 3) at the minimum with volumes kept, and iterations on the way."""
+    surfaces = [b.surface for b in scene.muscles]
+    plates = [_plate(b, options.reach) for b in scene.muscles]
+    plate = Plate(sparse.block_diag(plates, format="csr"), rest)
+    barrier = _Convex(scene.barrier(start, options.clearance))
+    settings = equilibrium.Options(
+        displacement_tolerance=options.tolerance,
+        force_tolerance=1e-2,
+        max_iterations=options.iterations,
+        allow_partial=True,
+        untangle=False,
+        name="separation",
+    )
+    volumes = np.array([s.volume() for s in surfaces])
+    compliances = np.array([_compliance(s, k) for s, k in zip(surfaces, plates, strict=True)])
+    x, pressures, iterations = start, np.zeros(len(surfaces)), 0
+    for _ in range(ROUNDS):
+        forces = [plate, Pressure(surfaces, scene.parts, pressures), barrier]
+        found = equilibrium.solve(forces, x, options=settings)
+        x, iterations = found.x, iterations + found.record.iterations
+        now = np.array([s.moved(x[p]).volume() for s, p in zip(surfaces, scene.parts, strict=True)])
+        changes = now / volumes - 1
+        log.info(
+            "separation: %d iterations, volumes changed by up to %.2f %%",
+            iterations,
+            100 * np.abs(changes).max(),
+        )
+        outside = np.abs(changes) > options.volume
+        if not outside.any():
+            return _seated(scene, rest, x, barrier.barrier), iterations
+        wanted = volumes * (1 + np.clip(changes, -RESERVE * options.volume, RESERVE * options.volume))
+        pressures += np.where(outside, (wanted - now) / compliances, 0.0)
+    raise ConvergenceError(
+        "Separation of muscles",
+        f"volumes changed by up to {100 * np.abs(changes).max():.1f} % after {iterations} iterations",
     )
 
 
-def _scattered(weights: Array, corners: IntArray, total: int) -> sparse.csr_matrix:
-    """Rows (k, total) of weights (k, 3) at corners (k, 3)."""
-    k = len(corners)
-    return sparse.csr_matrix((weights.ravel(), corners.ravel(), 3 * np.arange(k + 1)), shape=(k, total))
+def _plate(body: Body, reach: float) -> sparse.csr_matrix:
+    """Stiffness (n, n) of a muscle's surface; what was drawn in of its attachments is pulled back to them."""
+    plate = thin_plate(body.surface, reach)
+    pull = np.zeros(plate.shape[0])
+    pull[body.held] = HOLD * plate.diagonal()[body.held]
+    return sparse.csr_matrix(plate + sparse.diags(pull))
 
 
-def _along(weights: sparse.csr_matrix, normals: Array) -> sparse.csr_matrix:
-    """Rows (c, 3 N): a point's weights (c, N) times the direction (c, 3) in which it is measured."""
-    w = sparse.coo_matrix(weights)
-    indices = (3 * w.col[:, None] + np.arange(3)).ravel()
-    data = (w.data[:, None] * normals[w.row]).ravel()
-    return sparse.csr_matrix((data, (np.repeat(w.row, 3), indices)), shape=(w.shape[0], 3 * w.shape[1]))
+def _seated(scene: _Scene, rest: Array, x: Array, barrier: Barrier) -> Array:
+    """x with held vertices exactly at rest, where nothing meets there."""
+    seated, held = x.copy(), scene.held()
+    seated[held] = rest[held]
+    if not barrier.intersects(seated):
+        return seated
+    off = np.linalg.norm(x[held] - rest[held], axis=1).max()
+    log.warning("separation: attachments leave no room for a muscle; one is %.3f mm off its place", off)
+    return x
 
 
-def _volume_rows(
-    bodies: Sequence[_Body], parts: Sequence[slice], x: Array, tolerance: float
-) -> list[tuple[Array, float]]:
-    """Gradient (3 N,) and wanted change of each volume that has left its band."""
-    rows = []
-    for body, part in zip(bodies, parts, strict=True):
-        surface = body.surface.moved(x[part])
-        change = surface.volume() / body.volume - 1
-        if abs(change) > tolerance:
-            gradient = np.zeros_like(x)
-            gradient[part] = volume_gradient(surface)
-            rows.append((gradient.ravel(), body.volume * (0.9 * np.sign(change) * tolerance - change)))
-    return rows
+def _compliance(surface: Surface, plate: sparse.csr_matrix) -> float:
+    """Change of a free surface's volume by its pressure, in mm^3 per mm."""
+    gradient = volume_gradient(surface)
+    return float(np.vdot(gradient, splu(plate.tocsc()).solve(gradient)))
 
 
-def _largest_change(bodies: Sequence[_Body], parts: Sequence[slice], x: Array) -> float:
-    """Relative change of the volume that changed most."""
-    return max(abs(b.surface.moved(x[p]).volume() / b.volume - 1) for b, p in zip(bodies, parts, strict=True))
+class _Convex:
+    """A barrier that always hands out its projected Hessian: what it touches bends little within a step."""
 
+    def __init__(self, barrier: Barrier) -> None:
+        self.barrier = barrier
+        self.value, self.gradient, self.max_step = barrier.value, barrier.gradient, barrier.max_step
 
-def volume_gradient(surface: Surface) -> Array:
-    """Derivative (n, 3) of the enclosed volume by the vertices."""
-    gradient = np.zeros_like(surface.vertices)
-    points = surface.vertices[surface.triangles]
-    for corner in range(3):
-        opposite = np.cross(points[:, (corner + 1) % 3], points[:, (corner + 2) % 3]) / 6
-        np.add.at(gradient, surface.triangles[:, corner], opposite)
-    return gradient
-
-
-def _step(
-    x: Array,
-    x0: Array,
-    stiffness: sparse.csr_matrix,
-    damping: float,
-    penalty: float,
-    contacts: _Contacts,
-    volumes: Sequence[tuple[Array, float]],
-) -> Array:
-    """Damped step (N, 3) to the minimiser with contacts linearised at x; volumes by Lagrange multipliers."""
-    full = sparse.kron(stiffness, sparse.eye(3), format="csr")
-    still = sparse.kron(
-        contacts.points.T @ contacts.points, sparse.eye(3), format="csr"
-    )  # do not slip sideways
-    matrix = (
-        full + damping * sparse.identity(x.size) + penalty * (contacts.rows.T @ contacts.rows + 0.1 * still)
-    )
-    factor = splu(matrix.tocsc())
-    force = -(full @ (x - x0).ravel()) - penalty * contacts.rows.T @ contacts.gaps
-    step = factor.solve(force)
-    if volumes:
-        rows = np.array([row for row, _ in volumes])
-        missing = np.array([change for _, change in volumes]) - rows @ step
-        influence = factor.solve(rows.T)
-        step = step + influence @ np.linalg.solve(rows @ influence, missing)
-    return step.reshape(-1, 3)
+    def hessian(self, x: Array, project: bool = False) -> sparse.csr_matrix:
+        return self.barrier.hessian(x, True)

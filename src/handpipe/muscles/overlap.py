@@ -1,0 +1,129 @@
+"""Which closed surfaces meet, told by exact tests; how deep one is inside another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import igl
+import ipctk
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.surface import Surface
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A closed surface; held (k,): its vertices that neither move nor collide; `fixed`: as a bone.
+
+    Triangles with a held vertex are tied: they meet no bone and no other tied triangle.
+    """
+
+    name: str
+    surface: Surface
+    held: IntArray
+    fixed: bool = False
+
+    @cached_property
+    def tied(self) -> NDArray[np.bool_]:
+        """Which triangles (k,) have a held vertex."""
+        return np.asarray(np.isin(self.surface.triangles, self.held).any(axis=1))
+
+    @cached_property
+    def copies(self) -> tuple[IntArray, IntArray]:
+        """Vertex (m,) of every copy, triangles (k, 3) on copies: tied triangles have vertices of their own.
+
+        So a test between copies, all that the IPC Toolkit offers, tells tied triangles from others.
+        """
+        n, triangles = len(self.surface.vertices), self.surface.triangles.copy()
+        own = np.unique(triangles[self.tied])
+        number = np.full(n, -1)
+        number[own] = n + np.arange(len(own))
+        triangles[self.tied] = number[triangles[self.tied]]
+        return np.concatenate([np.arange(n), own]), triangles
+
+    @cached_property
+    def free(self) -> IntArray:
+        """Vertices that collide."""
+        return np.setdiff1d(np.arange(len(self.surface.vertices)), self.held)
+
+
+def collision_filter(bodies: Sequence[Body]) -> ipctk.CollisionFilter:
+    """Which copies of all bodies, one body after the other, may collide: not those of one body, not two fixed
+    ones, not a tied one with a tied or fixed one.
+    """
+    counts = [len(b.copies[0]) for b in bodies]
+    body = np.repeat(np.arange(len(bodies)), counts)
+    passive = np.concatenate(
+        [
+            np.full(c, True) if b.fixed else np.arange(c) >= len(b.surface.vertices)
+            for b, c in zip(bodies, counts, strict=True)
+        ]
+    )
+    group = np.where(passive, 0, 1 + np.arange(len(passive)))
+    apart = ipctk.make_vertex_patches_filter(body.astype(np.int32))
+    return apart & ipctk.make_vertex_patches_filter(group.astype(np.int32))
+
+
+def meet(a: Body, b: Body, xa: Array, xb: Array) -> bool:
+    """Whether a surface at vertices xa (n, 3) cuts another at xb (m, 3), or one is inside the other.
+
+    Exact: every edge against every triangle, and winding numbers.
+    """
+    near_a, near_b = _in_box(xa, xb), _in_box(xb, xa)
+    if not near_a.any() and not near_b.any() and not _boxes_cross(xa, xb):
+        return False
+    mesh, copies = _pair_mesh(a, b)
+    return (
+        ipctk.has_intersections(mesh, np.asfortranarray(np.concatenate([xa, xb])[copies]), ipctk.LBVH())
+        or _inside(xa[a.free], b.surface.moved(xb))
+        or _inside(xb[_probes(b, xb, xa)], a.surface.moved(xa))
+    )
+
+
+def _boxes_cross(xa: Array, xb: Array) -> bool:
+    return bool(((xa.min(axis=0) <= xb.max(axis=0)) & (xb.min(axis=0) <= xa.max(axis=0))).all())
+
+
+def _in_box(points: Array, other: Array) -> NDArray[np.bool_]:
+    return ((points >= other.min(axis=0)) & (points <= other.max(axis=0))).all(axis=1)
+
+
+def _pair_mesh(a: Body, b: Body) -> tuple[ipctk.CollisionMesh, IntArray]:
+    """Collision mesh of the copies of two bodies, and each copy's vertex of both."""
+    (of_a, triangles_a), (of_b, triangles_b) = a.copies, b.copies
+    copies = np.concatenate([of_a, of_b + len(a.surface.vertices)])
+    faces = np.concatenate([triangles_a, triangles_b + len(of_a)]).astype(np.int32)
+    rest = np.concatenate([a.surface.vertices, b.surface.vertices])[copies]
+    mesh = ipctk.CollisionMesh(np.asfortranarray(rest), ipctk.edges(faces), np.asfortranarray(faces))
+    mesh.can_collide = collision_filter([a, b])
+    return mesh, copies
+
+
+def _probes(b: Body, xb: Array, xa: Array) -> IntArray:
+    """Vertices of b that tell whether it is inside a: of a bone, into which muscles are tied, one."""
+    if not b.fixed:
+        return b.free
+    return np.array([np.argmax(np.linalg.norm(xb - xa.mean(axis=0), axis=1))])
+
+
+def _inside(points: Array, surface: Surface) -> bool:
+    near = np.ascontiguousarray(points[_in_box(points, surface.vertices)])
+    if len(near) == 0:
+        return False
+    return bool((igl.fast_winding_number(surface.vertices, surface.triangles, near) > 0.5).any())
+
+
+def depth(a: Body, b: Body, xa: Array, xb: Array) -> float:
+    """Depth in mm of a's vertices, edge midpoints and triangle centres, without held ones, inside b."""
+    triangles, edges = a.surface.triangles[~a.tied], a.surface.edges()
+    edges = edges[~np.isin(edges, a.held).any(axis=1)]
+    points = np.concatenate([xa[a.free], xa[edges].mean(axis=1), xa[triangles].mean(axis=1)])
+    near = points[_in_box(points, xb)]
+    return max(0.0, -float(Distance(b.surface.moved(xb)).signed(near)[0].min(initial=0.0)))

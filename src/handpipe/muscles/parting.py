@@ -1,0 +1,92 @@
+"""A start at which no body meets another: muscles drawn in from one another and pushed out of bones."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.errors import ConvergenceError
+from handpipe.mesh.distance import Distance
+from handpipe.muscles.deflation import Deflation
+from handpipe.muscles.overlap import Body, meet
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+log = logging.getLogger(__name__)
+
+MARGIN = 0.05  # mm that a muscle is first kept out of a bone
+WIDER = 1.5  # times as far in every further round: bones reach through large triangles
+ROUNDS = 60
+
+
+def body_pairs(muscles: Sequence[Body], bones: Sequence[Body]) -> list[tuple[int, int]]:
+    """Muscle and muscle, or muscle and bone: numbers in the list of both."""
+    m, b = len(muscles), len(bones)
+    return [*combinations(range(m), 2), *((i, m + j) for i in range(m) for j in range(b))]
+
+
+def parted(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None:
+    """Vertices (n, 3) of each muscle at which nothing meets; None where that is so at rest.
+
+    Raises `ConvergenceError` naming a pair that meets however it is drawn in.
+    """
+    bodies = [*muscles, *bones]
+    starts = [_Start(b, bodies) for b in muscles]
+    at = [b.surface.vertices for b in bodies]
+    pairs = open_pairs = body_pairs(muscles, bones)
+    for round_ in range(ROUNDS):
+        meeting = [(i, j) for i, j in open_pairs if meet(bodies[i], bodies[j], at[i], at[j])]
+        if not meeting:
+            return at[: len(muscles)] if round_ else None
+        log.info("separation: %d pairs of bodies meet", len(meeting))
+        both = [*meeting, *((j, i) for i, j in meeting if j < len(muscles))]
+        for i, j in both:
+            starts[i].give_way(j, at[i], at[j])
+        moved = {i for i, _ in both}
+        for i in moved:
+            at[i] = starts[i].vertices()
+        open_pairs = [(i, j) for i, j in pairs if i in moved or j in moved]
+    names = " and ".join(bodies[k].name for k in meeting[0])
+    raise ConvergenceError("Separation of muscles", f"{names} meet even when drawn in to threads")
+
+
+class _Start:
+    """One muscle on its way to where it meets no other body: drawn in from muscles, pushed out of bones."""
+
+    def __init__(self, body: Body, bodies: Sequence[Body]) -> None:
+        self._body, self._bodies = body, bodies
+        self._margins = np.zeros(len(bodies))  # mm by which it is kept out of a bone, zero if left alone
+        self._meeting: list[IntArray] = []
+        self._deflation: Deflation | None = None
+        self._distances: dict[int, Distance] = {}
+
+    def give_way(self, j: int, x: Array, other: Array) -> None:
+        """Note that this muscle at x (n, 3) meets body j at `other` (m, 3)."""
+        body = self._bodies[j]
+        if body.fixed:
+            self._margins[j] = max(MARGIN, WIDER * self._margins[j])
+            return
+        gaps = Distance(body.surface.moved(other)).signed(x)[0]
+        # Where edges alone cut the other body, those nearest to it.
+        meeting = gaps < 0 if (gaps < 0).any() else gaps <= 1.5 * gaps.min()
+        self._meeting.append(np.flatnonzero(meeting))
+
+    def vertices(self) -> Array:
+        """Vertices (n, 3) after one more step away from what was met since the last one."""
+        if self._meeting:
+            self._deflation = self._deflation or Deflation(self._body.surface)
+            self._deflation.step(np.unique(np.concatenate(self._meeting)))
+            self._meeting = []
+        x = np.array(self._deflation.vertices() if self._deflation else self._body.surface.vertices)
+        free = self._body.free
+        for j in np.flatnonzero(self._margins):
+            if j not in self._distances:
+                self._distances[j] = Distance(self._bodies[j].surface)
+            gaps, _, _, normals = self._distances[j].signed(x[free])
+            x[free] += np.maximum(self._margins[j] - gaps, 0.0)[:, None] * normals
+        return x

@@ -1,0 +1,37 @@
+"""Exact verdicts on two surfaces that share nothing with what the separation steers by."""
+
+import igl
+import numpy as np
+
+from handpipe.mesh.surface import Surface
+
+
+def crossings(one: Surface, other: Surface) -> int:
+    """How many edges of one pass through triangles of the other (Moeller and Trumbore 1997)."""
+    ends = one.vertices[one.edges()]
+    corners = other.vertices[other.triangles]
+    low, high = other.vertices.min(axis=0), other.vertices.max(axis=0)
+    ends = ends[((ends.max(axis=1) > low) & (ends.min(axis=1) < high)).all(axis=1)]
+    count = 0
+    for start in range(0, len(ends), 200):
+        count += _hits(ends[start : start + 200], corners)
+    return count
+
+
+def _hits(ends: np.ndarray, corners: np.ndarray) -> int:
+    origin, along = ends[:, None, 0], (ends[:, 1] - ends[:, 0])[:, None]
+    first, second = corners[None, :, 1] - corners[None, :, 0], corners[None, :, 2] - corners[None, :, 0]
+    p = np.cross(along, second)
+    determinant = (first * p).sum(axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        arm = origin - corners[None, :, 0]
+        u = (arm * p).sum(axis=2) / determinant
+        q = np.cross(arm, first)
+        v = (along * q).sum(axis=2) / determinant
+        t = (second * q).sum(axis=2) / determinant
+    return int(((u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0) & (t <= 1)).sum())
+
+
+def inside(points: np.ndarray, surface: Surface) -> np.ndarray:
+    """Which points have winding number one, by the sum of all solid angles."""
+    return igl.winding_number(surface.vertices, surface.triangles, np.ascontiguousarray(points)) > 0.5
