@@ -79,14 +79,10 @@ def kept_apart(
             for motion in _distinct([t[other].inverse() @ t[name] for t in moves])
         )
         cut = carved(values[near], at[near], others, gap)
-        depth = (cut - values[near])[values[near] < 0.0]
-        lost = ((cut > 0.0) & (values[near] < 0.0)).sum() * SPACING**3
-        log.info(
-            "%s: carved by up to %.1f mm, %.1f %% of its volume, to keep bones apart",
-            name,
-            depth.max(),
-            100.0 * lost / max((values < 0.0).sum() * SPACING**3, 1.0),
-        )
+        lost = -values[near][(cut > 0.0) & (values[near] < 0.0)]
+        share = 100.0 * len(lost) / max((values < 0.0).sum(), 1)
+        deepest = lost.max(initial=0.0)
+        log.info("%s: carved up to %.1f mm deep, %.1f %% of it, to keep bones apart", name, deepest, share)
         values[near] = cut
         mesh = grids.isosurface(values, grid).largest_component().compact()
         result[name] = mesh.vertices, mesh.triangles
