@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from benchmarks.bones.notices import listening
 from benchmarks.bones.subject import Scan
 from handpipe.config import Dataset
-from handpipe.imaging.cortical import whole_bone
-from handpipe.imaging.marrow import marrow_surface
-from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, merge, segment_bone
+from handpipe.imaging.bone_surfaces import bone_surfaces
+from handpipe.imaging.claims import Appearance, appearances, doubted
+from handpipe.imaging.claims import segment as claimed
+from handpipe.imaging.segmentation import SegmentationSettings, merge
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.pose_registration import register_pose, unmoved
 from handpipe.skeleton.registration_result import Registration
@@ -28,27 +29,35 @@ class Notes:
     seconds: float = 0.0
 
     @contextmanager
-    def of(self, bone: str) -> Iterator[None]:
-        """Times the block and listens to what is said in it; errors for people end the block alone."""
+    def of(self, bones: Iterable[str]) -> Iterator[None]:
+        """Times the block and listens: what begins with a bone's name is said of it, the rest of all bones.
+
+        An error for people ends the block alone.
+        """
         heard: list[str] = []
         begun = time.process_time()
         with listening(heard):
             yield
         self.seconds += time.process_time() - begun
-        if heard:
-            self.said.setdefault(bone, []).extend(heard)
+        for text in heard:
+            named = next((bone for bone in bones if text.startswith(bone)), EVERY)
+            self.said.setdefault(named, []).append(text)
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Segmented:
-    """Surfaces of the bones that were found in a pose: of the marrow, and in neutral of the whole bone."""
+    """Surfaces of the bones that were found in a pose, and how they look in its image.
+
+    marrow; whole: in neutral alone.
+    """
 
     marrow: dict[str, Surface]
     whole: dict[str, Surface]
+    looks: dict[str, Appearance]
     notes: Notes
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Registered:
     """Registrations of the bones that were found in a pose, from neutral."""
 
@@ -60,27 +69,23 @@ class Registered:
         return {bone: r for bone, r in self.found.items() if not r.doubt}
 
 
-def segment(scan: Scan, settings: SegmentationSettings, *, neutral: bool) -> Segmented:
-    """Bones of one scan; what fails for one bone leaves the others alone."""
-    notes, claims = Notes(), dict[int, BoneProbability]()
-    for bone, label in scan.labels.items():
-        with notes.of(bone):
-            claims[label] = segment_bone(scan.volume, scan.seeds, label, settings)
-    with notes.of(EVERY):
-        _, claims = merge(scan.volume, claims, scan.seeds, settings)
-    names = {label: bone for bone, label in scan.labels.items()}
-    marrow: dict[str, Surface] = {}
-    whole: dict[str, Surface] = {}
-    for label, claim in claims.items():
-        with notes.of(names[label]):
-            marrow[names[label]] = marrow_surface(scan.volume, claim)
-    for label, claim in claims.items() if neutral else ():
-        bone = names[label]
-        if bone in marrow:
-            others = [surface for other, surface in marrow.items() if other != bone]
-            with notes.of(bone):
-                whole[bone] = whole_bone(scan.volume, claim, marrow[bone], others)
-    return Segmented(marrow, whole, notes)
+def segment(scan: Scan, settings: SegmentationSettings, neutral: Segmented | None) -> Segmented:
+    """Bones of one scan, without those that the library doubts; neutral: how they look there, but there."""
+    notes, looks, surfaces = Notes(), dict[str, Appearance](), dict[str, dict[str, Surface]]()
+    with notes.of(scan.labels):
+        alone, _ = claimed(scan.volume, scan.seeds, scan.labels, settings)
+        by_label = {scan.labels[bone]: claim for bone, claim in alone.items()}
+        _, merged = merge(scan.volume, by_label, scan.seeds, settings)
+        bones = {bone: merged[label] for bone, label in scan.labels.items() if label in merged}
+        looks = appearances(scan.volume, bones)
+        wrong = doubted(looks, neutral.looks if neutral else {})
+        bones = {bone: claim for bone, claim in bones.items() if bone not in wrong}
+        surfaces = bone_surfaces(scan.volume, bones, whole=neutral is None)
+    return Segmented(_parts(surfaces, "marrow"), _parts(surfaces, "whole"), looks, notes)
+
+
+def _parts(surfaces: Mapping[str, Mapping[str, Surface]], part: str) -> dict[str, Surface]:
+    return {bone: parts[part] for bone, parts in surfaces.items() if part in parts}
 
 
 def register(dataset: Dataset, neutral: Segmented, pose: Segmented) -> Registered:
@@ -88,9 +93,6 @@ def register(dataset: Dataset, neutral: Segmented, pose: Segmented) -> Registere
     if pose is neutral:
         return Registered(unmoved(neutral.marrow), Notes())
     notes, found = Notes(), dict[str, Registration]()
-    with notes.of(EVERY):
+    with notes.of(dataset.bones):
         found = register_pose(dataset, neutral.marrow, pose.marrow)
-    for text in notes.said.pop(EVERY, []):
-        named = [bone for bone in dataset.bones if text.startswith(bone)]
-        notes.said.setdefault(named[0] if named else EVERY, []).append(text)
     return Registered(found, notes)

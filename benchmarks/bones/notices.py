@@ -22,10 +22,13 @@ class _Listener(logging.Handler):
 def listening(heard: list[str]) -> Iterator[None]:
     """Add to `heard` what is said inside the block; an error for people ends the block, no more."""
     logger, listener = logging.getLogger("handpipe"), _Listener(heard)
+    usual = logger.level
     logger.addHandler(listener)
+    logger.setLevel(logging.WARNING)  # whatever the rest of the process cares to hear
     try:
         yield
     except HandpipeError as error:
         heard.append(str(error))
     finally:
+        logger.setLevel(usual)
         logger.removeHandler(listener)

@@ -29,12 +29,14 @@ SETTINGS = SegmentationSettings.model_validate({})
 class BoneErrors:
     """Of one bone in one pose against truth, in deg and mm; None of what was not found.
 
-    dice: of the whole bone in neutral, of its marrow in other poses.
+    dice: of the whole bone in neutral, of its marrow in other poses. stated: deviations of the rotation and
+    the translation that the registration expects of itself.
     """
 
     dice: float | None
     rotation: float | None
     translation: float | None
+    stated: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -56,10 +58,15 @@ class Outcome:
 
 @cache
 def segmented(
-    bones: tuple[str, ...], conditions: Conditions, pose: str, settings: SegmentationSettings
+    bones: tuple[str, ...],
+    neutral: Conditions,
+    conditions: Conditions,
+    pose: str,
+    settings: SegmentationSettings,
 ) -> Segmented:
-    """The bones of one pose; cases that share it do not repeat it."""
-    return segment(scan(bones, conditions, pose), settings, neutral=pose == NEUTRAL)
+    """The bones of one pose; cases that share it do not repeat it. neutral: conditions of neutral."""
+    rest = None if pose == NEUTRAL else segmented(bones, neutral, neutral, NEUTRAL, settings)
+    return segment(scan(bones, conditions, pose), settings, rest)
 
 
 @cache
@@ -71,9 +78,9 @@ def registered(
     settings: SegmentationSettings,
 ) -> Registered:
     """The bones of one pose, registered from neutral."""
-    rest = segmented(bones, neutral, NEUTRAL, settings)
+    rest = segmented(bones, neutral, neutral, NEUTRAL, settings)
     dataset = Part(bones).dataset(conditions.hand)
-    return register(dataset, rest, segmented(bones, conditions, pose, settings))
+    return register(dataset, rest, segmented(bones, neutral, conditions, pose, settings))
 
 
 def run(case: Case, part: Part = PHALANGES, settings: SegmentationSettings = SETTINGS) -> Outcome:
@@ -86,8 +93,8 @@ def run(case: Case, part: Part = PHALANGES, settings: SegmentationSettings = SET
     trusted: dict[str, dict[str, Registration]] = {}
     seconds = 0.0
     for pose in poses:
-        bones = segmented(part.bones, case.of(pose), pose, settings)
-        motions = registered(part.bones, case.of(NEUTRAL), case.of(pose), pose, settings)
+        given = (part.bones, case.of(NEUTRAL), case.of(pose), pose, settings)
+        bones, motions = segmented(*given), registered(*given)
         trusted[pose] = motions.trusted()
         for notes in (bones.notes, motions.notes):
             seconds += notes.seconds
@@ -118,11 +125,13 @@ def _pose_errors(
     errors = {}
     for bone in part.bones:
         dice = overlap(found[bone], true[bone], image) if bone in found else None
-        motion: tuple[float | None, float | None] = (None, None)
+        errors[pose, bone] = BoneErrors(dice, None, None)
         if pose != NEUTRAL and bone in motions.found:
+            found_motion = motions.found[bone]
             centroid = scan(part.bones, case.of(NEUTRAL), NEUTRAL).posed.bones[bone][0].mean(axis=0)
-            motion = motion_error(motions.found[bone].transform, image.posed.transforms[bone], centroid)
-        errors[pose, bone] = BoneErrors(dice, *motion)
+            apart = motion_error(found_motion.transform, image.posed.transforms[bone], centroid)
+            stated = (found_motion.rotation_deviation, found_motion.translation_deviation)
+            errors[pose, bone] = BoneErrors(dice, *apart, stated)
     return errors
 
 
@@ -131,7 +140,8 @@ def _rig(
 ) -> tuple[dict[Place, str], Metrics]:
     """Fit the rig to all poses, as `fit_rig` does: odd bones, and errors on fitted and on left-out poses."""
     dataset = part.dataset(case.conditions.hand)
-    surfaces = segmented(part.bones, case.of(NEUTRAL), NEUTRAL, settings).whole
+    rest = case.of(NEUTRAL)
+    surfaces = segmented(part.bones, rest, rest, NEUTRAL, settings).whole
     found = {pose: {bone: r.transform for bone, r in bones.items()} for pose, bones in trusted.items()}
     transforms, odd = without_odd_bones(dataset, found, surfaces, part.poses)
     rig = Rig.fit(dataset, transforms, surfaces, part.poses, trusted)
