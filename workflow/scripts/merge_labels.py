@@ -6,7 +6,8 @@ with stage(snakemake) as log:
     from handpipe.config import load_dataset
     from handpipe.errors import InputError
     from handpipe.imaging import claims
-    from handpipe.imaging.bone_surfaces import bone_surfaces
+    from handpipe.imaging.cortical import whole_bone
+    from handpipe.imaging.marrow import marrow_surface
     from handpipe.imaging.rasterise import rasterise
     from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, merge
     from handpipe.imaging.volume import read_labels, read_volume, write_labels
@@ -40,7 +41,12 @@ with stage(snakemake) as log:
         log.warning("%s is left out: %s", name, reason)
     bones = {name: bone for name, bone in bones.items() if name not in left_out}
 
-    surfaces = bone_surfaces(volume, bones, whole=pose == dataset.neutral, threads=snakemake.threads)
+    marrows = {name: marrow_surface(volume, bone) for name, bone in bones.items()}
+    surfaces = {name: {"marrow": marrow} for name, marrow in marrows.items()}
+    if pose == dataset.neutral:
+        for name, marrow in marrows.items():
+            others = [marrows[other] for other in marrows if other != name]
+            surfaces[name]["whole"] = whole_bone(volume, bones[name], marrow, others)
     for name, parts in surfaces.items():
         log.info("%s: marrow of %.0f mm^3", name, parts["marrow"].volume())
     outermost = {table[name]: parts.get("whole", parts["marrow"]) for name, parts in surfaces.items()}

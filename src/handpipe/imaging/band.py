@@ -28,17 +28,23 @@ class DistanceBand:
     closest: Array
 
     @staticmethod
-    def around(surface: Surface, grid: Volume, reach: float) -> DistanceBand:
-        """The band of `reach` mm, longer than the surface's edges, on a volume's grid."""
-        near = _around_points(grid.to_index(surface.vertices), reach / grid.spacing, grid.shape)
+    def around(surface: Surface, grid: Volume, reach: float, inwards: float | None = None) -> DistanceBand:
+        """The band of `reach` mm, longer than the surface's edges, on a volume's grid.
+
+        inwards: its reach inside the surface, where that is less.
+        """
+        points, within = grid.to_index(surface.vertices), inside(grid, surface)
+        near = _around_points(points, reach / grid.spacing, grid.shape)
+        if inwards is not None:
+            near &= ~within | _around_points(points, inwards / grid.spacing, grid.shape)
         indices = np.argwhere(near)
         signed, triangles, closest, _ = Distance(surface).signed(grid.to_world(indices))
-        field = np.where(inside(grid, surface), -reach, reach)
+        field = np.where(within, -reach, reach)
         field[near] = np.clip(signed, -reach, reach)
         return DistanceBand(field, indices, triangles, closest)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _around_points(points, radii, shape):  # type: ignore[no-untyped-def]
     """Mask (nx, ny, nz) of the voxels within an ellipsoid of radii (3,) in voxels around any point (n, 3)."""
     near = np.zeros(shape, np.bool_)

@@ -79,7 +79,7 @@ def offset_surface(surface: Surface, offset: Array, spacing: float) -> Surface:
     affine = np.diag([spacing, spacing, spacing, 1.0])
     affine[:3, 3] = surface.vertices.min(0) - reach
     grid = Volume(np.zeros(shape, np.float32), affine)
-    band = DistanceBand.around(surface, grid, reach)
+    band = DistanceBand.around(surface, grid, reach, inwards=2 * spacing)
     field = -band.signed
     field[tuple(band.indices.T)] += at_closest(surface, band.triangles, band.closest, offset)
     return contour(grid.like(field), 0.0)

@@ -74,7 +74,7 @@ def fit_dark_level(
     return float(candidates[int(np.argmin(misfits))])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _model(s, p, dark, blur):  # type: ignore[no-untyped-def]
     """Value and derivatives by (inner face, thickness, inner level, outer level) at offset s."""
     a, b = (s - p[0]) / blur, (s - p[0] - p[1]) / blur
@@ -86,7 +86,7 @@ def _model(s, p, dark, blur):  # type: ignore[no-untyped-def]
     return value, (p[2] - dark) * ga + d_thickness, d_thickness, 1 - fa, fb
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _start(profile, offsets, dark, reach, thickness, p):  # type: ignore[no-untyped-def]
     """First guess from the levels on either side and the crossings half-way from them to the layer."""
     m = len(offsets)
@@ -117,7 +117,7 @@ def _start(profile, offsets, dark, reach, thickness, p):  # type: ignore[no-unty
             rising = True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _prior(p, start, precision, h, g):  # type: ignore[no-untyped-def]
     """Add a Gaussian prior about the start to the normal equations; return its energy."""
     energy = 0.0
@@ -129,7 +129,7 @@ def _prior(p, start, precision, h, g):  # type: ignore[no-untyped-def]
     return energy
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _normal_equations(profile, offsets, dark, blur, noise, window, p, h, g):  # type: ignore[no-untyped-def]
     """Gauss-Newton matrix h and gradient g of the misfit up to one window beyond either face; its mean."""
     h[:] = 0.0
@@ -153,7 +153,7 @@ def _normal_equations(profile, offsets, dark, blur, noise, window, p, h, g):  # 
     return energy, energy / weight_sum
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _factorise(h, damping, lower):  # type: ignore[no-untyped-def]
     """Cholesky factor (4, 4) of a positive matrix with its diagonal enlarged by a share."""
     for i in range(4):
@@ -164,7 +164,7 @@ def _factorise(h, damping, lower):  # type: ignore[no-untyped-def]
             lower[i, j] = math.sqrt(max(total, 1e-300)) if i == j else total / lower[j, j]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _substitute(lower, b, x):  # type: ignore[no-untyped-def]
     """Solve L L^T x = b."""
     for i in range(4):
@@ -178,7 +178,7 @@ def _substitute(lower, b, x):  # type: ignore[no-untyped-def]
         x[i] /= lower[i, i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _fit(profiles, offsets, dark, blurs, noise, reaches, thickness):  # type: ignore[no-untyped-def]
     """Levenberg-Marquardt for every profile: rows of parameters, misfit and deviations of the faces."""
     n = len(profiles)

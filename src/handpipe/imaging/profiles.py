@@ -6,8 +6,9 @@ import igl
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import cg
 
+from handpipe.errors import ConvergenceError
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.smoothing import averaging
 from handpipe.mesh.surface import Surface
@@ -48,15 +49,24 @@ def smooth_field(
     `scale` by reweighting, so that measurements which disagree with their neighbours lose their say.
     `upper_scale` is the width for measurements above the field, where errors are one-sided.
     """
-    tiny = 1e-6 * sp.identity(len(measured))
+    stiff = (stiffness * laplacian + 1e-6 * sp.identity(len(measured))).tocsr()
     weights = confidence.astype(float)
     field = measured
     for _ in range(iterations):
-        field = splu((sp.diags(weights) + stiffness * laplacian + tiny).tocsc()).solve(weights * measured)
+        field = _solved(stiff + sp.diags(weights), weights * measured, field)
         residual = measured - field
         width = scale if upper_scale is None else np.where(residual > 0, upper_scale, scale)
         weights = confidence / (1 + (residual / width) ** 2) ** 2
     return field, weights
+
+
+def _solved(matrix: sp.csr_matrix, right: Array, start: Array) -> Array:
+    """Solution (n,) of a positive system by conjugate gradients, scaled by its diagonal."""
+    scaling = sp.diags(1 / matrix.diagonal())
+    solution, stalled = cg(matrix, right, x0=start, rtol=1e-8, atol=0.0, M=scaling)
+    if stalled:
+        raise ConvergenceError("the smooth field", f"{stalled} iterations were not enough")
+    return np.asarray(solution)
 
 
 def summed_curvature(surface: Surface, smoothing: int = 4) -> Array:

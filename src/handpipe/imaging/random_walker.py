@@ -64,7 +64,7 @@ def random_walker(
     return np.where(free, np.clip(solution, 0, 1), seeds == INSIDE)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _system(values, seeds, beta, conductance, minimum):  # type: ignore[no-untyped-def]
     """Edges among free voxels, weights to seeds (ground) and weights to inside seeds (load)."""
     nx, ny, nz = values.shape
@@ -93,7 +93,7 @@ def _system(values, seeds, beta, conductance, minimum):  # type: ignore[no-untyp
     return edges, ground, load
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _diagonal(edges, ground):  # type: ignore[no-untyped-def]
     """Row sums: all edges of a voxel and its ground."""
     out = ground.copy()
@@ -107,7 +107,7 @@ def _diagonal(edges, ground):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _coarsen(edges, ground, factor):  # type: ignore[no-untyped-def]
     """Sums over 2 x 2 x 2 aggregates: Galerkin product with piecewise constants, its edges times `factor`."""
     nx, ny, nz = ground.shape
@@ -135,7 +135,7 @@ def _hierarchy(edges: NDArray, ground: NDArray) -> list[Level]:
     return levels
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True)
 def _neighbours(edges, x, i, j, k):  # type: ignore[no-untyped-def]
     """Sum over a voxel's edges of weight times the neighbour's value."""
     return (
@@ -148,7 +148,7 @@ def _neighbours(edges, x, i, j, k):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True)
 def _apply(edges, diagonal, x):  # type: ignore[no-untyped-def]
     out = np.zeros_like(x)
     nx, ny, nz = x.shape
@@ -160,7 +160,7 @@ def _apply(edges, diagonal, x):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True)
 def _sweep(edges, diagonal, x, b, forward):  # type: ignore[no-untyped-def]
     """One Gauss-Seidel sweep in place; a backward sweep is the adjoint of a forward one."""
     nx, ny, nz = x.shape
@@ -175,7 +175,7 @@ def _sweep(edges, diagonal, x, b, forward):  # type: ignore[no-untyped-def]
                     x[i, j, k] = (b[i, j, k] + _neighbours(edges, x, i, j, k)) / d
 
 
-@njit(cache=True, fastmath=True, nogil=True)
+@njit(cache=True, fastmath=True)
 def _restrict_residual(edges, diagonal, x, b, shape):  # type: ignore[no-untyped-def]
     """Sums of b - A x over aggregates."""
     out = np.zeros(shape)
@@ -190,7 +190,7 @@ def _restrict_residual(edges, diagonal, x, b, shape):  # type: ignore[no-untyped
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _prolong_add(x, coarse, diagonal):  # type: ignore[no-untyped-def]
     nx, ny, nz = x.shape
     for i in range(1, nx - 1):

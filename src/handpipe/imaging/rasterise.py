@@ -29,7 +29,7 @@ def inside(volume: Volume, surface: Surface) -> NDArray[np.bool_]:
     return np.cumsum(crossings, axis=2, dtype=np.int16)[:, :, :-1] > 0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _crossings(vertices, triangles, shape):  # type: ignore[no-untyped-def]
     """By voxel, how often its column enters the surface between the voxel below and it, less how often it
     leaves; vertices (n, 3) in voxels. The sums along a column are the winding numbers."""
@@ -57,7 +57,7 @@ def _crossings(vertices, triangles, shape):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _side(vertices, p, q, x, y):  # type: ignore[no-untyped-def]
     """On which side (1 left, -1 right) of the directed edge p -> q a column lies.
 

@@ -241,31 +241,32 @@ def merge(
         labels[bone.slices][claimed] = label
     labels[claims > 1] = 0
     resolved = {label: BoneProbability(bone.offset, bone.probability.copy()) for label, bone in bones.items()}
-    conflicts, count = ndimage.label(claims > 1)
+    disputed = claims > 1
+    if not disputed.any():
+        return labels, resolved
+    first, last = bounds(disputed)
+    conflicts, count = ndimage.label(disputed[box(first, last)])
     for number, slices in enumerate(ndimage.find_objects(conflicts), 1):
         logger.info("conflict %d of %d between bones", number, count)
-        lower = np.maximum([s.start - AROUND_CONFLICT for s in slices], 0)
-        upper = np.minimum([s.stop + AROUND_CONFLICT for s in slices], volume.shape)
-        free = conflicts[box(lower, upper)] == number
-        _resolve(volume.crop(lower, upper), labels, free, lower, seeds, resolved, settings)
+        index = np.argwhere(conflicts[slices] == number) + [s.start for s in slices] + first
+        _resolve(volume, labels, index, seeds, resolved, settings)
     return labels, resolved
 
 
 def _resolve(
-    local: Volume,
+    volume: Volume,
     labels: Labels,
-    free: NDArray[np.bool_],
-    lower: IntArray,
+    index: IntArray,
     seeds: Labels,
     bones: Mapping[int, BoneProbability],
     settings: SegmentationSettings,
 ) -> None:
-    """Share one conflict's voxels among the bones by a walker for each; updates labels and probabilities.
-
-    local: the volume in the conflict's region, whose first voxel is `lower`; free: the conflict's voxels.
-    """
-    region = box(lower, lower + free.shape)
-    index = np.argwhere(free) + lower
+    """Share a conflict's voxels (m, 3) among the bones, by a walker for each; sets labels, probabilities."""
+    lower = np.maximum(index.min(0) - AROUND_CONFLICT, 0)
+    local = volume.crop(lower, index.max(0) + 1 + AROUND_CONFLICT)
+    region = box(lower, lower + local.shape)
+    free = np.zeros(local.shape, bool)
+    free[tuple((index - lower).T)] = True
     rivals = [k for k in bones if (labels[region] == k).any() or (bones[k].at(index) > 0.5).any()]
     values = local.values / np.median(local.values[free])
     chances = []

@@ -8,7 +8,7 @@ bright. Where it borders on a dark basin the line between them is arbitrary: no 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -60,18 +60,19 @@ def shell_basins(volume: Volume, cortex: Cortex, marrow: Surface, others: Sequen
     lower, upper = np.floor(indices.min(0) - margin), np.ceil(indices.max(0) + margin) + 1
     local = volume.crop(lower.astype(np.int64), upper.astype(np.int64))
     grid = FineGrid.over(local)
-    band = DistanceBand.around(marrow, local, REACH + float(volume.spacing.max()))
+    voxel = float(volume.spacing.max())
+    band = DistanceBand.around(marrow, local, REACH + voxel, inwards=2 * voxel)
     depth = np.sign(band.signed) * REACH
     valley = _valley(volume, cortex, marrow)
     depth[tuple(band.indices.T)] = band.signed[tuple(band.indices.T)] - at_closest(
         marrow, band.triangles, band.closest, valley
     )
     distance = grid.linear(band.signed)
-    values = grid.spline(local.values)
+    values = grid.cubic(local.values)
     gradient = ndimage.gaussian_gradient_magnitude(values, EDGE * FINER)
     markers = _markers(grid, values, gradient, distance, grid.linear(depth), cortex, others)
-    basins = watershed(gradient, markers, mask=np.abs(distance) < REACH)
-    basins[distance <= -REACH] = Basin.bone
+    basins = watershed(gradient, markers, mask=(distance < REACH) & (distance > -voxel))
+    basins[distance <= -voxel] = Basin.bone
     return Volume(basins.astype(np.float32), grid.affine)
 
 
@@ -116,18 +117,33 @@ class FineGrid:
         """World points (n, 3) of voxel indices (n, 3) of this grid."""
         return np.asarray(indices, float) @ self.affine[:3, :3].T + self.affine[:3, 3]
 
-    def spline(self, values: NDArray) -> NDArray[np.float32]:
+    def cubic(self, values: NDArray) -> NDArray[np.float32]:
         """The volume's values, by cubic splines."""
-        return ndimage.zoom(values, np.array(self.shape) / values.shape, order=3, mode="nearest")
+        return self._blended(ndimage.spline_filter(values, 3, np.float32, mode="mirror"), cubic_spline, 2)
 
     def linear(self, values: NDArray) -> NDArray[np.float32]:
         """The volume's values, by trilinear interpolation."""
+        return self._blended(values, lambda t: np.maximum(1 - np.abs(t), 0.0), 1)
+
+    def _blended(self, values: NDArray, kernel: Callable[[Array], Array], reach: int) -> NDArray[np.float32]:
+        """Sums of the values times a kernel of the distance in voxels, axis by axis; mirrored at the ends."""
         out = np.asarray(values, np.float32)
         for axis, at in enumerate(self.coordinates):
-            low = np.minimum(at.astype(np.int64), values.shape[axis] - 2)
-            share = np.expand_dims((at - low).astype(np.float32), tuple(c for c in range(3) if c != axis))
-            out = np.take(out, low, axis) * (1 - share) + np.take(out, low + 1, axis) * share
+            last, base = values.shape[axis] - 1, np.floor(at).astype(np.int64)
+            total = np.zeros(1, np.float32)
+            for near in (base + k for k in range(1 - reach, reach + 1)):
+                weight = kernel(at - near).astype(np.float32)
+                mirrored = last - np.abs(last - np.abs(near))
+                shape = [len(at) if c == axis else 1 for c in range(3)]
+                total = total + np.take(out, mirrored, axis) * weight.reshape(shape)
+            out = total
         return out
+
+
+def cubic_spline(t: Array) -> Array:
+    """The cubic B-spline at distances t from its middle."""
+    t = np.abs(t)
+    return np.where(t < 1, 2 / 3 - t**2 + t**3 / 2, np.maximum(2 - t, 0.0) ** 3 / 6)
 
 
 def _markers(

@@ -85,7 +85,7 @@ def box(lower: IntArray, upper: IntArray) -> tuple[slice, slice, slice]:
     return x, y, z
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _sample(values, indices):  # type: ignore[no-untyped-def]
     """Trilinear interpolation at continuous indices (n, 3), clamped to the grid."""
     shape = values.shape

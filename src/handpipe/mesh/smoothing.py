@@ -14,9 +14,10 @@ Array = NDArray[np.float64]
 def averaging(surface: Surface) -> sparse.csr_matrix:
     """Matrix (n, n) that gives each vertex the mean of its neighbours; a vertex without any keeps itself."""
     n = len(surface.vertices)
-    i, j = surface.edges().T
-    adjacency = sparse.coo_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
+    i, j = surface.triangles.ravel(), np.roll(surface.triangles, -1, axis=1).ravel()
+    adjacency = sparse.coo_matrix((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
     adjacency = (adjacency + adjacency.T).tocsr()
+    adjacency.data[:] = 1.0  # an inner edge is in two triangles
     degree = np.asarray(adjacency.sum(axis=1)).ravel()
     return (sparse.diags(1 / np.maximum(degree, 1)) @ adjacency + sparse.diags((degree == 0) * 1.0)).tocsr()
 
