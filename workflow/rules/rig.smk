@@ -11,7 +11,6 @@ rule fit_rig:
         metrics="results/{subject}/metrics/rig.json",
         table="results/{subject}/tables/rig.json",
         limits="results/{subject}/tables/limits.json",
-        limits="results/{subject}/tables/limits.json",
     log:
         "results/{subject}/logs/fit_rig/all.log",
     benchmark:
