@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from benchmarks.bones.notices import listening
 from benchmarks.bones.subject import Scan
 from handpipe.config import Dataset
-from handpipe.imaging.bone_surfaces import bone_surfaces
 from handpipe.imaging.claims import Appearance, appearances, doubted
 from handpipe.imaging.claims import segment as claimed
+from handpipe.imaging.cortical import whole_bone
+from handpipe.imaging.marrow import marrow_surface
 from handpipe.imaging.segmentation import SegmentationSettings, merge
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.pose_registration import register_pose, unmoved
@@ -71,7 +72,9 @@ class Registered:
 
 def segment(scan: Scan, settings: SegmentationSettings, neutral: Segmented | None) -> Segmented:
     """Bones of one scan, without those that the library doubts; neutral: how they look there, but there."""
-    notes, looks, surfaces = Notes(), dict[str, Appearance](), dict[str, dict[str, Surface]]()
+    notes, looks = Notes(), dict[str, Appearance]()
+    marrow: dict[str, Surface] = {}
+    whole: dict[str, Surface] = {}
     with notes.of(scan.labels):
         alone, _ = claimed(scan.volume, scan.seeds, scan.labels, settings)
         by_label = {scan.labels[bone]: claim for bone, claim in alone.items()}
@@ -80,12 +83,11 @@ def segment(scan: Scan, settings: SegmentationSettings, neutral: Segmented | Non
         looks = appearances(scan.volume, bones)
         wrong = doubted(looks, neutral.looks if neutral else {})
         bones = {bone: claim for bone, claim in bones.items() if bone not in wrong}
-        surfaces = bone_surfaces(scan.volume, bones, whole=neutral is None)
-    return Segmented(_parts(surfaces, "marrow"), _parts(surfaces, "whole"), looks, notes)
-
-
-def _parts(surfaces: Mapping[str, Mapping[str, Surface]], part: str) -> dict[str, Surface]:
-    return {bone: parts[part] for bone, parts in surfaces.items() if part in parts}
+        marrow |= {bone: marrow_surface(scan.volume, claim) for bone, claim in bones.items()}
+        for bone, claim in bones.items() if neutral is None else ():
+            others = [surface for other, surface in marrow.items() if other != bone]
+            whole[bone] = whole_bone(scan.volume, claim, marrow[bone], others)
+    return Segmented(marrow, whole, looks, notes)
 
 
 def register(dataset: Dataset, neutral: Segmented, pose: Segmented) -> Registered:
