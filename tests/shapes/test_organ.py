@@ -19,7 +19,7 @@ from handpipe.shapes.organ import fit_organ
 from handpipe.shapes.search import Settings
 
 
-def lump(cells: int = 6) -> TetMesh:
+def lump(cells: int = 4) -> TetMesh:
     """A bent, rounded box with a flat side: no rotation maps it onto itself."""
     mesh = box((2 * cells, cells, cells), (2.0, 2.0, 2.0))
     u = mesh.vertices - 1.0
@@ -82,7 +82,7 @@ def test_a_free_organ_finds_its_shape_from_marks_alone(turned: float) -> None:
     grown = mesh.vertices * [1.25, 1.0, 0.85]
     grown[:, 2] += 0.006 * grown[:, 0] ** 2
     wanted = mesh.moved(grown @ Rotation.from_euler("z", turned, degrees=True).as_matrix().T + [20, 5, -9])
-    fit = fit_organ(mesh, spread(wanted, 150))
+    fit = fit_organ(mesh, spread(wanted, 90))
     errors = far(fit.mesh, wanted)
     assert errors.mean() < 0.25
     assert errors.max() < 1.5
@@ -94,7 +94,7 @@ def test_a_free_organ_finds_its_shape_from_marks_alone(turned: float) -> None:
 def test_outliers_are_left_out() -> None:
     mesh = lump()
     wanted = mesh.moved(mesh.vertices * [1.15, 0.95, 1.1])
-    points = spread(wanted, 120)
+    points = spread(wanted, 80)
     rng = np.random.default_rng(0)
     wrong = rng.choice(len(points), len(points) // 5, replace=False)
     points[wrong] += 8.0 * points[wrong] / np.linalg.norm(points[wrong], axis=1, keepdims=True)
@@ -111,7 +111,7 @@ def test_three_attachments_on_a_line_leave_a_turn_that_marks_settle() -> None:
     line = np.array([[-12.0, 1.0, 0.0], [0.0, 1.0, 0.0], [12.0, 1.0, 0.0]])
     turn = Rotation.from_euler("x", 25, degrees=True).as_matrix()
     wanted = mesh.moved((mesh.vertices - line[1]) @ turn.T + line[1])
-    fit = fit_organ(mesh, spread(wanted, 120), attachments=Pairs(line, line))
+    fit = fit_organ(mesh, spread(wanted, 60), attachments=Pairs(line, line))
     assert far(fit.mesh, wanted).mean() < 0.2
     assert fit.quality["attachments_max"][0] < 0.3
 

@@ -82,9 +82,9 @@ class GaussNewton:
         change = np.broadcast_to(found[:6] - self.mean, self.logs.shape)
         return self._step(np.ascontiguousarray(change), found[6:], 0)
 
-    def by_rows(self) -> Step:
+    def by_rows(self, reactions: Array | None = None) -> Step:
         """The Woodbury identity: a dense system with as many unknowns as rows."""
-        reactions = self._reactions()
+        reactions = self.reactions() if reactions is None else reactions
         gram = self._gram(reactions)
         gram[np.diag_indices_from(gram)] += 1.0
         wanted = self._wanted()
@@ -125,7 +125,8 @@ class GaussNewton:
         """What Z T + E q should be: Z S - r."""
         return self.rows.matrix @ self.response.motion(self.logs) - self.rows.residuals
 
-    def _reactions(self) -> Array:
+    def reactions(self) -> Array:
+        """-K^-1 A^T (3n, k) of all rows, which is most of Z."""
         count = len(self.rows.residuals)
         blocks = [self.response.reactions(self.rows.matrix[at : at + BLOCK]) for at in range(0, count, BLOCK)]
         return np.hstack(blocks)

@@ -59,7 +59,7 @@ class Settings:
     tangential: float = 0.1
     iterations: int = 20
     enough: float = 0.05
-    progress: float = 0.003
+    progress: float = 0.01
     outliers: bool = False
     mark_error: float = 0.2
     material: Material = field(default=MUSCLE)
