@@ -37,6 +37,7 @@ LOG = logging.getLogger(__name__)
 
 CANDIDATES = 24  # trials that are improved
 REFINED = 5  # of them brought onto the edges
+WELL, THOROUGH = 0.75, 4  # share of edges below which a search follows so many times more trials
 GUESSES = 4  # kept for a branch
 BEHIND = 0.6  # of a bone's edges: guesses that far behind the best are given up
 NO_DOUBT = 0.9  # of the root's edges: no other start is tried
@@ -138,13 +139,25 @@ class Search:
         return found
 
     def _best(self, body: Body, trials: Motions, *, held: bool) -> list[tuple[RigidTransform, float]]:
-        """A few distinct motions on the image's edges, and the shares of the edges that agree, best first."""
+        """A few distinct motions on the image's edges, and the shares of the edges that agree, best first.
+
+        Where none agrees well more trials are followed: a small bone shows little in the coarse images.
+        """
+        found = self._followed(body, trials, CANDIDATES, REFINED, held=held)
+        if found[0][1] < WELL:
+            found = self._followed(body, trials, THOROUGH * CANDIDATES, THOROUGH * REFINED, held=held)
+        return found
+
+    def _followed(
+        self, body: Body, trials: Motions, candidates: int, refined: int, *, held: bool
+    ) -> list[tuple[RigidTransform, float]]:
+        """The best trials improved, and the best of these brought onto the edges."""
         scores = coarse_contrast(self.evidence, body.probes.first(FEW), trials)
-        candidates = trials[best_distinct(body, trials, scores, CANDIDATES, 2 * SAME)]
-        candidates = improved(self.evidence, body, candidates, self.random)
-        scores = fine_contrast(self.evidence, body.probes, candidates)
-        candidates = candidates[best_distinct(body, candidates, scores, REFINED, SAME)]
-        on_edges = [onto_edges(self.evidence.fine, body, t, held=held) for t in candidates.transforms()]
+        motions = trials[best_distinct(body, trials, scores, candidates, 2 * SAME)]
+        motions = improved(self.evidence, body, motions, self.random)
+        scores = fine_contrast(self.evidence, body.probes, motions)
+        motions = motions[best_distinct(body, motions, scores, refined, SAME)]
+        on_edges = [onto_edges(self.evidence.fine, body, t, held=held) for t in motions.transforms()]
         shares = np.array([agreement(self.evidence.fine, body.probes, t).share for t in on_edges])
         kept = best_distinct(body, Motions.of(on_edges), shares, REFINED, SAME)
         return [(on_edges[i], float(shares[i])) for i in kept]

@@ -100,6 +100,6 @@ def read_located(path: str | Path) -> tuple[dict[str, RigidTransform], dict[str,
     for bone, d in artifacts.read(path, KIND).items():
         motions[bone] = RigidTransform(d["rotation"], d["translation"])
         joint = {part: float(v) for part, v in d["departure"].items()} if "departure" in d else None
-        evidence = (float(d[part]) for part in ("edges", "seen", "overlap", "carried"))
-        sure[bone] = Confidence(*evidence, Departure(**joint) if joint else None)
+        edges, seen, overlap, carried = (float(d[p]) for p in ("edges", "seen", "overlap", "carried"))
+        sure[bone] = Confidence(edges, seen, overlap, carried, Departure(**joint) if joint else None)
     return motions, sure
