@@ -39,7 +39,7 @@ APART = np.radians(15.0)  # turns closer than this are one place
 MATCHED = 0.3  # mm; and five times the residual
 LEAST_COVERED, LEAST_EXPLAINED = 0.45, 0.4
 CERTAIN, OUTLYING = 5.0, 5.0  # standard deviations by which a rival has to fit worse; of an outlier
-LOOSE = 5.0  # deg of uncertainty beyond which a turn is anybody's guess
+LOOSE = 8.0  # deg of uncertainty beyond which a turn is anybody's guess
 
 
 @dataclass(frozen=True)
