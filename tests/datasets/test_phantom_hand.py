@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe import artifacts
 from handpipe.config import Bone, Dataset, Pose, Role, Scanner, load_dataset, load_scene
-from handpipe.datasets import generators, image, phantom_hand, seeds
+from handpipe.datasets import generators, image, phantom_hand, posed_hand, seeds
 from handpipe.datasets.phantom_hand_bones import RAYS, ROOT, WITH_ROOT
 from handpipe.datasets.phantom_hand_joints import POSES, joints
 from handpipe.errors import InputError
@@ -24,7 +24,7 @@ NAMES = ("phantom-hand", "phantom-hand-seeded", "phantom-hand-left")
 
 
 @pytest.fixture(scope="module")
-def hands() -> dict[str, phantom_hand.PosedHand]:
+def hands() -> dict[str, posed_hand.PosedHand]:
     return {pose: phantom_hand.hand().posed(phantom_hand.posture(pose, 1)) for pose in POSES}
 
 
@@ -67,7 +67,7 @@ def test_dataset_files_say_what_the_truth_is(name):
     data = load_dataset(CONFIG / f"{name}.yaml")
     known = {j.name: j for j in joints()}
     if data.hand == "left":
-        known = {n: phantom_hand.mirrored_joint(j) for n, j in known.items()}
+        known = {n: posed_hand.mirrored_joint(j) for n, j in known.items()}
     moving = {n: j for n, j in data.joints.items() if j.angles}
     assert set(moving) == set(known)
     for joint_name, joint in moving.items():
@@ -215,7 +215,7 @@ def test_a_dataset_of_a_few_bones_is_imaged_around_them(tmp_path):
     assert set(np.unique(volume_of(data, data.poses["hook"].seeds))) == {0, 1, 2, 3, 255}
     truth = artifacts.read(tmp_path / "truth/hook.h5", "truth")["bones"]
     points = np.concatenate([truth[name]["vertices"] for name in few])
-    assert (np.array(labels.shape) * 1.2 < np.ptp(points, axis=0) + 2 * phantom_hand.MARGIN + 3.0).all()
+    assert (np.array(labels.shape) * 1.2 < np.ptp(points, axis=0) + 2 * posed_hand.MARGIN + 3.0).all()
 
 
 def test_the_same_seed_gives_the_same_files(dataset, tmp_path):

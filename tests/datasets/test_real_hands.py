@@ -1,6 +1,5 @@
 """The hands of real bones, where their source data are at hand."""
 
-import json
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from handpipe import artifacts
-from handpipe.config import Dataset, Scanner, load_dataset
+from handpipe.config import Bone, Dataset, Scanner, load_dataset
 from handpipe.datasets import (
     generators,
     myohand_bones,
@@ -261,16 +260,14 @@ def test_files_of_a_pose(dataset, tmp_path):
     assert np.median(values[shell]) < 0.65 * np.median(values[marrow > 0])
 
 
-def test_absent_anatomy_and_what_is_not_there_are_named(dataset, tmp_path):
+def test_absent_anatomy_and_what_is_not_there_are_named(dataset, subject, tmp_path):
     generator = generators.of(dataset)
     with pytest.raises(InputError, match="anatomy: nowhere does not exist"):
         generator.generate_pose(dataset.model_copy(update={"anatomy": Path("nowhere")}), "neutral")
     with pytest.raises(InputError, match="is absent"):
         generator.generate_pose(dataset.model_copy(update={"anatomy": tmp_path}), "neutral")
     with pytest.raises(InputError, match=r"poses\.wave"):
-        generator.generate_pose(dataset, "wave") if "wave" in dataset.poses else _unknown(dataset)
-    assert json.loads(dataset.model_dump_json())["generator"] == dataset.name
-
-
-def _unknown(dataset: Dataset) -> None:
-    MODULES[dataset.name].subject(dataset.anatomy).motion.posture("wave", 1)
+        subject.motion.posture("wave", 1)
+    more = {**dataset.bones, "scaphoid": Bone(label=40)}
+    with pytest.raises(InputError, match=r"bones\.scaphoid"):
+        generator.generate_pose(dataset.model_copy(update={"bones": more}), "neutral")
