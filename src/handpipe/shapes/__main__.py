@@ -36,11 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(options: argparse.Namespace) -> None:
     """Read, fit, write, and print the quality."""
-    pairs = {
-        name: read_pairs(*paths)
-        for name in ("attachments", "landmarks")
-        if (paths := getattr(options, name)) is not None
-    }
+    attachments = None if options.attachments is None else read_pairs(*options.attachments)
+    landmarks = None if options.landmarks is None else read_pairs(*options.landmarks)
     marks = None if options.marks is None else read_markers(options.marks)[0]
     settings = Settings(
         alpha=options.alpha,
@@ -50,7 +47,13 @@ def run(options: argparse.Namespace) -> None:
         outliers=options.outliers,
         material=Material(options.young, options.poisson),
     )
-    fit = fit_organ(read_template(options.template), marks, settings=settings, **pairs)
+    fit = fit_organ(
+        read_template(options.template),
+        marks,
+        attachments=attachments,
+        landmarks=landmarks,
+        settings=settings,
+    )
     files = [options.template, options.marks, *(options.attachments or ()), *(options.landmarks or ())]
     write_fit(options.output, fit, [f for f in files if f is not None])
     for name, (value, unit) in fit.quality.items():
