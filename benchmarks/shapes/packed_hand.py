@@ -30,13 +30,13 @@ def packed_hand(turn: float = 0.0, overlap: float = OVERLAP) -> tuple[dict[str, 
     for i in range(3):
         low = -3.0 - 5.6 * i
         thenar = spindle((-6, 29.0 - 2.0 * i, low - 5.0), (20, 5.0 + overlap, 2.8 + overlap), bend=3.0)
-        little = spindle((-2, -32.5 + 1.5 * i, low + 3.5), (24, 3.4 + overlap, 2.8 + overlap), bend=-2.0)
-        muscles[f"thenar-{i}"] = turned(thenar, (-24, 18, 0), (0.3, 0.2, 1.0), 0.35 + turn)
-        muscles[f"hypothenar-{i}"] = turned(little, (-24, -24, 0), (1, 0, 0), 0.5 * turn)
+        little = spindle((-2, -33.5 + 0.5 * i, low + 3.5), (24, 3.4 + overlap, 2.8 + overlap), bend=-2.0)
+        muscles[f"thenar-{i}"] = turned(thenar, (-24, 18, 0), (0.3, 0.2, 1.0), 0.6 + turn)
+        muscles[f"hypothenar-{i}"] = turned(little, (-24, -24, 0), (1, 0, 0), -0.5 * turn)
     bones = {f"metacarpal-{i}": spindle((0, y, 0), BONE) for i, y in enumerate(RAYS)}
-    bones["metacarpal-0"] = turned(bones["metacarpal-0"], (-24, -24, 0), (1, 0, 0), 0.5 * turn)
+    bones["metacarpal-0"] = turned(bones["metacarpal-0"], (-24, -24, 0), (1, 0, 0), -0.5 * turn)
     thumb = spindle((-2, 33.5, -2), (24, 4.5, 4.5))
-    bones["thumb"] = turned(thumb, (-24, 18, 0), (0.3, 0.2, 1.0), 0.35 + turn)
+    bones["thumb"] = turned(thumb, (-24, 18, 0), (0.3, 0.2, 1.0), 0.6 + turn)
     return muscles, bones
 
 

@@ -16,7 +16,7 @@ from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.separation import SeparationOptions, separate
 
-TURNS = (0.0, 0.08, -0.08, 0.16, -0.16, 0.24)  # rad, of the thumb towards the palm
+TURNS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25)  # rad, of the thumb away from the palm
 OVERLAPS = (0.3, 0.6, 0.9)  # mm
 SAMPLES = 20_000  # points of a surface looked up in every other one
 

@@ -120,10 +120,10 @@ def _inside(points: Array, surface: Surface) -> bool:
     return bool((igl.fast_winding_number(surface.vertices, surface.triangles, near) > 0.5).any())
 
 
-def depth(a: Body, b: Body, xa: Array, xb: Array) -> float:
-    """Depth in mm of a's vertices, edge midpoints and triangle centres, without held ones, inside b."""
+def depth(a: Body, xa: Array, other: Distance) -> float:
+    """Depth in mm of a's vertices, edge midpoints, triangle centres, without held ones, inside a surface."""
     triangles, edges = a.surface.triangles[~a.tied], a.surface.edges()
     edges = edges[~np.isin(edges, a.held).any(axis=1)]
     points = np.concatenate([xa[a.free], xa[edges].mean(axis=1), xa[triangles].mean(axis=1)])
-    near = points[_in_box(points, xb)]
-    return max(0.0, -float(Distance(b.surface.moved(xb)).signed(near)[0].min(initial=0.0)))
+    near = points[_in_box(points, other.surface.vertices)]
+    return max(0.0, -float(other.signed(near)[0].min(initial=0.0)))

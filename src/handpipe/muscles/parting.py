@@ -84,7 +84,7 @@ class _Start:
             self._meeting = []
         x = np.array(self._deflation.vertices() if self._deflation else self._body.surface.vertices)
         free = self._body.free
-        for j in np.flatnonzero(self._margins):
+        for j in map(int, np.flatnonzero(self._margins)):
             if j not in self._distances:
                 self._distances[j] = Distance(self._bodies[j].surface)
             gaps, _, _, normals = self._distances[j].signed(x[free])

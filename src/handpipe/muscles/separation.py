@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -19,6 +19,8 @@ from handpipe import artifacts
 from handpipe.errors import ConvergenceError
 from handpipe.fem import equilibrium
 from handpipe.fem.barrier import Barrier
+from handpipe.fem.potential import Potential
+from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.overlap import Body, collision_filter, depth
 from handpipe.muscles.parting import body_pairs, parted
@@ -31,8 +33,11 @@ log = logging.getLogger(__name__)
 
 KIND = "separated-muscles"
 STIFFNESS = 1.0  # mm of displacement whose pressure, by size alone, finds half the clearance
+PATIENCE = 60  # iterations after which bodies grow anew, behind a softer barrier
+SOFT = 8.0  # times the clearance, of that barrier
 HOLD = 1e2  # times a vertex's stiffness, by which held ones are pulled back to their places
 ROUNDS = 12  # in which pressures are sought
+STIFFEST = 0.2  # of a free surface's compliance, at least, that neighbours are taken to leave it
 RESERVE = 0.9  # of the volume's band that is used
 
 
@@ -122,9 +127,10 @@ class _Scene:
     def penetration(self, x: Array) -> float:
         """Depth in mm at most of a muscle in another or in a bone."""
         bodies = self.muscles + self.bones
-        at = [*(x[p] for p in self.parts), *(b.surface.vertices for b in self.bones)]
+        at = [b.surface.moved(x[p]) for b, p in zip(self.muscles, self.parts, strict=True)]
+        distances = [Distance(s) for s in [*at, *(b.surface for b in self.bones)]]
         both = [*body_pairs(self.muscles, self.bones), *combinations(reversed(range(len(self.muscles))), 2)]
-        return max((depth(bodies[i], bodies[j], at[i], at[j]) for i, j in both), default=0.0)
+        return max((depth(bodies[i], at[i].vertices, distances[j]) for i, j in both), default=0.0)
 
     def barrier(self, x: Array, clearance: float) -> Barrier:
         """Between all that may collide, with muscles at x (N, 3)."""
@@ -171,29 +177,52 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
         untangle=False,
         name="separation",
     )
-    volumes = np.array([s.volume() for s in surfaces])
-    compliances = np.array([_compliance(s, k) for s, k in zip(surfaces, plates, strict=True)])
-    x, pressures, iterations = start, np.zeros(len(surfaces)), 0
+    found = equilibrium.solve([plate, barrier], start, options=replace(settings, max_iterations=PATIENCE))
+    x, iterations = found.x, found.record.iterations
+    if not found.record.converged:
+        # A barrier that is felt from afar lets bodies make way for one another before they touch.
+        soft = _Convex(scene.barrier(start, SOFT * options.clearance))
+        loose = replace(settings, displacement_tolerance=SOFT * options.tolerance)
+        found = equilibrium.solve([plate, soft], start, options=loose)
+        x, iterations = found.x, iterations + found.record.iterations
+    volumes = _Volumes(surfaces, plates, options.volume)
     for _ in range(ROUNDS):
-        forces = [plate, Pressure(surfaces, scene.parts, pressures), barrier]
+        forces: list[Potential] = [plate, Pressure(surfaces, scene.parts, volumes.pressures), barrier]
         found = equilibrium.solve(forces, x, options=settings)
         x, iterations = found.x, iterations + found.record.iterations
-        now = np.array([s.moved(x[p]).volume() for s, p in zip(surfaces, scene.parts, strict=True)])
-        changes = now / volumes - 1
-        log.info(
-            "separation: %d iterations, volumes changed by up to %.2f %%",
-            iterations,
-            100 * np.abs(changes).max(),
-        )
-        outside = np.abs(changes) > options.volume
-        if not outside.any():
+        if volumes.kept([s.moved(x[p]).volume() for s, p in zip(surfaces, scene.parts, strict=True)]):
             return _seated(scene, rest, x, barrier.barrier), iterations
-        wanted = volumes * (1 + np.clip(changes, -RESERVE * options.volume, RESERVE * options.volume))
-        pressures += np.where(outside, (wanted - now) / compliances, 0.0)
     raise ConvergenceError(
         "Separation of muscles",
-        f"volumes changed by up to {100 * np.abs(changes).max():.1f} % after {iterations} iterations",
+        f"volumes changed by up to {100 * volumes.largest:.1f} % after {iterations} iterations",
     )
+
+
+class _Volumes:
+    """Pressures that bring volumes back into their band, by the secant method for each body."""
+
+    def __init__(self, surfaces: Sequence[Surface], plates: Sequence[sparse.csr_matrix], band: float) -> None:
+        self._rest, self._band = np.array([s.volume() for s in surfaces]), band
+        self._free = np.array([_compliance(s, k) for s, k in zip(surfaces, plates, strict=True)])
+        self._compliances = self._free.copy()
+        self._change, self._last = np.zeros(len(surfaces)), self._rest
+        self.pressures, self.largest = np.zeros(len(surfaces)), 0.0
+
+    def kept(self, volumes: Sequence[float]) -> bool:
+        """Whether all volumes are in their band; pressures are changed of those that are not."""
+        now = np.array(volumes)
+        relative = now / self._rest - 1
+        self.largest = float(np.abs(relative).max())
+        log.info("separation: volumes changed by up to %.2f %%", 100 * self.largest)
+        changed = self._change != 0
+        met = (now - self._last)[changed] / self._change[changed]
+        # Neighbours take away of the room that a free surface would have, but never all of it.
+        self._compliances[changed] = np.clip(met, STIFFEST * self._free[changed], self._free[changed])
+        target = np.clip(relative, -RESERVE * self._band, RESERVE * self._band)
+        outside = np.abs(relative) > self._band
+        self._change = np.where(outside, self._rest * (target - relative) / self._compliances, 0.0)
+        self._last, self.pressures = now, self.pressures + self._change
+        return not outside.any()
 
 
 def _plate(body: Body, reach: float) -> sparse.csr_matrix:
@@ -211,7 +240,7 @@ def _seated(scene: _Scene, rest: Array, x: Array, barrier: Barrier) -> Array:
     if not barrier.intersects(seated):
         return seated
     off = np.linalg.norm(x[held] - rest[held], axis=1).max()
-    log.warning("separation: attachments leave no room for a muscle; one is %.3f mm off its place", off)
+    log.warning("separation: a muscle wedged between attachments keeps one %.4f mm off its place", off)
     return x
 
 
