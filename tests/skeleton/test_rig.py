@@ -136,6 +136,17 @@ def test_a_bone_that_is_missing_in_a_pose_does_not_stop_the_fit():
     assert vertex_error(rig.bone_transforms(ANGLES["half"], ROOTS["half"]), transforms["half"]) < 1e-4
 
 
+def test_angles_on_either_side_of_a_missing_bone():
+    """What hangs on the missing bone tells both angles, flexed as they are and not bent backwards."""
+    transforms = {p: dict(t) for p, t in manufactured().items()}
+    for pose in ("half", "reach"):
+        del transforms[pose]["proximal2"]
+    transforms["closed"] = {b: t for b, t in transforms["fist"].items() if b != "proximal2"}
+    rig = Rig.fit(DATASET, transforms, SURFACES, FIT)
+    for pose, true in (("half", "half"), ("reach", "reach"), ("closed", "fist")):
+        assert rig.poses[pose].angles == pytest.approx(ANGLES[true], abs=1e-5)
+
+
 def test_bones_that_move_as_one(tmp_path):
     """A joint without degrees of freedom carries its bone along; it is no row of the table."""
     middle = DATASET.joints["PIP2"].model_copy(update={"angles": (), "limits_deg": (), "axis_hints": ()})

@@ -176,9 +176,12 @@ class Rig:
             found = moving_bones(self, named(values), transforms[self.root], model)
             return np.vstack([displacement_rates(found[b], of_bones[b]) for b in wanted])
 
-        start = np.concatenate([self._start(j, transforms) for j in self.joints])
-        solution = least_squares(residual, start, jac=jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-12).x
-        return {name: float(v) for name, v in zip(self.angle_names, solution, strict=True)}
+        solutions = [
+            least_squares(residual, start, jac=jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-12)
+            for start in self._starts(transforms)
+        ]
+        best = min(solutions, key=lambda solution: solution.cost)
+        return {name: float(v) for name, v in zip(self.angle_names, best.x, strict=True)}
 
     def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
         """Write the rig as an artifact."""
@@ -189,10 +192,29 @@ class Rig:
         """Read a rig; raises `InputError` where it is missing or not a rig."""
         return _from_groups(artifacts.read(path, "rig"))
 
-    def _start(self, joint: RigJoint, transforms: Bones) -> Array:
-        if joint.child not in transforms or joint.parent not in transforms:
-            return np.zeros(joint.fit.dof)
-        return joint.fit.angles_of([transforms[joint.parent].inverse() @ transforms[joint.child]])[0]
+    def _starts(self, transforms: Bones) -> list[Array]:
+        """Angles (n,) to start from: those of the motions seen, zero where nothing that a joint carries is.
+
+        Over a missing bone two joints share a motion, and a wrong start bends one of them backwards: there
+        the middle and the end of the seen range are tried, too.
+        """
+        carried = {j.child: j.child in transforms for j in self.joints}
+        for joint in reversed(self.joints):
+            if joint.parent != self.root:
+                carried[joint.parent] |= carried[joint.child]
+        starts, shared = [], False
+        for level in (0.0, 0.5, 1.0):
+            parts = []
+            for joint in self.joints:
+                if joint.child in transforms and joint.parent in transforms:
+                    relative = transforms[joint.parent].inverse() @ transforms[joint.child]
+                    parts.append(joint.fit.angles_of([relative])[0])
+                else:
+                    shared = shared or (carried[joint.child] and joint.fit.dof > 0)
+                    ends = np.vstack([np.zeros((1, joint.fit.dof)), joint.fit.angles]).max(axis=0)
+                    parts.append(level * ends if carried[joint.child] else np.zeros(joint.fit.dof))
+            starts.append(np.concatenate(parts))
+        return starts if shared else starts[:1]
 
     def _warn_of_limits(self, pose: str, angles: Angles) -> None:
         for name, (lower, upper) in self.limits.items():
