@@ -24,9 +24,10 @@ from handpipe.skeleton.bodies import moved_as_one
 from handpipe.skeleton.displacement import displacement, displacement_rates, moments
 from handpipe.skeleton.joint_types import fit_best
 from handpipe.skeleton.joints import JointFit, Model, fit_joint
-from handpipe.skeleton.limits import angle_ranges, widened_limits
+from handpipe.skeleton.limits import widened_limits
 from handpipe.skeleton.motions import BoneNoise, Motions, Registrations, joint_motions
 from handpipe.skeleton.residual import Residual
+from handpipe.skeleton.rig_groups import rig_groups, rig_units
 from handpipe.skeleton.twists import moving_bones
 
 Array = NDArray[np.float64]
@@ -185,7 +186,7 @@ class Rig:
 
     def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
         """Write the rig as an artifact."""
-        artifacts.write(path, _to_groups(self), kind="rig", units=_units(self), inputs=inputs)
+        artifacts.write(path, rig_groups(self), kind="rig", units=rig_units(self), inputs=inputs)
 
     @staticmethod
     def load(path: str | Path) -> Rig:
@@ -257,57 +258,6 @@ def joint_point(parent: Surface, child: Surface) -> Array:
     distances, _, closest = Distance(parent).closest(child.vertices)
     near = distances <= np.quantile(distances, 0.02)
     return (child.vertices[near].mean(axis=0) + closest[near].mean(axis=0)) / 2
-
-
-def _to_groups(rig: Rig) -> dict[str, Any]:
-    ranges = angle_ranges(rig)
-    return {
-        "root": rig.root,
-        "joints": {
-            j.name: {
-                "parent": j.parent,
-                "child": j.child,
-                "angles": list(j.angles),
-                "limits": j.limits,
-                "seen": np.array([ranges[n].seen for n in j.angles]).reshape(-1, 2),
-                "reference": np.array([ranges[n].reference or (np.nan, np.nan) for n in j.angles]).reshape(
-                    -1, 2
-                ),
-                "type": j.fit.type,
-                "axes": j.fit.axes.directions,
-                "order": list(j.fit.axes.order),
-                "centre": j.fit.centre,
-                "fitted_angles": j.fit.angles,
-                "rotation_residual": vars(j.fit.rotation_residual),
-                "translation_residual": vars(j.fit.translation_residual),
-                **({"offset": j.fit.offset} if j.fit.offset.any() else {}),
-            }
-            for j in rig.joints
-        },
-        "surfaces": {b: {"vertices": s.vertices, "triangles": s.triangles} for b, s in rig.surfaces.items()},
-        "poses": {
-            name: {
-                "rotation": p.root.rotation,
-                "translation": p.root.translation,
-                "angles": np.array([p.angles[n] for n in rig.angle_names]),
-            }
-            for name, p in rig.poses.items()
-        },
-    }
-
-
-def _units(rig: Rig) -> dict[str, str]:
-    units = {f"surfaces/{b}/vertices": "mm" for b in rig.surfaces}
-    for j in rig.joints:
-        units |= {f"joints/{j.name}/{k}": "rad" for k in ("limits", "seen", "reference", "fitted_angles")}
-        units |= {
-            f"joints/{j.name}/{k}": "mm" for k in ("centre", *(["offset"] if j.fit.offset.any() else []))
-        }
-        units[f"joints/{j.name}/rotation_residual/coefficients"] = "rad per product of angles in rad"
-        units[f"joints/{j.name}/translation_residual/coefficients"] = "mm per product of angles in rad"
-    for pose in rig.poses:
-        units |= {f"poses/{pose}/translation": "mm", f"poses/{pose}/angles": "rad"}
-    return units
 
 
 def _from_groups(data: Mapping[str, Any]) -> Rig:
