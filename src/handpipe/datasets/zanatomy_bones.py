@@ -48,10 +48,9 @@ CHANGES: dict[str, dict[str, float]] = {
         "TM_flexion": 4, "TM_abduction": 20, "MP1_flexion": 11, "MP1_abduction": 5, "IP1_flexion": 9,
         "PIP2_flexion": 10,
     },
-    "oppose_little": {
-        "TM_flexion": 28, "TM_abduction": 32, "MP1_flexion": 28, "MP1_abduction": 10, "IP1_flexion": 25,
-        "MP5_flexion": 62, "MP5_abduction": 8, "PIP5_flexion": 25, "DIP5_flexion": 15, "CMC5_flexion": 20,
-        "MP4_flexion": 20, "PIP4_flexion": 15,
+    "oppose_little": {  # as near as the thumb's range lets it come
+        "TM_flexion": 28, "TM_abduction": 41, "MP1_abduction": 25, "IP1_flexion": 25, "MP5_flexion": 15,
+        "PIP5_flexion": 63, "DIP5_flexion": 77, "CMC4_flexion": 8, "CMC5_flexion": 20,
     },
     "oppose_index": {
         "TM_flexion": 12, "TM_abduction": 20, "MP1_flexion": 11, "MP1_abduction": 4, "IP1_flexion": -6,
