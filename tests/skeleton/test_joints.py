@@ -5,7 +5,7 @@ from manufactured import motion, noisy, unit
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.axes import Axes
 from handpipe.skeleton.joints import fit_joint
-from handpipe.skeleton.residual import Residual, fit_ridge
+from handpipe.skeleton.residual import Residual, fit_residual, fit_ridge
 
 HINGE = unit([0.1, 0.97, -0.15])
 SECOND = unit(np.cross(np.cross(HINGE, [0.2, 0.1, 1.0]), HINGE))
@@ -151,3 +151,15 @@ def test_a_joint_that_hardly_moves_takes_its_hint():
     fit = fit_joint(poses, 1, [[0, 0, 1]], near=CENTRE)
     assert np.allclose(fit.axes.directions[0], [0, 0, 1], atol=1e-3)
     assert np.allclose(fit.centre, CENTRE)
+
+
+def test_few_poses_say_nothing_of_pairs_of_angles_that_they_lack():
+    """Six poses, and a pair of angles far from theirs: the function stays near what it has seen."""
+    pairs = np.radians([[66, 6], [6, -6], [-24, -1], [-8, -11], [34, 0], [68, 10]])
+    far, direction, worst = np.radians([69, -12]), np.array([1.0, 0.5, -0.3]), []
+    for seed in range(30):
+        noise = 0.004 * np.random.default_rng(seed).normal(size=(6, 3))
+        samples = 0.05 * np.outer(np.sin(2 * pairs[:, 0]), direction) + noise
+        true = 0.05 * np.sin(2 * far[0]) * direction
+        worst.append(np.abs(fit_residual(pairs, samples)(far)[0] - true).max())
+    assert np.max(worst) < 0.05 and np.mean(worst) < 0.012

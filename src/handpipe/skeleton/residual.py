@@ -34,6 +34,7 @@ TERMS: dict[int, tuple[Terms, ...]] = {
     ),  # of phi, psi, phi^2, phi psi, psi^2
     3: ((), (0, 1, 2), tuple(range(9))),  # of the angles, their squares, their products
 }
+SPARE = 2  # poses beyond a function's coefficients: with fewer it says nothing of pairs of angles not seen
 SHRINKAGE = (0.0, 0.3, 1.0, 3.0)  # in units of one pose of typical size
 
 
@@ -92,7 +93,9 @@ def fit_residual(angles: Array, samples: Array, weights: Array | None = None) ->
     weights (n,): inverse deviations of the samples, up to a factor.
     """
     counts = np.ones(len(samples)) if weights is None else weights
-    choices = [(terms, shrinkage) for terms in TERMS[angles.shape[1]] for shrinkage in SHRINKAGE]
+    most = max(len(samples) - SPARE, 1)
+    known = [terms for terms in TERMS[angles.shape[1]] if len(terms) <= most]
+    choices = [(terms, shrinkage) for terms in known for shrinkage in SHRINKAGE]
     fits = [fit_ridge(angles, samples, *choice, weights=counts) for choice in choices]
     mixture = np.zeros(len(choices))
     if len(samples) > 1:
