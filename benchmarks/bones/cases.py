@@ -54,19 +54,19 @@ _CASES = (
     _in_one(
         "seeds-in-neighbour",
         "the middle phalanx's seeds lie in the proximal one",
-        "hook",
+        "spread",
         Conditions(misled="middle2", seeded="in the neighbour"),
     ),
     _in_one(
         "seeds-in-fat",
         "the middle phalanx's seeds lie in the fat beside it",
-        "hook",
+        "spread",
         Conditions(misled="middle2", seeded="in fat"),
     ),
     _in_one(
         "seeds-partly-in-fat",
         "one stroke of the middle phalanx's lies in the fat beside it",
-        "hook",
+        "spread",
         Conditions(misled="middle2", seeded="partly in fat"),
     ),
 )

@@ -38,12 +38,13 @@ def between(text: str, part: str, content: str) -> str:
 
 def words(rows: Sequence[Row]) -> str:
     """What went wrong in each case, and what the library said, as a list."""
-    lines = ["What was wrong, and what was said of it (the first words of each case):", ""]
+    lines = ["What was wrong, and what was said of it:", ""]
     for row in rows:
+        quiet = "its own uncertainty covers it" if row.noticed == len(row.wrong) else "nothing said"
         if row.wrong or row.said:
             wrong = "; ".join(row.wrong) or "nothing wrong"
-            said = "; ".join(row.said[:3]) + ("; …" if len(row.said) > 3 else "") or "nothing said"
-            lines.append(f"- `{row.case}`: {wrong} — {said}")
+            said = "; ".join(row.said[:3]) + ("; …" if len(row.said) > 3 else "") or quiet
+            lines.append(f"- `{row.case}`: {wrong}. *{said}.*")
     return "\n".join(lines)
 
 
@@ -69,18 +70,18 @@ def _pair(values: Pair | None) -> str:
 
 
 def draw(points: Sequence[Point], path: Path) -> None:
-    """Errors over seconds, a curve for each study, each point with its setting."""
+    """Errors over seconds, a curve for each study; voxel sizes are written beside their points."""
     panels = {
         "1 - mean Dice": lambda p: None if p.dice is None else 1 - p.dice[0],
-        "registration [mm]": lambda p: p.registration and p.registration[1],
-        "rig, left-out poses [mm]": lambda p: p.rig and p.rig[1],
+        "registration [deg]": lambda p: p.registration and p.registration[0],
+        "rig, left-out poses [deg]": lambda p: p.rig and p.rig[0],
     }
     figure = Figure(figsize=(10.0, 3.6), layout="constrained")
     for axes, (name, value) in zip(figure.subplots(1, len(panels)), panels.items(), strict=True):
         for study, marker in zip(dict.fromkeys(p.study for p in points), "osD", strict=False):
             shown = [(p.seconds / p.poses, value(p), p.at) for p in points if p.study == study and value(p)]
             axes.loglog(*zip(*[s[:2] for s in shown], strict=True), marker=marker, markersize=4, label=study)
-            for x, y, at in shown:
+            for x, y, at in shown if study == "voxel size" else ():  # the others lie on one another
                 axes.annotate(f"{at:g}", (x, y), fontsize=6, xytext=(3, 3), textcoords="offset points")
         axes.set_xlabel("seconds a pose")
         axes.set_title(name, fontsize=10)

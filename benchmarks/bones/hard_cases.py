@@ -108,7 +108,7 @@ def judge(case: Case, outcome: Outcome, bars: Bars = BARS) -> Row:
         wrong=[described(place, errors[place]) for place in sorted(wrong)],
         noticed=len(wrong & (said | expected)),
         alarms=len((said & set(errors)) - wrong),
-        said=[f"{bone} in {pose}: {text}" for (pose, bone), texts in outcome.said.items() for text in texts]
+        said=[f"{pose}: {text}" for (pose, _), texts in outcome.said.items() for text in texts]
         + [f"rig: {text}" for text in outcome.rig_said],
         seconds=outcome.seconds,
         failures=[],

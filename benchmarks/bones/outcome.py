@@ -13,6 +13,7 @@ from benchmarks.bones.chain import Registered, Segmented, register, segment
 from benchmarks.bones.errors import motion_error, overlap
 from benchmarks.bones.notices import listening
 from benchmarks.bones.subject import NEUTRAL, PHALANGES, Conditions, Part, scan
+from handpipe.errors import InputError
 from handpipe.imaging.segmentation import SegmentationSettings
 from handpipe.metrics import Metrics
 from handpipe.skeleton.odd_bones import without_odd_bones
@@ -142,6 +143,10 @@ def _rig(
     dataset = part.dataset(case.conditions.hand)
     rest = case.of(NEUTRAL)
     surfaces = segmented(part.bones, rest, rest, NEUTRAL, settings).whole
+    if lost := [bone for bone in part.bones if bone not in surfaces]:
+        raise InputError(
+            NEUTRAL, "bones", f"{', '.join(lost)} not found", "The neutral pose needs every bone"
+        )
     found = {pose: {bone: r.transform for bone, r in bones.items()} for pose, bones in trusted.items()}
     transforms, odd = without_odd_bones(dataset, found, surfaces, part.poses)
     rig = Rig.fit(dataset, transforms, surfaces, part.poses, trusted)

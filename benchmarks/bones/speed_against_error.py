@@ -18,7 +18,7 @@ from handpipe.imaging.segmentation import SegmentationSettings
 log = logging.getLogger(__name__)
 
 VOXELS = (0.4, 0.5, 0.65, 0.8, 1.0, 1.5)  # mm
-TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-5)  # of the walker's probability
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4)  # of the walker's probability
 MARGINS = (2.0, 4.0, 7.0, 12.0)  # mm
 PART = Part(poses=FIVE[:4])
 
