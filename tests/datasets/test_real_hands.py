@@ -187,8 +187,8 @@ def test_bones_are_those_of_the_source_but_for_slivers(name, dataset, subject):
         assert mesh(mine).volume > 0.85 * mesh(surface).volume, bone
         off = np.abs(igl.signed_distance(mine[0], *surface)[0])
         assert np.median(off) < 0.1 and np.quantile(off, 0.8) < 0.5, bone
-        # Nothing is added, but for what the grid rounds.
-        assert igl.signed_distance(mine[0], *surface)[0].max() < 0.2, bone
+        # Nothing is added but what the grid rounds and what closes a tunnel.
+        assert igl.signed_distance(mine[0], *surface)[0].max() < 0.4, bone
 
 
 @pytest.mark.parametrize("pose", POSES)
