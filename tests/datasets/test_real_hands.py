@@ -114,7 +114,7 @@ def test_angles_stay_within_the_models_ranges(name, dataset, subject):
     for angle, (low, high) in limits.items():
         used = [angles[angle] for angles in subject.motion.poses.values()]
         assert low - 1e-6 <= min(used) and max(used) <= high + 1e-6, angle
-        assert max(used) - min(used) > 0.2 * (high - low), angle
+        assert max(used) - min(used) > 0.1 * (high - low), angle
 
 
 def test_hand_is_a_right_hand_in_the_phantoms_frame(hands):

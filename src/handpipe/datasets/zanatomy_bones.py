@@ -49,7 +49,7 @@ CHANGES: dict[str, dict[str, float]] = {
         "PIP2_flexion": 10,
     },
     "oppose_little": {  # as near as the thumb's range lets it come
-        "TM_flexion": 28, "TM_abduction": 41, "MP1_abduction": 25, "IP1_flexion": 25, "MP5_flexion": 15,
+        "TM_flexion": 28, "TM_abduction": 41, "MP1_abduction": 20, "IP1_flexion": 25, "MP5_flexion": 15,
         "PIP5_flexion": 63, "DIP5_flexion": 77, "CMC4_flexion": 8, "CMC5_flexion": 20,
     },
     "oppose_index": {
