@@ -152,13 +152,6 @@ def rig_table(rows: Sequence[Row]) -> Table | None:
 
 
 def _joint(row: Row) -> str:
-    """The joint's name with its type and the poses that it was fitted to, where these are stated."""
-    if "type" not in row:
-        return str(row["joint"])
-    return f"{row['joint']} ({row['type']}, {row['poses']:.0f} poses)"
-
-
-def _joint(row: Row) -> str:
     """The joint's name, with its type and the number of fitted poses where these are stated."""
     if "type" not in row:
         return str(row["joint"])
