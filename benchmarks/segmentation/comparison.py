@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.fem.machine import Figures, facts, figure
 from benchmarks.segmentation.regions import Region, regions
-from benchmarks.segmentation.walkers import EXACT, MODES, Array, Run, ours, run, theirs
+from benchmarks.segmentation.walkers import MODES, Array, Run, exact, ours, run, theirs
 from handpipe.config import Dataset
 
 log = logging.getLogger(__name__)
@@ -41,8 +41,8 @@ def compared(
     region: Region, walkers: Mapping[str, Callable[[Region], Array]], repeats: int
 ) -> dict[str, Run]:
     """Every walker's run in one region, in turn in this process."""
-    exact = ours(region, EXACT)
-    found = {name: run(region, walk, exact, repeats) for name, walk in walkers.items()}
+    solution = exact(region)
+    found = {name: run(region, walk, solution, repeats) for name, walk in walkers.items()}
     log.info("%s in %s: %s", region.bone, region.pose, found)
     return found
 

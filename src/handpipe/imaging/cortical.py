@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.imaging.band import DistanceBand, at_closest
-from handpipe.imaging.marrow import Cortex, contour, cortical_layers, extent_along
+from handpipe.imaging.marrow import Cortex, contour, cortical_layers, extent_along, within
 from handpipe.imaging.profiles import graph_laplacian, smooth_field
 from handpipe.imaging.segmentation import BoneProbability
 from handpipe.imaging.shell_watershed import THICKEST, outer_faces, shell_basins
@@ -37,7 +37,7 @@ def whole_bone(
     others: the marrow surfaces of the other bones; dark tissue nearer to them is theirs.
     """
     thickness = shell_thickness(volume, bone, marrow, others)
-    return taubin(offset_surface(marrow, thickness, float(volume.spacing.min())), 5)
+    return within(volume, taubin(offset_surface(marrow, thickness, float(volume.spacing.min())), 5))
 
 
 def shell_thickness(

@@ -19,6 +19,8 @@ from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
 
+SMOOTHING = (0.7, 0.35)  # voxels
+FADED = 0.8  # of the claimed voxels: with less left, smoothing was too much
 REACH = 1.25  # voxels that the image may move the walker's surface
 USUAL_THICKNESS = 0.8  # mm, of cortical bone in a finger: where fits start
 STIFFNESS = 1.0
@@ -75,15 +77,31 @@ def marrow_surface(volume: Volume, bone: BoneProbability) -> Surface:
     is fitted along its normals, where the image shows it clearly.
     """
     local = volume.crop(bone.offset, bone.offset + bone.probability.shape)
-    probability = ndimage.gaussian_filter(bone.probability.astype(np.float32), 0.7)
-    surface = taubin(contour(local.like(probability), 0.5), 10)
+    surface = taubin(contour(local.like(_smoothed(bone.probability)), 0.5), 10)
     cortex = Cortex.estimate(local, BoneProbability(np.zeros(3, int), bone.probability), surface)
     laplacian = graph_laplacian(surface.triangles, len(surface.vertices))
     for _ in range(2):
         layers, normals = cortical_layers(local, surface, cortex, REACH)
         move, _ = smooth_field(laplacian, layers.inner, layers.inner_confidence, STIFFNESS, OUTLIER)
         surface = taubin(surface.moved(surface.vertices + move[:, None] * normals), 5)
-    return surface
+    return within(volume, surface)
+
+
+def _smoothed(probability: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Probability without the voxels' steps; smoothed less where a bone of few voxels would fade."""
+    claimed = (probability > 0.5).sum()
+    for deviation in SMOOTHING:
+        smooth = ndimage.gaussian_filter(probability, deviation)
+        if (smooth > 0.5).sum() > FADED * claimed:
+            return smooth
+    return probability
+
+
+def within(volume: Volume, surface: Surface) -> Surface:
+    """The surface with what lies beyond the volume's border flattened on to it: nothing is seen there."""
+    index = volume.to_index(surface.vertices)
+    seen = np.clip(index, -0.5, np.array(volume.shape) - 0.5)
+    return surface if (seen == index).all() else surface.moved(volume.to_world(seen))
 
 
 def extent_along(volume: Volume, directions: Array) -> Array:

@@ -25,6 +25,7 @@ BACKGROUND = 255
 BRIGHT_PERCENTILE = 99.0  # of the volume: fat and marrow
 DARKEST = 0.2  # of that: air and cortical bone lie below, marrow at the dark end of a bias field far above
 LONGEST = 110.0  # mm of marrow: half as much again as a long third metacarpal
+UNDECIDED = 2e-4  # of the claimed voxels
 AROUND_CONFLICT = 4  # voxels of sure labels around a conflict
 SURROUNDINGS = 5.0  # mm around the marrow that the shell and its neighbourhood take
 
@@ -110,7 +111,7 @@ def segment_bone(
     problem = local_problem(volume, seeds, label, settings)
     start = None
     while True:
-        walked = random_walker(problem.values, problem.marks, settings.beta, start, spacing=volume.spacing)
+        walked = walk(problem, volume.spacing, settings.beta, start)
         probability = _connected(walked, problem.marks == INSIDE)
         claimed = probability > 0.5
         bone = BoneProbability(problem.offset, probability.astype(np.float32))
@@ -140,6 +141,13 @@ def local_problem(volume: Volume, seeds: Labels, label: int, settings: Segmentat
     """The first region in which a bone is sought: its seeds and a margin. Raises as `segment_bone` does."""
     lower, upper, level = _around_seeds(volume, seeds, label)
     return _problem(volume, seeds, label, level, lower, upper, settings)
+
+
+def walk(
+    problem: LocalProblem, spacing: NDArray, beta: float, start: NDArray | None = None
+) -> NDArray[np.float64]:
+    """The walker's probability (nx, ny, nz), as exact as claims need it."""
+    return random_walker(problem.values, problem.marks, beta, start, spacing=spacing, undecided=UNDECIDED)
 
 
 def _problem(
