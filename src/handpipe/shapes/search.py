@@ -67,11 +67,12 @@ class Settings:
 
 @dataclass(frozen=True)
 class State:
-    """Log-strains (m, 6), the body under them, and its equilibrium x (n, 3)."""
+    """Log-strains (m, 6), the body under them, its equilibrium x (n, 3), and the tangled tets of that."""
 
     logs: Array
     body: Elastic
     x: Array
+    tangles: int
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ class Search:
         pins = LooseMotions(self.attached.targets, x).pins(x)
         options = equilibrium.Options(name="organ")
         found = equilibrium.solve([body, *self.held], x, fixed=pins, options=options)
-        return State(logs, body, found.x)
+        return State(logs, body, found.x, found.record.tangles)
 
     def run(
         self, state: State, stage: str, find: FindMarks, weight: float, uniform: bool, most: int
@@ -184,6 +185,9 @@ class Search:
                 trial = self.at(state.logs + length * step.strains, moved)
             except ConvergenceError as error:
                 log.info("step %.3f: %s", length, error)
+                continue
+            if trial.tangles > state.tangles:
+                log.info("step %.3f: %d tangled tets", length, trial.tangles)
                 continue
             trial = replace(trial, x=motions.settled(trial.x, marks))
             if self.objective(trial, marks) <= before + ARMIJO * length * step.slope:
