@@ -14,11 +14,13 @@ from handpipe import artifacts
 from handpipe.config import Dataset, Scanner, load_dataset
 from handpipe.datasets import phantom_hand
 from handpipe.imaging.marrow_evidence import MarrowEvidence
+from handpipe.imaging.rasterise import rasterise
 from handpipe.imaging.volume import Volume, read_volume
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.locating import HandModel, locate
 from handpipe.skeleton.location_confidence import Confidence, confidences
+from handpipe.skeleton.motion_search import Motions
 
 CONFIG = Path(__file__).parents[2] / "config" / "datasets"
 RAYS = (2, 3)
@@ -26,7 +28,7 @@ KINDS = ("metacarpal", "proximal", "middle", "distal")
 BONES = [f"{kind}{ray}" for ray in RAYS for kind in KINDS]
 SPACING = 0.8
 ELSEWHERE = RigidTransform(Rotation.from_rotvec([0.5, -0.4, 0.3]).as_matrix(), np.array([40.0, -25.0, 60.0]))
-Motions = dict[str, RigidTransform]
+Transforms = dict[str, RigidTransform]
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Scan:
     """An image of a pose, with the truth."""
 
     volume: Volume
-    true: Motions
+    true: Transforms
 
     @cached_property
     def evidence(self) -> MarrowEvidence:
@@ -66,7 +68,7 @@ def hook(dataset: Dataset) -> Scan:
     return Scan(read_volume(dataset.path(dataset.poses["hook"].volume)), true)
 
 
-def displacements(hand: HandModel, found: Motions, true: Motions) -> dict[str, float]:
+def displacements(hand: HandModel, found: Transforms, true: Transforms) -> dict[str, float]:
     """Root mean square displacement in mm of each bone's points from where they are."""
     return {
         b: float(np.sqrt(((found[b](p.points) - true[b](p.points)) ** 2).sum(axis=1).mean()))
@@ -74,7 +76,7 @@ def displacements(hand: HandModel, found: Motions, true: Motions) -> dict[str, f
     }
 
 
-def marked(hand: HandModel, scanned: Scan, motions: Motions) -> set[str]:
+def marked(hand: HandModel, scanned: Scan, motions: Transforms) -> set[str]:
     sure: dict[str, Confidence] = confidences(hand, scanned.evidence.fine, motions)
     return {b for b, confidence in sure.items() if confidence.marked}
 
@@ -132,3 +134,26 @@ def test_the_truth_is_sure_and_mistakes_are_marked(hand, hook):
     }
     for name, motions in wrong.items():
         assert set(motions) <= marked(hand, hook, {**true, **motions}), name
+
+
+def test_trials_about_axes_that_lie_elsewhere():
+    """T M T^-1 turns about the axis that T carries the axis of M to."""
+    axis, centre = np.array([0.0, 0.6, 0.8]), np.array([4.0, -2.0, 1.0])
+    about = RigidTransform.about(centre, Rotation.from_rotvec(0.7 * axis).as_matrix())
+    carried = RigidTransform.about(
+        ELSEWHERE(centre), Rotation.from_rotvec(0.7 * ELSEWHERE.rotation @ axis).as_matrix()
+    )
+    found = Motions.of([about]).seen_from(ELSEWHERE).transforms()[0]
+    np.testing.assert_allclose(found.rotation, carried.rotation, atol=1e-12)
+    np.testing.assert_allclose(found.translation, carried.translation, atol=1e-9)
+
+
+def test_a_bone_that_is_not_there_is_marked(hand, hook):
+    """Grey tissue in the place of a distal phalanx, and the bones before it as they were."""
+    volume, true = hook.volume, hook.true
+    whole = hand.distances["distal2"].surface
+    gone = rasterise(volume, {1: whole.moved(true["distal2"](whole.vertices))}) > 0
+    marrow = np.median(volume.sample(true["middle2"](hand.probes["middle2"].inner)))
+    lacking = Scan(volume.like(np.where(gone, 0.45 * marrow, volume.values)), true)
+    found = locate(hand, lacking.evidence)
+    assert marked(hand, lacking, found) == {"distal2"}

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 WIDENED = np.radians(15.0)  # beyond the limits on either side
 STEP = 2.5  # mm at the far end of the bone between two trials
 DEPTHS = (-0.6, 0.0, 0.6, 1.2, 1.8)  # of the centre inside the parent, in half thicknesses of the child
+ROLLS = np.radians([-22.0, 0.0, 22.0])  # by which a hinge may be off: a phalanx hardly shows its roll
 CONTACT = 300  # vertices of the child that may touch the parent
 
 
@@ -96,7 +97,12 @@ def _link(
     axes = Axes(hints / np.linalg.norm(hints, axis=1, keepdims=True), tuple(range(len(hints))))
     limits = np.radians(np.array(joint.limits_deg, float)).reshape(-1, 2)
     surface = whole[joint.child]
-    trials = _trials(axes, limits, _centres(whole[joint.parent], surface), bodies[child])
+    centres = _centres(whole[joint.parent], surface)
+    trials = _trials(axes, limits, centres, bodies[child])
+    if axes.dof == 1:
+        along = (centres[-1] - centres[0]) / np.linalg.norm(centres[-1] - centres[0])
+        rolls = [RigidTransform.about(centres[0], Rotation.from_rotvec(r * along).as_matrix()) for r in ROLLS]
+        trials = Motions.joined([trials.seen_from(roll) for roll in rolls])
     near = surface.vertices[:: max(len(surface.vertices) // CONTACT, 1)]
     return Link(name, parent, child, axes, limits, trials, near, Distance(whole[joint.parent]))
 

@@ -43,6 +43,7 @@ BEHIND = 0.6  # of a bone's edges: guesses that far behind the best are given up
 NO_DOUBT = 0.9  # of the root's edges: no other start is tried
 SAME = 1.0  # mm (rms) between two motions that count as one
 OVERLAP_DEPTH = 1.0  # mm of marrow inside another whole bone
+TURN = 0.004  # what a guess loses by each degree that its joint's axes do not explain
 CROWDED = 4.0  # what a bone wholly inside others loses, in bones that agree
 
 
@@ -134,8 +135,9 @@ class Search:
         found = []
         for motion, agrees in self._best(body, link.trials.carried(parent), held=True):
             crowd = max(self.model.bodies_overlap(link.child, motion, n, m) for n, m in guess.motions.items())
-            plausible = link.departure(parent, motion).plausible
-            found.append((motion, agrees - 0.5 * (1 - plausible) - CROWDED * crowd))
+            departure = link.departure(parent, motion)
+            doubt = 0.5 * (1 - departure.plausible) + TURN * departure.turn
+            found.append((motion, agrees - doubt - CROWDED * crowd))
         return found
 
     def _best(self, body: Body, trials: Motions, *, held: bool) -> list[tuple[RigidTransform, float]]:

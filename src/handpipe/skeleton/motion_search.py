@@ -47,6 +47,20 @@ class Motions:
     def transforms(self) -> list[RigidTransform]:
         return [RigidTransform(r, t) for r, t in zip(self.rotations, self.translations, strict=True)]
 
+    @staticmethod
+    def joined(parts: list[Motions]) -> Motions:
+        """All motions of several sets."""
+        return Motions(
+            np.concatenate([p.rotations for p in parts]), np.concatenate([p.translations for p in parts])
+        )
+
+    def seen_from(self, turned: RigidTransform) -> Motions:
+        """The same motions about axes that a transform has carried elsewhere: T M T^-1."""
+        back = turned.inverse()
+        carried = self.carried(turned)
+        translations = carried.rotations @ back.translation + carried.translations
+        return Motions(carried.rotations @ back.rotation, translations)
+
     def carried(self, parent: RigidTransform) -> Motions:
         """Motions of a child, its parent at rest, carried on by the parent's motion."""
         return Motions(
