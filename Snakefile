@@ -43,6 +43,7 @@ onstart:
 
 localrules:
     all,
+    seeds,
     segmentation,
     registration,
     rig,
@@ -61,6 +62,15 @@ rule all:
         each_subject("report.html"),
         each_subject("metrics/build.json"),
         obj_sequences(),
+
+
+rule seeds:
+    input:
+        [
+            f"results/{s}/metrics/seeds.json"
+            for s in buildable_subjects()
+            if proposed_poses(s)
+        ],
 
 
 rule segmentation:

@@ -71,7 +71,7 @@ class Joint(Model):
     )
     limits_deg: tuple[tuple[float, float], ...] | None = Field(
         None,
-        description="[lower, upper] of each angle; by default what the poses show, widened by published ranges",
+        description="[lower, upper] of each angle; by default what poses show, widened by published ranges",
     )
     axis_hints: tuple[Vector, ...] = Field(
         description="rough axis of each angle in the neutral frame: fixes its sign"

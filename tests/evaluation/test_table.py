@@ -67,15 +67,17 @@ def test_metrics_with_a_poses_name_become_columns():
     metrics = {
         "dice_fist": (0.9, "1"),
         "dice_bow": (0.8, "1"),
+        "dice_oppose_little_distal2": (0.7, "1"),
         "rms_fist_mean": (0.1, "mm"),
         "seconds": (3, "s"),
     }
-    made = table.metrics_table("stage", metrics, ["bow", "fist"])
-    assert list(made.columns) == ["measure", "unit", "overall", "bow", "fist"]
+    made = table.metrics_table("stage", metrics, ["bow", "fist", "oppose_little"])
+    assert list(made.columns) == ["measure", "unit", "overall", "bow", "fist", "oppose_little"]
     assert [list(r) for r in made.rows] == [
-        ["dice", "1", "", "0.8", "0.9"],
-        ["rms mean", "mm", "", "", "0.1"],
-        ["seconds", "s", "3", "", ""],
+        ["dice", "1", "", "0.8", "0.9", ""],
+        ["dice distal2", "1", "", "", "", "0.7"],
+        ["rms mean", "mm", "", "", "0.1", ""],
+        ["seconds", "s", "3", "", "", ""],
     ]
 
 

@@ -164,7 +164,10 @@ def of_pose(field):
 def seeds_of_pose(wildcards):
     """The pose's seeds as the dataset names them; else those that are proposed from neutral."""
     given = of_pose("seeds")(wildcards)
-    return given or f"results/{wildcards.subject}/segmentation/{wildcards.pose}/seeds.nii.gz"
+    return (
+        given
+        or f"results/{wildcards.subject}/segmentation/{wildcards.pose}/seeds.nii.gz"
+    )
 
 
 def proposed_poses(subject):
@@ -309,7 +312,8 @@ def scanned(subject):
 def report_metrics(subject):
     """The stages that the scenes ask for."""
     data = dataset(subject)
-    stages = ["segmentation", "registration", "rig"]
+    stages = ["seeds"] if proposed_poses(subject) else []
+    stages += ["segmentation", "registration", "rig"]
     if layered(subject):
         stages += ["tendons"] if data.tendons else []
         stages += ["muscles"] if data.muscles else []

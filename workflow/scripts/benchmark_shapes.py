@@ -1,4 +1,4 @@
-"""Figures of shapes from plastic strains, measured in a process that has the machine's threads from its start."""
+"""Figures of shapes from plastic strains, in a process that has the machine's threads from its start."""
 
 import subprocess
 import sys

@@ -176,9 +176,10 @@ def metrics_table(title: str, metrics: Metrics, poses: Sequence[str]) -> Table:
 
 
 def _split(name: str, poses: Sequence[str]) -> tuple[str, str]:
-    words = name.replace(".", "_").replace("/", "_").split("_")
-    pose = next((p for p in poses if p in words), "")
-    return " ".join(w for w in words if w != pose), pose
+    plain = "_" + name.replace(".", "_").replace("/", "_") + "_"
+    pose = max((p for p in poses if f"_{p}_" in plain), key=len, default="")
+    rest = plain.replace(f"_{pose}_", "_", 1) if pose else plain
+    return " ".join(rest.strip("_").split("_")), pose
 
 
 def _short(value: float | None) -> str:

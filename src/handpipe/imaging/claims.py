@@ -18,7 +18,7 @@ from scipy import ndimage
 
 from handpipe import artifacts
 from handpipe.artifacts import write_text
-from handpipe.errors import InputError
+from handpipe.errors import ConvergenceError, InputError
 from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, segment_bone
 from handpipe.imaging.volume import Labels, Volume
 
@@ -45,9 +45,9 @@ def segment(
         logger.info("%s: %d of %d bones", name, number, len(bones))
         try:
             found[name] = segment_bone(volume, seeds, label, settings)
-        except InputError as error:
-            wrong[name] = error.problem
-            logger.warning("%s: %s", name, error.problem)
+        except (InputError, ConvergenceError) as error:
+            wrong[name] = error.problem if isinstance(error, InputError) else str(error)
+            logger.warning("%s: %s", name, wrong[name])
     return found, wrong
 
 

@@ -21,6 +21,7 @@ from handpipe.skeleton.rig import joint_point
 
 Array = NDArray[np.float64]
 
+UNSTATED = ((-45.0, 110.0),)  # deg, of an angle whose limits are left to the data
 WIDENED = np.radians(15.0)  # beyond the limits on either side
 STEP = 2.5  # mm at the far end of the bone between two trials
 DEPTHS = (-0.6, 0.0, 0.6, 1.2, 1.8)  # of the centre inside the parent, in half thicknesses of the child
@@ -95,7 +96,7 @@ def _link(
 ) -> Link:
     hints = np.array(joint.axis_hints, float).reshape(-1, 3)
     axes = Axes(hints / np.linalg.norm(hints, axis=1, keepdims=True), tuple(range(len(hints))))
-    limits = np.radians(np.array(joint.limits_deg, float)).reshape(-1, 2)
+    limits = np.radians(np.array(joint.limits_deg or UNSTATED * len(hints), float)).reshape(-1, 2)
     surface = whole[joint.child]
     centres = _centres(whole[joint.parent], surface)
     trials = _trials(axes, limits, centres, bodies[child])
