@@ -22,7 +22,7 @@ PARTS = ("string", "known_strains", "solves", "organs", "separation")
 QUICK: dict[str, dict[str, object]] = {
     "string": {"cells": 16},
     "known_strains": {"edges": (3.2,), "counts": (60,)},
-    "solves": {"edge": 2.6, "rows": 300, "patience": 5.0},
+    "solves": {"edge": 2.6, "rows": 300, "patience": 1000.0},
     "organs": {"edge": 2.8, "liver_edge": 18.0, "many": 500},
     "separation": {"turns": (0.0,), "overlaps": ()},
 }

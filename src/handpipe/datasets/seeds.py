@@ -38,6 +38,8 @@ def scribble(
     far = distance_transform_edt(whole == 0) * grid.spacing
     for value in np.unique(marrow[marrow > 0]):
         inside = _widest(distance_transform_edt(marrow == value) * grid.spacing, grid.spacing)
+        if not inside.any():  # marrow of few voxels
+            inside = marrow == value
         _draw(seeds, inside, int(value), grid, rng, STROKES)
         near = distance_transform_edt(whole != value) * grid.spacing
         around = (far > 1.5) & (near < 6.0)
