@@ -32,12 +32,12 @@ STIFFNESS = 2.0
 
 
 class MarkerSettings(Model):
-    """How boundary markers are sought."""
+    """How boundary markers are sought. Thin parts look unlike muscle: they are partly fat."""
 
     search: float = Field(3.0, gt=0, description="along the normals, either way, mm")
     contrast: float = Field(0.3, gt=0, description="least step at an edge, as a part of the muscle's level")
     likeness: float = Field(
-        0.2, gt=0, description="how unlike the muscle's level inside may be, as a part of it"
+        0.3, gt=0, description="how unlike the muscle's level inside may be, as a part of it"
     )
     agreement: float = Field(0.6, gt=0, description="from the neighbours' edges, where trust falls, mm")
     least_confidence: float = Field(0.3, ge=0, le=1, description="markers below it are dropped")

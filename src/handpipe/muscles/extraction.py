@@ -28,8 +28,8 @@ IntArray = NDArray[np.int64]
 log = logging.getLogger(__name__)
 
 # In other poses the muscle is known but for its bending: it nearly keeps its volume and its guessed strains.
-# Further out than 2 mm lie the far sides of neighbours. Thin parts look unlike muscle: they are partly fat.
-SEARCH = MarkerSettings.model_validate({"search": 2.0, "likeness": 0.3})
+# Further out than 2 mm lie the far sides of neighbours.
+SEARCH = MarkerSettings.model_validate({"search": 2.0})
 SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)
 POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 
