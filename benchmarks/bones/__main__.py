@@ -9,12 +9,13 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import os
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from benchmarks.threads import take_threads
 
 if TYPE_CHECKING:  # loading them loads numba, which reads its number of threads then
     from benchmarks.bones.hard_cases import Row
@@ -31,9 +32,7 @@ PARTS = ("hard_cases", "speed_against_error")
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts or cases asked for; what was not run is kept from the file."""
-    if "numba" not in sys.modules:  # the libraries read the number of threads when they are loaded
-        for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-            os.environ[name] = "1"
+    take_threads(1)
     options = _options(arguments)
     from benchmarks.bones import document, hard_cases, speed_against_error
     from benchmarks.bones.cases import CASES

@@ -6,12 +6,12 @@ import argparse
 import importlib
 import json
 import logging
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from benchmarks.threads import take_threads
 from handpipe import artifacts, metrics
 
 log = logging.getLogger("benchmarks.fem")
@@ -26,9 +26,7 @@ PARTS = ("assembly", "linear", "hard_cases", "twist", "scaling", "fat", "speed_a
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts asked for; figures of parts that were not run are kept from the file."""
     options = _options(arguments)
-    if "numba" not in sys.modules:  # the libraries read the number of threads when they are loaded
-        for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-            os.environ[name] = str(options.threads)
+    take_threads(options.threads)
     from benchmarks.fem import machine
 
     figures = dict(_known(options.output))

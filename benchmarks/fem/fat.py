@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.fem.machine import REPEATS, Figures, figure, watched
+from benchmarks.fem.machine import REPEATS, Figures, figure, peak_memory, watched
 from benchmarks.fem.thin_body import thin_body
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import Options, continuation
@@ -28,7 +28,7 @@ OPTIONS = Options(displacement_tolerance=0.1, force_tolerance=1e-2, name="thin b
 
 
 def measure(cache: str | Path, scale: float = 1.0, repeats: int = REPEATS) -> Figures:
-    """Figures `paper_fat_…`; `cache` keeps the mesh, edges are longer by `scale`. Runs in its own process."""
+    """Figures `paper_fat_…`, in its own process; `cache` keeps the mesh, edges are longer by `scale`."""
     thin_body(cache, scale)  # meshing is not part of a frame
     context = multiprocessing.get_context("spawn")  # a process of its own has a peak memory of its own
     with ProcessPoolExecutor(1, mp_context=context) as pool:
@@ -41,13 +41,7 @@ def _frames(cache: str | Path, scale: float, repeats: int) -> Figures:
         name: figure(float(np.median([run[name][0] for run in runs])), unit)
         for name, (_, unit) in runs[0].items()
     }
-    return figures | {"paper_fat_peak_memory": figure(_peak_memory(), "GiB")}
-
-
-def _peak_memory() -> float:
-    """Of this process in GiB. The system's usage counts, at first, what the process had that started it."""
-    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
-    return float(status["VmHWM"].split()[0]) / 2**20
+    return figures | {"paper_fat_peak_memory": figure(peak_memory(), "GiB")}
 
 
 def _frame(cache: str | Path, scale: float) -> dict[str, tuple[float, str]]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.threads import take_threads
 from handpipe import artifacts
 
 log = logging.getLogger("benchmarks.segmentation")
@@ -23,9 +23,7 @@ POSES = ("neutral", "fist")
 def main(arguments: Sequence[str] | None = None) -> None:
     """Both walkers in every region asked for, on one thread: the project's walker uses no more."""
     options = _options(arguments)
-    if "numba" not in sys.modules:  # the libraries read the number of threads when they are loaded
-        for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-            os.environ[name] = "1"
+    take_threads(1)
     from benchmarks.segmentation import comparison
     from handpipe.config import load_dataset
 

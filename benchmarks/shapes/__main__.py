@@ -6,12 +6,12 @@ import argparse
 import importlib
 import json
 import logging
-import os
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.threads import take_threads
 from handpipe import artifacts
 
 log = logging.getLogger("benchmarks.shapes")
@@ -31,9 +31,7 @@ QUICK: dict[str, dict[str, object]] = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts asked for; figures of parts that were not run are kept from the file."""
     options = _options(arguments)
-    if "numba" not in sys.modules:  # the libraries read the number of threads when they are loaded
-        for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-            os.environ[name] = str(options.threads)
+    take_threads(options.threads)
     from benchmarks.fem import machine
 
     figures: dict[str, object] = {}

@@ -7,14 +7,13 @@ the true surface, without noise.
 from __future__ import annotations
 
 import logging
-import resource
 import time
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks.fem.machine import Figures, figure
+from benchmarks.fem.machine import Figures, figure, peak_memory
 from benchmarks.shapes.bodies import liver, muscle, scattered, surface_errors
 from benchmarks.shapes.solves import ends, target
 from handpipe.mesh.tetrahedra import TetMesh
@@ -47,8 +46,10 @@ def dense(edge: float = 0.74, marks: int = MANY) -> Figures:
     wanted = target(mesh)
     points = scattered_many(wanted, marks)
     found = _fitted("dense", mesh, wanted, points, ends(mesh, wanted))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    return found | {"dense_peak_memory": figure(peak, "GiB"), "dense_marks": figure(float(marks), "1")}
+    return found | {
+        "dense_peak_memory": figure(peak_memory(), "GiB"),
+        "dense_marks": figure(float(marks), "1"),
+    }
 
 
 def unattached(edge: float = 4.5) -> Figures:

@@ -8,6 +8,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +133,12 @@ def read_attributes(path: str | Path) -> dict[str, Any]:
     """The artifact's own attributes: kind, versions, provenance and what its stage added."""
     with h5py.File(path, "r") as file:
         return dict(file.attrs)
+
+
+def columns(records: Sequence[Any]) -> dict[str, list[Any]]:
+    """Dataclass records of one type by columns, as an artifact holds them."""
+    rows = [asdict(r) for r in records]
+    return {key: [row[key] for row in rows] for key in rows[0]} if rows else {}
 
 
 def read_text(path: str | Path) -> str:

@@ -1,5 +1,6 @@
 # What is timed, and against what; asked for by name: snakemake -j1 benchmark_fem, benchmark_bones, …
 
+SEEDED = "config/datasets/phantom-hand-seeded.yaml"
 BENCHMARK_POSES = ["neutral", "fist"]  # of the walkers' regions
 
 
@@ -14,10 +15,13 @@ rule benchmark_fem:
     resources:
         mem_mb=8000,
         runtime=180,
+    params:
+        name="fem",
+        arguments=[],
     message:
         "benchmarks of the equilibrium solver; nothing else should run meanwhile"
     script:
-        "../scripts/benchmark_fem.py"
+        "../scripts/benchmark.py"
 
 
 rule benchmark_bones:
@@ -31,10 +35,13 @@ rule benchmark_bones:
     resources:
         mem_mb=4000,
         runtime=120,
+    params:
+        name="bones",
+        arguments=[],
     message:
         "hard cases of the bones and their speed against error; nothing else should run meanwhile"
     script:
-        "../scripts/benchmark_bones.py"
+        "../scripts/benchmark.py"
 
 
 rule benchmark_shapes:
@@ -48,15 +55,18 @@ rule benchmark_shapes:
     resources:
         mem_mb=12000,
         runtime=120,
+    params:
+        name="shapes",
+        arguments=[],
     message:
         "benchmarks of shapes from plastic strains; nothing else should run meanwhile"
     script:
-        "../scripts/benchmark_shapes.py"
+        "../scripts/benchmark.py"
 
 
 rule benchmark_segmentation:
     input:
-        dataset=ancient("config/datasets/phantom-hand-seeded.yaml"),
+        dataset=ancient(SEEDED),
         files=expand(
             "results/phantom-hand-seeded/data/{part}.nii.gz",
             part=[
@@ -76,8 +86,9 @@ rule benchmark_segmentation:
         mem_mb=6000,
         runtime=30,
     params:
-        poses=BENCHMARK_POSES,
+        name="segmentation",
+        arguments=[SEEDED, "--poses", *BENCHMARK_POSES],
     message:
         "the random walker against scikit-image's; nothing else should run meanwhile"
     script:
-        "../scripts/benchmark_segmentation.py"
+        "../scripts/benchmark.py"

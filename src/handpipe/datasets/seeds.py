@@ -38,8 +38,6 @@ def scribble(
     far = distance_transform_edt(whole == 0) * grid.spacing
     for value in np.unique(marrow[marrow > 0]):
         inside = _widest(distance_transform_edt(marrow == value) * grid.spacing, grid.spacing)
-        if not inside.any():  # marrow of few voxels
-            inside = marrow == value
         _draw(seeds, inside, int(value), grid, rng, STROKES)
         near = distance_transform_edt(whole != value) * grid.spacing
         around = (far > 1.5) & (near < 6.0)
@@ -87,9 +85,10 @@ def draw(dataset: Dataset, pose: str) -> None:
 
 
 def _widest(depth: Array, spacing: float) -> NDArray[np.bool_]:
-    """Voxels at least 1.6 voxels deep, or where a slice across x has none, its deepest ones."""
+    """Voxels 1.6 voxels deep or more; where a slice across x has none, its deepest; all where few."""
     deepest = depth.max(axis=(1, 2), keepdims=True)
-    return (depth >= np.minimum(1.6 * spacing, 0.9 * deepest)) & (depth > spacing)
+    wide = (depth >= np.minimum(1.6 * spacing, 0.9 * deepest)) & (depth > spacing)
+    return wide if wide.any() else depth > 0
 
 
 def _draw(

@@ -13,17 +13,22 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+def unit_twists(x: Array, centre: Array, size: float) -> Array:
+    """Translations and rotations (3n, 6) of positions x (n, 3) about a centre (3,), scaled alike."""
+    arms = (x - centre) / size
+    modes = np.zeros((len(x), 3, 6))
+    for i in range(3):
+        modes[:, i, i] = 1.0
+        modes[:, :, 3 + i] = np.cross(np.eye(3)[i], arms)
+    return modes.reshape(-1, 6)
+
+
 def rigid_modes(x: Array) -> Array:
     """Orthonormal basis (3n, 6) of translations and infinitesimal rotations about positions x (n, 3).
 
     At an equilibrium without supports they span the nullspace of the tangent stiffness (003 Nullspace Lemma).
     """
-    centred = x - x.mean(axis=0)
-    modes = np.zeros((len(x), 3, 6))
-    for i in range(3):
-        modes[:, i, i] = 1.0
-        modes[:, :, 3 + i] = np.cross(np.eye(3)[i], centred)
-    return np.linalg.qr(modes.reshape(-1, 6))[0]
+    return np.linalg.qr(unit_twists(x, x.mean(axis=0), 1.0))[0]
 
 
 def rigid_pins(x: Array) -> IntArray:

@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from handpipe.fem.nullspace import unit_twists
 from handpipe.fem.potential import Potential
 
 Array = NDArray[np.float64]
@@ -61,13 +62,13 @@ def _part_pins(energy: Potential, x: Array, vertices: IntArray, free: NDArray[np
     for _ in range(SAMPLES):
         near = x.copy()
         near[vertices] += NOISE * size * rng.normal(size=(len(vertices), 3))
-        modes = _modes(near[vertices], size, centre)
+        modes = unit_twists(near[vertices], centre, size)
         force = energy.gradient(near)[vertices].ravel()
         length = np.linalg.norm(force)
         if length > 0:
             rows.append(force @ modes / length)
     degrees = (3 * vertices[:, None] + np.arange(3)).ravel()
-    modes = _modes(x[vertices], size, centre)
+    modes = unit_twists(x[vertices], centre, size)
     rows.extend(modes[~free[degrees]])
     unfelt = _nullspace(np.array(rows)) if rows else np.eye(6)
     if unfelt.shape[1] == 0:
@@ -81,13 +82,3 @@ def _nullspace(rows: Array) -> Array:
     """Directions (6, k) that rows (r, 6) do not see; rows of a body that is free are nothing but rounding."""
     _, values, directions = np.linalg.svd(rows)
     return np.asarray(directions[int((values > UNFELT).sum()) :].T)
-
-
-def _modes(x: Array, size: float, centre: Array) -> Array:
-    """Translations and infinitesimal rotations (3n, 6) about a centre (3,), scaled alike."""
-    centred = (x - centre) / size
-    modes = np.zeros((len(x), 3, 6))
-    for i in range(3):
-        modes[:, i, i] = 1.0
-        modes[:, :, 3 + i] = np.cross(np.eye(3)[i], centred)
-    return modes.reshape(-1, 6)

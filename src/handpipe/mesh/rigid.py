@@ -53,3 +53,12 @@ class RigidTransform:
     def angle_to(self, other: RigidTransform) -> float:
         """Angle in rad of the rotation between two transforms."""
         return float(Rotation.from_matrix(self.rotation.T @ other.rotation).magnitude())
+
+
+def left_jacobian(vector: Array) -> Array:
+    """Matrix (3, 3) from the rate of a rotation vector (3,) to the angular velocity of its rotation."""
+    angle = float(np.linalg.norm(vector))
+    x = np.cross(np.eye(3), vector)  # x @ y is the cross product of vector and y
+    if angle < 1e-4:  # the next terms of the series are below 1e-9
+        return np.eye(3) + x / 2 + x @ x / 6
+    return np.eye(3) + (1 - np.cos(angle)) / angle**2 * x + (angle - np.sin(angle)) / angle**3 * x @ x

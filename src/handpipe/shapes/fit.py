@@ -13,12 +13,13 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe import artifacts
 from handpipe.errors import ConvergenceError
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.constraints import Attachment
@@ -107,8 +108,7 @@ class ShapeFit:
 
     def table(self) -> dict[str, list[float] | list[str]]:
         """The record by columns, for an artifact."""
-        rows = [asdict(r) for r in self.record]
-        return {key: [row[key] for row in rows] for key in rows[0]} if rows else {}
+        return artifacts.columns(self.record)
 
 
 def fit_shape(

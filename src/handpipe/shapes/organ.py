@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe import artifacts
 from handpipe.errors import InputError
 from handpipe.fem import plasticity
 from handpipe.fem.potential import Potential
@@ -42,8 +43,7 @@ class OrganFit:
 
     def table(self) -> dict[str, list[Any]]:
         """The record by columns, for an artifact."""
-        rows = [asdict(r) for r in self.record]
-        return {key: [row[key] for row in rows] for key in rows[0]} if rows else {}
+        return artifacts.columns(self.record)
 
 
 def fit_organ(

@@ -12,7 +12,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from handpipe.mesh.rigid import RigidTransform
+from handpipe.fem.nullspace import unit_twists
+from handpipe.mesh.rigid import RigidTransform, left_jacobian
 from handpipe.shapes.correspondence import Correspondence
 
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ class LooseMotions:
         self.size = float(np.ptp(x, axis=0).max())
         self.twists = np.eye(6)
         if len(targets):
-            felt = _modes(targets, self.centre, self.size)
+            felt = unit_twists(targets, self.centre, self.size)
             _, values, rows = np.linalg.svd(felt, full_matrices=True)
             rank = int((values > UNFELT * values[0]).sum())
             self.twists = rows[rank:].T
@@ -46,7 +47,7 @@ class LooseMotions:
 
     def modes(self, x: Array) -> Array:
         """Displacements (3n, r) of positions x (n, 3)."""
-        return _modes(x, self.centre, self.size) @ self.twists
+        return unit_twists(x, self.centre, self.size) @ self.twists
 
     def pins(self, x: Array) -> IntArray:
         """Degrees of freedom (r,) whose fixing stops these motions and nothing else: no reactions at rest."""
@@ -59,10 +60,8 @@ class LooseMotions:
         """The rigid transform of amounts (r,) of the motions, not linearised."""
         velocity, turn = np.split(self.twists @ amounts, 2)
         turn = turn / self.size
-        spin, angle = np.cross(np.eye(3), turn), float(np.linalg.norm(turn))
-        first, second = (0.5, 1 / 6) if angle < 1e-4 else (_versine(angle), _excess(angle))
         rotation = Rotation.from_rotvec(turn).as_matrix()
-        shift = velocity + first * spin @ velocity + second * spin @ spin @ velocity
+        shift = left_jacobian(turn) @ velocity
         return RigidTransform(rotation, self.centre - rotation @ self.centre + shift)
 
     def settled(self, x: Array, points: Correspondence) -> Array:
@@ -80,21 +79,3 @@ class LooseMotions:
             if np.abs(amounts).max() < SETTLED * self.size:
                 break
         return x
-
-
-def _versine(angle: float) -> float:
-    return (1 - np.cos(angle)) / angle**2
-
-
-def _excess(angle: float) -> float:
-    return (angle - np.sin(angle)) / angle**3
-
-
-def _modes(x: Array, centre: Array, size: float) -> Array:
-    """Displacements (3n, 6) of the unit twists about a centre."""
-    arms = (x - centre) / size
-    modes = np.zeros((len(x), 3, 6))
-    for i in range(3):
-        modes[:, i, i] = 1.0
-        modes[:, :, 3 + i] = np.cross(np.eye(3)[i], arms)
-    return modes.reshape(-1, 6)

@@ -17,6 +17,7 @@ from handpipe.config import Joint
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.axes import Axes, orthogonal_hints
+from handpipe.skeleton.joints import leftover
 from handpipe.skeleton.registration_result import Registration
 
 Array = NDArray[np.float64]
@@ -83,13 +84,11 @@ def opening(parent: Registration, child: Registration, of_parent: Surface, of_ch
 
 def off_axes(parent: Registration, child: Registration, joint: Joint) -> float:
     """Angle in deg of the joint's motion that turns about its hinted axes do not explain."""
-    relative = (parent.transform.inverse() @ child.transform).rotation
     if not joint.angles:
         return float(np.degrees(parent.transform.angle_to(child.transform)))
+    relative = (parent.transform.inverse() @ child.transform).rotation
     axes = Axes(orthogonal_hints(np.array(joint.axis_hints, float)), tuple(range(len(joint.angles))))
-    nearest = axes.rotation(axes.nearest(relative[None])[0])
-    cosine = (np.trace(nearest.T @ relative) - 1) / 2
-    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    return float(np.degrees(np.linalg.norm(leftover(axes, relative[None]))))
 
 
 def blame(odd: Iterable[str], joints: Mapping[str, tuple[str, str]]) -> dict[str, str]:

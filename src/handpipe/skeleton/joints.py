@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.rigid import RigidTransform, left_jacobian
 from handpipe.skeleton.axes import Axes, fit_axes, fit_oblique_axes, three_axes
 from handpipe.skeleton.prior import (
     PRIOR,
@@ -241,15 +241,6 @@ def _determined(system: Array, right: Array, rank: int, weighing: Weighing) -> A
     keep = (values > least) & (np.arange(len(values)) < rank)
     u, values, vt = u[:, keep], values[keep], vt[keep]
     return vt.T @ (values / (values**2 + weighing.pull**2) * (u.T @ (weights * right)))
-
-
-def left_jacobian(vector: Array) -> Array:
-    """Matrix (3, 3) from the rate of a rotation vector (3,) to the angular velocity of its rotation."""
-    angle = float(np.linalg.norm(vector))
-    x = np.cross(np.eye(3), vector)  # x @ y is the cross product of vector and y
-    if angle < 1e-4:  # the next terms of the series are below 1e-9
-        return np.eye(3) + x / 2 + x @ x / 6
-    return np.eye(3) + (1 - np.cos(angle)) / angle**2 * x + (angle - np.sin(angle)) / angle**3 * x @ x
 
 
 def leave_one_out(items: Sequence[T]) -> Iterator[tuple[list[T], T]]:

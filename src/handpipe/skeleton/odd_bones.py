@@ -47,17 +47,14 @@ def without_odd_bones(
     for name, joint in dataset.joints.items():
         if not 1 <= len(joint.angles) <= 2:
             continue
-        pair = joint.parent, joint.child
-        with_both = {p: [q for q in poses if all(b in merged[q] for b in pair)]
-                     for p, poses in (("fit", learnt), ("other", others))}  # fmt: skip
-        for pose in (*with_both["fit"], *with_both["other"]):
-            there[pose][name] = pair
-        rotations = {
-            pose: (merged[pose][pair[0]].inverse() @ merged[pose][pair[1]]).rotation
-            for pose in (*with_both["fit"], *with_both["other"])
-        }
-        hints = np.array(joint.axis_hints, float)
-        for pose, angle in odd_motions(rotations, with_both["fit"], hints).items():
+        rotations = {}
+        for pose in (*learnt, *others):
+            bones = merged[pose]
+            if joint.parent in bones and joint.child in bones:
+                there[pose][name] = joint.parent, joint.child
+                rotations[pose] = (bones[joint.parent].inverse() @ bones[joint.child]).rotation
+        telling = [pose for pose in learnt if pose in rotations]
+        for pose, angle in odd_motions(rotations, telling, np.array(joint.axis_hints, float)).items():
             reason = f"its joint {name} is {np.degrees(angle):.0f} deg off the axes of the other poses"
             odd[pose][name] = reason
     reasons = {}

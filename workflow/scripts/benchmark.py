@@ -1,4 +1,4 @@
-"""Figures of shapes from plastic strains, in a process that has the machine's threads from its start."""
+"""Figures of a benchmark, measured in a process that has its threads from its start."""
 
 import subprocess
 import sys
@@ -8,8 +8,9 @@ from common import stage
 with stage(snakemake) as log:
     from handpipe.errors import HandpipeError
 
-    # With -j1 Snakemake counts one thread; the benchmark takes its own two all the same.
-    command = [sys.executable, "-m", "benchmarks.shapes", "--output", snakemake.output[0]]
+    # With -j1 Snakemake counts one thread; a benchmark takes its own two all the same.
+    command = [sys.executable, "-m", f"benchmarks.{snakemake.params.name}", *snakemake.params.arguments]
+    command += ["--output", snakemake.output[0]]
     log.info("%s", " ".join(command))
     with open(snakemake.log[0], "a", encoding="utf-8") as file:
         code = subprocess.run(command, stdout=file, stderr=file, check=False).returncode
