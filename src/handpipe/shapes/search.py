@@ -50,7 +50,8 @@ class Settings:
     of an attached point; tangential: share of a mark's distance that counts along the surface; iterations:
     at most, at the full weight; enough: mm of the farthest mark at which the search ends; progress: relative
     decrease of the objective below which a stage ends; outliers: give less weight to marks far beyond the
-    others, beyond some times mark_error (mm) at least.
+    others, beyond some times mark_error (mm) at least; remesh_below: smallest dihedral angle (deg) of a tet
+    below which the organ is meshed anew (0: never).
     """
 
     alpha: float = 10.0
@@ -62,6 +63,7 @@ class Settings:
     progress: float = 0.01
     outliers: bool = False
     mark_error: float = 0.2
+    remesh_below: float = 5.0
     material: Material = field(default=MUSCLE)
 
 
@@ -78,7 +80,7 @@ class State:
 @dataclass(frozen=True)
 class Record:
     """One step: distances in mm, eigenvalue the least of all plastic strains, inner iterations (0: solved
-    directly) of the linear system.
+    directly) of the linear system, number of tets and their smallest dihedral angle in degrees.
     """
 
     stage: str
@@ -90,6 +92,8 @@ class Record:
     step: float
     rows: int
     inner_iterations: int
+    tets: int
+    smallest_dihedral: float
     seconds: float
 
 
@@ -115,6 +119,7 @@ class Search:
         if attached is not None:
             self.held.append(Attachment(attached.matrix, attached.targets, self.settings.spring))
         self.record: list[Record] = []
+        self.hindered = False  # whether tets stood in the way of the last step
 
     def begin(self, start: Array) -> State:
         """The equilibrium without strains, from a shape (n, 3) near it."""
@@ -132,23 +137,30 @@ class Search:
         self, state: State, stage: str, find: FindMarks, weight: float, uniform: bool, most: int
     ) -> State:
         """At most that many steps; `find` gives the marks' places on the present shape before each."""
-        nearest = np.full(2, np.inf)
-        for _ in range(most):
-            begun = time.perf_counter()
-            marks = weighted(find(state.x), weight)
-            before = self.objective(state, marks)
-            state, length, step = self.improve(state, marks, uniform, before)
-            after = self.objective(state, marks)
-            self._note(state, stage, find, marks, after, length, step, begun)
-            if length == 0.0 or before - after < self.settings.progress * before:
-                break
-            distances = np.array([self.record[-1].marks_mean, self.record[-1].marks_max])
-            if marks.count and (
-                distances[1] < self.settings.enough or (nearest - distances < RESOLUTION).all()
-            ):
-                break
-            nearest = np.minimum(nearest, distances)
+        first, ended = len(self.record), most == 0
+        while not ended:
+            state, ended = self.advance(state, stage, find, weight, uniform, most, first)
         return state
+
+    def advance(
+        self, state: State, stage: str, find: FindMarks, weight: float, uniform: bool, most: int, first: int
+    ) -> tuple[State, bool]:
+        """One step of a stage whose steps are in the record from number `first` on; whether it is the last."""
+        begun = time.perf_counter()
+        earlier = [[r.marks_mean, r.marks_max] for r in self.record[first:]]
+        marks = weighted(find(state.x), weight)
+        before = self.objective(state, marks)
+        state, length, step = self.improve(state, marks, uniform, before)
+        after = self.objective(state, marks)
+        found = self.note(state, stage, find, marks, after, length, step.iterations, begun)
+        if length == 0.0 or before - after < self.settings.progress * before or len(earlier) + 1 >= most:
+            return state, True
+        if marks.count == 0:
+            return state, False
+        distances = np.array([found.marks_mean, found.marks_max])
+        nearest = np.min(earlier, axis=0) if earlier else np.full(2, np.inf)
+        near = bool(distances[1] < self.settings.enough)
+        return state, near or bool((nearest - distances < RESOLUTION).all())
 
     def objective(self, state: State, marks: Correspondence) -> float:
         """003 Eq. 5.3 with halves."""
@@ -178,6 +190,7 @@ class Search:
     ) -> tuple[State, float, Step]:
         """The longest of the steps 1, 1/2, 1/4... that lowers the objective, and its length (0: none)."""
         step, motions = self.step(state, marks, uniform)
+        self.hindered = False
         deform = step.motion - (motions.modes(state.x) @ step.loose).reshape(-1, 3)
         for length in _lengths(LARGEST / max(float(np.abs(step.strains).max()), LARGEST)):
             moved = motions.transform(length * step.loose)(state.x + length * deform)
@@ -185,16 +198,18 @@ class Search:
                 trial = self.at(state.logs + length * step.strains, moved)
             except ConvergenceError as error:
                 log.info("step %.3f: %s", length, error)
+                self.hindered = True
                 continue
             if trial.tangles > state.tangles:
                 log.info("step %.3f: %d tangled tets", length, trial.tangles)
+                self.hindered = True
                 continue
             trial = replace(trial, x=motions.settled(trial.x, marks))
             if self.objective(trial, marks) <= before + ARMIJO * length * step.slope:
                 return trial, length, step
         return state, 0.0, step
 
-    def _note(
+    def note(
         self,
         state: State,
         stage: str,
@@ -202,9 +217,10 @@ class Search:
         marks: Correspondence,
         objective: float,
         length: float,
-        step: Step,
+        inner_iterations: int,
         begun: float,
-    ) -> None:
+    ) -> Record:
+        """Put a step, or what stands for one, into the record."""
         distances = np.linalg.norm(find(state.x).errors(state.x), axis=1)
         held = np.linalg.norm(self.attached.errors(state.x), axis=1)
         found = Record(
@@ -216,7 +232,9 @@ class Search:
             eigenvalue=float(plasticity.eigenvalues(state.body.strains).min()),
             step=length,
             rows=3 * (marks.count + len(held)),
-            inner_iterations=step.iterations,
+            inner_iterations=inner_iterations,
+            tets=len(state.logs),
+            smallest_dihedral=self.mesh.moved(state.x).smallest_dihedral(),
             seconds=time.perf_counter() - begun,
         )
         self.record.append(found)
@@ -225,6 +243,7 @@ class Search:
             *(stage, objective, found.marks_mean, found.marks_max, found.attachments_max),
             *(found.eigenvalue, length, found.seconds),
         )
+        return found
 
 
 def weighted(marks: Correspondence, weight: float) -> Correspondence:
