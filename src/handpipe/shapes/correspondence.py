@@ -72,13 +72,18 @@ class Correspondence:
 
     def with_landmarks(self, matrix: sparse.csr_matrix, targets: Array) -> Correspondence:
         """These and points (k, n) of the body whose places (k, 3) are known in full, with weight one."""
-        full = np.tile(np.eye(3), (len(targets), 1, 1))
-        own = np.tile(np.eye(3), (self.count, 1, 1)) if self.metrics is None else self.metrics
+        return self.joined(Correspondence(matrix, targets, None))
+
+    def joined(self, other: Correspondence) -> Correspondence:
+        """These points and others of the same body."""
         return Correspondence(
-            sparse.vstack([self.matrix, matrix], format="csr"),
-            np.concatenate([self.targets, targets]),
-            np.concatenate([own, full]),
+            sparse.vstack([self.matrix, other.matrix], format="csr"),
+            np.concatenate([self.targets, other.targets]),
+            np.concatenate([self._metrics(), other._metrics()]),
         )
+
+    def _metrics(self) -> Array:
+        return np.tile(np.eye(3), (self.count, 1, 1)) if self.metrics is None else self.metrics
 
     @property
     def count(self) -> int:

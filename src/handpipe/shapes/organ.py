@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,29 +14,33 @@ from handpipe import artifacts
 from handpipe.errors import InputError
 from handpipe.fem import plasticity
 from handpipe.fem.potential import Potential
+from handpipe.imaging.volume import Volume
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.metrics import Metrics
-from handpipe.shapes.correspondence import Correspondence
-from handpipe.shapes.fit import Attached
-from handpipe.shapes.marks import BoundaryMarks, Pairs, with_landmarks
+from handpipe.shapes.marks import BoundaryMarks, Pairs
 from handpipe.shapes.placement import placed
-from handpipe.shapes.search import EARLY, GROWTH, FindMarks, Record, Search, Settings, State
+from handpipe.shapes.remeshing import NEW_TETS, Given, OnMesh
+from handpipe.shapes.resume import FitCheckpoint
+from handpipe.shapes.search import Record, Settings, State
+from handpipe.shapes.stages import Position, follow, plan
 
 Array = NDArray[np.float64]
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class OrganFit:
     """What `fit_organ` found.
 
-    mesh: the template's tets on fitted vertices, in mm; strains (m, 6): plastic strains whose equilibrium it
-    is; record: every step; kept (r,): marks that counted at the end; quality: errors and quality of elements.
+    mesh: the organ, in mm; rest: the same tets at rest, on the template's vertices or, if the organ was
+    meshed anew, on those of the shape that it had then; strains (m, 6): plastic strains from there on, whose
+    equilibrium it is; carried (n0, 3): where the template's vertices are in it; record: every step; kept
+    (r,): marks that counted at the end; quality: errors and quality of elements.
     """
 
     mesh: TetMesh
+    rest: TetMesh
     strains: Array
+    carried: Array
     record: list[Record]
     kept: NDArray[np.bool_]
     quality: Metrics
@@ -53,61 +57,53 @@ def fit_organ(
     attachments: Pairs | None = None,
     landmarks: Pairs | None = None,
     loads: Sequence[Potential] = (),
+    volume: Volume | None = None,
     settings: Settings | None = None,
+    checkpoint: str | Path | None = None,
 ) -> OrganFit:
     """Deform a template tet mesh to the marks of one organ in an image (003 chapter 5).
 
     marks (r, 3): points on the organ's boundary, in mm, without correspondence; attachments: points of the
     template that other organs hold, and where; landmarks: points of the template whose places in the image
-    are known; loads: potentials that act on the organ besides. An organ that nothing holds is placed by its
-    landmarks, or else by its marks. Raises `InputError` for input that cannot be used, `ConvergenceError`
-    where no equilibrium is found at the start.
+    are known; loads: potentials that act on the organ besides; volume: an image in which marks are sought
+    along the surface's normals, at the end; checkpoint: a file that is written after every step and removed
+    at the end, from which a fit of the same input goes on. An organ that nothing holds is placed by its
+    landmarks, or else by its marks, or else it is where the template is. Tets that strains ruin are replaced
+    (`remeshing.py`). Raises `InputError` for input that cannot be used, `ConvergenceError` where no
+    equilibrium is found at the start.
     """
     settings = settings or Settings()
     template = template.checked("template")
     points = _checked_marks(marks)
-    if len(points) == 0 and landmarks is None and attachments is None:
-        raise InputError("organ", "marks", "there are none", "Give marks, landmarks or attachments")
+    if len(points) == 0 and landmarks is None and attachments is None and volume is None:
+        raise InputError("organ", "marks", "there are none", "Give marks, landmarks, attachments or a volume")
     held = None if attachments is None else attachments.checked("attachments").attached(template)
     known = None if landmarks is None else landmarks.checked("landmarks").attached(template)
-    boundary = BoundaryMarks(
-        template, points, settings.tangential, settings.mark_error if settings.outliers else None
-    )
-    search = Search(template, held, loads, settings)
-    start = placed(template, [p for p in (known, held) if p is not None], boundary)
-    state = _stages(search, search.begin(start), boundary, known)
-    kept = boundary.weights(state.x) > 0
+    given = Given(template, points, held, known, tuple(loads), volume, settings)
+    task = OnMesh.of_template(given)
+    start = placed(template, [p for p in (known, held) if p is not None], task.marks)
+    file = None if checkpoint is None else FitCheckpoint(checkpoint, given)
+    position = None if file is None else file.read()
+    if position is None:
+        position = Position(task, task.search.begin(start))
+    position = follow(position, plan(given), lambda p: None if file is None else file.write(p))
+    if file is not None:
+        file.done()
+    return _finished(position, task.marks, start)
+
+
+def _finished(position: Position, template_marks: BoundaryMarks, start: Array) -> OrganFit:
+    task, state = position.task, position.state
+    kept = task.marks.weights(state.x) > 0
     return OrganFit(
-        mesh=template.moved(state.x),
+        mesh=task.mesh.moved(state.x),
+        rest=task.mesh,
         strains=state.body.strains,
-        record=search.record,
+        carried=task.carry @ state.x,
+        record=task.search.record,
         kept=kept,
-        quality=_quality(template, state, search.attached, known, boundary, kept, start),
+        quality=_quality(task, state, kept, template_marks.distances(start)),
     )
-
-
-def _stages(search: Search, state: State, marks: BoundaryMarks, known: Attached | None) -> State:
-    """Attachments, landmarks, marks: each over uniform strains first (003 section 5.4)."""
-    settings, n = search.settings, len(state.x)
-    nothing = Correspondence.none(n)
-    if len(search.attached.targets):
-        state = search.run(state, "attachments", lambda x: nothing, 1.0, True, EARLY)
-    if known is not None:
-        landmarks = with_landmarks(lambda x: nothing, known)
-        state = search.run(state, "landmarks, uniform", landmarks, settings.alpha, True, EARLY)
-        state = _growing(search, state, "landmarks", landmarks, EARLY)
-    if len(marks.points):
-        find = with_landmarks(marks, known)
-        state = search.run(state, "marks, uniform", find, settings.alpha, True, settings.iterations)
-        state = _growing(search, state, "marks", find, settings.iterations)
-    return state
-
-
-def _growing(search: Search, state: State, stage: str, find: FindMarks, most: int) -> State:
-    for share in GROWTH:
-        steps = most if share == 1.0 else EARLY
-        state = search.run(state, stage, find, share * search.settings.alpha, False, steps)
-    return state
 
 
 def _checked_marks(marks: Array | None) -> Array:
@@ -120,32 +116,32 @@ def _checked_marks(marks: Array | None) -> Array:
     return points
 
 
-def _quality(
-    template: TetMesh,
-    state: State,
-    held: Attached,
-    known: Attached | None,
-    marks: BoundaryMarks,
-    kept: NDArray[np.bool_],
-    start: Array,
-) -> Metrics:
-    """Errors in mm at marks, landmarks and attachments, and what has become of the elements."""
-    fitted = template.moved(state.x)
+def _quality(task: OnMesh, state: State, kept: NDArray[np.bool_], before: Array) -> Metrics:
+    """Errors in mm at marks (before: at the start), landmarks and attachments, and what has become of the
+    elements.
+    """
+    template, fitted = task.given.template, task.mesh.moved(state.x)
     eigenvalues = plasticity.eigenvalues(state.body.strains)
     found: Metrics = {
         "smallest_dihedral_before": (template.smallest_dihedral(), "deg"),
         "smallest_dihedral_after": (fitted.smallest_dihedral(), "deg"),
         "inverted_tets": (float((fitted.volumes() <= 0).sum()), "1"),
+        "new_meshes": (float(sum(r.stage == NEW_TETS for r in task.search.record)), "1"),
+        "tets": (float(len(fitted.tets)), "1"),
         "eigenvalue_min": (float(eigenvalues.min()), "1"),
         "eigenvalue_max": (float(eigenvalues.max()), "1"),
         "volume_before": (float(template.volumes().sum()), "mm3"),
         "volume_after": (float(fitted.volumes().sum()), "mm3"),
     }
-    if len(marks.points):
-        found |= _errors("marks_start", marks.distances(start)[kept])
-        found |= _errors("marks", marks.distances(state.x)[kept])
+    if len(kept):
+        found |= _errors("marks_start", before[kept])
+        found |= _errors("marks", task.marks.distances(state.x)[kept])
         found["marks_left_out"] = (float((~kept).sum()), "1")
-    for name, pairs in (("attachments", held), ("landmarks", known)):
+    if task.image is not None:
+        edges = task.image(state.x)
+        found |= _errors("image_marks", edges.distances(state.x))
+        found["image_marks"] = (float(edges.count), "1")
+    for name, pairs in (("attachments", task.search.attached), ("landmarks", task.known)):
         if pairs is not None and len(pairs.targets):
             found |= _errors(name, np.linalg.norm(pairs.errors(state.x), axis=1))
     return found

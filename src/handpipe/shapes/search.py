@@ -145,7 +145,7 @@ class Search:
     def advance(
         self, state: State, stage: str, find: FindMarks, weight: float, uniform: bool, most: int, first: int
     ) -> tuple[State, bool]:
-        """One step of a stage whose steps are in the record from number `first` on; whether it is the last."""
+        """One step of a stage whose record begins with number `first`; whether it is the last one."""
         begun = time.perf_counter()
         earlier = [[r.marks_mean, r.marks_max] for r in self.record[first:]]
         marks = weighted(find(state.x), weight)

@@ -1,0 +1,188 @@
+"""New tets where strains have ruined the old ones (003 section 5.10 leaves it open).
+
+The present shape is meshed anew and becomes the rest shape. Elastic stress is kept: in a tet whose elastic
+deformation is F_e = V R, the plastic strain V^-1 from the present shape on gives the same stress at the same
+place, since the material is isotropic. So the shape stays the equilibrium that it was, under springs and
+loads too, and the search goes on with log-strains -log V, which are small where the strains before fitted
+together. Smoothness then acts on what is strained from there on.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from handpipe.errors import HandpipeError
+from handpipe.fem import plasticity
+from handpipe.fem.elastic import Elastic
+from handpipe.fem.potential import Potential
+from handpipe.imaging.volume import Volume
+from handpipe.mesh.embedding import Embedding
+from handpipe.mesh.meshing import tetrahedralise
+from handpipe.mesh.remeshing import remesh
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.carried import Carried
+from handpipe.shapes.correspondence import Correspondence
+from handpipe.shapes.fit import Attached
+from handpipe.shapes.image_marks import ImageMarks
+from handpipe.shapes.marks import BoundaryMarks, with_landmarks
+from handpipe.shapes.search import FindMarks, Record, Search, Settings, State
+
+Array = NDArray[np.float64]
+
+log = logging.getLogger(__name__)
+
+WORSE = 0.7  # of the angle at rest: tets that were bad from the start are not strains' doing
+BETTER = 1.5  # times the angle before, without which new tets are not worth it
+HINDERED = 0.25  # length of a step that tets stood in the way of
+FINER = (1.0, 0.7)  # edges that are tried: the thinnest parts may need shorter ones
+NEW_TETS = "new tets"  # stage of a record
+STRETCH = 3.0  # elastic stretch, either way, that is carried over
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a fit is to meet, on the template: marks (r, 3), attached points, landmarks, loads, an image."""
+
+    template: TetMesh
+    marks: Array
+    held: Attached | None
+    known: Attached | None
+    loads: tuple[Potential, ...]
+    image: Volume | None
+    settings: Settings
+
+
+class OnMesh:
+    """The search on one mesh at rest.
+
+    carry (n0, n) takes its vertices to those of the template; edge is the length in mm that its tets are made
+    with.
+    """
+
+    def __init__(
+        self, given: Given, mesh: TetMesh, carry: sp.csr_matrix | None, edge: float, record: list[Record]
+    ) -> None:
+        """carry None: the mesh is the template itself."""
+        self.given, self.mesh, self.edge = given, mesh, edge
+        self.carry = sp.identity(len(mesh.vertices), format="csr") if carry is None else carry
+        loads = given.loads if carry is None else [Carried(p, carry) for p in given.loads]
+        settings = given.settings
+        self.search = Search(mesh, self._carried(given.held), loads, settings)
+        self.search.record = record
+        self.known = self._carried(given.known)
+        robust = settings.mark_error if settings.outliers else None
+        self.marks = BoundaryMarks(mesh, given.marks, settings.tangential, robust)
+        image = given.image
+        self.image = None if image is None else ImageMarks(mesh, image, settings.tangential)
+
+    @staticmethod
+    def of_template(given: Given) -> OnMesh:
+        """On the template itself."""
+        edge = float(given.template.boundary().edge_lengths().mean())
+        return OnMesh(given, given.template, None, edge, [])
+
+    def find(self, uses: str) -> FindMarks:
+        """What gives the marks of a stage that uses "nothing", "landmarks", "marks" or the "image"."""
+
+        def found(x: Array) -> Correspondence:
+            marks = self.marks(x) if uses in ("marks", "image") else Correspondence.none(len(x))
+            return marks.joined(self.image(x)) if uses == "image" and self.image is not None else marks
+
+        return found if uses == "nothing" else with_landmarks(found, self.known)
+
+    def _carried(self, points: Attached | None) -> Attached | None:
+        return None if points is None else Attached((points.matrix @ self.carry).tocsr(), points.targets)
+
+
+def worn(task: OnMesh, state: State) -> bool:
+    """Whether strains have ruined tets: flat or tangled ones, or ones that keep steps from being taken."""
+    below = task.given.settings.remesh_below
+    smallest = task.mesh.moved(state.x).smallest_dihedral()
+    if below == 0.0 or smallest >= WORSE * task.mesh.smallest_dihedral():
+        return False
+    return smallest < below or state.tangles > 0 or _stuck(task.search)
+
+
+def _stuck(search: Search) -> bool:
+    return search.hindered and search.record[-1].step < HINDERED
+
+
+def remeshed(task: OnMesh, state: State) -> tuple[OnMesh, State]:
+    """The search on new tets of the present shape, and the state there.
+
+    Raises `HandpipeError` where the shape cannot be meshed or new tets would be no better.
+    """
+    present = task.mesh.moved(state.x)
+    growth = present.volumes().sum() / task.mesh.volumes().sum()
+    edge = task.edge * float(growth ** (1 / 3))
+    mesh = _meshed(present, edge)
+    points = task.carry @ state.x
+    carry = Embedding.of(points, mesh).matrix(len(mesh.vertices))
+    new = OnMesh(task.given, mesh, carry, edge, task.search.record)
+    logs = residual_logs(state.body, state.x, mesh)
+    return new, new.search.at(logs, mesh.vertices)
+
+
+def _meshed(present: TetMesh, edge: float) -> TetMesh:
+    """Tets of about `edge` mm in the present shape; the surface's vertices lie on it."""
+    before = present.smallest_dihedral()
+    surface = present.boundary().compact()
+    reason: HandpipeError = HandpipeError("remeshing: no edge length was tried")
+    for share in FINER:
+        try:
+            mesh = tetrahedralise(remesh(surface, share * edge), share * edge)
+        except HandpipeError as error:
+            reason = error
+            continue
+        smallest = mesh.smallest_dihedral()
+        if smallest > BETTER * before:
+            return mesh
+        reason = HandpipeError(
+            f"remeshing: the smallest angle would be {smallest:.2f} deg after {before:.2f}"
+        )
+    raise reason
+
+
+def residual_logs(body: Elastic, x: Array, mesh: TetMesh) -> Array:
+    """-log V (k, 6) in the tets of a mesh of the shape x (n, 3), with V the left stretch of a body's elastic
+    deformation, averaged at vertices and interpolated to the tets' centres.
+    """
+    left = plasticity.polar(np.ascontiguousarray(np.swapaxes(body.elastic_gradients(x), 1, 2)))[1]
+    values, vectors = np.linalg.eigh(plasticity.to_matrices(left))
+    logs = np.log(np.clip(values, 1 / STRETCH, STRETCH))
+    each = plasticity.from_matrices((vectors * logs[:, None]) @ vectors.transpose(0, 2, 1))
+    present = TetMesh(x, body.tets)
+    shares = np.repeat(np.maximum(present.volumes(), 0.0), 4)
+    corners, tets = body.tets.ravel(), np.repeat(np.arange(len(each)), 4)
+    gather = sp.csr_matrix((shares, (corners, tets)), shape=(len(x), len(each)))
+    total = np.maximum(np.asarray(gather.sum(axis=1)), 1e-300)
+    at_vertices = (gather @ each) / total
+    centres = mesh.vertices[mesh.tets].mean(axis=1)
+    return -Embedding.of(centres, present)(at_vertices)
+
+
+def noted(task: OnMesh, state: State, record: Record) -> None:
+    """Put the new mesh into the record, after the last step on the old one."""
+    smallest = task.mesh.moved(state.x).smallest_dihedral()
+    marks = task.marks.distances(state.x)
+    log.info("%d new tets, smallest angle %.1f deg", len(task.mesh.tets), smallest)
+    task.search.record.append(
+        replace(
+            record,
+            stage=NEW_TETS,
+            marks_mean=float(marks.mean()) if len(marks) else 0.0,
+            marks_max=float(marks.max(initial=0.0)),
+            eigenvalue=float(plasticity.eigenvalues(state.body.strains).min()),
+            step=0.0,
+            rows=0,
+            inner_iterations=0,
+            tets=len(state.logs),
+            smallest_dihedral=smallest,
+            seconds=0.0,
+        )
+    )

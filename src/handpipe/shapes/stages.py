@@ -1,0 +1,97 @@
+"""The stages of a fit, one after the other: attachments, landmarks, marks, the image (003 section 5.4)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from handpipe.errors import HandpipeError
+from handpipe.shapes.remeshing import Given, OnMesh, noted, remeshed, worn
+from handpipe.shapes.search import EARLY, GROWTH, State
+
+log = logging.getLogger(__name__)
+
+MESHINGS = 12  # at most, in one fit
+
+
+@dataclass(frozen=True)
+class Stage:
+    """At most that many steps towards what it uses ("nothing" but attachments, "landmarks", "marks",
+    "image"), over uniform strains or those of all tets.
+    """
+
+    name: str
+    uses: str
+    weight: float
+    uniform: bool
+    most: int
+
+
+@dataclass(frozen=True)
+class Position:
+    """Where a fit is: in which stage, whose record begins with number `first`, after how many new meshes."""
+
+    task: OnMesh
+    state: State
+    stage: int = 0
+    first: int = 0
+    meshings: int = 0
+
+
+def plan(given: Given) -> list[Stage]:
+    """Attachments, landmarks, marks, the image, as far as given: each over uniform strains first, then
+    with growing weights.
+    """
+    settings = given.settings
+    stages: list[Stage] = []
+    if given.held is not None and len(given.held.targets):
+        stages.append(Stage("attachments", "nothing", 1.0, True, EARLY))
+    if given.known is not None:
+        stages += _growing("landmarks", settings.alpha, EARLY, EARLY)
+    if len(given.marks):
+        stages += _growing("marks", settings.alpha, settings.iterations, settings.iterations)
+    if given.image is not None:
+        stages += _growing("image", settings.alpha, EARLY, settings.iterations)
+    return [stage for stage in stages if stage.most > 0]
+
+
+def _growing(uses: str, alpha: float, uniform: int, most: int) -> list[Stage]:
+    first = Stage(f"{uses}, uniform", uses, alpha, True, uniform)
+    steps = [most if share == 1.0 else EARLY for share in GROWTH]
+    return [first, *(Stage(uses, uses, g * alpha, False, n) for g, n in zip(GROWTH, steps, strict=True))]
+
+
+def follow(position: Position, stages: Sequence[Stage], save: Callable[[Position], None]) -> Position:
+    """All steps that are left; `save` gets every position."""
+    while position.stage < len(stages):
+        position = _advanced(position, stages[position.stage])
+        save(position)
+    return position
+
+
+def _advanced(at: Position, stage: Stage) -> Position:
+    """One step, then new tets if it ruined them: with these the stage begins anew."""
+    search, find = at.task.search, at.task.find(stage.uses)
+    state, ended = search.advance(
+        at.state, stage.name, find, stage.weight, stage.uniform, stage.most, at.first
+    )
+    at = replace(at, state=state)
+    if at.meshings < MESHINGS and _settled(stage, ended) and worn(at.task, state):
+        at = replace(at, meshings=at.meshings + 1)
+        try:
+            task, state = remeshed(at.task, state)
+        except HandpipeError as error:
+            log.warning("the organ keeps its tets: %s", error)
+        else:
+            noted(task, state, search.record[-1])
+            at = replace(at, task=task, state=state, first=len(search.record))
+            ended = stage.uniform
+    return replace(at, stage=at.stage + 1, first=len(search.record)) if ended else at
+
+
+def _settled(stage: Stage, ended: bool) -> bool:
+    """Whether a shape is worth new tets: uniform strains may go far astray before they come to rest, and
+    attachments alone hardly tell them.
+    """
+    return not stage.uniform or (ended and stage.uses != "nothing")
