@@ -3,11 +3,17 @@
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
+from tests.anatomy.meshes import (
+    box,
+    euler_characteristic,
+    positive,
+    require_closed_labels,
+    require_conforming,
+)
 
 from handpipe.anatomy.envelope import Envelope, upper_envelope
 from handpipe.errors import InputError
 from handpipe.mesh.tetrahedra import TetMesh
-from tests.anatomy.meshes import box, euler_characteristic, positive, require_closed_labels, require_conforming
 
 
 def random_mesh(random: np.random.Generator) -> TetMesh:
@@ -123,9 +129,7 @@ def test_snapping_moves_borders_by_less_than_its_share_and_removes_small_tets() 
     values = np.stack([0.7 - x, x - 0.7], axis=1)
     exact, snapped = upper_envelope(mesh, values), upper_envelope(mesh, values, snap=0.2)
     assert snapped.mesh.volumes().min() > 1e3 * exact.mesh.volumes().min()
-    border = np.intersect1d(
-        *(np.unique(snapped.mesh.tets[snapped.labels == label]) for label in (0, 1))
-    )
+    border = np.intersect1d(*(np.unique(snapped.mesh.tets[snapped.labels == label]) for label in (0, 1)))
     away = np.abs(snapped.mesh.vertices[border] @ np.array([0.8, 0.5, 0.33]) - 0.7)
     assert away.max() < 0.2 * np.sqrt(3) / 8
 

@@ -1,10 +1,10 @@
 """The upper envelope of piecewise linear functions on a tet mesh, cut into tets with one label each.
 
-Abdrashitov et al. 2021 (paper 002), section 4, with another algorithm. Functions are taken one after the other.
-The envelope of those before is one number a vertex, linear in every tet; the next function is above or below it by
-the signs of their differences at vertices, and wherever an edge joins two signs it is bisected at its zero. Signs
-belong to vertices and zeros to edges, shared by all tets around, so that no decision can differ from one tet to
-the next: the result conforms whatever the values, ties included.
+Abdrashitov et al. 2021 (paper 002), section 4, with another algorithm. Functions are taken one after the
+other. The envelope of those before is one number a vertex, linear in every tet; the next function is above or
+below it by the signs of their differences at vertices, and wherever an edge joins two signs it is bisected at
+its zero. Signs belong to vertices and zeros to edges, shared by all tets around, so that no decision can
+differ from one tet to the next: the result conforms whatever the values, ties included.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ LEAST_VOLUME = 1e-14  # of a tet, as a share of the cube of its longest edge: fa
 class Envelope:
     """A mesh whose every tet has one function that is the largest all over it.
 
-    `labels` (m,) columns of `values` (n, k), the functions at the vertices; `source` (m,) the tet of the given
-    mesh in which each lies. The given vertices come first. At the corners of a tet the value of its label is the
-    largest of all, exactly.
+    `labels` (m,) columns of `values` (n, k), the functions at the vertices; `source` (m,) the tet of the
+    given mesh in which each lies. The given vertices come first. At the corners of a tet the value of its
+    label is the largest of all, exactly.
     """
 
     mesh: TetMesh
@@ -49,7 +49,8 @@ def upper_envelope(mesh: TetMesh, values: Array, *, snap: float = 0.0) -> Envelo
 
     A zero of a difference nearer to a vertex than the share `snap` (below 0.5) of its edge is moved to that
     vertex: the later function is set equal to the envelope there. This removes the smallest tets, and moves
-    the border between labels by at most that share of an edge. Raises `InputError` for values that do not fit.
+    the border between labels by at most that share of an edge. Raises `InputError` for values that do not
+    fit.
     """
     _check(mesh, values, snap)
     state = _State(
@@ -164,7 +165,9 @@ def _crossed(tets: IntArray, above: IntArray, difference: Array) -> tuple[IntArr
 
 
 def _zeros(vertices: Array, difference: Array, ends: IntArray) -> tuple[Array, Array]:
-    """All vertices with the zeros of the edges appended, and each zero's share (e,) of the way along its edge."""
+    """All vertices with the zeros of the edges appended, and each zero's share (e,) of the way along its
+    edge.
+    """
     a, b = ends.T
     share = difference[a] / (difference[a] - difference[b])
     zeros = (1 - share)[:, None] * vertices[a] + share[:, None] * vertices[b]
@@ -178,7 +181,9 @@ def _has_volume(vertices: Array, tets: IntArray) -> NDArray[np.bool_]:
 
 
 def _snap_zeros(tets: IntArray, difference: Array, snap: float) -> None:
-    """Set to zero the differences (n,) at vertices that are within the share `snap` of a zero, nearest first."""
+    """Set to zero the differences (n,) at vertices that are within the share `snap` of a zero, nearest
+    first.
+    """
     ends = np.unique(np.sort(tets[:, EDGES].reshape(-1, 2), axis=1), axis=0)
     a, b = np.abs(difference[ends]).T
     crossing = (difference[ends[:, 0]] > 0) & (difference[ends[:, 1]] < 0)
@@ -197,6 +202,8 @@ def _nearer_to_zero(ends, difference):  # type: ignore[no-untyped-def]
 
 
 def _snap_nearest(tets: IntArray, difference: Array) -> None:
-    """Set to zero the difference (n,) of least size at a corner of each tet (the last resort against flat tets)."""
+    """Set to zero the difference (n,) of least size at a corner of each tet (the last resort against flat
+    tets).
+    """
     size = np.where(difference[tets] == 0, np.inf, np.abs(difference[tets]))
     difference[np.take_along_axis(tets, np.argmin(size, axis=1)[:, None], axis=1)] = 0.0

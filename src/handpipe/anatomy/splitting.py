@@ -17,7 +17,7 @@ LOW, HIGH = EDGES[:, 0].copy(), EDGES[:, 1].copy()
 
 @dataclass(frozen=True, eq=False)
 class MarkedEdges:
-    """The marked edges (e, 2) of tets, and the index of each tet's six edges among them (c, 6), -1 unmarked."""
+    """Marked edges (e, 2) of tets, and the index of each tet's six edges among them (c, 6), -1 unmarked."""
 
     ends: IntArray
     of_tet: IntArray
@@ -40,7 +40,8 @@ class MarkedEdges:
 
 
 def bisect(tets: IntArray, edges: MarkedEdges, ranks: IntArray, first_new: int) -> tuple[IntArray, IntArray]:
-    """Tets (d, 4) that replace tets (c, 4), and the parent (d,) of each; edge i gets the vertex first_new + i.
+    """Tets (d, 4) that replace tets (c, 4), and the parent (d,) of each; edge i gets the vertex first_new +
+    i.
 
     Every marked edge of a tet is bisected in the order of the ranks. What happens on a face depends on the
     order of its own edges alone, so that both its tets cut it alike. Orientations are kept.
