@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.spatial import cKDTree
 
 from handpipe.errors import InputError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Embedding
+from handpipe.mesh.operators import mass_lumped
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.correspondence import Correspondence, Markers
@@ -19,6 +22,7 @@ from handpipe.shapes.fit import Attached
 
 Array = NDArray[np.float64]
 
+REACH = 1.5  # spacings of marks that cover the boundary, beyond which none of it is from the nearest one
 TUKEY = 4.685  # scales beyond which a mark has no say: 95 % efficient where all are good
 NORMAL = 1.4826  # scale of a normal distribution over its median distance
 
@@ -49,11 +53,28 @@ class Pairs:
 class BoundaryMarks:
     """Marks (r, 3) of weights (r,) that lie on the boundary of the body; which point of it is not known."""
 
-    def __init__(self, mesh: TetMesh, points: Array, tangential: float, robust: float | None = None) -> None:
-        """robust: mm below which a distance is nothing unusual; None: all marks count alike."""
+    def __init__(
+        self,
+        mesh: TetMesh,
+        points: Array,
+        tangential: float,
+        robust: float | None = None,
+        covering: bool = False,
+    ) -> None:
+        """robust: mm below which a distance is nothing unusual; None: all marks count alike; covering: the
+        marks are all over the boundary, and no part of the body is far from all of them.
+        """
         self.surface = mesh.boundary()
         self.points, self.tangential, self.robust = points, tangential, robust
         self._embedding = sparse.identity(len(mesh.vertices), format="csr")
+        self._outer = mesh.boundary_vertices()
+        self.covering = covering and len(points) > 1
+
+    def thinned(self, most: int) -> BoundaryMarks:
+        """At most that many of them, evenly from first to last."""
+        found = copy.copy(self)
+        found.points = self.points[:: max(-(-len(self.points) // most), 1)]
+        return found
 
     def distances(self, x: Array) -> Array:
         """Distance (r,) of each mark from the surface at vertices (n, 3)."""
@@ -75,7 +96,27 @@ class BoundaryMarks:
         keep = weights > 0
         present: Surface = self.surface.moved(x)
         markers = Markers(self.points[keep], weights[keep])
-        return Correspondence.of(markers, present, self._embedding, self.tangential)
+        found = Correspondence.of(markers, present, self._embedding, self.tangential)
+        return found.joined(self._astray(present, self.points[keep])) if self.covering else found
+
+    def _astray(self, present: Surface, points: Array) -> Correspondence:
+        """Boundary vertices far from all marks, drawn to where the nearest one reaches.
+
+        Each has the weight of its area, in squares of the marks' spacing.
+        """
+        tree = cKDTree(points)
+        reach = REACH * float(np.median(tree.query(points, k=2)[0][:, 1]))
+        x = present.vertices[self._outer]
+        distances, nearest = tree.query(x)
+        far = np.flatnonzero(distances > reach)
+        mark, share = points[nearest[far]], (reach / distances[far])[:, None]
+        areas = mass_lumped(present.vertices, present.triangles)[self._outer[far]]
+        roots = np.sqrt(np.minimum(areas / (reach / REACH) ** 2, 1.0))
+        return Correspondence(
+            self._embedding[self._outer[far]],
+            mark + share * (x[far] - mark),
+            roots[:, None, None] * np.eye(3),
+        )
 
 
 def with_landmarks(

@@ -76,7 +76,7 @@ class OnMesh:
         self.search.record = record
         self.known = self._carried(given.known)
         robust = settings.mark_error if settings.outliers else None
-        self.marks = BoundaryMarks(mesh, given.marks, settings.tangential, robust)
+        self.marks = BoundaryMarks(mesh, given.marks, settings.tangential, robust, settings.covering)
         image = given.image
         self.image = None if image is None else ImageMarks(mesh, image, settings.tangential)
 

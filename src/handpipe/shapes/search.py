@@ -50,7 +50,8 @@ class Settings:
     of an attached point; tangential: share of a mark's distance that counts along the surface; iterations:
     at most, at the full weight; enough: mm of the farthest mark at which the search ends; progress: relative
     decrease of the objective below which a stage ends; outliers: give less weight to marks far beyond the
-    others, beyond some times mark_error (mm) at least; remesh_below: smallest dihedral angle (deg) of a tet
+    others, beyond some times mark_error (mm) at least; covering: the marks are all over the boundary, and no
+    part of the organ is far from all of them; remesh_below: smallest dihedral angle (deg) of a tet
     below which the organ is meshed anew (0: never).
     """
 
@@ -63,6 +64,7 @@ class Settings:
     progress: float = 0.01
     outliers: bool = False
     mark_error: float = 0.2
+    covering: bool = False
     remesh_below: float = 5.0
     material: Material = field(default=MUSCLE)
 
@@ -181,9 +183,13 @@ class Search:
     def step(self, state: State, marks: Correspondence, uniform: bool) -> tuple[Step, LooseMotions]:
         """The Gauss-Newton step, and the motions that attachments leave free."""
         motions = LooseMotions(self.attached.targets, state.x)
-        response = Response(state.body, self.held, state.x, state.logs, motions.modes(state.x))
-        system = GaussNewton(self.smoothness, response, self.rows(state.x, marks), state.logs)
+        system = self.system(state, marks, motions)
         return (system.uniform() if uniform else system.solve()), motions
+
+    def system(self, state: State, marks: Correspondence, motions: LooseMotions) -> GaussNewton:
+        """The quadratic model of the objective about a state."""
+        response = Response(state.body, self.held, state.x, state.logs, motions.modes(state.x))
+        return GaussNewton(self.smoothness, response, self.rows(state.x, marks), state.logs)
 
     def improve(
         self, state: State, marks: Correspondence, uniform: bool, before: float
