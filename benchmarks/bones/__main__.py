@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _save(options.output, rows.values(), points)
     if "speed_against_error" in options.what:
         measure, points = speed_against_error.measure, []
-        for point in measure((0.8, 1.2), (1e-2,), (7.0,), SMALL) if options.quick else measure():
+        for point in measure((0.8, 1.2), (1e-2,), {"margin": (7.0,)}, SMALL) if options.quick else measure():
             points.append(point)
             _save(options.output, rows.values(), points)
     listed = [rows[name] for name in CASES if name in rows]

@@ -9,10 +9,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from benchmarks.bones.hard_cases import Pair, Row, table
-from benchmarks.bones.speed_against_error import Point
+from benchmarks.bones.speed_against_error import SWEPT, Point
 from handpipe.artifacts import atomic, write_text
 
-UNITS = {"voxel size": "mm", "tolerance": "of the probability", "margin": "mm"}
+UNITS = {"voxel size": "mm", "tolerance": "of the probability"} | {
+    name: unit for name, (unit, _) in SWEPT.items()
+}
 
 
 def write(rows: Sequence[Row], points: Sequence[Point], document: Path, picture: Path) -> None:
@@ -78,7 +80,7 @@ def draw(points: Sequence[Point], path: Path) -> None:
     }
     figure = Figure(figsize=(10.0, 3.6), layout="constrained")
     for axes, (name, value) in zip(figure.subplots(1, len(panels)), panels.items(), strict=True):
-        for study, marker in zip(dict.fromkeys(p.study for p in points), "osD", strict=False):
+        for study, marker in zip(dict.fromkeys(p.study for p in points), "osD^v", strict=False):
             shown = [(p.seconds / p.poses, value(p), p.at) for p in points if p.study == study and value(p)]
             axes.loglog(*zip(*[s[:2] for s in shown], strict=True), marker=marker, markersize=4, label=study)
             for x, y, at in shown if study == "voxel size" else ():  # the others lie on one another

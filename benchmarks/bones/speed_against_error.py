@@ -1,10 +1,10 @@
-"""Errors over seconds: for the voxel size, the random walker's tolerance and the margin of a region."""
+"""Errors over seconds: for the voxel size, the random walker's tolerance and the segmentation's settings."""
 
 from __future__ import annotations
 
 import functools
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from unittest import mock
 
@@ -19,7 +19,11 @@ log = logging.getLogger(__name__)
 
 VOXELS = (0.4, 0.5, 0.65, 0.8, 1.0, 1.5)  # mm
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4)  # of the walker's probability
-MARGINS = (2.0, 4.0, 7.0, 12.0)  # mm
+SWEPT = {  # the segmentation's settings: unit, values
+    "margin": ("mm", (2.0, 4.0, 7.0, 12.0)),
+    "beta": ("of contrast", (10.0, 30.0, 100.0, 300.0, 1000.0)),
+    "dark": ("of the marrow's level", (0.15, 0.2, 0.3, 0.4, 0.5)),
+}
 PART = Part(poses=FIVE[:4])
 
 
@@ -44,10 +48,10 @@ class Point:
 def measure(
     voxels: Sequence[float] = VOXELS,
     tolerances: Sequence[float] = TOLERANCES,
-    margins: Sequence[float] = MARGINS,
+    swept: Mapping[str, Sequence[float]] | None = None,
     part: Part = PART,
 ) -> Iterator[Point]:
-    """Every setting of the three studies, the other two at their usual values."""
+    """Every setting of the studies, the others at their usual values."""
     _point("compiles", voxels[-1], Conditions(spacing=voxels[-1]), part, SETTINGS)
     for spacing in voxels:
         yield _point("voxel size", spacing, Conditions(spacing=spacing), part, SETTINGS)
@@ -55,9 +59,9 @@ def measure(
         walker = functools.partial(segmentation.random_walker, tolerance=tolerance)
         with mock.patch.object(segmentation, "random_walker", walker):
             yield _point("tolerance", tolerance, Conditions(), part, SETTINGS)
-    for margin in margins:
-        settings = SETTINGS.model_copy(update={"margin": margin})
-        yield _point("margin", margin, Conditions(), part, settings)
+    for name, values in ({n: v for n, (_, v) in SWEPT.items()} if swept is None else swept).items():
+        for value in values:
+            yield _point(name, value, Conditions(), part, SETTINGS.model_copy(update={name: value}))
 
 
 def _point(

@@ -53,12 +53,22 @@ def spindle(
 def turned(
     surface: Surface, origin: tuple[float, float, float], axis: tuple[float, float, float], angle: float
 ) -> Surface:
-    """The surface turned about an axis through the origin, by Rodrigues' formula."""
+    """The surface turned about an axis through the origin."""
+    return surface.moved(turned_points(surface.vertices, origin, axis, angle))
+
+
+def turned_points(
+    points: np.ndarray,
+    origin: tuple[float, float, float],
+    axis: tuple[float, float, float],
+    angle: float,
+) -> np.ndarray:
+    """Points (n, 3) turned about an axis through the origin, by Rodrigues' formula."""
     k = np.array(axis) / np.linalg.norm(axis)
-    arm = surface.vertices - origin
+    arm = points - origin
     across = np.cross(k, arm)
     rotated = arm * np.cos(angle) + across * np.sin(angle) + np.outer(arm @ k, k) * (1 - np.cos(angle))
-    return surface.moved(rotated + origin)
+    return rotated + origin
 
 
 def geodesic_sphere(sides: int) -> Surface:

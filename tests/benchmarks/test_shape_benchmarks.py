@@ -14,7 +14,7 @@ from handpipe import metrics
 @pytest.fixture(scope="module")
 def figures(tmp_path_factory: pytest.TempPathFactory) -> metrics.Metrics:
     output: Path = tmp_path_factory.mktemp("quick") / "shapes.json"
-    main(["string", "solves", "--quick", "--output", str(output), "--threads", "1"])
+    main(["string", "solves", "seventeen", "--quick", "--output", str(output), "--threads", "1"])
     return metrics.read(output)
 
 
@@ -26,6 +26,13 @@ def test_slopes_of_the_string(figures: metrics.Metrics) -> None:
 def test_all_three_solves_arrive_at_the_same_step(figures: metrics.Metrics) -> None:
     assert figures["solve_iteration_difference"][0] < solves.NEAR
     assert figures["solve_plain_difference"][0] < solves.NEAR
+
+
+def test_muscles_of_several_poses_are_apart_and_their_strains_moderate(figures: metrics.Metrics) -> None:
+    assert figures["seventeen_penetration_stage2"][0] < 0.001
+    assert figures["seventeen_distance_max"][0] < 0.5
+    assert figures["seventeen_eigenvalue_min"][0] > 0.1
+    assert figures["seventeen_eigenvalue_max"][0] < 3.0
 
 
 def test_bars_fill_their_box() -> None:

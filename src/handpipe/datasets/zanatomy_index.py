@@ -340,7 +340,7 @@ def generate_templates(dataset: Dataset) -> None:
             points, triangles = anatomy.source.bones[name]
             write_surface(dataset.path(bone.template), TEMPLATE_WARP(points), triangles)
     for name, entry in dataset.muscles.items():
-        coarse = remesh(Mesh(*anatomy.source.muscles[name]), 2.0)
+        coarse = remesh(Mesh(*anatomy.source.muscles[name]), 1.0)  # coarser ones lose thin ends
         first, last = templates.end_vertices(coarse.vertices, coarse.triangles, 0.1)
         warped = TEMPLATE_WARP(templates.inflate(coarse.vertices, 1.15))
         write_surface(dataset.path(entry.template), warped, coarse.triangles)

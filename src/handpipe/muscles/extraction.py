@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.errors import ConvergenceError
 from handpipe.imaging.markers import MarkerSettings, boundary_markers, estimate_muscle_level
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
@@ -18,6 +19,7 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.metrics import Metrics
 from handpipe.muscles.body import Body
+from handpipe.muscles.contraction import contracted
 from handpipe.muscles.templates import Guess
 from handpipe.shapes.correspondence import Markers, fixed_markers
 from handpipe.shapes.fit import FindMarkers, ShapeFit, ShapeOptions, fit_shape
@@ -172,12 +174,19 @@ def _likeliest(
     known: tuple[Mapping[str, RigidTransform], Array],
     image: Volume,
 ) -> Array:
-    """Vertices (n, 3) of the guess that looks most like the muscle, of several of how a bend spreads over it.
+    """Vertices (n, 3) of the guess that looks most like the muscle: moved with the bones, for several ways in
+    which a bend spreads over it, or contracted along its fibres.
 
     A thin end that crosses a joint may lie wholly beside itself in one guess, where no boundary is its own.
     """
     guesses = [body.follow(bones, moved, known, spread) for spread in SPREADS]
-    level = estimate_muscle_level(image, body.surface_at(guesses[len(SPREADS) // 2]))
+    middle = guesses[len(SPREADS) // 2]
+    if len(body.attachments) > 1:
+        try:
+            guesses.append(contracted(body, moved, middle))
+        except ConvergenceError as error:
+            log.info("no guess by contraction: %s", error)
+    level = estimate_muscle_level(image, body.surface_at(middle))
     strangeness = [np.abs(image.sample(body.surface_at(x).vertices) / level - 1) for x in guesses]
     return guesses[int(np.argmin([np.mean(np.minimum(s, 1.0)) for s in strangeness]))]
 
