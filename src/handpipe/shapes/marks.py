@@ -22,7 +22,7 @@ from handpipe.shapes.fit import Attached
 
 Array = NDArray[np.float64]
 
-REACH = 1.5  # spacings of marks that cover the boundary, beyond which none of it is from the nearest one
+NEIGHBOURS = 3  # of a mark; where marks cover the boundary, none of it is farther from the nearest one
 TUKEY = 4.685  # scales beyond which a mark has no say: 95 % efficient where all are good
 NORMAL = 1.4826  # scale of a normal distribution over its median distance
 
@@ -105,16 +105,16 @@ class BoundaryMarks:
         Each has the weight of its area, in squares of the marks' spacing.
         """
         tree = cKDTree(points)
-        reach = REACH * float(np.median(tree.query(points, k=2)[0][:, 1]))
+        reach = tree.query(points, k=min(NEIGHBOURS + 1, len(points)))[0][:, -1]
         x = present.vertices[self._outer]
         distances, nearest = tree.query(x)
-        far = np.flatnonzero(distances > reach)
-        mark, share = points[nearest[far]], (reach / distances[far])[:, None]
+        far = np.flatnonzero(distances > reach[nearest])
+        mark, own = points[nearest[far]], reach[nearest[far]]
         areas = mass_lumped(present.vertices, present.triangles)[self._outer[far]]
-        roots = np.sqrt(np.minimum(areas / (reach / REACH) ** 2, 1.0))
+        roots = np.sqrt(np.minimum(areas / own**2, 1.0))
         return Correspondence(
             self._embedding[self._outer[far]],
-            mark + share * (x[far] - mark),
+            mark + (own / distances[far])[:, None] * (x[far] - mark),
             roots[:, None, None] * np.eye(3),
         )
 

@@ -3,8 +3,7 @@
 The present shape is meshed anew and becomes the rest shape. Elastic stress is kept: in a tet whose elastic
 deformation is F_e = V R, the plastic strain V^-1 from the present shape on gives the same stress at the same
 place, since the material is isotropic. So the shape stays the equilibrium that it was, under springs and
-loads too, and the search goes on with log-strains -log V, which are small where the strains before fitted
-together. Smoothness then acts on what is strained from there on.
+loads too. The log-strains that the search smooths are carried over, too (`strain_frame.py`).
 """
 
 from __future__ import annotations
@@ -31,6 +30,7 @@ from handpipe.shapes.fit import Attached
 from handpipe.shapes.image_marks import ImageMarks
 from handpipe.shapes.marks import BoundaryMarks, with_landmarks
 from handpipe.shapes.search import FindMarks, Record, Search, Settings, State
+from handpipe.shapes.strain_frame import StrainFrame
 
 Array = NDArray[np.float64]
 
@@ -60,19 +60,25 @@ class Given:
 class OnMesh:
     """The search on one mesh at rest.
 
-    carry (n0, n) takes its vertices to those of the template; edge is the length in mm that its tets are made
-    with.
+    carry (n0, n) takes its vertices to those of the template; frame: of its log-strains; edge: length in mm
+    that its tets are made with.
     """
 
     def __init__(
-        self, given: Given, mesh: TetMesh, carry: sp.csr_matrix | None, edge: float, record: list[Record]
+        self,
+        given: Given,
+        mesh: TetMesh,
+        carry: sp.csr_matrix | None,
+        frame: StrainFrame | None,
+        edge: float,
+        record: list[Record],
     ) -> None:
-        """carry None: the mesh is the template itself."""
+        """carry, frame: None where the mesh is the template itself."""
         self.given, self.mesh, self.edge = given, mesh, edge
         self.carry = sp.identity(len(mesh.vertices), format="csr") if carry is None else carry
         loads = given.loads if carry is None else [Carried(p, carry) for p in given.loads]
         settings = given.settings
-        self.search = Search(mesh, self._carried(given.held), loads, settings)
+        self.search = Search(mesh, self._carried(given.held), loads, settings, frame)
         self.search.record = record
         self.known = self._carried(given.known)
         robust = settings.mark_error if settings.outliers else None
@@ -84,7 +90,7 @@ class OnMesh:
     def of_template(given: Given) -> OnMesh:
         """On the template itself."""
         edge = float(given.template.boundary().edge_lengths().mean())
-        return OnMesh(given, given.template, None, edge, [])
+        return OnMesh(given, given.template, None, None, edge, [])
 
     def find(self, uses: str) -> FindMarks:
         """What gives the marks of a stage that uses "nothing", "landmarks", "marks" or the "image"."""
@@ -123,9 +129,10 @@ def remeshed(task: OnMesh, state: State) -> tuple[OnMesh, State]:
     mesh = _meshed(present, edge)
     points = task.carry @ state.x
     carry = Embedding.of(points, mesh).matrix(len(mesh.vertices))
-    new = OnMesh(task.given, mesh, carry, edge, task.search.record)
-    logs = residual_logs(state.body, state.x, mesh)
-    return new, new.search.at(logs, mesh.vertices)
+    since, total, rotations = _carried_fields(task, state, mesh)
+    frame = StrainFrame.of(rotations, total, since)
+    new = OnMesh(task.given, mesh, carry, frame, edge, task.search.record)
+    return new, new.search.at(total, mesh.vertices)
 
 
 def _meshed(present: TetMesh, edge: float) -> TetMesh:
@@ -148,22 +155,36 @@ def _meshed(present: TetMesh, edge: float) -> TetMesh:
     raise reason
 
 
-def residual_logs(body: Elastic, x: Array, mesh: TetMesh) -> Array:
-    """-log V (k, 6) in the tets of a mesh of the shape x (n, 3), with V the left stretch of a body's elastic
-    deformation, averaged at vertices and interpolated to the tets' centres.
+def _carried_fields(task: OnMesh, state: State, mesh: TetMesh) -> tuple[Array, Array, Array]:
+    """Log-strains from now on (m, 6), total ones (m, 6) and rotations from the template (m, 3, 3) in the tets
+    of a mesh of the present shape.
     """
+    present, frame = task.mesh.moved(state.x), task.search.frame
+    turn = state.body.deformation_gradients(state.x)
+    if frame is not None:
+        turn = turn @ frame.rotations
+    turn = plasticity.polar(np.ascontiguousarray(turn))[0]
+    fields = np.column_stack([residual_logs(state.body, state.x), state.logs, turn.reshape(-1, 9)])
+    since, total, turned = np.split(_carried(present, fields, mesh), [6, 12], axis=1)
+    return since, total, plasticity.polar(np.ascontiguousarray(turned.reshape(-1, 3, 3)))[0]
+
+
+def residual_logs(body: Elastic, x: Array) -> Array:
+    """-log V (m, 6), with V the left stretch of the elastic deformation of a body at vertices x (n, 3)."""
     left = plasticity.polar(np.ascontiguousarray(np.swapaxes(body.elastic_gradients(x), 1, 2)))[1]
     values, vectors = np.linalg.eigh(plasticity.to_matrices(left))
     logs = np.log(np.clip(values, 1 / STRETCH, STRETCH))
-    each = plasticity.from_matrices((vectors * logs[:, None]) @ vectors.transpose(0, 2, 1))
-    present = TetMesh(x, body.tets)
-    shares = np.repeat(np.maximum(present.volumes(), 0.0), 4)
-    corners, tets = body.tets.ravel(), np.repeat(np.arange(len(each)), 4)
-    gather = sp.csr_matrix((shares, (corners, tets)), shape=(len(x), len(each)))
-    total = np.maximum(np.asarray(gather.sum(axis=1)), 1e-300)
-    at_vertices = (gather @ each) / total
-    centres = mesh.vertices[mesh.tets].mean(axis=1)
-    return -Embedding.of(centres, present)(at_vertices)
+    return -plasticity.from_matrices((vectors * logs[:, None]) @ vectors.transpose(0, 2, 1))
+
+
+def _carried(old: TetMesh, fields: Array, new: TetMesh) -> Array:
+    """Fields (m, k) of one mesh's tets, averaged at its vertices, at the centres (l, k) of another one's."""
+    shares = np.repeat(np.maximum(old.volumes(), 0.0), 4)
+    places = (old.tets.ravel(), np.repeat(np.arange(len(fields)), 4))
+    gather = sp.csr_matrix((shares, places), shape=(len(old.vertices), len(fields)))
+    at_vertices = (gather @ fields) / np.maximum(np.asarray(gather.sum(axis=1)), 1e-300)
+    centres = new.vertices[new.tets].mean(axis=1)
+    return Embedding.of(centres, old)(at_vertices)
 
 
 def noted(task: OnMesh, state: State, record: Record) -> None:

@@ -19,6 +19,7 @@ from handpipe.fem.elastic import Elastic
 from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix, factorise
 from handpipe.fem.nullspace import DeflatedFactor
 from handpipe.fem.potential import Potential, Sum
+from handpipe.shapes.strain_frame import StrainFrame
 
 Array = NDArray[np.float64]
 
@@ -40,10 +41,21 @@ class Response:
     Lemma); J is the pseudo-inverse's, and a step adds any of them.
     """
 
-    def __init__(self, body: Elastic, held: Sequence[Potential], x: Array, logs: Array, loose: Array) -> None:
-        """body: with strains exp(logs), (m, 6), and x (n, 3) its equilibrium under it and `held`."""
-        chain = plasticity.per_tet_operator(plasticity.exp_derivative(logs))
-        self.forces = (body.strain_jacobian(x) @ chain).tocsr()
+    def __init__(
+        self,
+        body: Elastic,
+        held: Sequence[Potential],
+        x: Array,
+        logs: Array,
+        loose: Array,
+        frame: StrainFrame | None = None,
+    ) -> None:
+        """body: with strains exp(logs), logs (m, 6) in a frame, and x (n, 3) its equilibrium with `held`."""
+        since = logs if frame is None else frame(logs)
+        derivative = plasticity.exp_derivative(since)
+        if frame is not None:
+            derivative = derivative @ frame.operator()
+        self.forces = (body.strain_jacobian(x) @ plasticity.per_tet_operator(derivative)).tocsr()
         self.pulls = self.forces.T.tocsr()
         self.loose = loose
         self._inverse = _inverse(Sum([body, *held]).hessian(x), loose)

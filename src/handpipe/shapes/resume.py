@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from handpipe import __version__, artifacts
 from handpipe.errors import InputError
-from handpipe.fem import plasticity
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.fit import Attached
 from handpipe.shapes.remeshing import Given, OnMesh
 from handpipe.shapes.search import Record, State
 from handpipe.shapes.stages import Position
+from handpipe.shapes.strain_frame import StrainFrame
 
 log = logging.getLogger(__name__)
 
@@ -54,12 +54,14 @@ class FitCheckpoint:
     def write(self, position: Position) -> None:
         """Replace the file."""
         task, state = position.task, position.state
+        frame = task.search.frame
         carry = {name: getattr(task.carry, name) for name in ("data", "indices", "indptr")}
         data: dict[str, Any] = {
             "digest": self.digest,
             "vertices": task.mesh.vertices,
             "tets": task.mesh.tets,
             "edge": task.edge,
+            "frame": {} if frame is None else {"rotations": frame.rotations, "before": frame.before},
             "carry": carry,
             "logs": state.logs,
             "x": state.x,
@@ -79,11 +81,10 @@ class FitCheckpoint:
         arrays = content["carry"]
         carry = sp.csr_matrix((arrays["data"], arrays["indices"], arrays["indptr"]), shape=shape)
         record = _records(content["record"])
-        meshed = len(mesh.vertices) != shape[0] or not np.array_equal(
-            mesh.vertices, self.given.template.vertices
-        )
-        task = OnMesh(self.given, mesh, carry if meshed else None, float(content["edge"]), record)
-        body = task.search.body.with_strains(plasticity.exp(content["logs"]))
+        frame = StrainFrame(**content["frame"]) if content["frame"] else None
+        meshed = None if frame is None else carry
+        task = OnMesh(self.given, mesh, meshed, frame, float(content["edge"]), record)
+        body = task.search.strained(content["logs"])
         state = State(content["logs"], body, content["x"], int(content["tangles"]))
         return Position(task, state, *(int(content[n]) for n in ("stage", "first", "meshings")))
 

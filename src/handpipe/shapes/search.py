@@ -30,6 +30,7 @@ from handpipe.shapes.gauss_newton import RIDGE, GaussNewton, Rows, Step
 from handpipe.shapes.response import Response
 from handpipe.shapes.rigid_motions import LooseMotions
 from handpipe.shapes.smoothness import Smoothness
+from handpipe.shapes.strain_frame import StrainFrame
 
 Array = NDArray[np.float64]
 FindMarks = Callable[[Array], Correspondence]
@@ -102,7 +103,8 @@ class Record:
 class Search:
     """The objective of 003 Eq. 5.3 and steps that lower it, on a template mesh.
 
-    loads: further potentials that act on the body, known beforehand.
+    loads: further potentials that act on the body, known beforehand; frame: of log-strains, where the mesh at
+    rest is not the template.
     """
 
     def __init__(
@@ -111,8 +113,9 @@ class Search:
         attached: Attached | None = None,
         loads: Sequence[Potential] = (),
         settings: Settings | None = None,
+        frame: StrainFrame | None = None,
     ) -> None:
-        self.mesh, self.settings = mesh, settings or Settings()
+        self.mesh, self.settings, self.frame = mesh, settings or Settings(), frame
         self.smoothness = Smoothness(mesh.tets)
         self.body = Elastic(mesh.vertices, mesh.tets, self.settings.material)
         self.held: list[Potential] = list(loads)
@@ -129,11 +132,16 @@ class Search:
 
     def at(self, logs: Array, x: Array) -> State:
         """The equilibrium under log-strains, from x (n, 3); raises `ConvergenceError` where there is none."""
-        body = self.body.with_strains(plasticity.exp(logs))
+        body = self.strained(logs)
         pins = LooseMotions(self.attached.targets, x).pins(x)
         options = equilibrium.Options(name="organ")
         found = equilibrium.solve([body, *self.held], x, fixed=pins, options=options)
         return State(logs, body, found.x, found.record.tangles)
+
+    def strained(self, logs: Array) -> Elastic:
+        """The body under log-strains (m, 6)."""
+        since = logs if self.frame is None else self.frame(logs)
+        return self.body.with_strains(plasticity.exp(since))
 
     def run(
         self, state: State, stage: str, find: FindMarks, weight: float, uniform: bool, most: int
@@ -188,7 +196,7 @@ class Search:
 
     def system(self, state: State, marks: Correspondence, motions: LooseMotions) -> GaussNewton:
         """The quadratic model of the objective about a state."""
-        response = Response(state.body, self.held, state.x, state.logs, motions.modes(state.x))
+        response = Response(state.body, self.held, state.x, state.logs, motions.modes(state.x), self.frame)
         return GaussNewton(self.smoothness, response, self.rows(state.x, marks), state.logs)
 
     def improve(
