@@ -21,6 +21,8 @@ from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.muscles.muscle import TOUCHING
+from handpipe.muscles.neighbours import touching
 from handpipe.muscles.pose_strains import PoseStrains, fit_pose_strains
 from handpipe.muscles.separation import separate
 
@@ -116,7 +118,7 @@ def measure(count: int = len(POSES), edge: float = EDGE, muscles: int = 17) -> F
         separated.append(found.surfaces)
     separation_seconds = time.process_time() - begun
     begun = time.process_time()
-    fits = {name: fitted(name, body, poses, [s[name] for s in separated]) for name, body in bodies.items()}
+    fits = {name: fitted(name, body, poses, separated) for name, body in bodies.items()}
     strain_seconds = time.process_time() - begun
     carried = [
         {n: b.surface.moved(b.embedding(fits[n].vertices[k])) for n, b in bodies.items()}
@@ -146,16 +148,23 @@ def bones_in(pose: Pose) -> dict[str, Surface]:
     return bones
 
 
-def fitted(name: str, body: Carried, poses: tuple[Pose, ...], surfaces: list[Surface]) -> PoseStrains:
+def fitted(
+    name: str, body: Carried, poses: tuple[Pose, ...], separated: list[dict[str, Surface]]
+) -> PoseStrains:
     """Stage 3 of one muscle, from its neutral mesh under the poses' own maps."""
+    near = [
+        touching(s[name], [*(o for n, o in s.items() if n != name), *bones_in(p).values()], TOUCHING)
+        for s, p in zip(separated, poses, strict=True)
+    ]
     centre = body.surface.vertices.mean(axis=0)
     starts = [in_pose(name, body.mesh.vertices, centre, pose) for pose in poses]
     fit = fit_pose_strains(
         body.mesh,
         body.embedding.matrix(len(body.mesh.vertices)),
-        [s.vertices for s in surfaces],
+        [s[name].vertices for s in separated],
         np.array([pose.vector for pose in poses]),
         starts,
+        touching=near,
     )
     log.info("%s: %d tets, %.3f mm, gamma %.2g", name, len(body.mesh.tets), fit.distances.max(), fit.gamma)
     return fit

@@ -104,3 +104,20 @@ def test_pose_smoothness_trades_distance_for_likeness():
 
     assert roughness(smooth) < 0.7 * roughness(close)
     assert smooth.distances.max() > close.distances.max()
+
+
+def test_what_touches_a_neighbour_is_not_smoothed_into_it():
+    mesh, w, shapes, _ = fitted()
+    poses = np.array([[0.3], [0.7], [1.2]]) * np.array([[0.0, 1.0, 0.0]])
+    shapes[1] = bent(mesh.vertices, 0.7, -0.15)
+    surfaces = [w @ s for s in shapes]
+    touching = [np.flatnonzero(s[:, 1] > 1.9) for s in surfaces]
+
+    def off(known) -> float:
+        result = fit_pose_strains(mesh, w, surfaces, poses, shapes, touching=known)
+        return max(
+            float(np.linalg.norm((w @ x - y)[ids], axis=1).max())
+            for x, y, ids in zip(result.vertices, surfaces, touching, strict=True)
+        )
+
+    assert off(touching) < 0.05 < off(None)

@@ -17,12 +17,14 @@ with stage(snakemake) as log:
     shapes = artifacts.read(snakemake.input.shapes, "muscle_shapes")
     # Surfaces come from each scanner's frame to the rig's, in which the muscle will be simulated.
     back = {pose: rig.poses[pose].root.inverse() for pose in dataset.examples}
-    surfaces, starts = {}, {}
-    for pose, path in zip(dataset.examples, snakemake.input.separated, strict=True):
-        separated = load_surfaces(path)[name]
-        surfaces[pose] = separated.moved(back[pose](separated.vertices))
-        starts[pose] = back[pose](shapes[pose][name]["mesh_vertices"])
     transforms = {pose: rig.bone_transforms(rig.poses[pose].angles) for pose in dataset.examples}
+    surfaces, starts, neighbours = {}, {}, {}
+    for pose, path in zip(dataset.examples, snakemake.input.separated, strict=True):
+        separated = {n: s.moved(back[pose](s.vertices)) for n, s in load_surfaces(path).items()}
+        surfaces[pose] = separated.pop(name)
+        starts[pose] = back[pose](shapes[pose][name]["mesh_vertices"])
+        bones = [s.moved(transforms[pose][b](s.vertices)) for b, s in rig.surfaces.items()]
+        neighbours[pose] = [*separated.values(), *bones]
     muscle, fit = Muscle.fit(
         name,
         body,
@@ -32,6 +34,7 @@ with stage(snakemake) as log:
         surfaces,
         starts,
         interpolation=dataset.muscle_interpolation,
+        neighbours=neighbours,
     )
     log.info(
         "gamma %.3g, eigenvalues %.2f to %.2f, %.3f mm", fit.gamma, *fit.eigenvalues, fit.distances.max()

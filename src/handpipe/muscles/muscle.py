@@ -14,12 +14,14 @@ from handpipe.fem import plasticity
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.body import Body
+from handpipe.muscles.neighbours import touching
 from handpipe.muscles.pose_strains import PoseStrains, StrainOptions, fit_pose_strains
 from handpipe.skeleton.pose_space import Interpolation, PoseSpace
 
 Array = NDArray[np.float64]
 
 KIND = "muscle"
+TOUCHING = 0.2  # mm to a neighbour: separated muscles that press on one another are 0.05 mm apart
 
 
 @dataclass(frozen=True)
@@ -75,11 +77,12 @@ class Muscle:
         starts: Mapping[str, Array],
         options: StrainOptions | None = None,
         interpolation: Interpolation = "rbf",
+        neighbours: Mapping[str, Sequence[Surface]] | None = None,
     ) -> tuple[Muscle, PoseStrains]:
         """Stage 3: a muscle from its separated surfaces and stage 1's mesh vertices (n, 3), both by pose.
 
-        `transforms` holds the example poses, in the order of the result; held vertices of `surfaces` are
-        seated.
+        neighbours: other muscles and bones by pose, into which it is not to be smoothed. `transforms` holds
+        the example poses, in the order of the result; held vertices of `surfaces` are seated.
         """
         space = PoseSpace.build(list(body.attachments), parents, transforms)
         fit = fit_pose_strains(
@@ -89,6 +92,7 @@ class Muscle:
             space.examples,
             [starts[p] for p in transforms],
             body.held,
+            [touching(surfaces[p], (neighbours or {}).get(p, ()), TOUCHING) for p in transforms],
             options,
         )
         return Muscle.of(name, body, parents, neutral, transforms, fit, interpolation), fit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +66,14 @@ def pairs(a: Surface, b: Surface, near: float) -> Pairs:
     starts = 3 * np.arange(len(ids) + 1)
     feet = sparse.csr_matrix((weights.ravel(), corners.ravel(), starts), shape=(len(ids), len(b.vertices)))
     return Pairs(ids, feet, normals[ids], gap[ids], np.zeros(len(ids)))
+
+
+def touching(surface: Surface, others: Iterable[Surface], near: float) -> IntArray:
+    """Vertices within `near` mm of any of the other surfaces, or inside one."""
+    found = np.zeros(len(surface.vertices), dtype=bool)
+    for other in others:
+        found |= Distance(other).signed(surface.vertices)[0] < near
+    return np.flatnonzero(found)
 
 
 def sliding_vertices(poses: Sequence[Mapping[str, Surface]], near: float) -> Neighbours:

@@ -36,8 +36,9 @@ log = logging.getLogger(__name__)
 @dataclass(frozen=True)
 class StrainOptions:
     """alpha: 1/mm^2, weight of the surface against spatial smoothness, for a surface vertex; held: the same
-    for attached vertices, whose places are known; largest: mm between surfaces that pose smoothness may
-    cost; sweeps: over all poses for each gamma; bisections: of gamma's logarithm.
+    for attached vertices, whose places are known, and for those that touch a neighbour, into which they
+    would be moved; largest: mm between surfaces that pose smoothness may cost; sweeps: over all poses for
+    each gamma; bisections: of gamma's logarithm.
     """
 
     alpha: float = 10.0
@@ -81,21 +82,24 @@ def fit_pose_strains(
     poses: Array,
     starts: Sequence[Array],
     held: IntArray | None = None,
+    touching: Sequence[IntArray] | None = None,
     options: StrainOptions | None = None,
 ) -> PoseStrains:
     """Plastic strains of a muscle in its example poses.
 
     rest: neutral mesh; embedding (v, n) carries its surface; surfaces: N arrays (v, 3), the same points in
     each example pose; poses (N, d): pose vectors in rad, neutral at the origin; starts: N arrays (n, 3) of
-    mesh vertices to begin with; held: surface vertices (t,) that are attached, and exact in `surfaces`.
-    Raises `ConvergenceError` where a tet stays inverted.
+    mesh vertices to begin with; held: surface vertices (t,) that are attached, and exact in `surfaces`;
+    touching: those of each pose that touch a neighbour. Raises `ConvergenceError` where a tet stays inverted.
     """
     options = options or StrainOptions()
-    weights = np.full(embedding.shape[0], options.alpha)
-    weights[[] if held is None else held] = options.held
+    weights = np.full((len(surfaces), embedding.shape[0]), options.alpha)
+    weights[:, [] if held is None else held] = options.held
+    for own, ids in zip(weights, touching or (), strict=False):
+        own[ids] = options.held
     space = pose_laplacian(np.vstack([np.zeros(poses.shape[1]), poses]))
     stretch, laplacian = StretchField(rest), tet_laplacian(rest.tets)
-    blocks = [_Block(stretch, laplacian, embedding, weights, y) for y in surfaces]
+    blocks = [_Block(stretch, laplacian, embedding, own, y) for own, y in zip(weights, surfaces, strict=True)]
     x = [b.alone(start, options.steps) for b, start in zip(blocks, starts, strict=True)]
     descent = _Descent(blocks, space, options)
     alone = descent.largest(x)
