@@ -1,0 +1,171 @@
+"""One body of muscles, fat and skin about bones: a conforming mesh, and the energies of its tissues."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from handpipe.errors import InputError
+from handpipe.fem.barrier import Barrier
+from handpipe.fem.materials import Material
+from handpipe.fem.potential import Potential
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.truth.active import ActiveFibres
+from handpipe.truth.elements import Elements
+from handpipe.truth.refinement import Midpoints, refine
+from handpipe.truth.solid import Solid
+from handpipe.truth.strands import Strands, chain
+from handpipe.truth.surfaces import bone_faces, bone_weights, outer_faces
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Strand:
+    """A tendon's points (k, 3) in mm at rest, its stiffness (Young's modulus times area) in mN.
+
+    `bones` names the bone on which a point of that number ends; all others are carried by the tissue.
+    """
+
+    points: Array
+    stiffness: float
+    bones: Mapping[int, str] = field(default_factory=dict)
+    radius: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Anatomy:
+    """What is simulated, at rest.
+
+    labels (m,) number the `regions` of the tets; `bones` has the mesh's vertices on each bone's surface, where
+    there are no tets; `fibres` the unit directions (f, 3) of the tets of each region that is a muscle.
+    """
+
+    mesh: TetMesh
+    labels: IntArray
+    regions: tuple[str, ...]
+    bones: Mapping[str, IntArray]
+    fibres: Mapping[str, Array] = field(default_factory=dict)
+    strands: Mapping[str, Strand] = field(default_factory=dict)
+
+    def tets_of(self, region: str) -> IntArray:
+        """Numbers of a region's tets."""
+        return np.flatnonzero(self.labels == self.regions.index(region))
+
+    def refined(self) -> Anatomy:
+        """The same body with every tet cut into eight."""
+        mesh, parents = refine(self.mesh)
+        middle = Midpoints.of(self.mesh)
+        fibres = {name: np.repeat(along, 8, axis=0) for name, along in self.fibres.items()}
+        bones = {n: middle.on_faces(bone_faces(self.mesh, on)) for n, on in self.bones.items()}
+        return Anatomy(mesh, self.labels[parents], self.regions, bones, fibres, self.strands)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where bones are, from rest, and the tension in kPa of each muscle; others are slack."""
+
+    bones: Mapping[str, RigidTransform]
+    tensions: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Contact of the skin with itself: the distance in mm below which it pushes, its stiffness in kPa."""
+
+    distance: float
+    stiffness: float
+
+
+class Body:
+    """The coupled body: quadratic (or linear) elements on an anatomy's mesh, and what acts on them.
+
+    `materials` gives each region's; skin_faces (k, 3) are the triangles of nodes on the outer surface, of a
+    quadratic face the four between its nodes; `on_bones` the nodes on each bone. Raises `InputError` where a region has none or fibres do not fit.
+    """
+
+    def __init__(
+        self,
+        anatomy: Anatomy,
+        materials: Mapping[str, Material],
+        *,
+        order: Literal[1, 2] = 2,
+        contact: Contact | None = None,
+    ) -> None:
+        missing = set(anatomy.regions) - set(materials)
+        if missing:
+            raise InputError("body", "materials", f"lacks {sorted(missing)}", "Give one for each region")
+        self.anatomy = anatomy
+        mesh = anatomy.mesh
+        self.elements = Elements.quadratic(mesh) if order == 2 else Elements.linear(mesh)
+        self.rest = self.elements.nodes
+        constants = [(materials[r].young, materials[r].poisson) for r in anatomy.regions]
+        young, poisson = np.array(constants, dtype=float).T[:, anatomy.labels]
+        self.solid = Solid(self.elements, Material(young, poisson))
+        self._parts = {name: self.elements.part(anatomy.tets_of(name)) for name in anatomy.fibres}
+        self.muscles = {
+            name: ActiveFibres(self._parts[name], along, 0.0) for name, along in anatomy.fibres.items()
+        }
+        fine = anatomy.refined() if order == 2 else anatomy  # whose vertices are the nodes
+        self.on_bones, self._cells, self._cell_labels = fine.bones, fine.mesh.tets, fine.labels
+        self.skin_faces = outer_faces(fine.mesh.boundary_faces()[0], fine.bones.values())
+        self.strands = {name: self._strand(name) for name in anatomy.strands}
+        self.barrier = self._barrier(contact) if contact is not None else None
+
+    @property
+    def fixed(self) -> Mask:
+        """Mask (3n,) of the nodes that bones hold."""
+        held = np.zeros(len(self.rest), dtype=bool)
+        for nodes in self.on_bones.values():
+            held[nodes] = True
+        return np.repeat(held, 3)
+
+    def potentials(self, pose: Pose) -> list[Potential]:
+        """Energies of the tissues in a pose, without contact."""
+        active = [m.with_tension(pose.tensions.get(n, 0.0)) for n, m in self.muscles.items()]
+        return [self.solid, *(m for m in active if m.pulls), *self.strands.values()]
+
+    def prescribed(self, pose: Pose, x: Array) -> Array:
+        """Positions x (n, 3) with the nodes on bones where the pose has them."""
+        out = x.copy()
+        for name, nodes in self.on_bones.items():
+            out[nodes] = pose.bones[name](self.rest[nodes])
+        return out
+
+    def strand_points(self, name: str) -> sp.csr_matrix:
+        """Matrix (k, n) from nodes to the points of a strand."""
+        strand = self.anatomy.strands[name]
+        matrix = self.elements.interpolation(strand.points).tolil()
+        for point, bone in strand.bones.items():
+            matrix[point] = bone_weights(
+                strand.points[point], self.anatomy.mesh, self.anatomy.bones[bone], len(self.rest)
+            )
+        return matrix.tocsr()
+
+    def surface(self, region: str, x: Array) -> Surface:
+        """The surface of a region's tets, straight between all nodes, at positions x (n, 3)."""
+        tets = self._cells[self._cell_labels == self.anatomy.regions.index(region)]
+        return TetMesh(x, tets).boundary().compact()
+
+    def volume(self, region: str, x: Array) -> float:
+        """Volume in mm^3 of a region at positions x (n, 3)."""
+        chosen = self.anatomy.tets_of(region)
+        return float((self.solid.volume_ratios(x)[chosen] * self.elements.volumes[chosen]).sum())
+
+    def _strand(self, name: str) -> Strands:
+        strand, points = self.anatomy.strands[name], self.strand_points(name)
+        return Strands(points, chain(len(strand.points)), self.rest, strand.stiffness)
+
+    def _barrier(self, contact: Contact) -> Barrier:
+        used, triangles = np.unique(self.skin_faces, return_inverse=True)
+        choice = sp.eye(len(self.rest), format="csr")[used]
+        return Barrier(choice, triangles.reshape(-1, 3), self.rest, contact.distance, contact.stiffness)

@@ -1,0 +1,81 @@
+"""Following a body's equilibrium as its bones move and its muscles tense."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.errors import ConvergenceError
+from handpipe.fem.approach import approach
+from handpipe.fem.equilibrium import Equilibrium, Options, continuation
+from handpipe.fem.record import Record
+from handpipe.truth.body import Body, Pose
+
+Array = NDArray[np.float64]
+log = logging.getLogger(__name__)
+
+NO_OBSTACLE = np.zeros((0, 3))
+
+
+def follow(
+    body: Body,
+    motion: Callable[[float], Pose],
+    x: Array | None = None,
+    *,
+    steps: int = 4,
+    options: Options | None = None,
+) -> Equilibrium:
+    """The equilibrium at motion(1), followed from x (n, 3), that of motion(0), by default the rest shape.
+
+    Without contact steps are as long as the solver can take, the first one of `steps`; with contact there are
+    so many, each walked as far as is free of collisions. Raises `ConvergenceError` where no equilibrium is
+    found, or tissue ends inside out.
+    """
+    options = options or Options(name="coupled body")
+    start = body.rest if x is None else x
+    found = _free(body, motion, start, steps, options) if body.barrier is None else None
+    found = found or _with_contact(body, motion, start, steps, options)
+    inverted = int((body.solid.volume_ratios(found.x) <= 0).sum())
+    if inverted:
+        raise ConvergenceError(options.name, f"{inverted} points end inside out: refine, or take more steps")
+    return found
+
+
+def _free(
+    body: Body, motion: Callable[[float], Pose], start: Array, steps: int, options: Options
+) -> Equilibrium:
+    return continuation(
+        lambda t: body.potentials(motion(t)),
+        start,
+        fixed=body.fixed,
+        prescribed=lambda t: body.prescribed(motion(t), start),
+        options=options,
+        first_step=1.0 / steps,
+        largest_step=2.0 / steps,
+    )
+
+
+def _with_contact(
+    body: Body, motion: Callable[[float], Pose], start: Array, steps: int, options: Options
+) -> Equilibrium:
+    barrier, x, record = body.barrier, start, Record()
+    assert barrier is not None
+    for number in range(steps):
+        pose = motion((number + 1) / steps)
+        target = body.prescribed(pose, x)
+        found, barrier = approach(
+            body.potentials(pose),
+            barrier,
+            x,
+            NO_OBSTACLE,
+            fixed=body.fixed,
+            target=target,
+            options=options,
+        )
+        x = found.x
+        record.add(found.record)
+        log.info("%s: step %d of %d, gap %.3g mm", options.name, number + 1, steps, barrier.gap(x))
+    return Equilibrium(x, record)

@@ -1,0 +1,36 @@
+"""Passive tissue: a hyperelastic material at the points of any elements."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.fem.materials import MODELS, Material, energy_densities, piola_stresses, stiffnesses
+from handpipe.truth.density import DensityPotential, semidefinite
+from handpipe.truth.elements import Elements
+
+Array = NDArray[np.float64]
+
+
+class Solid(DensityPotential):
+    """Energy sum of V psi(F) of a material with one set of constants, or one a cell."""
+
+    def __init__(self, elements: Elements, material: Material) -> None:
+        super().__init__(elements)
+        self._model = MODELS[material.model]
+        count, points = elements.volumes.shape
+        self._mu, self._lam = (np.repeat(constant, points) for constant in material.lame(count))
+
+    def densities(self, f: Array, points: slice) -> Array:
+        return energy_densities(self._model, f, self._mu[points], self._lam[points])
+
+    def stresses(self, f: Array, points: slice) -> Array:
+        return piola_stresses(self._model, f, self._mu[points], self._lam[points])
+
+    def tangents(self, f: Array, points: slice, project: bool) -> Array:
+        exact = stiffnesses(self._model, f, self._mu[points], self._lam[points])
+        return semidefinite(exact) if project else exact
+
+    def volume_ratios(self, x: Array) -> Array:
+        """det F (m, q) at every point: positive where tissue is not inside out."""
+        return np.linalg.det(self.deformation_gradients(x))

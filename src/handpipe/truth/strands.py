@@ -1,0 +1,81 @@
+"""Tendons as stiff strands: chains of points that tissue and bones carry."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from handpipe.errors import InputError
+from handpipe.fem.constraints import Operator, penalty
+from handpipe.fem.points import PointPotential, per_point
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+ONSET = 1e-3  # strain over which tension rises from none to its full slope
+
+
+class Strands(PointPotential):
+    """Energy sum over segments of (S / L) p(l - L): tension S (l - L) / L, and none where slack.
+
+    `operator` (k, n) takes nodes to the strands' points, segments (s, 2) name pairs of points, stiffness S in mN
+    (Young's modulus times cross-section), one for all or one a segment. The penalty p is twice continuous:
+    tension sets in over a strain of ONSET. With `two_sided` it is a spring and pushes, too. Rest lengths are
+    those at `rest` (n, 3). Segments are seen as the vectors between their ends, which are linear in x.
+    """
+
+    def __init__(
+        self,
+        operator: Operator,
+        segments: IntArray,
+        rest: Array,
+        stiffness: ArrayLike,
+        *,
+        two_sided: bool = False,
+    ) -> None:
+        points = sp.csr_matrix(operator)
+        super().__init__(points[segments[:, 1]] - points[segments[:, 0]])
+        self.lengths = np.linalg.norm(self.points(rest), axis=1)
+        if np.any(self.lengths == 0):
+            problem = f"number {int(np.argmin(self.lengths))} has no length"
+            raise InputError("strands", "segments", problem, "Give points apart from one another")
+        self.stiffness = per_point(stiffness, self.count, "stiffness")
+        self.two_sided = two_sided
+
+    def _tensions(self, vectors: Array) -> tuple[Array, Array, Array, Array]:
+        """Energies, tensions, their slopes and lengths, each (s,)."""
+        now = np.linalg.norm(vectors, axis=1)
+        strain = now / self.lengths - 1.0
+        if self.two_sided:
+            parts = 0.5 * strain**2, strain, np.ones_like(strain)
+        else:
+            parts = penalty(strain, ONSET)
+        scale = self.stiffness * self.lengths
+        return scale * parts[0], self.stiffness * parts[1], self.stiffness * parts[2] / self.lengths, now
+
+    def tensions(self, x: Array) -> Array:
+        """Tension (s,) in mN of every segment; negative where a two-sided one pushes."""
+        return self._tensions(self.points(x))[1]
+
+    def energies(self, points: Array) -> Array:
+        return self._tensions(points)[0]
+
+    def forces(self, points: Array) -> Array:
+        _, tension, _, now = self._tensions(points)
+        return (tension / np.maximum(now, 1e-300))[:, None] * points
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        _, tension, slope, now = self._tensions(points)
+        along = points / np.maximum(now, 1e-300)[:, None]
+        dyads = along[:, :, None] * along[:, None, :]
+        across = tension / np.maximum(now, 1e-300)
+        if project:
+            across = np.maximum(across, 0.0)
+        return slope[:, None, None] * dyads + across[:, None, None] * (np.eye(3) - dyads)
+
+
+def chain(count: int, first: int = 0) -> IntArray:
+    """Segments (count - 1, 2) between so many points in a row, numbered from `first`."""
+    start = first + np.arange(count - 1)
+    return np.column_stack([start, start + 1])

@@ -1,0 +1,95 @@
+"""A toy finger: two bones, a hinge, a flexor with its tendon, fat and skin. What the truth is tested on.
+
+Right hand's frame: +x distal, +y radial, +z dorsal. The proximal bone's head is a sphere about the joint's
+centre, so that the gap between the bones does not change as it turns.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from handpipe.fem.materials import Material
+from handpipe.mesh.implicit import Grid, isosurface
+from handpipe.mesh.remeshing import remesh
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.truth.body import Anatomy, Pose, Strand
+from handpipe.truth.filling import fill
+
+Array = NDArray[np.float64]
+
+CENTRE = np.array([20.0, 0.0, 1.5])  # of the joint
+BONE_RADIUS, GAP = 3.0, 2.0
+PROXIMAL = (np.array([3.0, 0.0, 1.5]), CENTRE)  # ends of the axis
+DISTAL = (CENTRE + [2 * BONE_RADIUS + GAP, 0.0, 0.0], CENTRE + [21.0, 0.0, 0.0])
+SKIN, SKIN_RADIUS = (np.array([0.0, 0.0, 0.0]), np.array([44.0, 0.0, 0.0])), 9.0
+DERMIS = 1.6  # thickness in mm
+BELLY, BELLY_AXES = np.array([10.0, 0.0, -4.1]), np.array([8.0, 3.2, 1.9])  # the muscle, an ellipsoid
+
+MATERIALS = {"skin": Material(20.0, 0.49), "fat": Material(1.0, 0.49), "flexor": Material(6.0, 0.499)}
+TENDON = 2e4  # mN: Young's modulus times cross-section
+TENSION = 8.0  # kPa of the flexor at 60 degrees
+
+
+def finger(edge_length: float = 4.0) -> Anatomy:
+    """The toy's anatomy with surface triangles of about `edge_length` mm."""
+    surfaces = {
+        "outer": _surface(lambda p: _capsule(p, *SKIN) - SKIN_RADIUS, edge_length),
+        "inner": _surface(lambda p: _capsule(p, *SKIN) - SKIN_RADIUS + DERMIS, edge_length),
+        "proximal": _surface(lambda p: _capsule(p, *PROXIMAL) - BONE_RADIUS, 0.75 * edge_length),
+        "distal": _surface(lambda p: _capsule(p, *DISTAL) - BONE_RADIUS, 0.75 * edge_length),
+        "belly": _surface(lambda p: _ellipsoid(p, BELLY, BELLY_AXES), 0.5 * edge_length),
+    }
+    regions = {
+        "skin": ("outer", ["inner"]),
+        "fat": ("inner", ["proximal", "distal", "belly"]),
+        "flexor": ("belly", []),
+    }
+    mesh, labels, on = fill(surfaces, regions, edge_length)
+    along = np.tile([1.0, 0.0, 0.0], (int((labels == 2).sum()), 1))
+    bones = {name: on[name] for name in ("proximal", "distal")}
+    return Anatomy(mesh, labels, tuple(regions), bones, {"flexor": along}, _strands())
+
+
+def hinge(angle: float, activation: float = 1.0) -> Pose:
+    """The distal bone flexed by an angle in rad; the flexor pulls in proportion to it, times `activation`."""
+    turn = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix()
+    tension = activation * TENSION * max(angle, 0.0) / np.radians(60.0)
+    bones = {"proximal": RigidTransform.identity(), "distal": RigidTransform.about(CENTRE, turn)}
+    return Pose(bones, {"flexor": tension})
+
+
+def _strands() -> dict[str, Strand]:
+    """Three strands in the belly, side by side: from the proximal bone through it and on to the distal one."""
+    strands = {}
+    for name, side in (("radial", 1.0), ("central", 0.0), ("ulnar", -1.0)):
+        origin = np.array([[3.5, 0.8 * side, CENTRE[2] - BONE_RADIUS], [4.5, 0.8 * side, -2.9]])
+        behind = np.column_stack([np.linspace(5.5, 9.0, 4), np.full(4, 0.9 * side), np.full(4, -4.1)])
+        ahead = np.column_stack([np.linspace(11.0, 14.5, 4), np.full(4, 0.9 * side), np.full(4, -4.1)])
+        free = np.column_stack([np.linspace(16.0, 29.0, 9), np.full(9, 0.6 * side), np.full(9, -4.1)])
+        end = np.array([[31.0, 0.6 * side, -2.9], [32.5, 0.6 * side, CENTRE[2] - BONE_RADIUS]])
+        strands[f"{name} origin"] = Strand(np.concatenate([origin, behind]), TENDON, {0: "proximal"})
+        tendon = np.concatenate([ahead, free, end])
+        strands[f"{name} tendon"] = Strand(tendon, TENDON, {len(tendon) - 1: "distal"})
+    return strands
+
+
+def _surface(distance, edge_length: float) -> Surface:  # type: ignore[no-untyped-def]
+    """Triangles of about an edge length on the zero set of a function of points."""
+    grid = Grid.around(np.array([SKIN[0] - SKIN_RADIUS, SKIN[1] + SKIN_RADIUS]), 2.0, 0.6)
+    return remesh(isosurface(distance(grid.points()), grid).largest_component(), edge_length)
+
+
+def _capsule(points: Array, start: Array, end: Array) -> Array:
+    """Distances (n,) of points (n, 3) from a segment."""
+    along = end - start
+    t = np.clip((points - start) @ along / (along @ along), 0.0, 1.0)
+    return np.linalg.norm(points - start - t[:, None] * along, axis=1)
+
+
+def _ellipsoid(points: Array, centre: Array, axes: Array) -> Array:
+    """A function (n,) of points (n, 3), negative inside, near the distance at the surface."""
+    scaled = np.linalg.norm((points - centre) / axes, axis=1)
+    return (scaled - 1.0) * axes.min()

@@ -1,0 +1,116 @@
+"""Solid, active fibres and strands: derivatives against differences, objectivity."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from tests.fem.bodies import box
+
+from handpipe.errors import InputError
+from handpipe.fem.elastic import Elastic
+from handpipe.fem.materials import Material
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.truth.active import ActiveFibres
+from handpipe.truth.elements import Elements
+from handpipe.truth.solid import Solid
+from handpipe.truth.strands import Strands, chain
+
+MESH = TetMesh(*box((2.0, 1.0, 1.0), (2, 1, 1)))
+RNG = np.random.default_rng(0)
+
+
+def _directions(count):
+    given = np.random.default_rng(3).normal(size=(count, 3))
+    return given / np.linalg.norm(given, axis=1, keepdims=True)
+
+
+def _potential(kind, order):
+    elements = Elements.quadratic(MESH) if order == 2 else Elements.linear(MESH)
+    count = len(elements.cells)
+    if kind == "solid":
+        return Solid(elements, Material(np.linspace(1, 6, count), 0.45)), elements.nodes
+    if kind == "active":
+        return ActiveFibres(elements, _directions(count), np.linspace(0, 5, count)), elements.nodes
+    points = elements.interpolation(np.random.default_rng(2).uniform([0, 0, 0], [2, 1, 1], (6, 3)))
+    strands = Strands(points, chain(6), elements.nodes, 50.0, two_sided=kind == "two-sided")
+    return strands, elements.nodes
+
+
+def _state(nodes, name):
+    noise = 0.1 * np.random.default_rng(5).normal(size=nodes.shape)
+    if name == "deformed":
+        return 1.1 * nodes + noise
+    if name == "flattened":
+        return nodes * [1.1, 1.0, 0.0]
+    return nodes * [1.0, 1.0, -0.8] + noise  # inverted
+
+
+KINDS = ["solid", "active", "strands", "two-sided"]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("state", ["deformed", "flattened", "inverted"])
+def test_derivatives_agree_with_differences(kind, order, state):
+    potential, nodes = _potential(kind, order)
+    x = _state(nodes, state)
+    step = 1e-5
+    for seed in range(3):
+        d = np.random.default_rng(seed).normal(size=x.shape)
+        slope = (potential.value(x + step * d) - potential.value(x - step * d)) / (2 * step)
+        gradient = potential.gradient(x)
+        scale = np.linalg.norm(gradient) * np.linalg.norm(d)
+        assert abs(slope - (gradient * d).sum()) < 1e-7 * scale
+        change = (potential.gradient(x + step * d) - potential.gradient(x - step * d)) / (2 * step)
+        product = potential.hessian(x) @ d.ravel()
+        assert np.linalg.norm(change.ravel() - product) < 1e-6 * np.linalg.norm(product)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("kind", KINDS)
+def test_projected_hessian_is_semidefinite_and_hessian_symmetric(kind, order):
+    potential, nodes = _potential(kind, order)
+    x = _state(nodes, "inverted")
+    plain, projected = potential.hessian(x).toarray(), potential.hessian(x, True).toarray()
+    assert np.abs(plain - plain.T).max() < 1e-10 * np.abs(plain).max()
+    values = np.linalg.eigvalsh(projected)
+    assert values[0] > -1e-9 * values[-1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_energy_and_forces_turn_with_the_body(kind):
+    potential, nodes = _potential(kind, 2)
+    x = _state(nodes, "deformed")
+    turn = Rotation.from_rotvec([0.3, -1.2, 0.7]).as_matrix()
+    moved = x @ turn.T + [1.0, -2.0, 3.0]
+    assert np.isclose(potential.value(moved), potential.value(x), rtol=1e-12)
+    assert np.allclose(potential.gradient(moved), potential.gradient(x) @ turn.T, atol=1e-10)
+
+
+def test_exact_tangent_of_active_fibres_is_semidefinite():
+    potential, nodes = _potential("active", 2)
+    values = np.linalg.eigvalsh(potential.hessian(_state(nodes, "inverted")).toarray())
+    assert values[0] > -1e-10 * values[-1]
+
+
+def test_linear_elements_are_those_of_the_mechanics_package():
+    material = Material(6.0, 0.48)
+    ours, theirs = Solid(Elements.linear(MESH), material), Elastic(MESH.vertices, MESH.tets, material)
+    x = _state(MESH.vertices, "deformed")
+    assert np.isclose(ours.value(x), theirs.value(x), rtol=1e-12)
+    assert np.allclose(ours.gradient(x), theirs.gradient(x), rtol=1e-10, atol=1e-10)
+    difference = ours.hessian(x) - theirs.hessian(x)
+    assert abs(difference).max() < 1e-10 * abs(theirs.hessian(x)).max()
+    projected = ours.hessian(x, True) - theirs.hessian(x, True)
+    assert abs(projected).max() < 1e-8 * abs(theirs.hessian(x, True)).max()
+
+
+def test_bad_input_is_refused():
+    elements = Elements.linear(MESH)
+    directions = _directions(len(elements.cells))
+    with pytest.raises(InputError, match="unit length"):
+        ActiveFibres(elements, 2 * directions, 1.0)
+    with pytest.raises(InputError, match="negative"):
+        ActiveFibres(elements, directions, -1.0)
+    twice = elements.interpolation(np.full((2, 3), 0.5))
+    with pytest.raises(InputError, match="no length"):
+        Strands(twice, chain(2), elements.nodes, 1.0)
