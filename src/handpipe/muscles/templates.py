@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from handpipe.errors import ConvergenceError, InputError
+from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.mesh.distance import Distance, sample_points
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface
@@ -156,11 +156,15 @@ class Warp:
             source.append(points)
             target.append(Distance(bones[name]).closest(moved)[2])
         a, b = np.vstack(source), np.vstack(target)
-        self._interpolate = RBFInterpolator(a, b, kernel="linear", degree=1, smoothing=0.5)
+        self._interpolate = Biharmonic(a, b, smoothing=0.5)
 
     def __call__(self, points: Array) -> Array:
         """Template points (n, 3) in the subject's neutral frame."""
         return self._interpolate(points)
+
+    def jacobian(self, points: Array) -> Array:
+        """Derivatives (n, 3, 3) at template points (n, 3)."""
+        return self._interpolate.jacobian(points)
 
 
 @dataclass(frozen=True)
@@ -175,7 +179,7 @@ class Guess:
 def place(
     template: Surface,
     attachments: Mapping[str, IntArray],
-    warp: Warp,
+    warp: Callable[[Array], Array],
     edge: float,
     landmarks: Mapping[str, Array] | None = None,
 ) -> Guess:

@@ -1,0 +1,159 @@
+"""A template brought near to a person's feature points by its joints: each bone turned, and sized as a whole.
+
+Feature points lie almost in one plane. What they do not show, how thick a hand is and which way a bone faces,
+an interpolation makes up from how the two hands happen to be bent; the joints know it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from handpipe.anatomy.bony_points import away_from
+from handpipe.anatomy.feature_points import FINGERS, Points
+from handpipe.anatomy.subject_template import SubjectTemplate, TemplateJoint
+from handpipe.mesh.biharmonic import Biharmonic
+from handpipe.mesh.distance import sample_points
+from handpipe.muscles.templates import Affine, fit_similarity
+
+Array = NDArray[np.float64]
+
+log = logging.getLogger(__name__)
+
+# Standard deviations of how persons differ: of a feature point on its bone in mm, of an angle in rad, and of
+# the logarithm of a bone's length against the whole hand's. Held-out landmarks hardly depend on them.
+POINT, ANGLE, LENGTH = 2.0, np.radians(25.0), 0.08
+SAMPLES = 20  # points a bone that carry its motion into the space around it
+SMOOTHING = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A bone with the joint that carries it, if any; base (3,) and unit axis (3,), along which it is sized."""
+
+    bone: str
+    parent: str | None
+    joint: TemplateJoint | None
+    base: Array
+    axis: Array
+
+
+class Skeleton:
+    """The template's bones as segments, parents first, and how they move and grow."""
+
+    def __init__(self, template: SubjectTemplate) -> None:
+        self.template = template
+        self.root = template.root
+        children = {joint.child: joint for joint in template.joints}
+        self.segments: list[Segment] = []
+        for joint in template.joints:
+            axis = away_from(template.bones[joint.child], joint.centre)
+            self.segments.append(Segment(joint.child, joint.parent, joint, joint.centre, axis))
+        self.with_root = tuple(b for b in template.bones if b not in children)
+
+    def maps(
+        self,
+        root: Affine,
+        angles: Mapping[str, float] | None = None,
+        lengths: Mapping[str, float] | None = None,
+    ) -> dict[str, Affine]:
+        """Where each bone goes: the root's similarity, joints at angles in rad about their centres, and each
+        bone's length by its ratio against the root's scale; across, bones grow with the root.
+
+        Bones that no joint carries and that have a ratio grow from their end at the carpus.
+        """
+        angles, lengths = angles or {}, lengths or {}
+        scale = float(np.cbrt(np.linalg.det(root.matrix)))
+        turns: dict[str, Array] = {}
+        found: dict[str, Affine] = {}
+
+        def affine(turn: Array, axis: Array, ratio: float, base: Array, to: Array) -> Affine:
+            stretch = scale * (np.eye(3) + (ratio - 1.0) * np.outer(axis, axis))
+            return Affine(turn @ stretch, to - turn @ stretch @ base)
+
+        for bone in self.with_root:
+            found[bone], turns[bone] = root, root.matrix / scale
+            if bone in lengths:
+                base, axis = self.base(bone)
+                found[bone] = affine(turns[bone], axis, lengths[bone], base, root(base[None])[0])
+        for segment in self.segments:
+            assert segment.joint is not None and segment.parent is not None
+            turn = np.eye(3)
+            for name, axis in zip(segment.joint.angles, segment.joint.axes, strict=True):
+                turn = Rotation.from_rotvec(angles.get(name, 0.0) * axis).as_matrix() @ turn
+            turns[segment.bone] = turns[segment.parent] @ turn
+            to = found[segment.parent](segment.base[None])[0]
+            ratio = lengths.get(segment.bone, 1.0)
+            found[segment.bone] = affine(turns[segment.bone], segment.axis, ratio, segment.base, to)
+        for bone, other in self.template.moves_with.items():
+            found[bone] = found[other]
+        return found
+
+    def base(self, bone: str) -> tuple[Array, Array]:
+        """The end (3,) of a bone away from the joint that it carries, and its unit axis (3,) from there."""
+        carried = [joint.centre for joint in self.template.joints if joint.parent == bone]
+        middle = self.template.bones[bone].vertices.mean(axis=0)
+        axis = -away_from(self.template.bones[bone], carried[0] if carried else middle - [1.0, 0.0, 0.0])
+        return middle + ((self.template.bones[bone].vertices - middle) @ axis).min() * axis, axis
+
+    def owner(self, point: str) -> str | None:
+        """The bone under a feature point; none for the skin between fingers."""
+        joints = {joint.name: joint for joint in self.template.joints}
+        if point in joints:
+            return joints[point].parent
+        if point.startswith("tip"):
+            last = joints.get(f"DIP{point[-1]}" if int(point[-1]) in FINGERS else "IP1")
+            return None if last is None else last.child
+        if point.startswith(("wrist", "ulna")):
+            return joints["wrist"].child if "wrist" in joints else self.root
+        return None
+
+    def field(self, maps: Mapping[str, Affine], samples: int = SAMPLES, smoothing: float = SMOOTHING) -> Biharmonic:
+        """The bones' maps carried on into the space around them."""
+        source, target = [], []
+        for name, surface in self.template.bones.items():
+            points = sample_points(surface, samples, seed=1)
+            source.append(points)
+            target.append(maps[name](points))
+        return Biharmonic(np.vstack(source), np.vstack(target), smoothing)
+
+
+def posed(template: SubjectTemplate, target: Points) -> Biharmonic:
+    """The map that poses the template as the target feature points show, and sizes its bones.
+
+    The most probable similarity of the hand, angles and lengths of bones: squares of distances, of angles
+    from the template's and of lengths' differences weigh by `POINT`, `ANGLE` and `LENGTH`.
+    """
+    skeleton, source = Skeleton(template), template.feature_points
+    names = [n for n in source if n in target and skeleton.owner(n) in template.bones]
+    owners = [str(skeleton.owner(n)) for n in names]
+    both = [n for n in source if n in target]
+    start = fit_similarity(np.array([source[n] for n in both]), np.array([target[n] for n in both]))
+    scale = float(np.cbrt(np.linalg.det(start.matrix)))
+    turn = Rotation.from_matrix(start.matrix / scale).as_rotvec()
+    angles = [a for joint in template.joints for a in joint.angles]
+    children = [joint.child for joint in template.joints]
+
+    def maps(x: Array) -> dict[str, Affine]:
+        root = Affine(np.exp(x[6]) * Rotation.from_rotvec(x[:3]).as_matrix(), x[3:6])
+        given = dict(zip(angles, x[7:], strict=False))
+        ratios = dict(zip(children, np.exp(x[7 + len(angles) :]), strict=True))
+        return skeleton.maps(root, given, ratios)
+
+    def residuals(x: Array) -> Array:
+        found = maps(x)
+        away = [found[bone](source[n][None])[0] - target[n] for n, bone in zip(names, owners, strict=True)]
+        prior = np.concatenate([x[7 : 7 + len(angles)] / ANGLE, x[7 + len(angles) :] / LENGTH])
+        return np.concatenate([np.ravel(away) / POINT / scale, prior])
+
+    first = np.concatenate([turn, start.offset, [np.log(scale)], np.zeros(len(angles) + len(children))])
+    best = least_squares(residuals, first, x_scale="jac", method="trf", xtol=1e-8, ftol=1e-8).x
+    rest = np.linalg.norm(residuals(best)[: 3 * len(names)].reshape(-1, 3), axis=1) * POINT * scale
+    log.info("posed by %d feature points: %.1f mm in the mean, %.1f at most", len(names), rest.mean(), rest.max())
+    return skeleton.field(maps(best))

@@ -1,0 +1,133 @@
+"""Warps of a template to a person by feature points (001 section 5.2), and by the person's own bones."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.anatomy.feature_points import Points, matched
+from handpipe.anatomy.posing import posed
+from handpipe.anatomy.subject_template import SpaceMap, SubjectTemplate, warped
+from handpipe.errors import InputError
+from handpipe.mesh.biharmonic import Biharmonic
+from handpipe.mesh.surface import Surface
+from handpipe.muscles.templates import Warp, fit_similarity
+
+Array = NDArray[np.float64]
+
+log = logging.getLogger(__name__)
+
+MIRRORED = 0.6  # share of the distance by which the other hand's mirror image must be nearer to be believed
+
+
+@dataclass(frozen=True)
+class Composed:
+    """One map after another."""
+
+    first: SpaceMap
+    then: SpaceMap
+
+    def __call__(self, points: Array) -> Array:
+        return self.then(self.first(points))
+
+    def jacobian(self, points: Array) -> Array:
+        return self.then.jacobian(self.first(points)) @ self.first.jacobian(points)
+
+
+def biharmonic_warp(source: Points, target: Points, origin: str | Path = "feature points") -> Biharmonic:
+    """The paper's warp: of least bending energy through the points that both have.
+
+    Raises `InputError` that names `origin` for too few points, and for points in one plane.
+    """
+    _, a, b = matched(source, target, origin)
+    try:
+        return Biharmonic(a, b)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        problem = f"they determine no warp ({error})"
+        raise InputError(origin, "feature points", problem, "Place points that do not coincide") from error
+
+
+def feature_warp(
+    template: SubjectTemplate, target: Points, origin: str | Path = "feature points"
+) -> SpaceMap:
+    """The warp of a template's space through a person's feature points in 3D.
+
+    First the template takes the person's pose and proportions by its joints (`posing`), then the paper's warp
+    carries what is left, so that the points are met exactly. Raises `InputError` for too few points, and for
+    those of the other hand.
+    """
+    _require_same_hand(template, target, origin)
+    first = posed(template, target)
+    moved = {name: first(point[None])[0] for name, point in template.feature_points.items()}
+    return Composed(first, biharmonic_warp(moved, target, origin))
+
+
+def _require_same_hand(template: SubjectTemplate, target: Points, origin: str | Path) -> None:
+    _, a, b = matched(template.feature_points, target, origin)
+
+    def error(source: Array) -> float:
+        return float(np.sqrt(((fit_similarity(source, b)(source) - b) ** 2).sum(axis=1).mean()))
+
+    if error(a * [1.0, -1.0, 1.0]) < MIRRORED * error(a):
+        other = "left" if template.side == "right" else "right"
+        problem = f"are those of a {other} hand, the template is of a {template.side} one"
+        raise InputError(origin, "feature points", problem, "Use `template.mirrored()`")
+
+
+def folds(warp: SpaceMap, template: SubjectTemplate) -> dict[str, tuple[Array, float]]:
+    """Where the warp turns the template inside out: surface -> place (3,) in the template, determinant.
+
+    Looked for at the vertices of all its surfaces; each surface's worst one is told.
+    """
+    found = {}
+    for name, surface in template.surfaces().items():
+        determinants = np.linalg.det(warp.jacobian(surface.vertices))
+        worst = int(np.argmin(determinants))
+        if determinants[worst] <= 0:
+            found[name] = surface.vertices[worst], float(determinants[worst])
+    return found
+
+
+def require_invertible(warp: SpaceMap, template: SubjectTemplate, origin: str | Path) -> None:
+    """Raise `InputError` naming the surfaces that a warp turns inside out, and where."""
+    found = folds(warp, template)
+    if found:
+        name, (place, _) = min(found.items(), key=lambda item: item[1][1])
+        where = ", ".join(f"{c:.1f}" for c in place)
+        nearest = min(
+            template.feature_points, key=lambda n: float(np.linalg.norm(template.feature_points[n] - place))
+        )
+        problem = f"turn {', '.join(found)} inside out, most at ({where}) of the template, near {nearest}"
+        raise InputError(origin, "feature points", problem, f"Look at {nearest} and the points around it")
+
+
+def subject_template(
+    template: SubjectTemplate, target: Points, origin: str | Path = "feature points"
+) -> SubjectTemplate:
+    """The template carried to a person by feature points in 3D; `InputError` where the warp cannot be."""
+    warp = feature_warp(template, target, origin)
+    require_invertible(warp, template, origin)
+    return warped(template, warp)
+
+
+def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectTemplate:
+    """A person's template carried on to the person's own bones, those that both have (003 section 6.1).
+
+    Each bone is registered by an affine map and closest points, and what lies between follows; feature points
+    too. Raises `ConvergenceError` where a bone cannot be registered; places that are turned inside out, which
+    happens where neighbouring bones all but touch, are logged.
+    """
+    both = [name for name in template.bones if name in bones]
+    if not both:
+        known = ", ".join(template.bones)
+        raise InputError("bones", "names", "none is a bone of the template", f"The template has {known}")
+    warp = Warp({n: template.bones[n] for n in both}, {n: bones[n] for n in both})
+    for name, (place, determinant) in folds(warp, template).items():
+        at = ", ".join(f"{c:.1f}" for c in place)
+        log.warning("%s is turned inside out near (%s): determinant %.2f", name, at, determinant)
+    return warped(template, warp)
