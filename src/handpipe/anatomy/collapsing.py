@@ -97,7 +97,7 @@ def _regions_at_edge(a, b, tets, labels, start, around):  # type: ignore[no-unty
         sides += 1
         for i in range(4):
             v = tets[t, i]
-            if v == a or v == b:
+            if v in (a, b):
                 continue
             new = True
             for j in range(n):

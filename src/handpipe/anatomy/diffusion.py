@@ -161,9 +161,8 @@ def stiffness(mesh: TetMesh, tensors: Array | None = None) -> sparse.csr_matrix:
     """Matrix (n, n) in mm of the form grad u . A grad v, Eq. 13; A (m, 3, 3) is one a tet, the identity if
     None.
     """
-    basis = skfem.Basis(
-        skfem.MeshTet(mesh.vertices.T, mesh.tets.T, sort_t=False), skfem.ElementTetP1(), intorder=0
-    )
+    vertices, tets = (np.ascontiguousarray(a.T) for a in (mesh.vertices, mesh.tets))
+    basis = skfem.Basis(skfem.MeshTet(vertices, tets, sort_t=False), skfem.ElementTetP1(), intorder=0)
     if tensors is None:
         return _isotropic.assemble(basis).tocsr()
     return _anisotropic.assemble(basis, tensor=np.moveaxis(tensors, 0, -1)[..., None]).tocsr()

@@ -170,7 +170,7 @@ def _across(t, i, tets, start, around):  # type: ignore[no-untyped-def]
         shared, apex = 0, -1
         for j in range(4):
             v = tets[s, j]
-            if v == a or v == b or v == c:
+            if v in (a, b, c):
                 shared += 1
             else:
                 apex = v

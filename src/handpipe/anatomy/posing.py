@@ -35,12 +35,9 @@ SMOOTHING = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A bone with the joint that carries it, if any; base (3,) and unit axis (3,), along which it is sized."""
+    """A joint's child, and the unit axis (3,) away from the joint along which it is sized."""
 
-    bone: str
-    parent: str | None
-    joint: TemplateJoint | None
-    base: Array
+    joint: TemplateJoint
     axis: Array
 
 
@@ -51,10 +48,9 @@ class Skeleton:
         self.template = template
         self.root = template.root
         children = {joint.child: joint for joint in template.joints}
-        self.segments: list[Segment] = []
-        for joint in template.joints:
-            axis = away_from(template.bones[joint.child], joint.centre)
-            self.segments.append(Segment(joint.child, joint.parent, joint, joint.centre, axis))
+        self.segments = [
+            Segment(joint, away_from(template.bones[joint.child], joint.centre)) for joint in template.joints
+        ]
         self.with_root = tuple(b for b in template.bones if b not in children)
 
     def maps(
@@ -83,14 +79,13 @@ class Skeleton:
                 base, axis = self.base(bone)
                 found[bone] = affine(turns[bone], axis, lengths[bone], base, root(base[None])[0])
         for segment in self.segments:
-            assert segment.joint is not None and segment.parent is not None
-            turn = np.eye(3)
-            for name, axis in zip(segment.joint.angles, segment.joint.axes, strict=True):
+            joint, turn = segment.joint, np.eye(3)
+            for name, axis in zip(joint.angles, joint.axes, strict=True):
                 turn = Rotation.from_rotvec(angles.get(name, 0.0) * axis).as_matrix() @ turn
-            turns[segment.bone] = turns[segment.parent] @ turn
-            to = found[segment.parent](segment.base[None])[0]
-            ratio = lengths.get(segment.bone, 1.0)
-            found[segment.bone] = affine(turns[segment.bone], segment.axis, ratio, segment.base, to)
+            turns[joint.child] = turns[joint.parent] @ turn
+            to = found[joint.parent](joint.centre[None])[0]
+            ratio = lengths.get(joint.child, 1.0)
+            found[joint.child] = affine(turns[joint.child], segment.axis, ratio, joint.centre, to)
         for bone, other in self.template.moves_with.items():
             found[bone] = found[other]
         return found
@@ -98,9 +93,9 @@ class Skeleton:
     def base(self, bone: str) -> tuple[Array, Array]:
         """The end (3,) of a bone away from the joint that it carries, and its unit axis (3,) from there."""
         carried = [joint.centre for joint in self.template.joints if joint.parent == bone]
-        middle = self.template.bones[bone].vertices.mean(axis=0)
-        axis = -away_from(self.template.bones[bone], carried[0] if carried else middle - [1.0, 0.0, 0.0])
-        return middle + ((self.template.bones[bone].vertices - middle) @ axis).min() * axis, axis
+        points, axis = self.template.bones[bone].vertices, -away_from(self.template.bones[bone], carried[0])
+        middle = points.mean(axis=0)
+        return middle + ((points - middle) @ axis).min() * axis, axis
 
     def owner(self, point: str) -> str | None:
         """The bone under a feature point; none for the skin between fingers."""

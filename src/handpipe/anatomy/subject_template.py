@@ -96,6 +96,10 @@ class SubjectTemplate:
             if bone not in self.bones:
                 known = ", ".join(self.bones)
                 raise InputError("template", where, f"names {bone!r}, which is no bone", f"Bones are {known}")
+        for i, joint in enumerate(self.joints):
+            if joint.parent in {later.child for later in self.joints[i:]}:
+                problem = f"comes before the joint that carries {joint.parent}"
+                raise InputError("template", f"joints.{joint.name}", problem, "Order joints outwards")
         for name, organ in self._organs():
             for bone, ids in organ.attachments.items():
                 if len(ids) == 0 or ids.min() < 0 or ids.max() >= len(organ.surface.vertices):

@@ -1,0 +1,222 @@
+"""Muscles, fat and fibres from curves: the whole way from a file, a skin and bones to a mesh to simulate."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from handpipe import artifacts
+from handpipe.anatomy.cleaning import cleaned, label_parts
+from handpipe.anatomy.curves import CurveFile, PlacedMuscle, place
+from handpipe.anatomy.diffusion import Factorise, Functions, diffuse, superlu
+from handpipe.anatomy.domain import Domain
+from handpipe.anatomy.envelope import upper_envelope
+from handpipe.anatomy.fibres import fibres
+from handpipe.anatomy.improving import Labelled, improve
+from handpipe.anatomy.volumes import meet_volumes
+from handpipe.errors import InputError
+from handpipe.mesh.operators import tet_neighbours
+from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.metrics import Metrics
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+log = logging.getLogger(__name__)
+
+KIND = "anatomy-template"
+SNAP = 0.2  # share of an edge by which borders may move to vertices
+SMALLEST_ANGLE = 10.0  # degrees that dihedral angles are to have
+
+
+@dataclass(frozen=True, eq=False)
+class Template:
+    """One conforming mesh of fat and muscles between skin and bones.
+
+    `labels` (m,) index `names`, "fat" first; `fibres` (m, 3) are unit vectors, zero in fat; `origins` and
+    `insertions` are vertices of each muscle; `skin` and `bones` vertices of these surfaces, in their order.
+    """
+
+    mesh: TetMesh
+    labels: IntArray
+    names: tuple[str, ...]
+    fibres: Array
+    origins: dict[str, IntArray]
+    insertions: dict[str, IntArray]
+    skin: IntArray
+    bones: dict[str, IntArray]
+    warnings: tuple[str, ...] = field(default=())
+
+    def part(self, name: str) -> tuple[TetMesh, IntArray]:
+        """The tets of one tissue with their own vertices, and those vertices' (n,) numbers in the whole
+        mesh.
+        """
+        tets = self.mesh.tets[self.labels == self.names.index(name)]
+        used, inverse = np.unique(tets, return_inverse=True)
+        return TetMesh(self.mesh.vertices[used], inverse.reshape(-1, 4)), used
+
+    def surface(self, name: str) -> Surface:
+        """The closed surface of one tissue."""
+        return self.part(name)[0].boundary().compact()
+
+    def volumes(self) -> Array:
+        """Volumes (k,) in mm^3 of the tissues."""
+        return np.bincount(self.labels, self.mesh.volumes(), len(self.names))
+
+    def metrics(self) -> Metrics:
+        """What can be said of the mesh without other knowledge."""
+        return {
+            "muscles": (len(self.names) - 1, ""),
+            "bones": (len(self.bones), ""),
+            "tets": (len(self.labels), ""),
+            "smallest_dihedral": (self.mesh.smallest_dihedral(), "deg"),
+            "manifold": (float(all(self.surface(name).is_closed() for name in self.names)), ""),
+            **{
+                f"volume_{name}": (float(v), "mm^3")
+                for name, v in zip(self.names, self.volumes(), strict=True)
+            },
+        }
+
+    def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
+        """Write the artifact."""
+        artifacts.write(
+            path,
+            {
+                "vertices": self.mesh.vertices,
+                "tets": self.mesh.tets,
+                "labels": self.labels,
+                "names": list(self.names),
+                "fibres": self.fibres,
+                "origins": self.origins,
+                "insertions": self.insertions,
+                "skin": self.skin,
+                "bones": self.bones,
+                "warnings": list(self.warnings),
+            },
+            kind=KIND,
+            units={"vertices": "mm"},
+            inputs=inputs,
+        )
+
+    @staticmethod
+    def load(path: str | Path) -> Template:
+        """Read what `save` wrote."""
+        data = artifacts.read(path, KIND)
+        return Template(
+            TetMesh(data["vertices"], data["tets"]).checked(path),
+            data["labels"],
+            tuple(str(n) for n in data["names"]),
+            data["fibres"],
+            data["origins"],
+            data["insertions"],
+            data["skin"],
+            data["bones"],
+            tuple(str(w) for w in data["warnings"]),
+        )
+
+
+def build_template(
+    file: CurveFile,
+    skin: Surface,
+    bones: Mapping[str, Surface],
+    edge_length: float,
+    *,
+    factorise: Factorise = superlu,
+    source: str | Path = "curves",
+) -> Template:
+    """Fill the space between skin and bones (closed surfaces in mm) with the muscles of a file, and fat.
+
+    Tets have about `edge_length` mm; the triangles of skin and bones are refined where muscles end on them,
+    and kept otherwise. Raises `InputError` for curves that do not fit, `ConvergenceError` for volumes that
+    cannot be met. What a person should know of the result, yet is no error, is in `warnings` and in the log.
+    """
+    domain = Domain.between(skin, bones, edge_length)
+    muscles = place(file, bones, edge_length / 4, source)
+    warnings = _crossings(muscles, edge_length)
+    functions = diffuse(domain, muscles, file.fat, factorise=factorise)
+    scales = _volume_scales(domain, functions, muscles)
+    labelled = segment(domain, functions.values * scales)
+    warnings += _parts(labelled, functions.names, source)
+    for text in warnings:
+        log.warning(text)
+    directions = np.zeros((len(labelled.labels), 3))
+    origins, insertions = {}, {}
+    for label, (name, muscle) in enumerate(muscles.items(), start=1):
+        own = labelled.labels == label
+        used, inverse = np.unique(labelled.mesh.tets[own], return_inverse=True)
+        part = TetMesh(labelled.mesh.vertices[used], inverse.reshape(-1, 4))
+        found = fibres(part, muscle, factorise=factorise, source=f"{source}: muscles.{name}")
+        directions[own] = found.directions
+        origins[name], insertions[name] = used[found.origin], used[found.insertion]
+    return Template(
+        labelled.mesh,
+        labelled.labels,
+        functions.names,
+        directions,
+        origins,
+        insertions,
+        domain.skin,
+        domain.bones,
+        tuple(warnings),
+    )
+
+
+def segment(domain: Domain, values: Array, *, snap: float = SNAP, angle: float = SMALLEST_ANGLE) -> Labelled:
+    """The mesh cut by the largest of functions (n, k), smooth and of good tets; the domain's surface vertices
+    keep their numbers."""
+    envelope = upper_envelope(domain.mesh, values, snap=snap)
+    labels = cleaned(envelope.mesh, envelope.labels)
+    fixed = np.concatenate([domain.skin, *domain.bones.values()])
+    return improve(Labelled(envelope.mesh, labels), fixed, target=angle)
+
+
+def _volume_scales(domain: Domain, functions: Functions, muscles: Mapping[str, PlacedMuscle]) -> Array:
+    """The scale (k,) of each function: one where no volume is asked for."""
+    targets = np.array([np.nan, *(m.volume or np.nan for m in muscles.values())])
+    if not np.isfinite(targets).any():
+        return np.ones(len(targets))
+
+    def volumes_of(scales: Array) -> Array:
+        labelled = segment(domain, functions.values * scales)
+        return np.bincount(labelled.labels, labelled.mesh.volumes(), len(targets))
+
+    return meet_volumes(targets, volumes_of)
+
+
+def _crossings(muscles: Mapping[str, PlacedMuscle], reach: float) -> list[str]:
+    """Pairs of muscles whose curves come nearer than half an edge away from their ends."""
+    names = list(muscles)
+    points = [np.concatenate([c.points for c in muscles[name].curves]) for name in names]
+    said = []
+    for i, first in enumerate(names):
+        tree = cKDTree(points[i])
+        for j in range(i):
+            distance, _ = tree.query(points[j])
+            if distance.min() < reach / 2:
+                place = ", ".join(f"{c:.1f}" for c in points[j][np.argmin(distance)])
+                said.append(
+                    f"{first} and {names[j]}: their curves come within {distance.min():.2g} mm near ({place}); "
+                    "each may be cut in two there: lead one past the other"
+                )
+    return said
+
+
+def _parts(labelled: Labelled, names: Sequence[str], source: str | Path) -> list[str]:
+    """What to say of muscles that are in several parts; `InputError` for one that is nowhere."""
+    part = label_parts(labelled.labels, tet_neighbours(labelled.mesh.tets))
+    said = []
+    for label, name in enumerate(names[1:], start=1):
+        count = len(np.unique(part[labelled.labels == label]))
+        if count == 0:
+            problem = "is nowhere the largest tissue"
+            raise InputError(source, f"muscles.{name}", problem, "Raise `tissue`, or choose shorter edges")
+        if count > 1:
+            said.append(f"{name}: is in {count} parts")
+    return said
