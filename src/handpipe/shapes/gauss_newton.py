@@ -85,9 +85,9 @@ class GaussNewton:
     def by_rows(self, reactions: Array | None = None) -> Step:
         """The Woodbury identity: a dense system with as many unknowns as rows."""
         reactions = self.reactions() if reactions is None else reactions
-        gram = self._gram(reactions)
+        gram = self.gram(reactions)
         gram[np.diag_indices_from(gram)] += 1.0
-        wanted = self._wanted()
+        wanted = self.wanted()
         factor = scipy.linalg.cho_factor(gram, lower=True, overwrite_a=True, check_finite=False)
         spread = scipy.linalg.cho_solve(factor, np.column_stack([self.free, wanted]), check_finite=False)
         schur = self.free.T @ spread[:, :-1] + np.diag(self.ridge)
@@ -113,7 +113,7 @@ class GaussNewton:
         def adjoint(y: Array) -> Array:
             return self.smoothness.unroot(self.response.pull(self.rows.matrix.T @ y[:count]))
 
-        wanted = np.concatenate([self._wanted(), np.zeros(len(self.ridge))])
+        wanted = np.concatenate([self.wanted(), np.zeros(len(self.ridge))])
         start = self.smoothness.root(self.logs)
         u, iterations = damped_least_squares(forward, adjoint, project(wanted), start, tolerance, most)
         strains = self.smoothness.unroot(u)
@@ -121,7 +121,7 @@ class GaussNewton:
         found = project.coefficients(wanted)
         return self._step(strains + found[:6] - self.logs, found[6:], iterations)
 
-    def _wanted(self) -> Array:
+    def wanted(self) -> Array:
         """What Z T + E q should be: Z S - r."""
         return self.rows.matrix @ self.response.motion(self.logs) - self.rows.residuals
 
@@ -131,8 +131,8 @@ class GaussNewton:
         blocks = [self.response.reactions(self.rows.matrix[at : at + BLOCK]) for at in range(0, count, BLOCK)]
         return np.hstack(blocks)
 
-    def _gram(self, reactions: Array) -> Array:
-        """Z B^+ Z^T (k, k), one of the six numbers after the other."""
+    def gram(self, reactions: Array) -> Array:
+        """Z B^+ Z^T (k, k), its lower triangle, one of the six numbers after the other."""
         count = reactions.shape[1]
         gram = np.zeros((count, count), order="F")
         smooth = np.empty((len(self.logs), count), order="F")

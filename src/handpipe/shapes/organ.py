@@ -17,6 +17,7 @@ from handpipe.fem.potential import Potential
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.metrics import Metrics
+from handpipe.shapes.doubts import Doubts, examine
 from handpipe.shapes.marks import BoundaryMarks, Pairs
 from handpipe.shapes.placement import placed
 from handpipe.shapes.remeshing import NEW_TETS, Given, OnMesh
@@ -34,7 +35,8 @@ class OrganFit:
     mesh: the organ, in mm; rest: the same tets at rest, on the template's vertices or, if the organ was
     meshed anew, on those of the shape that it had then; strains (m, 6): plastic strains from there on, whose
     equilibrium it is; carried (n0, 3): where the template's vertices are in it; record: every step; kept
-    (r,): marks that counted at the end; quality: errors and quality of elements.
+    (r,): marks that counted at the end; doubtful (t,): attachments that were left out; quality: errors and
+    quality of elements.
     """
 
     mesh: TetMesh
@@ -43,6 +45,7 @@ class OrganFit:
     carried: Array
     record: list[Record]
     kept: NDArray[np.bool_]
+    doubtful: NDArray[np.bool_]
     quality: Metrics
 
     def table(self) -> dict[str, list[Any]]:
@@ -80,8 +83,9 @@ def fit_organ(
     held = None if attachments is None else attachments.checked("attachments").attached(template)
     known = None if landmarks is None else landmarks.checked("landmarks").attached(template)
     given = Given(template, points, held, known, tuple(loads), volume, settings)
-    task = OnMesh.of_template(given)
-    start = placed(template, [p for p in (known, held) if p is not None], task.marks)
+    doubts = examine(given, _start(given))
+    given = doubts.heeded(given)
+    task, start = OnMesh.of_template(given), _start(given)
     file = None if checkpoint is None else FitCheckpoint(checkpoint, given)
     position = None if file is None else file.read()
     if position is None:
@@ -89,10 +93,15 @@ def fit_organ(
     position = follow(position, plan(given), lambda p: None if file is None else file.write(p))
     if file is not None:
         file.done()
-    return _finished(position, task.marks, start)
+    return _finished(position, task.marks, start, doubts)
 
 
-def _finished(position: Position, template_marks: BoundaryMarks, start: Array) -> OrganFit:
+def _start(given: Given) -> Array:
+    pairs = [p for p in (given.known, given.held) if p is not None]
+    return placed(given.template, pairs, OnMesh.of_template(given).marks)
+
+
+def _finished(position: Position, template_marks: BoundaryMarks, start: Array, doubts: Doubts) -> OrganFit:
     task, state = position.task, position.state
     kept = task.marks.weights(state.x) > 0
     return OrganFit(
@@ -102,7 +111,8 @@ def _finished(position: Position, template_marks: BoundaryMarks, start: Array) -
         carried=task.carry @ state.x,
         record=task.search.record,
         kept=kept,
-        quality=_quality(task, state, kept, template_marks.distances(start)),
+        doubtful=doubts.attachments,
+        quality=_quality(task, state, kept, template_marks.distances(start)) | doubts.quality(),
     )
 
 
