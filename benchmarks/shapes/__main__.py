@@ -18,7 +18,7 @@ log = logging.getLogger("benchmarks.shapes")
 
 OUTPUT = Path(__file__).parents[2] / "results" / "benchmarks" / "shapes.json"
 THREADS = 2
-PARTS = ("string", "known_strains", "solves", "organs", "separation", "seventeen")
+PARTS = ("string", "known_strains", "solves", "organs", "separation", "seventeen", "comparisons")
 QUICK: dict[str, dict[str, object]] = {
     "string": {"cells": 16},
     "known_strains": {"edges": (3.2,), "counts": (60,)},
@@ -26,6 +26,7 @@ QUICK: dict[str, dict[str, object]] = {
     "organs": {"edge": 2.8, "liver_edge": 18.0, "many": 500},
     "separation": {"turns": (0.0,), "overlaps": ()},
     "seventeen": {"count": 2, "edge": 2.0, "muscles": 3},
+    "comparisons": {"refinements": 0, "picture": None},
 }
 
 

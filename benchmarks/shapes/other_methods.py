@@ -1,0 +1,161 @@
+"""Other ways to carry a template to marks: as-rigid-as-possible, biharmonic, elastic, non-rigid ICP.
+
+All are given what `fit_organ` is given, marked points and their true places, at settings that were found to
+suit them. Those on surfaces leave inner vertices where they were.
+"""
+
+from __future__ import annotations
+
+import igl
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from benchmarks.shapes.comparison_bodies import Body
+from handpipe.fem import equilibrium
+from handpipe.fem.constraints import Attachment
+from handpipe.fem.elastic import Elastic
+from handpipe.fem.materials import Material
+from handpipe.shapes.organ import fit_organ
+from handpipe.shapes.search import Settings
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+SETTINGS = Settings(remesh_below=0.0)
+COMPRESSIBLE = Material(6.0, 0.0)  # kPa; nearly incompressible tissue loses more of the growth
+STEPS = 4  # of the springs to their targets
+ROUNDS, SETTLED = 2000, 1e-5  # of as-rigid-as-possible; mm that a round still moves any vertex by
+
+
+def plastic(body: Body) -> Array:
+    """Ours."""
+    held, marked = body.pairs(body.held), body.pairs(body.marked)
+    return fit_organ(body.mesh, attachments=held, landmarks=marked, settings=SETTINGS).mesh.vertices
+
+
+def elastic(body: Body) -> Array:
+    """The elastic equilibrium, springs at all points; they move to their targets bit by bit."""
+    x, points = body.mesh.vertices, _points(body)
+    pairs = body.pairs(points)
+    springs = Attachment(pairs.attached(body.mesh).matrix, pairs.points, SETTINGS.spring)
+    tissue = Elastic(x, body.mesh.tets, COMPRESSIBLE)
+    options = equilibrium.Options(name="elastic", untangle=False)  # springs at points turn tets inside out
+    for t in np.linspace(0.0, 1.0, STEPS + 1)[1:]:
+        towards = pairs.points + t * (pairs.targets - pairs.points)
+        x = equilibrium.solve([tissue, springs.moved(towards)], x, options=options).x
+    return x
+
+
+def arap_volume(body: Body) -> Array:
+    """As-rigid-as-possible in every tet."""
+    return _arap(body, body.mesh.tets)
+
+
+def arap_surface(body: Body) -> Array:
+    """As-rigid-as-possible on the surface (spokes and rims)."""
+    return _arap(body, body.mesh.boundary_faces()[0])
+
+
+def biharmonic_volume(body: Body) -> Array:
+    """The biharmonic displacement in the volume."""
+    return _biharmonic(body, body.mesh.tets)
+
+
+def biharmonic_surface(body: Body) -> Array:
+    """The biharmonic displacement on the surface."""
+    return _biharmonic(body, body.mesh.boundary_faces()[0])
+
+
+def biharmonic_linear(body: Body) -> Array:
+    """Biharmonic coordinates of linear precision (Wang 2015; LBW in 003): affine maps are met exactly."""
+    part = Part(body, body.mesh.tets)
+    handles = [[int(point)] for point in part.points]
+    return part.whole(igl.biharmonic_coordinates(part.x, part.cells, handles, 2) @ part.targets)
+
+
+def _points(body: Body) -> IntArray:
+    return np.concatenate([body.held, body.marked])
+
+
+class Part:
+    """The vertices that some cells use, and the marked ones among them."""
+
+    def __init__(self, body: Body, cells: IntArray) -> None:
+        self.body = body
+        self.used, found = np.unique(cells, return_inverse=True)
+        self.cells = found.reshape(cells.shape).astype(np.int64)
+        points = np.intersect1d(_points(body), self.used)
+        self.points = np.searchsorted(self.used, points)
+        self.x, self.targets = body.mesh.vertices[self.used], body.truth[points]
+
+    def whole(self, x: Array) -> Array:
+        """All vertices, those of the part at x."""
+        found = self.body.mesh.vertices.copy()
+        found[self.used] = x
+        return found
+
+
+def _harmonic(part: Part) -> Array:
+    moves = part.targets - part.x[part.points]
+    return part.x + igl.harmonic(part.x, part.cells, part.points, moves, 2)
+
+
+def _biharmonic(body: Body, cells: IntArray) -> Array:
+    part = Part(body, cells)
+    return part.whole(_harmonic(part))
+
+
+def _arap(body: Body, cells: IntArray) -> Array:
+    """From the biharmonic shape, until it rests."""
+    part = Part(body, cells)
+    data = igl.ARAPData()
+    data.max_iter = 10
+    igl.arap_precomputation(part.x, part.cells, 3, part.points.astype(np.int32), data)
+    x = np.ascontiguousarray(_harmonic(part))
+    for _ in range(ROUNDS // data.max_iter):
+        before, x = x, np.ascontiguousarray(igl.arap_solve(part.targets, data, x))
+        if np.abs(x - before).max() < data.max_iter * SETTLED:
+            break
+    return part.whole(x)
+
+
+def icp_amberg(body: Body) -> Array:
+    """Non-rigid ICP with an affine map a vertex (Amberg 2007)."""
+    part = Part(body, body.mesh.boundary_faces()[0])
+    shell = trimesh.Trimesh(part.x, part.cells, process=False)
+    found = trimesh.registration.nricp_amberg(
+        shell,
+        part.targets,
+        part.points,
+        part.targets,
+        steps=[[0.001, 10.0, 0.0, 3]],
+        gamma=20.0,
+        distance_threshold=1e-6,
+        use_faces=False,
+    )
+    return part.whole(found)
+
+
+def icp_sumner(body: Body) -> Array:
+    """Non-rigid ICP with an affine map a triangle (Sumner and Popovic 2004)."""
+    part = Part(body, body.mesh.boundary_faces()[0])
+    shell = trimesh.Trimesh(part.x, part.cells, process=False)
+    steps = [[0.0, 0.001, 1.0, 1000.0, 0.0]]
+    found = trimesh.registration.nricp_sumner(
+        shell, part.targets, part.points, part.targets, steps=steps, use_faces=False
+    )
+    return part.whole(found)
+
+
+METHODS = {
+    "plastic": plastic,
+    "arap_volume": arap_volume,
+    "arap_surface": arap_surface,
+    "biharmonic_volume": biharmonic_volume,
+    "biharmonic_linear": biharmonic_linear,
+    "biharmonic_surface": biharmonic_surface,
+    "elastic": elastic,
+    "icp_amberg": icp_amberg,
+    "icp_sumner": icp_sumner,
+}
