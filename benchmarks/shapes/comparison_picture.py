@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import trimesh
@@ -51,7 +52,8 @@ def draw(
     rows = {name: -(-len(found) // COLUMNS) for name, found in shapes.items()}
     heights = [1.5] + [TILES[name][1] / 240 for name in shapes for _ in range(rows[name])]
     figure = Figure(figsize=(12, 2.3 * sum(heights)), layout="constrained")
-    parts = figure.subfigures(1 + len(shapes), 1, height_ratios=_ratios(heights, rows))
+    ratios = _ratios(heights, rows)
+    parts = cast("NDArray[np.object_]", figure.subfigures(len(ratios), 1, height_ratios=ratios))
     axes = parts[0].subplots(1, len(shapes) * len(CURVES))
     for ax, (name, curve) in zip(axes, [(n, c) for n in shapes for c in CURVES], strict=True):
         _curves(ax, name, curve, figures, refinements)
@@ -81,8 +83,9 @@ def _ratios(heights: list[float], rows: Mapping[str, int]) -> list[float]:
 def _curves(ax: Axes, name: str, curve: str, figures: Figures, refinements: int) -> None:
     steps = range(refinements + 1)
     for number, (method, label) in enumerate(LABELS.items()):
-        values = [figures.get(f"comparison_{name}_{method}_{curve}_{k}", {}).get("value") for k in steps]
-        if all(isinstance(value, float) for value in values):
+        found = [figures.get(f"comparison_{name}_{method}_{curve}_{k}", {}).get("value") for k in steps]
+        values = [value for value in found if isinstance(value, float)]
+        if len(values) == len(steps):
             width = 2.5 if method == "plastic" else 1.0
             style = "k--" if method == "truth" else f"C{number}o-"
             ax.plot(steps, values, style, label=label, linewidth=width, markersize=3)

@@ -1,4 +1,4 @@
-"""Against other methods (003 Fig. 5.3, 5.13, 5.21, 5.24, 5.25): the bent, growing beam and the stretched muscle.
+"""Against other methods: the bent, growing beam and the stretched muscle (003 Fig. 5.3, 5.13, 5.21 to 5.25).
 
 All methods get the same marks and attachments on the same meshes, of which each halves the cells of the one
 before. Errors of the whole surface and of the volume are against the true map of the same mesh, so that what

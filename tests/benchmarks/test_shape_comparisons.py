@@ -1,4 +1,4 @@
-"""Against other methods: bodies, measures and methods are what they say; ours keeps its shape on finer meshes."""
+"""Against other methods: bodies and measures are what they say; ours keeps its shape on finer meshes."""
 
 from pathlib import Path
 
