@@ -53,7 +53,9 @@ def away_from(bone: Surface, centre: Array) -> Array:
 
 
 def _knuckle(joint: TemplateJoint, bones: Mapping[str, Surface], skin: float) -> Array:
-    """Flexion bends distal towards the palm about its axis, so that the back is distal x axis on either hand."""
+    """Flexion bends distal towards the palm about its axis, so that the back is distal x axis on either
+    hand.
+    """
     parent = bones[joint.parent]
     distal = -away_from(parent, joint.centre)
     back = np.cross(distal, joint.axes[0])

@@ -51,8 +51,8 @@ class Photograph(Model):
 class Lifted:
     """A photograph's points (3,) in the template's frame; mirrored: whether it shows the mirror image.
 
-    size: of the hand against the template; residual: mm in the plane that are left after alignment. Not mirrored
-    are the back of a hand of the template's side and the palm of the other one.
+    size: of the hand against the template; residual: mm in the plane that are left after alignment. Not
+    mirrored are the back of a hand of the template's side and the palm of the other one.
     """
 
     points: dict[str, Array]

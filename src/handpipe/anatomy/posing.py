@@ -109,7 +109,9 @@ class Skeleton:
             return joints["wrist"].child if "wrist" in joints else self.root
         return None
 
-    def field(self, maps: Mapping[str, Affine], samples: int = SAMPLES, smoothing: float = SMOOTHING) -> Biharmonic:
+    def field(
+        self, maps: Mapping[str, Affine], samples: int = SAMPLES, smoothing: float = SMOOTHING
+    ) -> Biharmonic:
         """The bones' maps carried on into the space around them."""
         source, target = [], []
         for name, surface in self.template.bones.items():
@@ -150,5 +152,7 @@ def posed(template: SubjectTemplate, target: Points) -> Biharmonic:
     first = np.concatenate([turn, start.offset, [np.log(scale)], np.zeros(len(angles) + len(children))])
     best = least_squares(residuals, first, x_scale="jac", method="trf", xtol=1e-8, ftol=1e-8).x
     rest = np.linalg.norm(residuals(best)[: 3 * len(names)].reshape(-1, 3), axis=1) * POINT * scale
-    log.info("posed by %d feature points: %.1f mm in the mean, %.1f at most", len(names), rest.mean(), rest.max())
+    log.info(
+        "posed by %d feature points: %.1f mm in the mean, %.1f at most", len(names), rest.mean(), rest.max()
+    )
     return skeleton.field(maps(best))

@@ -1,4 +1,6 @@
-"""A complete template of a hand: bones, joints, muscles, tendons, skin, nails and feature points; its warping."""
+"""A complete template of a hand: bones, joints, muscles, tendons, skin, nails and feature points; its
+warping.
+"""
 
 from __future__ import annotations
 
@@ -106,7 +108,9 @@ class SubjectTemplate:
                     problem = "has vertices that the surface has not, or none"
                     raise InputError("template", f"{name}.attachments.{bone}", problem, "Mark them again")
         if self.nails and self.skin is None:
-            raise InputError("template", "nails", "are triangles of a skin that is not there", "Give the skin")
+            raise InputError(
+                "template", "nails", "are triangles of a skin that is not there", "Give the skin"
+            )
 
     def _named_bones(self) -> list[tuple[str, str]]:
         return [
@@ -199,7 +203,11 @@ def _transformed(
                 middles = mesh.vertices[mesh.tets].mean(axis=1)
                 fibres = np.einsum("nij,nj->ni", warp.jacobian(middles), fibres)
                 fibres = fibres / np.maximum(np.linalg.norm(fibres, axis=1, keepdims=True), 1e-12)
-            tets = mesh.tets if np.linalg.det(warp.jacobian(mesh.vertices[:1]))[0] > 0 else mesh.tets[:, [0, 1, 3, 2]]
+            tets = (
+                mesh.tets
+                if np.linalg.det(warp.jacobian(mesh.vertices[:1]))[0] > 0
+                else mesh.tets[:, [0, 1, 3, 2]]
+            )
             mesh = TetMesh(warp(mesh.vertices), tets)
         return TemplateMuscle(surface(old.surface), old.attachments, points(old.landmarks), mesh, fibres)
 
@@ -233,7 +241,11 @@ def _to_groups(template: SubjectTemplate) -> dict[str, Any]:
         return {"vertices": s.vertices, "triangles": s.triangles}
 
     def organ(m: TemplateMuscle) -> dict[str, Any]:
-        out = {"surface": surface(m.surface), "attachments": dict(m.attachments), "landmarks": dict(m.landmarks)}
+        out = {
+            "surface": surface(m.surface),
+            "attachments": dict(m.attachments),
+            "landmarks": dict(m.landmarks),
+        }
         if m.mesh is not None:
             out["mesh"] = {"vertices": m.mesh.vertices, "tets": m.mesh.tets}
             if m.fibres is not None:
