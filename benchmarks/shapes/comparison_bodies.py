@@ -1,7 +1,8 @@
 """The bent, growing beam and the stretched muscle with one tendon (003 Fig. 5.3, 5.13, 5.24, 5.25).
 
 Rods of round cross-sections, smooth all round, whose shapes to be found come from closed-form maps. Meshes
-are nested: halving the cells keeps every vertex, so marks are the same points whatever the refinement.
+are nested: dividing cells in two or three keeps every vertex of the coarsest, so marks are the same points
+whatever the refinement.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ def rod_body(
 
     marks: coarsest layers with four marks each, and by how many vertices these are turned.
     """
-    fine = 2**refinements
+    fine = 1 + refinements
     places, tets = rod(RINGS * fine, layers * fine)
     mesh = TetMesh(at_rest(places), tets)
     coarse = rod(RINGS, layers)[0]

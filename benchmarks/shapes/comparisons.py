@@ -1,8 +1,8 @@
 """Against other methods: the bent, growing beam and the stretched muscle (003 Fig. 5.3, 5.13, 5.21 to 5.25).
 
-All methods get the same marks and attachments on the same meshes, of which each halves the cells of the one
-before. Errors of the whole surface and of the volume are against the true map of the same mesh, so that what
-the mesh cannot show is no method's error.
+All methods get the same marks and attachments on the same meshes, whose cells are those of the coarsest, a
+half and a third as wide. Errors of the whole surface and of the volume are against the true map of the same
+mesh, so that what the mesh cannot show is no method's error.
 """
 
 from __future__ import annotations
