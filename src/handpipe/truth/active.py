@@ -49,7 +49,9 @@ class ActiveFibres(DensityPotential):
         count, points = self.elements.volumes.shape
         given = np.broadcast_to(np.asarray(tension, dtype=float), (count,))
         if np.any(given < 0):
-            raise InputError("active fibres", "tension", "is negative", "Fibres pull: give kPa of zero or more")
+            raise InputError(
+                "active fibres", "tension", "is negative", "Fibres pull: give kPa of zero or more"
+            )
         self._tension = np.repeat(given, points)
 
     def _fibres(self, f: Array, points: slice) -> tuple[Array, Array, Array, Array]:

@@ -90,7 +90,8 @@ class Body:
     """The coupled body: quadratic (or linear) elements on an anatomy's mesh, and what acts on them.
 
     `materials` gives each region's; skin_faces (k, 3) are the triangles of nodes on the outer surface, of a
-    quadratic face the four between its nodes; `on_bones` the nodes on each bone. Raises `InputError` where a region has none or fibres do not fit.
+    quadratic face the four between its nodes; `on_bones` the nodes on each bone; `cells` the tets between
+    nodes, with `cell_labels`. Raises `InputError` where a region has none or fibres do not fit.
     """
 
     def __init__(
@@ -116,7 +117,7 @@ class Body:
             name: ActiveFibres(self._parts[name], along, 0.0) for name, along in anatomy.fibres.items()
         }
         fine = anatomy.refined() if order == 2 else anatomy  # whose vertices are the nodes
-        self.on_bones, self._cells, self._cell_labels = fine.bones, fine.mesh.tets, fine.labels
+        self.on_bones, self.cells, self.cell_labels = fine.bones, fine.mesh, fine.labels
         self.skin_faces = outer_faces(fine.mesh.boundary_faces()[0], fine.bones.values())
         self.strands = {name: self._strand(name) for name in anatomy.strands}
         self.barrier = self._barrier(contact) if contact is not None else None
@@ -153,7 +154,7 @@ class Body:
 
     def surface(self, region: str, x: Array) -> Surface:
         """The surface of a region's tets, straight between all nodes, at positions x (n, 3)."""
-        tets = self._cells[self._cell_labels == self.anatomy.regions.index(region)]
+        tets = self.cells.tets[self.cell_labels == self.anatomy.regions.index(region)]
         return TetMesh(x, tets).boundary().compact()
 
     def volume(self, region: str, x: Array) -> float:

@@ -52,7 +52,9 @@ class Elements:
         edge = np.einsum("qe,med->mqed", 4 * at[:, first], barycentric[:, second])
         edge += np.einsum("qe,med->mqed", 4 * at[:, second], barycentric[:, first])
         gradients = np.concatenate([corner, edge], axis=2)
-        return Elements(mesh, middle.nodes, middle.cells, gradients, np.repeat(volumes[:, None] / 4, 4, axis=1))
+        return Elements(
+            mesh, middle.nodes, middle.cells, gradients, np.repeat(volumes[:, None] / 4, 4, axis=1)
+        )
 
     def part(self, cells: IntArray) -> Elements:
         """Some of the cells, in the order of their numbers (p,); nodes stay."""

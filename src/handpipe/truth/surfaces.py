@@ -17,6 +17,8 @@ from handpipe.mesh.tetrahedra import TetMesh
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+REACH = 2.0  # mm from a bone within which a strand's end is taken to be on it
+
 
 def bone_faces(mesh: TetMesh, bone: IntArray) -> IntArray:
     """The mesh's boundary faces (k, 3) on a bone, given the vertices on it."""
@@ -35,11 +37,11 @@ def outer_faces(faces: IntArray, bones: Iterable[IntArray]) -> IntArray:
 def bone_weights(point: Array, mesh: TetMesh, bone: IntArray, count: int) -> sp.lil_matrix:
     """Weights (1, count) of the bone's vertices that give the point (3,) of its surface nearest to a point.
 
-    Raises `InputError` where the point is more than a millimetre away from the bone.
+    Raises `InputError` where the point is farther than REACH from the bone.
     """
     faces = bone_faces(mesh, bone)
     distance, triangle, closest = Distance(Surface(mesh.vertices, faces)).closest(point[None])
-    if distance[0] > 1.0:
+    if distance[0] > REACH:
         problem = f"a point at {np.round(point, 2)} is {distance[0]:.2f} mm away from its bone"
         raise InputError("strand", "bones", problem, "Let it end on the bone's surface")
     corners = faces[triangle[0]]

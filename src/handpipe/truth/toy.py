@@ -38,8 +38,8 @@ def finger(edge_length: float = 4.0) -> Anatomy:
     surfaces = {
         "outer": _surface(lambda p: _capsule(p, *SKIN) - SKIN_RADIUS, edge_length),
         "inner": _surface(lambda p: _capsule(p, *SKIN) - SKIN_RADIUS + DERMIS, edge_length),
-        "proximal": _surface(lambda p: _capsule(p, *PROXIMAL) - BONE_RADIUS, 0.75 * edge_length),
-        "distal": _surface(lambda p: _capsule(p, *DISTAL) - BONE_RADIUS, 0.75 * edge_length),
+        "proximal": _surface(lambda p: _capsule(p, *PROXIMAL) - BONE_RADIUS, 0.6 * edge_length),
+        "distal": _surface(lambda p: _capsule(p, *DISTAL) - BONE_RADIUS, 0.6 * edge_length),
         "belly": _surface(lambda p: _ellipsoid(p, BELLY, BELLY_AXES), 0.5 * edge_length),
     }
     regions = {
@@ -65,11 +65,11 @@ def _strands() -> dict[str, Strand]:
     """Three strands in the belly, side by side: from the proximal bone through it and on to the distal one."""
     strands = {}
     for name, side in (("radial", 1.0), ("central", 0.0), ("ulnar", -1.0)):
-        origin = np.array([[3.5, 0.8 * side, CENTRE[2] - BONE_RADIUS], [4.5, 0.8 * side, -2.9]])
-        behind = np.column_stack([np.linspace(5.5, 9.0, 4), np.full(4, 0.9 * side), np.full(4, -4.1)])
-        ahead = np.column_stack([np.linspace(11.0, 14.5, 4), np.full(4, 0.9 * side), np.full(4, -4.1)])
-        free = np.column_stack([np.linspace(16.0, 29.0, 9), np.full(9, 0.6 * side), np.full(9, -4.1)])
-        end = np.array([[31.0, 0.6 * side, -2.9], [32.5, 0.6 * side, CENTRE[2] - BONE_RADIUS]])
+        origin = np.array([[3.5, 0.8 * side, CENTRE[2] - BONE_RADIUS], [4.3, 0.8 * side, -2.9]])
+        behind = np.column_stack([np.linspace(5.0, 7.5, 4), np.full(4, 0.9 * side), np.full(4, -4.1)])
+        ahead = np.column_stack([np.linspace(12.5, 15.5, 4), np.full(4, 0.9 * side), np.full(4, -4.1)])
+        free = np.column_stack([np.linspace(17, 28, 8), np.full(8, 0.6 * side), np.linspace(-4, -2.2, 8)])
+        end = np.array([[29.0, 0.6 * side, CENTRE[2] - BONE_RADIUS]])
         strands[f"{name} origin"] = Strand(np.concatenate([origin, behind]), TENDON, {0: "proximal"})
         tendon = np.concatenate([ahead, free, end])
         strands[f"{name} tendon"] = Strand(tendon, TENDON, {len(tendon) - 1: "distal"})
