@@ -21,8 +21,8 @@ VOXELS = (0.4, 0.5, 0.65, 0.8, 1.0, 1.5)  # mm
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4)  # of the walker's probability
 SWEPT = {  # the segmentation's settings: unit, values
     "margin": ("mm", (2.0, 4.0, 7.0, 12.0)),
-    "beta": ("of contrast", (10.0, 30.0, 100.0, 300.0, 1000.0)),
-    "dark": ("of the marrow's level", (0.15, 0.2, 0.3, 0.4, 0.5)),
+    "beta": ("of contrast", (10.0, 30.0, 100.0, 300.0)),
+    "dark": ("of the marrow's level", (0.2, 0.3, 0.4)),
 }
 PART = Part(poses=FIVE[:4])
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from handpipe.errors import ConvergenceError
 
 INSIDE, OUTSIDE = 1, 2
-MINIMUM_WEIGHT = 1e-10  # keeps pockets behind strong edges connected
+MINIMUM_WEIGHT = 1e-6  # holds pockets behind strong edges: below it iterations stall on them
 OVERCORRECTION = 0.55  # constant aggregates are nearly twice too stiff (Braess 1995)
 COARSEST = 64  # voxels
 SWEEPS_COARSEST = 12
@@ -38,7 +38,7 @@ def random_walker(
     beta: float,
     start: NDArray | None = None,
     tolerance: float = 1e-3,
-    max_iterations: int = 200,
+    max_iterations: int = 1000,
     spacing: NDArray | None = None,
     undecided: float = 0.0,
 ) -> NDArray[np.float64]:
