@@ -21,6 +21,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "imaging": ("mesh", "layers", "fem"),
     "skeleton": ("mesh", "layers", "fem", "imaging"),
     "shapes": ("mesh", "layers", "fem", "imaging"),
+    "truth": ("mesh", "fem"),
     **dict.fromkeys(TISSUES, ("mesh", "layers", "fem", "imaging", "skeleton", "shapes")),
     "hand": ("mesh", "layers", "fem", "imaging", "skeleton", "shapes", *TISSUES),
 }

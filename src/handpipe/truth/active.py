@@ -19,9 +19,9 @@ BLUNT = 1e-3  # stretch at which the cone |F f| is rounded, so that crushed fibr
 class ActiveFibres(DensityPotential):
     """Energy sum of V a sqrt(|F f|^2 + BLUNT^2): fibres pull with a force that does not depend on length.
 
-    directions (m, 3) unit fibre directions f at rest of each cell; tension a in kPa of rest cross-section, one
-    for all or one a cell. The first Piola stress is a n f^T with n the fibre's direction now. The energy is
-    convex in F, hence the exact tangent is semidefinite already.
+    directions (m, 3) unit fibre directions f at rest of each cell; tension a in kPa of rest cross-section,
+    one for all or one a cell. The first Piola stress is a n f^T with n the fibre's direction now.
+    The energy is convex in F, hence the exact tangent is semidefinite already.
     """
 
     def __init__(self, elements: Elements, directions: Array, tension: ArrayLike) -> None:
@@ -49,9 +49,7 @@ class ActiveFibres(DensityPotential):
         count, points = self.elements.volumes.shape
         given = np.broadcast_to(np.asarray(tension, dtype=float), (count,))
         if np.any(given < 0):
-            raise InputError(
-                "active fibres", "tension", "is negative", "Fibres pull: give kPa of zero or more"
-            )
+            raise InputError("active fibres", "tension", "is negative", "Fibres only pull: give zero or more")
         self._tension = np.repeat(given, points)
 
     def _fibres(self, f: Array, points: slice) -> tuple[Array, Array, Array, Array]:

@@ -46,8 +46,9 @@ class Strand:
 class Anatomy:
     """What is simulated, at rest.
 
-    labels (m,) number the `regions` of the tets; `bones` has the mesh's vertices on each bone's surface, where
-    there are no tets; `fibres` the unit directions (f, 3) of the tets of each region that is a muscle.
+    labels (m,) number the `regions` of the tets; `bones` has the mesh's vertices on each bone's surface,
+    within which there are no tets; `fibres` the unit directions (f, 3) of the tets of each region that is a
+    muscle.
     """
 
     mesh: TetMesh

@@ -17,12 +17,13 @@ ONSET = 1e-3  # strain over which tension rises from none to its full slope
 
 
 class Strands(PointPotential):
-    """Energy sum over segments of (S / L) p(l - L): tension S (l - L) / L, and none where slack.
+    """Energy sum over segments of S L p(e) at strain e = l / L - 1: tension S e, and none where slack.
 
-    `operator` (k, n) takes nodes to the strands' points, segments (s, 2) name pairs of points, stiffness S in mN
-    (Young's modulus times cross-section), one for all or one a segment. The penalty p is twice continuous:
-    tension sets in over a strain of ONSET. With `two_sided` it is a spring and pushes, too. Rest lengths are
-    those at `rest` (n, 3). Segments are seen as the vectors between their ends, which are linear in x.
+    `operator` (k, n) takes nodes to the strands' points, segments (s, 2) name pairs of points, stiffness S in
+    mN (Young's modulus times cross-section), one for all or one a segment. The penalty p is twice continuous:
+    tension sets in over a strain of ONSET, and is S (e - ONSET / 2) beyond. With `two_sided` it is a spring
+    and pushes, too. Rest lengths are those at `rest` (n, 3). Segments are seen as the vectors between their
+    ends, which are linear in x.
     """
 
     def __init__(

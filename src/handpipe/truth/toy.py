@@ -62,7 +62,7 @@ def hinge(angle: float, activation: float = 1.0) -> Pose:
 
 
 def _strands() -> dict[str, Strand]:
-    """Three strands in the belly, side by side: from the proximal bone through it and on to the distal one."""
+    """Three strands side by side: from the proximal bone into the belly, and out of it to the distal one."""
     strands = {}
     for name, side in (("radial", 1.0), ("central", 0.0), ("ulnar", -1.0)):
         origin = np.array([[3.5, 0.8 * side, CENTRE[2] - BONE_RADIUS], [4.3, 0.8 * side, -2.9]])

@@ -1,4 +1,4 @@
-"""What a coupled truth says about itself: patch test, refinement, volume of muscles, independence of the start."""
+"""What a coupled truth says about itself: patch test, refinement, muscles' volumes, different starts."""
 
 from __future__ import annotations
 
