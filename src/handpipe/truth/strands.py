@@ -55,6 +55,10 @@ class Strands(PointPotential):
         scale = self.stiffness * self.lengths
         return scale * parts[0], self.stiffness * parts[1], self.stiffness * parts[2] / self.lengths, now
 
+    def strains(self, x: Array) -> Array:
+        """Strain (s,) of every segment; negative where it is slack."""
+        return np.linalg.norm(self.points(x), axis=1) / self.lengths - 1.0
+
     def tensions(self, x: Array) -> Array:
         """Tension (s,) in mN of every segment; negative where a two-sided one pushes."""
         return self._tensions(self.points(x))[1]

@@ -1,0 +1,1 @@
+"""Figures of the coupled truth, measured on the toy finger."""

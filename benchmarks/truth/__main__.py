@@ -1,0 +1,42 @@
+"""Run as `python -m benchmarks.truth FOLDER`: `truth.json` and pictures of the toy finger."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.truth.pictures import convergence, cut_open
+from benchmarks.truth.refinement import figures, solved
+from handpipe import metrics
+from handpipe.truth import toy
+from handpipe.truth.body import Body, Pose
+from handpipe.truth.measured import Ways, measure
+
+EDGE, ANGLE, AWAY = 4.5, np.radians(60.0), np.radians(-15.0)
+COARSE_EDGE, COARSE_ANGLE, REFINEMENTS = 6.5, np.radians(40.0), 2
+
+
+def back(t: float) -> Pose:
+    """From the detour to the pose."""
+    return toy.hinge(AWAY + (ANGLE - AWAY) * t)
+
+
+def main(folder: Path) -> None:
+    """All figures; the refinement study takes ten times as long as the rest."""
+    folder.mkdir(parents=True, exist_ok=True)
+    ways = Ways(lambda t: toy.hinge(ANGLE * t), lambda t: toy.hinge(AWAY * t, 0.0), back)
+    body, x, found = measure(toy.finger(EDGE), lambda a: Body(a, toy.MATERIALS), ways)
+    metrics.write(folder / "truth.json", found)
+    cut_open(folder / "truth-toy.png", body, x)
+    table = figures(solved(COARSE_EDGE, COARSE_ANGLE, REFINEMENTS))
+    (folder / "refinement.json").write_text(json.dumps(table, indent=2), encoding="utf-8")
+    convergence(folder / "truth-convergence.png", table)
+
+
+if __name__ == "__main__":
+    logging.basicConfig(level=logging.INFO)
+    main(Path(sys.argv[1]))

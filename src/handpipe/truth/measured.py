@@ -1,0 +1,68 @@
+"""The figures of a coupled truth, for `truth.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.fem.equilibrium import Options
+from handpipe.metrics import Metrics, measured
+from handpipe.truth.body import Anatomy, Body, Pose
+from handpipe.truth.follow import follow
+from handpipe.truth.validation import (
+    difference,
+    patch_test,
+    solved_from,
+    start_difference,
+    volume_changes,
+)
+
+Array = NDArray[np.float64]
+Motion = Callable[[float], Pose]
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Two ways from rest to one pose: straight, and by a detour and back from there."""
+
+    straight: Motion
+    detour: Motion
+    back: Motion
+
+
+def measure(
+    anatomy: Anatomy,
+    make: Callable[[Anatomy], Body],
+    ways: Ways,
+    *,
+    refinement: bool = True,
+    options: Options | None = None,
+) -> tuple[Body, Array, Metrics]:
+    """A body `make(anatomy)`, its equilibrium (n, 3) at the ways' end, and what it says about itself.
+
+    `refinement` compares with the body whose tets are cut into eight, which takes far longer than the rest
+    and has no contact.
+    """
+    with measured({}) as metrics:
+        body = make(anatomy)
+        found = follow(body, ways.straight, options=options)
+    x, pose = found.x, ways.straight(1.0)
+    metrics["tets"], metrics["nodes"] = (len(anatomy.mesh.tets), "1"), (len(x), "1")
+    metrics["iterations"] = (found.record.iterations, "1")
+    metrics["volume_ratio_min"] = (float(body.solid.volume_ratios(x).min()), "1")
+    changes = volume_changes(body, x)
+    metrics["muscle_volume_change_max"] = (max(map(abs, changes.values())), "%")
+    metrics["strand_strain_max"] = (max(s.strains(x).max() for s in body.strands.values()) * 100.0, "%")
+    metrics["patch_test_error"] = (patch_test(body), "mm")
+    apart = start_difference(body, ways.detour, ways.back, x, options=options)
+    metrics["start_difference_max"] = (apart, "mm")
+    if body.barrier is not None:
+        metrics["self_intersections"] = (float(body.barrier.intersects(x)), "1")
+    if refinement:
+        fine = make(anatomy.refined())
+        near = difference(body, x, fine, solved_from(body, x, fine, pose, options))
+        metrics |= {f"refinement_{name}": value for name, value in near.items()}
+    return body, x, metrics
