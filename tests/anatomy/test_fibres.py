@@ -117,6 +117,7 @@ def pennate_muscle(kind: str) -> tuple[TetMesh, np.ndarray, PlacedMuscle]:
         (PlacedAttachment(origin, 5.5),),
         (PlacedAttachment(insertion, 5.5),),
         None,
+        None,
         kind,  # type: ignore[arg-type]
     )
     return mesh, expected, muscle
@@ -139,7 +140,7 @@ def test_gradients_cannot_be_pennate() -> None:
 
 
 def test_gradient_follows_the_curve() -> None:
-    """Between two corners of a slab the way is straight; a bent curve between bends the gradient beside it."""
+    """Between two corners of a slab the way is straight; a bent curve bends the gradient beside it."""
     mesh = box((20, 20, 2), (20.0, 20.0, 2.0))
     near = [np.flatnonzero(np.linalg.norm(mesh.vertices[:, :2] - c, axis=1) < 3) for c in ([0, 0], [20, 20])]
     bent = collocated(mesh, [[0, 1, 1], [10, 4, 1], [16, 10, 1], [19, 20, 1]])
@@ -169,7 +170,12 @@ def test_flow_is_conserved_and_stays_inside() -> None:
 def test_attachment_out_of_reach_is_named() -> None:
     mesh, _, muscle = pennate_muscle("flow")
     far = PlacedMuscle(
-        muscle.curves, (PlacedAttachment(np.array([[0.0, 0, -50]]), 3.0),), muscle.insertions, None, "flow"
+        muscle.curves,
+        (PlacedAttachment(np.array([[0.0, 0, -50]]), 3.0),),
+        muscle.insertions,
+        None,
+        None,
+        "flow",
     )
     with pytest.raises(InputError, match="origin.*reach"):
         fibres(mesh, far)

@@ -90,6 +90,9 @@ class MuscleCurves(Model):
     attachments: tuple[Attachment, ...] = Field((), description="besides the ends of its curves")
     reach: Positive = Field(3.0, description="mm around the ends of its curves that are attached")
     volume: Positive | None = Field(None, description="volume in mm^3 that it is to have")
+    edge_length: Positive | None = Field(
+        None, description="mm, of tets along its curves: for a muscle thinner than the tets are elsewhere"
+    )
     fibres: Literal["gradient", "flow"] = Field(
         "gradient",
         description="gradient: from origin to insertion as the paper has it; flow: along the "
@@ -134,6 +137,7 @@ class PlacedMuscle:
     origins: tuple[PlacedAttachment, ...]
     insertions: tuple[PlacedAttachment, ...]
     volume: float | None
+    edge_length: float | None
     fibres: Literal["gradient", "flow"]
 
 
@@ -224,7 +228,14 @@ def _placed_muscle(muscle: MuscleCurves, places: _Places, step: float) -> Placed
     for i, attachment in enumerate(muscle.attachments):
         points = [places.find(p, f"attachments.{i}.points.{j}") for j, p in enumerate(attachment.points)]
         ends[attachment.end].append(PlacedAttachment(np.array(points), attachment.reach))
-    return PlacedMuscle(curves, tuple(ends["origin"]), tuple(ends["insertion"]), muscle.volume, muscle.fibres)
+    return PlacedMuscle(
+        curves,
+        tuple(ends["origin"]),
+        tuple(ends["insertion"]),
+        muscle.volume,
+        muscle.edge_length,
+        muscle.fibres,
+    )
 
 
 def _placed_curve(curve: Curve, places: _Places, field: str, step: float) -> PlacedCurve:

@@ -8,13 +8,19 @@ from dataclasses import dataclass
 import igl
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from handpipe.anatomy.splitting import EDGES, MarkedEdges, bisect
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.surface import Surface, concatenate
 from handpipe.mesh.tetrahedra import TetMesh
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+TOO_LONG = 1.4  # an edge over the size that it should have
+GROWTH = 0.6  # of sizes by distance from where tets are to be fine
+MOST_HALVINGS = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +42,43 @@ class Domain:
         starts = np.cumsum([len(skin.vertices), *(len(b.vertices) for b in bones.values())])
         on_bones = [np.arange(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
         return Domain(mesh, np.arange(len(skin.vertices)), dict(zip(bones, on_bones, strict=True)))
+
+    def refined(self, points: Array, edge_length: float) -> Domain:
+        """Finer tets, of about `edge_length` mm, around points (p, 3); sizes grow with the distance from
+        them.
+
+        Longest edges are halved; given vertices keep their numbers.
+        """
+        vertices, tets, skin, bones = self.mesh.vertices, self.mesh.tets, self.skin, self.bones
+        tree = cKDTree(points)
+        for _ in range(MOST_HALVINGS):
+            ends = vertices[tets[:, EDGES]]
+            length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+            size = edge_length + GROWTH * tree.query(vertices[tets].mean(axis=1))[0]
+            marked = (length > TOO_LONG * size[:, None]) & (length == length.max(axis=1, keepdims=True))
+            if not marked.any():
+                break
+            edges = MarkedEdges.of(tets, marked, len(vertices)).in_all(tets, len(vertices))
+            boundary = _boundary_edges(TetMesh(vertices, tets), edges.ends)
+            new = len(vertices) + np.arange(len(edges.ends))
+            skin, *others = (
+                np.concatenate([on, new[boundary & np.isin(edges.ends, on).all(axis=1)]])
+                for on in (skin, *bones.values())
+            )
+            bones = dict(zip(bones, others, strict=True))
+            tets, _ = bisect(tets, edges, edges.ranks(vertices), len(vertices))
+            vertices = np.concatenate([vertices, vertices[edges.ends].mean(axis=1)])
+        return Domain(TetMesh(vertices, tets), skin, bones)
+
+    def edge_length(self) -> float:
+        """Typical edge length in mm: of the regular tet that has the median volume."""
+        return float(np.cbrt(6 * np.sqrt(2) * np.median(self.mesh.volumes())))
+
+
+def _boundary_edges(mesh: TetMesh, edges: IntArray) -> NDArray[np.bool_]:
+    """Whether each of edges (e, 2), smaller number first, is one of a boundary face."""
+    n = len(mesh.vertices)
+    return np.isin(edges @ [n, 1], Surface(mesh.vertices, mesh.boundary_faces()[0]).edges() @ [n, 1])
 
 
 class Locator:

@@ -41,7 +41,7 @@ LEAKAGE = 0.02  # conductivity across the curves' directions over that along the
 
 @dataclass(frozen=True, eq=False)
 class Fibres:
-    """Unit fibre directions (m, 3), the potential (n,) from 0 at origins to 1 at insertions, and both sets."""
+    """Unit directions (m, 3), the potential (n,) from 0 at origins to 1 at insertions, and both sets."""
 
     directions: Array
     potential: Array

@@ -37,7 +37,7 @@ class Labelled:
 
 
 def improve(
-    labelled: Labelled, fixed: IntArray, *, sweeps: int = 10, target: float = 10.0, rounds: int = 20
+    labelled: Labelled, fixed: IntArray, *, sweeps: int = 5, target: float = 10.0, rounds: int = 20
 ) -> Labelled:
     """Smooth the borders in so many sweeps, then repair dihedral angles below `target` degrees.
 

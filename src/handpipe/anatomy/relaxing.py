@@ -17,6 +17,7 @@ IntArray = NDArray[np.int64]
 
 TURN_OUTER = np.sin(np.radians(1.0)) ** 2  # of faces that count as one plane: the domain's boundary,
 TURN_INNER = np.sin(np.radians(40.0)) ** 2  # borders of labels
+APPROACHES = 3  # to the smooth border, of vertices that others are in the way of at first
 TRIALS = 24
 REACHES = (0.3, 0.15, 0.07, 0.03)  # of a trial move, as a share of the shortest edge at the vertex
 DIRECTIONS = np.random.default_rng(0).standard_normal((TRIALS, 3))
@@ -58,16 +59,19 @@ class Faces:
             self.outer, squared, np.sqrt(squared)
         )  # small faces of the domain count as much as large
         tensor = normal[:, :, None] * normal[:, None, :] / size[:, None, None]
-        against = np.zeros((len(x), 3, 3))
+        free = np.broadcast_to(np.eye(3), (len(x), 3, 3)).copy()
         for outer, turn in ((True, TURN_OUTER), (False, TURN_INNER)):
-            sums = np.zeros((len(x), 3, 3))
+            against = np.zeros((len(x), 3, 3))
             mine = self.outer == outer
-            np.add.at(sums, self.corners[mine], tensor[mine][:, None])
+            np.add.at(against, self.corners[mine], tensor[mine][:, None])
             used = np.unique(self.corners[mine])
-            largest = np.linalg.eigvalsh(sums[used])[:, -1]
-            against[used] += sums[used] / (turn * largest)[:, None, None]
-        values, axes = np.linalg.eigh(against)
-        return np.asarray((axes * (values <= 1)[:, None]) @ np.swapaxes(axes, 1, 2))
+            before = free[used]
+            limit = turn * np.linalg.eigvalsh(against[used])[:, -1:, None]
+            # What is not free already stays exactly so: it has eigenvalues of its own, far above the limit.
+            sums = before @ against[used] @ before / limit + 1e9 * (np.eye(3) - before)
+            values, axes = np.linalg.eigh(sums)
+            free[used] = (axes * (values <= 1)[:, None]) @ np.swapaxes(axes, 1, 2)
+        return free
 
 
 def improve_vertices(
@@ -128,12 +132,13 @@ def smooth_borders(
     faces = Faces.of(tets, labels)
     averaging, moving = _border_averaging(faces, len(x))
     stars = Stars.of(tets, len(x))
-    x = x.copy()
-    back = 1 / (passband - 2)
+    smooth, out = x.copy(), x.copy()
     for _ in range(sweeps):
-        for factor in (0.5, back):
-            _move_guarded(x, factor * (averaging @ x - x), tets, stars.start, stars.tets, moving, floor)
-    return x
+        for factor in (0.5, 1 / (passband - 2)):
+            smooth[moving] += factor * (averaging @ smooth - smooth)[moving]
+    for _ in range(APPROACHES):
+        _move_guarded(out, smooth - out, tets, stars.start, stars.tets, moving, floor)
+    return out
 
 
 def _border_averaging(faces: Faces, n: int) -> tuple[sparse.csr_matrix, IntArray]:

@@ -31,6 +31,13 @@ class MarkedEdges:
         of_tet[marked] = inverse.reshape(-1)
         return MarkedEdges(np.stack([keys // n_vertices, keys % n_vertices], axis=1), of_tet)
 
+    def in_all(self, tets: IntArray, n_vertices: int) -> MarkedEdges:
+        """The same edges wherever they are in tets (m, 4)."""
+        keys = self.ends @ [n_vertices, 1]
+        ends = np.sort(tets[:, EDGES], axis=2) @ [n_vertices, 1]
+        place = np.minimum(np.searchsorted(keys, ends), len(keys) - 1)
+        return MarkedEdges(self.ends, np.where(keys[place] == ends, place, -1))
+
     def ranks(self, vertices: Array) -> IntArray:
         """The order (e,) in which the edges are bisected: long ones first, by their vertices among equals."""
         squared = ((vertices[self.ends[:, 1]] - vertices[self.ends[:, 0]]) ** 2).sum(axis=1)

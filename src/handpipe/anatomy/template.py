@@ -32,7 +32,7 @@ IntArray = NDArray[np.int64]
 log = logging.getLogger(__name__)
 
 KIND = "anatomy-template"
-SNAP = 0.2  # share of an edge by which borders may move to vertices
+SNAP = 0.1  # share of an edge by which borders may move to vertices
 SMALLEST_ANGLE = 10.0  # degrees that dihedral angles are to have
 
 
@@ -41,7 +41,8 @@ class Template:
     """One conforming mesh of fat and muscles between skin and bones.
 
     `labels` (m,) index `names`, "fat" first; `fibres` (m, 3) are unit vectors, zero in fat; `origins` and
-    `insertions` are vertices of each muscle; `skin` and `bones` vertices of these surfaces, in their order.
+    `insertions` are vertices of each muscle; `skin` and `bones` vertices of these surfaces: the given ones in
+    their order, then those of finer tets along a muscle.
     """
 
     mesh: TetMesh
@@ -124,22 +125,24 @@ class Template:
 
 def build_template(
     file: CurveFile,
-    skin: Surface,
+    domain: Domain,
     bones: Mapping[str, Surface],
-    edge_length: float,
     *,
     factorise: Factorise = superlu,
     source: str | Path = "curves",
 ) -> Template:
-    """Fill the space between skin and bones (closed surfaces in mm) with the muscles of a file, and fat.
+    """Fill the space between skin and bones with the muscles of a file, and fat.
 
-    Tets have about `edge_length` mm; the triangles of skin and bones are refined where muscles end on them,
-    and kept otherwise. Raises `InputError` for curves that do not fit, `ConvergenceError` for volumes that
-    cannot be met. What a person should know of the result, yet is no error, is in `warnings` and in the log.
+    The triangles of skin and bones are cut where muscles end on them, and kept otherwise. Raises `InputError`
+    for curves that do not fit, `ConvergenceError` for volumes that cannot be met. What a person should know
+    of the result, yet is no error, is in `warnings` and in the log.
     """
-    domain = Domain.between(skin, bones, edge_length)
-    muscles = place(file, bones, edge_length / 4, source)
-    warnings = _crossings(muscles, edge_length)
+    muscles = place(file, bones, domain.edge_length() / 4, source)
+    warnings = _crossings(muscles, domain.edge_length())
+    for muscle in muscles.values():
+        if muscle.edge_length is not None:
+            points = np.concatenate([c.points for c in muscle.curves])
+            domain = domain.refined(points, muscle.edge_length)
     functions = diffuse(domain, muscles, file.fat, factorise=factorise)
     scales = _volume_scales(domain, functions, muscles)
     labelled = segment(domain, functions.values * scales)
@@ -162,8 +165,7 @@ def build_template(
         directions,
         origins,
         insertions,
-        domain.skin,
-        domain.bones,
+        *_surface_numbers(domain),
         tuple(warnings),
     )
 
@@ -177,6 +179,13 @@ def segment(domain: Domain, values: Array, *, snap: float = SNAP, angle: float =
     return improve(Labelled(envelope.mesh, labels), fixed, target=angle)
 
 
+def _surface_numbers(domain: Domain) -> tuple[IntArray, dict[str, IntArray]]:
+    """The vertices on skin and bones once they come first in the mesh, as `segment` has them."""
+    ends = np.cumsum([len(domain.skin), *(len(v) for v in domain.bones.values())])
+    bones = {name: np.arange(a, b) for name, a, b in zip(domain.bones, ends[:-1], ends[1:], strict=True)}
+    return np.arange(ends[0]), bones
+
+
 def _volume_scales(domain: Domain, functions: Functions, muscles: Mapping[str, PlacedMuscle]) -> Array:
     """The scale (k,) of each function: one where no volume is asked for."""
     targets = np.array([np.nan, *(m.volume or np.nan for m in muscles.values())])
@@ -187,7 +196,7 @@ def _volume_scales(domain: Domain, functions: Functions, muscles: Mapping[str, P
         labelled = segment(domain, functions.values * scales)
         return np.bincount(labelled.labels, labelled.mesh.volumes(), len(targets))
 
-    return meet_volumes(targets, volumes_of)
+    return meet_volumes(targets, volumes_of, functions.names)
 
 
 def _crossings(muscles: Mapping[str, PlacedMuscle], reach: float) -> list[str]:
@@ -202,8 +211,8 @@ def _crossings(muscles: Mapping[str, PlacedMuscle], reach: float) -> list[str]:
             if distance.min() < reach / 2:
                 place = ", ".join(f"{c:.1f}" for c in points[j][np.argmin(distance)])
                 said.append(
-                    f"{first} and {names[j]}: their curves come within {distance.min():.2g} mm near ({place}); "
-                    "each may be cut in two there: lead one past the other"
+                    f"{first} and {names[j]}: their curves come within {distance.min():.2g} mm near "
+                    f"({place}); each may be cut in two there: lead one past the other"
                 )
     return said
 

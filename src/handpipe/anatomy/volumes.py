@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,16 @@ LONGEST_STEP = 0.5  # of the logarithm of a scale
 
 
 def meet_volumes(
-    targets: Array, volumes_of: Callable[[Array], Array], *, tolerance: float = TOLERANCE
+    targets: Array,
+    volumes_of: Callable[[Array], Array],
+    names: Sequence[str],
+    *,
+    tolerance: float = TOLERANCE,
 ) -> Array:
     """Scales (k,) for which `volumes_of(scales)` (k,) are the targets (k,) in mm^3 within the tolerance.
 
     A target that is NaN leaves its scale at one. Each scale goes by its own secant of log volume over log
-    scale; neighbours, which give way, are met in the next round. Raises `ConvergenceError` naming the column
+    scale; neighbours, which give way, are met in the next round. Raises `ConvergenceError` naming the one
     that is farthest off, where there is no room for it, say.
     """
     wanted = np.flatnonzero(np.isfinite(targets))
@@ -48,7 +52,7 @@ def meet_volumes(
         scale = scale + np.clip(lack / power, -LONGEST_STEP, LONGEST_STEP)
     worst = int(np.argmax(np.abs(lack)))
     raise ConvergenceError(
-        f"the volume of muscle {worst}",
+        f"the volume of {names[worst]}",
         f"{np.exp(volume[worst]):.4g} mm^3 after {ROUNDS} rounds, not {targets[worst]:.4g}",
-        "Ask for another volume, or make room by moving curves apart.",
+        "Ask for another volume, give it a shorter edge_length, or move curves apart.",
     )
