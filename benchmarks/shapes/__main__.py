@@ -18,7 +18,10 @@ log = logging.getLogger("benchmarks.shapes")
 
 OUTPUT = Path(__file__).parents[2] / "results" / "benchmarks" / "shapes.json"
 THREADS = 2
-PARTS = ("string", "known_strains", "solves", "organs", "separation", "seventeen", "comparisons")
+PARTS = (
+    "string", "known_strains", "solves", "organs", "separation", "seventeen", "comparisons", "hard_cases",
+    "speed_against_error",
+)  # fmt: skip
 QUICK: dict[str, dict[str, object]] = {
     "string": {"cells": 16},
     "known_strains": {"edges": (3.2,), "counts": (60,)},
@@ -27,6 +30,14 @@ QUICK: dict[str, dict[str, object]] = {
     "separation": {"turns": (0.0,), "overlaps": ()},
     "seventeen": {"count": 2, "edge": 2.0, "muscles": 3},
     "comparisons": {"refinements": 0, "picture": None},
+    "hard_cases": {"edge": 4.0, "cases": ("plain", "attachment-off-8")},
+    "speed_against_error": {
+        "edges": (4.0, 3.2),
+        "marks": (50,),
+        "enough": (0.1,),
+        "progress": (0.1,),
+        "fine": 2.5,
+    },
 }
 
 
@@ -48,16 +59,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
         figures |= machine.facts()
         # Written after each part: a benchmark that is stopped keeps what it has measured.
         artifacts.write_text(options.output, json.dumps(dict(sorted(figures.items())), indent=1) + "\n")
+    if options.document:
+        from benchmarks.shapes import document
+
+        document.write(options.output)
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.shapes", description=__doc__)
     parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}; by default all")
     parser.add_argument("--quick", action="store_true", help="small sizes: does it run, not how fast")
+    parser.add_argument("--document", action="store_true", help="renew the tables of the documents")
     parser.add_argument("--output", type=Path, default=OUTPUT)
     parser.add_argument("--threads", type=int, default=THREADS)
     options = parser.parse_args(arguments)
-    options.parts = options.parts or PARTS
+    options.parts = options.parts or (() if options.document else PARTS)
     unknown = set(options.parts) - set(PARTS)
     if unknown:
         parser.error(f"unknown parts: {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")

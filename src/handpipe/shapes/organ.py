@@ -24,6 +24,7 @@ from handpipe.shapes.remeshing import NEW_TETS, Given, OnMesh
 from handpipe.shapes.resume import FitCheckpoint
 from handpipe.shapes.search import Record, Settings, State
 from handpipe.shapes.stages import Position, follow, plan
+from handpipe.shapes.straight import loosened
 
 Array = NDArray[np.float64]
 
@@ -80,8 +81,12 @@ def fit_organ(
     points = _checked_marks(marks)
     if len(points) == 0 and landmarks is None and attachments is None and volume is None:
         raise InputError("organ", "marks", "there are none", "Give marks, landmarks, attachments or a volume")
-    held = None if attachments is None else attachments.checked("attachments").attached(template)
-    known = None if landmarks is None else landmarks.checked("landmarks").attached(template)
+    attachments, landmarks = loosened(
+        None if attachments is None else attachments.checked("attachments"),
+        None if landmarks is None else landmarks.checked("landmarks"),
+    )
+    held = None if attachments is None else attachments.attached(template)
+    known = None if landmarks is None else landmarks.attached(template)
     given = Given(template, points, held, known, tuple(loads), volume, settings)
     doubts = examine(given, _start(given))
     given = doubts.heeded(given)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.fit import Attached
 from handpipe.shapes.marks import BoundaryMarks
 from handpipe.shapes.rigid_motions import LooseMotions
+from handpipe.shapes.straight import direction, on_line
 
 Array = NDArray[np.float64]
 
-FLAT = 1e-3  # spread of points across a line, over that along it, below which they are on it
 ROUNDS = 15
 CLEARLY = 0.7  # of the distance of marks: a turn is only believed where it brings so much
 FLIPS = [np.diag(d) for d in ([1.0, 1, 1], [1.0, -1, -1], [-1.0, 1, -1], [-1.0, -1, 1])]
@@ -22,17 +23,18 @@ FLIPS = [np.diag(d) for d in ([1.0, 1, 1], [1.0, -1, -1], [-1.0, 1, -1], [-1.0, 
 def placed(mesh: TetMesh, pairs: list[Attached], marks: BoundaryMarks) -> Array:
     """Vertices (n, 3) of the template placed rigidly.
 
-    By pairs where three of them are not on a line; else by the marks, from the template's own orientation or
-    one in which its principal axes are those of the marks, whichever brings them clearly nearer.
+    By pairs where three of them are not nearly on a line; by the marks about the line where they are; else by
+    the marks, from the template's own orientation or one in which its principal axes are those of the marks,
+    whichever brings them clearly nearer.
     """
     x = mesh.vertices
     points = np.concatenate([p.matrix @ x for p in pairs]) if pairs else np.zeros((0, 3))
     targets = np.concatenate([p.targets for p in pairs]) if pairs else np.zeros((0, 3))
-    if len(points) >= 3 and _spread(points) > FLAT and _spread(targets) > FLAT:
+    if len(points) >= 3 and not (on_line(points) or on_line(targets)):
         return RigidTransform.fit(points, targets)(x)
     if len(points):
-        x = x + (targets.mean(axis=0) - points.mean(axis=0))
-        return x if len(marks.points) == 0 else _nearest([x], marks)
+        starts = _along(x, points, targets)
+        return starts[0] if len(marks.points) == 0 else _nearest(starts, marks)
     if len(marks.points) == 0:
         return x
     surface = x[mesh.boundary_vertices()]
@@ -42,9 +44,16 @@ def placed(mesh: TetMesh, pairs: list[Attached], marks: BoundaryMarks) -> Array:
     return _nearest([(x - centre) @ turn.T + wanted for turn in turns], marks)
 
 
-def _spread(points: Array) -> float:
-    values = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return float(values[1] / max(values[0], 1e-300))
+def _along(x: Array, points: Array, targets: Array) -> list[Array]:
+    """Vertices (n, 3) whose points (k, 3) are along the targets' line, in four turns about it."""
+    centred, aims = points - points.mean(axis=0), targets - targets.mean(axis=0)
+    if len(points) == 1:
+        return [x - points[0] + targets[0]]
+    line, aim = direction(points)[0], direction(targets)[0]
+    aim = aim * np.sign((centred @ line) @ (aims @ aim) or 1.0)
+    onto = Rotation.align_vectors(aim[None], line[None])[0]
+    turns = [Rotation.from_rotvec(0.5 * np.pi * quarter * aim) * onto for quarter in range(4)]
+    return [(x - points.mean(axis=0)) @ turn.as_matrix().T + targets.mean(axis=0) for turn in turns]
 
 
 def _axes(points: Array) -> Array:

@@ -6,9 +6,12 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from handpipe.errors import HandpipeError
 from handpipe.shapes.remeshing import Given, OnMesh, noted, remeshed, worn
 from handpipe.shapes.search import EARLY, GROWTH, State
+from handpipe.shapes.straight import in_space
 
 log = logging.getLogger(__name__)
 
@@ -41,13 +44,16 @@ class Position:
 
 def plan(given: Given) -> list[Stage]:
     """Attachments, landmarks, marks, the image, as far as given: each over uniform strains first, then
-    with growing weights.
+    with growing weights. Pairs in a plane would let uniform strains across it go astray: they wait for more.
     """
     settings = given.settings
     stages: list[Stage] = []
-    if given.held is not None and len(given.held.targets):
+    more = len(given.marks) > 0 or given.image is not None
+    held = np.zeros((0, 3)) if given.held is None else given.held.targets
+    known = np.zeros((0, 3)) if given.known is None else given.known.targets
+    if len(held) and (in_space(held) or not (more or len(known))):
         stages.append(Stage("attachments", "nothing", 1.0, True, EARLY))
-    if given.known is not None:
+    if len(known) and (in_space(np.concatenate([held, known])) or not more):
         stages += _growing("landmarks", settings.alpha, EARLY, EARLY)
     if len(given.marks):
         stages += _growing("marks", settings.alpha, settings.iterations, settings.iterations)
