@@ -27,10 +27,10 @@ from handpipe.shapes.search import Settings
 
 log = logging.getLogger("benchmarks.shapes")
 
-EDGES = (4.0, 3.2, 2.5, 2.0, 1.6)  # mm
-MARKS = (25, 50, 100, 200, 400)
-ENOUGH = (1.0, 0.3, 0.1, 0.03, 0.01)  # mm
-PROGRESS = (0.3, 0.1, 0.03, 0.01, 0.003)
+EDGES = (4.0, 3.2, 2.5, 2.0)  # mm
+MARKS = (25, 50, 100, 200)
+ENOUGH = (1.0, 0.3, 0.05, 0.01)  # mm
+PROGRESS = (0.3, 0.1, 0.01)
 USUAL = {"edge": 2.5, "marks": 100, "enough": Settings().enough, "progress": Settings().progress}
 UNITS = {"edge": "mm", "marks": "", "enough": "mm", "progress": ""}
 PREFIX = "speed_"

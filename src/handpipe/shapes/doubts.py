@@ -85,6 +85,8 @@ def examine(given: Given, start: Array) -> Doubts:
     marks = BoundaryMarks(given.template, given.marks, settings.tangential, robust).thinned(SAMPLE)
     count = 0 if held is None else len(held.targets)
     doubts = Doubts(np.zeros(count, dtype=bool))
+    if count < 2 and len(given.marks) < 2:
+        return doubts
     for first in range(max(-(-count // GROUP), 1)):
         chosen = np.arange(first, count, max(-(-count // GROUP), 1))
         part = None if held is None else Attached(held.matrix[chosen], held.targets[chosen])
@@ -111,7 +113,7 @@ class _Examination:
             self.predictions = Predictions.at(search, state, marks, known, self.held)
             self.suspects = self._suspects()
             find = all_points(marks, known, _chosen(self.held, ~self.suspects))
-        state = search.run(state, "doubts", find, SMOOTH * alpha, False, 2 * EARLY)
+        state = search.run(state, "doubts", find, SMOOTH * alpha, False, EARLY)
         self.predictions = Predictions.at(search, state, marks, known, self.held)
 
     def _suspects(self) -> BoolArray:

@@ -78,7 +78,7 @@ class GaussNewton:
     def uniform(self) -> Step:
         """The step over uniform changes of strain and loose motions alone."""
         wanted = -self.rows.residuals + self.free[:, :6] @ self.mean
-        found = _positive(self.free.T @ self.free + np.diag(self.ridge), self.free.T @ wanted)
+        found = positive_solve(self.free.T @ self.free + np.diag(self.ridge), self.free.T @ wanted)
         change = np.broadcast_to(found[:6] - self.mean, self.logs.shape)
         return self._step(np.ascontiguousarray(change), found[6:], 0)
 
@@ -91,7 +91,7 @@ class GaussNewton:
         factor = scipy.linalg.cho_factor(gram, lower=True, overwrite_a=True, check_finite=False)
         spread = scipy.linalg.cho_solve(factor, np.column_stack([self.free, wanted]), check_finite=False)
         schur = self.free.T @ spread[:, :-1] + np.diag(self.ridge)
-        found = _positive(schur, self.free.T @ spread[:, -1])
+        found = positive_solve(schur, self.free.T @ spread[:, -1])
         multipliers = spread[:, -1] - spread[:, :-1] @ found
         pulled = (self.response.pulls @ (reactions @ multipliers)).reshape(-1, 6)
         strains = self.smoothness.inverse(self.smoothness.inverse(pulled)) / COUNTS
@@ -154,7 +154,7 @@ class GaussNewton:
         return Step(strains, loose, motion.reshape(-1, 3), slope, iterations)
 
 
-def _positive(matrix: Array, b: Array) -> Array:
+def positive_solve(matrix: Array, b: Array) -> Array:
     """Solution with a small symmetric matrix of which only rounding may have spoilt the positive sign."""
     shift = ROUNDING * float(np.trace(matrix))
     return np.asarray(np.linalg.solve(matrix + shift * np.eye(len(matrix)), b))

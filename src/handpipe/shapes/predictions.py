@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.shapes.fit import Attached
-from handpipe.shapes.gauss_newton import GaussNewton
+from handpipe.shapes.gauss_newton import GaussNewton, positive_solve
 from handpipe.shapes.marks import BoundaryMarks, with_landmarks
 from handpipe.shapes.rigid_motions import LooseMotions
 from handpipe.shapes.search import FindMarks, Search, State, weighted
@@ -46,14 +46,16 @@ class Predictions:
 
     def errors(self, asked: IntArray, among: IntArray, weight: float) -> Array:
         """Offsets (k, 3) in mm of points asked for (k,) from where the others of `among` have them, if each
-        counts by that weight.
+        counts by that weight. Zero where the others are too few to tell.
         """
+        if 3 * (len(among) - 1) <= self._free.shape[1]:
+            return np.zeros((len(asked), 3))
         rows = (3 * among[:, None] + np.arange(3)).ravel()
         inverse = np.linalg.inv(self._gram[np.ix_(rows, rows)] + np.eye(len(rows)) / weight)
         free = self._free[rows]
         spread = inverse @ free
         schur = free.T @ spread + np.diag(self._ridge)
-        precision = inverse - spread @ np.linalg.solve(schur, spread.T)
+        precision = inverse - spread @ positive_solve(schur, spread.T)
         at = np.searchsorted(among, asked)
         blocks = precision.reshape(len(among), 3, len(among), 3)[at, :, at]
         pulls = (precision @ self._wanted[rows]).reshape(-1, 3)[at]

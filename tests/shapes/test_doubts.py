@@ -1,0 +1,62 @@
+"""What points say of each other: predictions without a point are those of the fit without it."""
+
+import numpy as np
+import pytest
+from tests.muscles.shapes import box
+
+from handpipe.shapes.doubts import examine
+from handpipe.shapes.marks import BoundaryMarks, Pairs
+from handpipe.shapes.predictions import Predictions
+from handpipe.shapes.remeshing import Given
+from handpipe.shapes.search import Search, Settings
+
+MESH = box((5, 2, 2), (30.0, 10.0, 8.0))
+RNG = np.random.default_rng(0)
+OUTER = MESH.vertices[RNG.choice(MESH.boundary_vertices(), 24, replace=False)]
+
+
+def grown(points: np.ndarray) -> np.ndarray:
+    return points * [1.1, 1.2, 0.9] + 0.01 * np.stack(
+        [0 * points[:, 0], points[:, 0] ** 2, 0 * points[:, 0]], 1
+    )
+
+
+def given(marks: np.ndarray, attachments: Pairs | None) -> Given:
+    held = None if attachments is None else attachments.attached(MESH)
+    return Given(MESH, marks, held, None, (), None, Settings())
+
+
+def test_errors_are_those_of_a_model_without_the_point() -> None:
+    held = Pairs(OUTER[:6], grown(OUTER[:6])).attached(MESH)
+    marks = BoundaryMarks(MESH, grown(OUTER[6:]), 0.1)
+    search = Search(MESH)
+    state = search.begin(MESH.vertices)
+    predictions = Predictions.at(search, state, marks, None, held)
+    found = predictions.errors(predictions.attachments, predictions.points, 0.5)
+    gram, free, wanted = predictions._gram, predictions._free, predictions._wanted
+    weak = np.diag(1 / np.sqrt(predictions._ridge))
+    covariance = gram + (free @ weak) @ (free @ weak).T
+    for point, offset in zip(predictions.attachments, found, strict=True):
+        own = np.arange(3 * point, 3 * point + 3)
+        others = np.setdiff1d(np.arange(len(wanted)), own)
+        noisy = covariance[np.ix_(others, others)] + 2.0 * np.eye(len(others))
+        predicted = covariance[np.ix_(own, others)] @ np.linalg.solve(noisy, wanted[others])
+        assert wanted[own] - predicted == pytest.approx(offset, abs=1e-3 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("wrong", [None, 3])
+def test_the_attachment_that_is_wrong_is_named(wrong: int | None) -> None:
+    targets = grown(OUTER[:6])
+    if wrong is not None:
+        targets[wrong] += [0.0, 6.0, -5.0]
+    doubts = examine(given(grown(OUTER[6:]), Pairs(OUTER[:6], targets)), MESH.vertices)
+    assert np.flatnonzero(doubts.attachments).tolist() == ([] if wrong is None else [wrong])
+
+
+@pytest.mark.parametrize(("marks", "held"), [(1, 0), (3, 0), (0, 1), (0, 3), (2, 2), (0, 5)])
+def test_few_points_raise_no_doubts(marks: int, held: int) -> None:
+    pairs = Pairs(OUTER[:held], grown(OUTER[:held])) if held else None
+    doubts = examine(given(grown(OUTER[12 : 12 + marks]), pairs), MESH.vertices)
+    assert not doubts.attachments.any()
+    assert doubts.share == 1.0
+    assert doubts.outlying == 0.0
