@@ -88,9 +88,12 @@ def fit_organ(
     held = None if attachments is None else attachments.attached(template)
     known = None if landmarks is None else landmarks.attached(template)
     given = Given(template, points, held, known, tuple(loads), volume, settings)
-    doubts = examine(given, _start(given))
+    start = _start(given)
+    doubts = examine(given, start)
     given = doubts.heeded(given)
-    task, start = OnMesh.of_template(given), _start(given)
+    if doubts.attachments.any():
+        start = _start(given)
+    task = OnMesh.of_template(given)
     file = None if checkpoint is None else FitCheckpoint(checkpoint, given)
     position = None if file is None else file.read()
     if position is None:
