@@ -23,6 +23,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "shapes": ("mesh", "layers", "fem", "imaging"),
     "truth": ("mesh", "fem"),
     **dict.fromkeys(TISSUES, ("mesh", "layers", "fem", "imaging", "skeleton", "shapes")),
+    "anatomy": ("mesh", "imaging", "muscles"),
     "hand": ("mesh", "layers", "fem", "imaging", "skeleton", "shapes", *TISSUES),
 }
 FLOORS["ligaments"] += ("muscles",)

@@ -22,6 +22,7 @@ log = logging.getLogger(__name__)
 
 CRUMB = 0.05  # of a label's largest part, in volume, below which a part goes to its neighbours
 ROUNDS = 50
+GENTLE_ROUNDS = 15  # after which all tets at a pinch get one label, where giving tets to and fro has no end
 
 
 def cleaned(mesh: TetMesh, labels: IntArray) -> IntArray:
@@ -33,12 +34,12 @@ def cleaned(mesh: TetMesh, labels: IntArray) -> IntArray:
     pairs = tet_neighbours(mesh.tets)
     area = _shared_areas(mesh, pairs)
     volumes = mesh.volumes()
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         labels = _without_crumbs(labels, pairs, area, volumes)
-        pinched = _pinched(mesh, labels, pairs, volumes)
+        pinched, filled = _pinched(mesh, labels, pairs, volumes)
         if not pinched.any():
             return labels
-        labels = _given_away(labels, pinched, pairs, area)
+        labels = _given_away(labels, pinched, pairs, area) if number < GENTLE_ROUNDS else filled
     log.warning("%d tets hang on vertices or edges still", pinched.sum())
     return labels
 
@@ -90,7 +91,9 @@ def _given_away(labels: IntArray, given: NDArray[np.bool_], pairs: IntArray, are
     return labels
 
 
-def _pinched(mesh: TetMesh, labels: IntArray, pairs: IntArray, volumes: Array) -> NDArray[np.bool_]:
+def _pinched(
+    mesh: TetMesh, labels: IntArray, pairs: IntArray, volumes: Array
+) -> tuple[NDArray[np.bool_], IntArray]:
     """Tets (m,) at a vertex or edge that are not connected there, by faces, to the most of their label
     there.
     """
@@ -99,18 +102,23 @@ def _pinched(mesh: TetMesh, labels: IntArray, pairs: IntArray, volumes: Array) -
     touching[mesh.tets[differ]] = True
     vertices = np.flatnonzero(touching)
     stars = Stars.of(mesh.tets, len(mesh.vertices))
-    out = np.zeros(len(labels), dtype=bool)
+    out, filled = np.zeros(len(labels), dtype=bool), labels.copy()
     lone = np.full(len(vertices), -1)
-    _mark(np.stack([vertices, lone], axis=1), mesh.tets, labels, volumes, stars.start, stars.tets, out)
+    _mark(
+        np.stack([vertices, lone], axis=1), mesh.tets, labels, volumes, stars.start, stars.tets, out, filled
+    )
     ends = mesh.tets[:, EDGES]
     edges = np.unique(np.sort(ends[touching[ends].all(axis=2)], axis=1), axis=0)
-    _mark(edges, mesh.tets, labels, volumes, stars.start, stars.tets, out)
-    return out
+    _mark(edges, mesh.tets, labels, volumes, stars.start, stars.tets, out, filled)
+    return out, filled
 
 
 @njit(cache=True)
-def _mark(simplices, tets, labels, volumes, start, around, out):  # type: ignore[no-untyped-def]
-    """Mark the smaller parts of labels at vertices (second number -1) or edges."""
+def _mark(simplices, tets, labels, volumes, start, around, out, filled):  # type: ignore[no-untyped-def]
+    """Mark the smaller parts of labels at vertices (second number -1) or edges.
+
+    `filled` gives all tets of such a place the label of the largest part there.
+    """
     for index in range(len(simplices)):
         v, w = simplices[index]
         group = around[start[v] : start[v + 1]]
@@ -133,6 +141,7 @@ def _mark(simplices, tets, labels, volumes, start, around, out):  # type: ignore
         size = np.zeros(n)
         for i in range(n):
             size[part[i]] += volumes[group[i]]
+        pinched = False
         for i in range(n):
             for j in range(n):
                 smaller = size[part[i]] < size[part[j]] or (
@@ -140,3 +149,8 @@ def _mark(simplices, tets, labels, volumes, start, around, out):  # type: ignore
                 )
                 if labels[group[i]] == labels[group[j]] and smaller:
                     out[group[i]] = True
+                    pinched = True
+        if pinched:
+            label = labels[group[np.argmax(size[part])]]
+            for i in range(n):
+                filled[group[i]] = label
