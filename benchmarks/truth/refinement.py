@@ -63,13 +63,9 @@ def figures(found: list[Solved]) -> dict[str, dict[str, float]]:
     """Of each body: tets, nodes, distances from the finest one, its muscle's change of volume, seconds."""
     reference, table = found[0], {}
     for s in found:
-        row: dict[str, float] = {
-            "order": s.order,
-            "level": s.level,
-            "nodes": len(s.x),
-            "tets": len(s.body.anatomy.mesh.tets),
-        }
-        row["seconds"], row["volume_change"] = s.seconds, volume_changes(s.body, s.x)["flexor"]
+        row: dict[str, float] = {"order": s.order, "level": s.level, "nodes": len(s.x)}
+        row["tets"], row["seconds"] = len(s.body.anatomy.mesh.tets), s.seconds
+        row["volume_change"] = volume_changes(s.body, s.x)["flexor"]
         measured = difference(s.body, s.x, reference.body, reference.x)
         table[f"order {s.order}, level {s.level}"] = row | {name: v for name, (v, _) in measured.items()}
     return table

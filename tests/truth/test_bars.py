@@ -12,7 +12,7 @@ from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth.active import ActiveFibres
 from handpipe.truth.elements import Elements
 from handpipe.truth.solid import Solid
-from handpipe.truth.strands import ONSET, Strands, chain
+from handpipe.truth.strands import TOE, Strands, chain
 
 TIGHT = Options(displacement_tolerance=1e-8, force_tolerance=1e-9)
 
@@ -64,9 +64,9 @@ def _pulled_block(order, stiffness, force):
 def test_a_stiff_strand_in_a_soft_block_carries_the_load(order):
     _, tension, moved = _pulled_block(order, 2e4, 30.0)
     # Block against strand: E A = 16 mN of 20,000. The force of every segment is the load, to 1 %, and its
-    # strain that force by S, and half the onset more.
+    # strain where S e^2 / (2 toe) is that force.
     assert np.allclose(tension, 30.0, rtol=0.01)
-    assert moved[-1] == pytest.approx(20.0 * (30.0 / 2e4 + ONSET / 2), rel=0.01)
+    assert moved[-1] == pytest.approx(20.0 * np.sqrt(2 * TOE * 30.0 / 2e4), rel=0.01)
 
 
 def test_a_soft_strand_leaves_the_load_to_the_block():

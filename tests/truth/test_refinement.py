@@ -4,6 +4,7 @@ import numpy as np
 from tests.fem.bodies import box
 
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.truth.balls import ball_means
 from handpipe.truth.elements import Elements
 from handpipe.truth.refinement import Midpoints, refine
 
@@ -33,11 +34,12 @@ def test_nodes_of_quadratic_elements_are_the_refined_vertices():
     assert np.array_equal(Elements.quadratic(MESH).nodes, refine(MESH)[0].vertices)
 
 
-def test_midpoints_among_vertices_lie_on_their_edges():
+def test_nodes_on_faces_are_all_there():
     left = np.flatnonzero(MESH.vertices[:, 0] == 0)
     middle = Midpoints.of(MESH)
-    chosen = middle.among(left)
-    assert np.array_equal(np.sort(chosen), np.flatnonzero(middle.nodes[:, 0] == 0))
+    faces = MESH.boundary_faces()[0]
+    chosen = middle.on_faces(faces[np.isin(faces, left).all(axis=1)])
+    assert np.array_equal(chosen, np.flatnonzero(middle.nodes[:, 0] == 0))
 
 
 def test_gradients_are_exact_for_quadratic_fields():
@@ -62,3 +64,14 @@ def test_interpolation_is_exact_for_polynomials_of_the_order():
     for elements, power in ((Elements.linear(MESH), 1), (Elements.quadratic(MESH), 2)):
         carried = elements.interpolation(points) @ (elements.nodes @ [1.0, 2.0, -1.0]) ** power
         assert np.allclose(carried, (points @ [1.0, 2.0, -1.0]) ** power, atol=1e-12)
+
+
+def test_means_over_balls_are_those_of_the_ball():
+    for elements in (Elements.linear(MESH), Elements.quadratic(MESH)):
+        means = ball_means(elements, np.array([[1.5, 1.0, 0.5], [0.1, 1.0, 0.5]]), 0.4)
+        assert np.allclose(means.sum(axis=1), 1.0)
+        assert np.allclose((means @ elements.nodes)[0], [1.5, 1.0, 0.5])
+        assert (means @ elements.nodes)[1, 0] > 0.1  # half of the ball is outside
+    # Of |x - centre|^2: 12/13 of the radius squared, which quadratic elements have exactly.
+    squares = ((elements.nodes - [1.5, 1.0, 0.5]) ** 2).sum(axis=1)
+    assert np.isclose((means @ squares)[0], 12 / 13 * 0.16)

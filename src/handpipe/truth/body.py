@@ -18,6 +18,7 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth.active import ActiveFibres
+from handpipe.truth.balls import ball_means
 from handpipe.truth.elements import Elements
 from handpipe.truth.refinement import Midpoints, refine
 from handpipe.truth.solid import Solid
@@ -33,13 +34,14 @@ Mask = NDArray[np.bool_]
 class Strand:
     """A tendon's points (k, 3) in mm at rest, its stiffness (Young's modulus times area) in mN.
 
-    `bones` names the bone on which a point of that number ends; all others are carried by the tissue.
+    `bones` names the bone on which a point of that number ends; each other is the mean of the tissue within
+    `radius` mm: without it a taut strand would cut through ever finer meshes.
     """
 
     points: Array
     stiffness: float
     bones: Mapping[int, str] = field(default_factory=dict)
-    radius: float = 0.5
+    radius: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +148,7 @@ class Body:
     def strand_points(self, name: str) -> sp.csr_matrix:
         """Matrix (k, n) from nodes to the points of a strand."""
         strand = self.anatomy.strands[name]
-        matrix = self.elements.interpolation(strand.points).tolil()
+        matrix = ball_means(self.elements, strand.points, strand.radius).tolil()
         for point, bone in strand.bones.items():
             matrix[point] = bone_weights(
                 strand.points[point], self.anatomy.mesh, self.anatomy.bones[bone], len(self.rest)

@@ -13,16 +13,16 @@ from handpipe.fem.points import PointPotential, per_point
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-ONSET = 1e-3  # strain over which tension rises from none to its full slope
+TOE = 0.02  # strain over which tension rises from none to its full slope, as collagen uncrimps
 
 
 class Strands(PointPotential):
-    """Energy sum over segments of S L p(e) at strain e = l / L - 1: tension S e, and none where slack.
+    """Energy sum over segments of S L p(e) at strain e = l / L - 1: tension where taut, none where slack.
 
     `operator` (k, n) takes nodes to the strands' points, segments (s, 2) name pairs of points, stiffness S in
     mN (Young's modulus times cross-section), one for all or one a segment. The penalty p is twice continuous:
-    tension sets in over a strain of ONSET, and is S (e - ONSET / 2) beyond. With `two_sided` it is a spring
-    and pushes, too. Rest lengths are those at `rest` (n, 3). Segments are seen as the vectors between their
+    tension is S e^2 / (2 TOE) up to the strain TOE and S (e - TOE / 2) beyond. With `two_sided` it is a
+    spring and pushes, too. Rest lengths are those at `rest` (n, 3). Segments are seen as the vectors between their
     ends, which are linear in x.
     """
 
@@ -48,12 +48,10 @@ class Strands(PointPotential):
         """Energies, tensions, their slopes and lengths, each (s,)."""
         now = np.linalg.norm(vectors, axis=1)
         strain = now / self.lengths - 1.0
-        if self.two_sided:
-            parts = 0.5 * strain**2, strain, np.ones_like(strain)
-        else:
-            parts = penalty(strain, ONSET)
-        scale = self.stiffness * self.lengths
-        return scale * parts[0], self.stiffness * parts[1], self.stiffness * parts[2] / self.lengths, now
+        spring = 0.5 * strain**2, strain, np.ones_like(strain)
+        energy, tension, slope = spring if self.two_sided else penalty(strain, TOE)
+        s = self.stiffness
+        return s * self.lengths * energy, s * tension, s / self.lengths * slope, now
 
     def strains(self, x: Array) -> Array:
         """Strain (s,) of every segment; negative where it is slack."""
