@@ -65,7 +65,9 @@ def read_pairs(template: str | Path, image: str | Path) -> Pairs:
 
 
 def write_fit(folder: str | Path, fit: OrganFit, inputs: list[str | Path]) -> None:
-    """Write fitted.vtu, surface.ply, quality.json and fit.h5 (mesh, strains, kept marks, every step)."""
+    """Write fitted.vtu, surface.ply, quality.json and fit.h5 (mesh, strains, kept marks, doubtful
+    attachments, every step).
+    """
     folder = Path(folder)
     stretches = plasticity.eigenvalues(fit.strains)
     cells = {"plastic_strain": [fit.strains], "principal_strains": [stretches]}
@@ -81,6 +83,7 @@ def write_fit(folder: str | Path, fit: OrganFit, inputs: list[str | Path]) -> No
             "tets": fit.mesh.tets,
             "strains": fit.strains,
             "kept": fit.kept.astype(np.uint8),
+            "doubtful": fit.doubtful.astype(np.uint8),
             "record": fit.table(),
         },
         kind="organ",
