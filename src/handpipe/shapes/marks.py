@@ -68,7 +68,7 @@ class BoundaryMarks:
         self.points, self.tangential, self.robust = points, tangential, robust
         self._embedding = sparse.identity(len(mesh.vertices), format="csr")
         self._outer = mesh.boundary_vertices()
-        self.covering = covering and len(points) > 1
+        self.covering = covering
 
     def thinned(self, most: int) -> BoundaryMarks:
         """At most that many of them, evenly from first to last."""
@@ -97,7 +97,9 @@ class BoundaryMarks:
         present: Surface = self.surface.moved(x)
         markers = Markers(self.points[keep], weights[keep])
         found = Correspondence.of(markers, present, self._embedding, self.tangential)
-        return found.joined(self._astray(present, self.points[keep])) if self.covering else found
+        if not self.covering or keep.sum() <= NEIGHBOURS:
+            return found
+        return found.joined(self._astray(present, self.points[keep]))
 
     def _astray(self, present: Surface, points: Array) -> Correspondence:
         """Boundary vertices far from all marks, drawn to where the nearest one reaches.
@@ -105,7 +107,7 @@ class BoundaryMarks:
         Each has the weight of its area, in squares of the marks' spacing.
         """
         tree = cKDTree(points)
-        reach = tree.query(points, k=min(NEIGHBOURS + 1, len(points)))[0][:, -1]
+        reach = tree.query(points, k=NEIGHBOURS + 1)[0][:, -1]
         x = present.vertices[self._outer]
         distances, nearest = tree.query(x)
         far = np.flatnonzero(distances > reach[nearest])

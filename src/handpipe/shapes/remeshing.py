@@ -1,9 +1,11 @@
 """New tets where strains have ruined the old ones (003 section 5.10 leaves it open).
 
-The present shape is meshed anew and becomes the rest shape. Elastic stress is kept: in a tet whose elastic
-deformation is F_e = V R, the plastic strain V^-1 from the present shape on gives the same stress at the same
-place, since the material is isotropic. So the shape stays the equilibrium that it was, under springs and
-loads too. The log-strains that the search smooths are carried over, too (`strain_frame.py`).
+The present shape is meshed anew and becomes the rest shape, free of stress: what the old tets held against
+one another was the misfit of their strains, which would not fit new ones. Under loads there is stress: in a
+tet whose elastic deformation is F_e = V R, the plastic strain V^-1 from the present shape on gives the same
+one at the same place, since the material is isotropic. By what the equilibrium then departs from the present
+shape, for averages and for springs, a few steps towards that shape take it back. The log-strains that the
+search smooths are carried over (`strain_frame.py`).
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from handpipe.shapes.correspondence import Correspondence
 from handpipe.shapes.fit import Attached
 from handpipe.shapes.image_marks import ImageMarks
 from handpipe.shapes.marks import BoundaryMarks, with_landmarks
-from handpipe.shapes.search import FindMarks, Record, Search, Settings, State
+from handpipe.shapes.search import EARLY, FindMarks, Record, Search, Settings, State
 from handpipe.shapes.strain_frame import StrainFrame
 
 Array = NDArray[np.float64]
@@ -39,7 +41,10 @@ log = logging.getLogger(__name__)
 WORSE = 0.7  # of the angle at rest: tets that were bad from the start are not strains' doing
 BETTER = 1.5  # times the angle before, without which new tets are not worth it
 HINDERED = 0.25  # length of a step that tets stood in the way of
-FINER = (1.0, 0.7)  # edges that are tried: the thinnest parts may need shorter ones
+FINER = (1.0, 0.7, 0.5)  # edges that are tried: thin parts may need shorter ones
+PACKED = 4.6  # cube of the edge length that tets are made with, over their mean volume
+KEPT = 200  # points by which the shape is held meanwhile
+LOST = 0.1  # of the volume: edges longer than a part is thick lose that part
 NEW_TETS = "new tets"  # stage of a record
 STRETCH = 3.0  # elastic stretch, either way, that is carried over
 
@@ -60,8 +65,7 @@ class Given:
 class OnMesh:
     """The search on one mesh at rest.
 
-    carry (n0, n) takes its vertices to those of the template; frame: of its log-strains; edge: length in mm
-    that its tets are made with.
+    carry (n0, n) takes its vertices to those of the template; frame: of its log-strains.
     """
 
     def __init__(
@@ -70,11 +74,10 @@ class OnMesh:
         mesh: TetMesh,
         carry: sp.csr_matrix | None,
         frame: StrainFrame | None,
-        edge: float,
         record: list[Record],
     ) -> None:
         """carry, frame: None where the mesh is the template itself."""
-        self.given, self.mesh, self.edge = given, mesh, edge
+        self.given, self.mesh = given, mesh
         self.carry = sp.identity(len(mesh.vertices), format="csr") if carry is None else carry
         loads = given.loads if carry is None else [Carried(p, carry) for p in given.loads]
         settings = given.settings
@@ -89,8 +92,7 @@ class OnMesh:
     @staticmethod
     def of_template(given: Given) -> OnMesh:
         """On the template itself."""
-        edge = float(given.template.boundary().edge_lengths().mean())
-        return OnMesh(given, given.template, None, None, edge, [])
+        return OnMesh(given, given.template, None, None, [])
 
     def find(self, uses: str) -> FindMarks:
         """What gives the marks of a stage that uses "nothing", "landmarks", "marks" or the "image"."""
@@ -119,25 +121,38 @@ def _stuck(search: Search) -> bool:
 
 
 def remeshed(task: OnMesh, state: State) -> tuple[OnMesh, State]:
-    """The search on new tets of the present shape, and the state there.
+    """The search on new tets of the present shape, about as many as the template's, and the state there.
 
     Raises `HandpipeError` where the shape cannot be meshed or new tets would be no better.
     """
     present = task.mesh.moved(state.x)
-    growth = present.volumes().sum() / task.mesh.volumes().sum()
-    edge = task.edge * float(growth ** (1 / 3))
-    mesh = _meshed(present, edge)
+    share = float(present.volumes().sum()) / len(task.given.template.tets)
+    mesh = _meshed(present, (PACKED * share) ** (1 / 3))
     points = task.carry @ state.x
     carry = Embedding.of(points, mesh).matrix(len(mesh.vertices))
     since, total, rotations = _carried_fields(task, state, mesh)
     frame = StrainFrame.of(rotations, total, since)
-    new = OnMesh(task.given, mesh, carry, frame, edge, task.search.record)
-    return new, new.search.at(total, mesh.vertices)
+    new = OnMesh(task.given, mesh, carry, frame, task.search.record)
+    return new, _kept(new, new.search.at(total, mesh.vertices))
+
+
+def _kept(task: OnMesh, state: State) -> State:
+    """The state after a few steps towards the shape at rest, if it has departed from that."""
+    rest = task.mesh.vertices
+    if np.linalg.norm(state.x - rest, axis=1).max() < task.given.settings.enough:
+        return state
+    outer = task.mesh.boundary_vertices()
+    outer = outer[:: -(-len(outer) // KEPT)]
+    places = Attached.vertices(outer, rest[outer], len(rest))
+    shape = Correspondence(places.matrix, places.targets, None)
+    return task.search.run(
+        state, "keeping the shape", lambda x: shape, task.given.settings.alpha, False, EARLY
+    )
 
 
 def _meshed(present: TetMesh, edge: float) -> TetMesh:
     """Tets of about `edge` mm in the present shape; the surface's vertices lie on it."""
-    before = present.smallest_dihedral()
+    before, volume = present.smallest_dihedral(), present.volumes().sum()
     surface = present.boundary().compact()
     reason: HandpipeError = HandpipeError("remeshing: no edge length was tried")
     for share in FINER:
@@ -147,11 +162,11 @@ def _meshed(present: TetMesh, edge: float) -> TetMesh:
             reason = error
             continue
         smallest = mesh.smallest_dihedral()
-        if smallest > BETTER * before:
+        lost = 1 - mesh.volumes().sum() / volume
+        if smallest > BETTER * before and abs(lost) < LOST:
             return mesh
-        reason = HandpipeError(
-            f"remeshing: the smallest angle would be {smallest:.2f} deg after {before:.2f}"
-        )
+        figures = f"{smallest:.2f} deg at the smallest angle after {before:.2f}, {100 * lost:.1f} % smaller"
+        reason = HandpipeError(f"remeshing: new tets would be no better: {figures}")
     raise reason
 
 
@@ -164,7 +179,9 @@ def _carried_fields(task: OnMesh, state: State, mesh: TetMesh) -> tuple[Array, A
     if frame is not None:
         turn = turn @ frame.rotations
     turn = plasticity.polar(np.ascontiguousarray(turn))[0]
-    fields = np.column_stack([residual_logs(state.body, state.x), state.logs, turn.reshape(-1, 9)])
+    loaded = len(task.given.loads) > 0
+    since = residual_logs(state.body, state.x) if loaded else np.zeros_like(state.logs)
+    fields = np.column_stack([since, state.logs, turn.reshape(-1, 9)])
     since, total, turned = np.split(_carried(present, fields, mesh), [6, 12], axis=1)
     return since, total, plasticity.polar(np.ascontiguousarray(turned.reshape(-1, 3, 3)))[0]
 

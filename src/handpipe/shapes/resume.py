@@ -60,7 +60,6 @@ class FitCheckpoint:
             "digest": self.digest,
             "vertices": task.mesh.vertices,
             "tets": task.mesh.tets,
-            "edge": task.edge,
             "frame": {} if frame is None else {"rotations": frame.rotations, "before": frame.before},
             "carry": carry,
             "logs": state.logs,
@@ -69,7 +68,7 @@ class FitCheckpoint:
             "record": artifacts.columns(task.search.record),
         }
         data |= {name: getattr(position, name) for name in ("stage", "first", "meshings")}
-        artifacts.write(self.path, data, kind=KIND, units={"vertices": "mm", "x": "mm", "edge": "mm"})
+        artifacts.write(self.path, data, kind=KIND, units={"vertices": "mm", "x": "mm"})
 
     def done(self) -> None:
         """Remove the file."""
@@ -83,7 +82,7 @@ class FitCheckpoint:
         record = _records(content["record"])
         frame = StrainFrame(**content["frame"]) if content["frame"] else None
         meshed = None if frame is None else carry
-        task = OnMesh(self.given, mesh, meshed, frame, float(content["edge"]), record)
+        task = OnMesh(self.given, mesh, meshed, frame, record)
         body = task.search.strained(content["logs"])
         state = State(content["logs"], body, content["x"], int(content["tangles"]))
         return Position(task, state, *(int(content[n]) for n in ("stage", "first", "meshings")))
