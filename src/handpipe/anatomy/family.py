@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from handpipe.anatomy.bony_points import away_from
 from handpipe.anatomy.posing import Skeleton
 from handpipe.anatomy.subject_template import SubjectTemplate, warped
+from handpipe.anatomy.warp import require_invertible
 from handpipe.errors import InputError
 from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.muscles.templates import Affine
@@ -104,5 +105,11 @@ def target_points(
 def resized(
     template: SubjectTemplate, lengths: Mapping[str, float], scale: float | None = None
 ) -> SubjectTemplate:
-    """The template of a person whose bones have the given lengths; errors as `family_warp`."""
-    return warped(template, family_warp(template, lengths, scale))
+    """The template of a person whose bones have the given lengths.
+
+    Errors as `family_warp`, and where neighbouring fingers are to grow so unlike that the space between them
+    turns inside out, from about 25 % on in a hand whose fingers lie side by side.
+    """
+    warp = family_warp(template, lengths, scale)
+    require_invertible(warp, template, "lengths")
+    return warped(template, warp)

@@ -134,10 +134,10 @@ def _aligned(points: Array, target: Array) -> tuple[Array, float, float]:
 
 
 def _require_hand(size: float, residual: float, flat: Array, origin: str | Path) -> None:
-    if not SIZES[0] < size < SIZES[1]:
-        problem = f"makes the hand {size:.2f} times as large as the template's"
-        raise InputError(origin, "ruler", problem, "Check the two points on the ruler and their distance")
     spread = float(np.sqrt(((flat - flat.mean(axis=0)) ** 2).sum(axis=1).mean()))
     if residual > RESIDUAL * spread:
         problem = f"are {residual:.0f} mm from a hand's in the mean"
         raise InputError(origin, "points", problem, "Look whether names are mixed up")
+    if not SIZES[0] < size < SIZES[1]:
+        problem = f"makes the hand {size:.2f} times as large as the template's"
+        raise InputError(origin, "ruler", problem, "Check the two points on the ruler and their distance")

@@ -19,7 +19,6 @@ from handpipe.anatomy.bony_points import away_from
 from handpipe.anatomy.feature_points import FINGERS, Points
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateJoint
 from handpipe.mesh.biharmonic import Biharmonic
-from handpipe.mesh.distance import sample_points
 from handpipe.muscles.templates import Affine, fit_similarity
 
 Array = NDArray[np.float64]
@@ -29,7 +28,7 @@ log = logging.getLogger(__name__)
 # Standard deviations of how persons differ: of a feature point on its bone in mm, of an angle in rad, and of
 # the logarithm of a bone's length against the whole hand's. Held-out landmarks hardly depend on them.
 POINT, ANGLE, LENGTH = 2.0, np.radians(25.0), 0.08
-SAMPLES = 20  # points a bone that carry its motion into the space around it
+SAMPLES = 40  # points a bone that carry its motion into the space around it
 SMOOTHING = 0.5
 
 
@@ -115,10 +114,20 @@ class Skeleton:
         """The bones' maps carried on into the space around them."""
         source, target = [], []
         for name, surface in self.template.bones.items():
-            points = sample_points(surface, samples, seed=1)
+            points = farthest_points(surface.vertices, samples)
             source.append(points)
             target.append(maps[name](points))
         return Biharmonic(np.vstack(source), np.vstack(target), smoothing)
+
+
+def farthest_points(points: Array, count: int) -> Array:
+    """Some of points (n, 3), each as far as can be from those before it; the first from all points' middle."""
+    chosen = [int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
+    distance = np.full(len(points), np.inf)
+    for _ in range(min(count, len(points)) - 1):
+        distance = np.minimum(distance, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(np.argmax(distance)))
+    return points[chosen]
 
 
 def posed(template: SubjectTemplate, target: Points) -> Biharmonic:

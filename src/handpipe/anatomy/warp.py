@@ -102,8 +102,8 @@ def require_invertible(warp: SpaceMap, template: SubjectTemplate, origin: str | 
         nearest = min(
             template.feature_points, key=lambda n: float(np.linalg.norm(template.feature_points[n] - place))
         )
-        problem = f"turn {', '.join(found)} inside out, most at ({where}) of the template, near {nearest}"
-        raise InputError(origin, "feature points", problem, f"Look at {nearest} and the points around it")
+        problem = f"the warp turns {', '.join(found)} inside out, most at ({where}) of the template"
+        raise InputError(origin, nearest, problem, f"Look at {nearest} and what is around it")
 
 
 def subject_template(

@@ -49,7 +49,10 @@ MUSCLES = {
     "flexor_pollicis_brevis_deep": "Deep_head_of_flexor_pollicis_brevis_r",
     "adductor_pollicis_transverse": "Transverse_head_of_adductor_pollicis_r",
 }
-GROUPS = {"dorsal_interosseous": "Dorsal_interossei_muscles_of_hand_r", "lumbrical": "Lumbrical_muscles_of_hand_r"}
+GROUPS = {
+    "dorsal_interosseous": "Dorsal_interossei_muscles_of_hand_r",
+    "lumbrical": "Lumbrical_muscles_of_hand_r",
+}
 FLEXOR = "Flexor_digitorum_profundus_r"
 BIN = 3.0  # mm along a tendon over which its middle is taken
 BESIDE = 16.0  # mm from a ray's middle line to the points of its tendon
@@ -75,7 +78,7 @@ def myohand(folder: Path) -> SubjectTemplate:
 
 
 def zanatomy(folder: Path) -> SubjectTemplate:
-    """Z-Anatomy's bones, MyoHand's joints on them, intrinsic muscles and deep flexors; `InputError` without."""
+    """Z-Anatomy's bones, MyoHand's joints on them, intrinsic muscles, deep flexors; `InputError` without."""
     bones, hinges, _ = zanatomy_bones.read(folder)
     file = zanatomy_bones.FILES[ROOT]
     raw = subdivided(mended(read_mesh(folder / HAND / f"{file}.ply"), ROOT))
@@ -103,9 +106,6 @@ def zanatomy(folder: Path) -> SubjectTemplate:
         feature_points=found.feature_points,
         moves_with=found.moves_with,
     )
-
-
-
 
 
 def _real(

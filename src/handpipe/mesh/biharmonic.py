@@ -30,7 +30,9 @@ class Biharmonic:
         self._centres = (source - self._middle) / self._scale if self._scale > 0 else source
         if len(source) < 4 or np.linalg.svd(self._centres, compute_uv=False)[2] < 1e-9 * len(source):
             raise ValueError("the points lie in a plane")
-        solution = np.linalg.solve(system(self._centres, smoothing / max(self._scale, 1e-300)), _padded(target))
+        solution = np.linalg.solve(
+            system(self._centres, smoothing / max(self._scale, 1e-300)), _padded(target)
+        )
         self._weights, self._offset, self._linear = solution[:-4], solution[-4], solution[-3:].T
 
     def __call__(self, points: Array) -> Array:
@@ -45,11 +47,13 @@ class Biharmonic:
         """Derivatives (k, 3, 3) at points (k, 3): J[a, b] of coordinate a by coordinate b."""
         points = self._normalised(points)
         out = np.tile(self._linear, (len(points), 1, 1))
+        moments = (self._weights[:, :, None] * self._centres[:, None, :]).reshape(-1, 9)
         for part in _blocks(len(points), len(self._centres)):
-            away = points[part, None, :] - self._centres
-            length = np.linalg.norm(away, axis=2, keepdims=True)
-            away = np.divide(away, length, out=np.zeros_like(away), where=length > 1e-12)
-            out[part] -= np.einsum("na,knb->kab", self._weights, away)
+            length = cdist(points[part], self._centres)
+            inverse = np.divide(1.0, length, out=np.zeros_like(length), where=length > 1e-12)
+            # The sum of w_i (x - s_i)^T / |x - s_i|, as products of whole matrices.
+            out[part] += (inverse @ moments).reshape(-1, 3, 3)
+            out[part] -= (inverse @ self._weights)[:, :, None] * points[part, None, :]
         return out / self._scale
 
     def _normalised(self, points: Array) -> Array:
@@ -82,5 +86,5 @@ def left_out(source: Array, target: Array) -> Array:
 
 
 def _blocks(points: int, centres: int) -> Iterator[slice]:
-    step = max(CHUNK // (3 * centres), 1)
+    step = max(CHUNK // centres, 1)
     return (slice(start, start + step) for start in range(0, points, step))
