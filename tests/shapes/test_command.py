@@ -11,6 +11,8 @@ from tests.muscles.shapes import box
 from handpipe import artifacts, metrics
 from handpipe.errors import InputError
 from handpipe.imaging.markers import write_markers
+from handpipe.imaging.volume import Volume, write_volume
+from handpipe.mesh.surface import read_surface
 from handpipe.shapes.__main__ import main
 from handpipe.shapes.files import read_pairs, read_template
 
@@ -47,6 +49,32 @@ def test_files_in_files_out(folder: Path, capsys: pytest.CaptureFixture) -> None
     assert written.cell_data["plastic_strain"][0].shape == (len(MESH.tets), 6)
     assert len(fit["record"]["objective"]) > 2
     assert (out / "surface.ply").exists()
+    assert not (out / "checkpoint.h5").exists()
+    assert fit["rest_vertices"] == pytest.approx(MESH.vertices)
+    assert fit["template_vertices"] == pytest.approx(fit["vertices"])
+
+
+def test_marks_are_found_in_an_image(folder: Path) -> None:
+    spacing = 0.5
+    affine = np.diag([spacing, spacing, spacing, 1.0])
+    affine[:3, 3] = [-5.0, -6.0, -5.0]
+    grid = affine[:3, 3] + spacing * np.indices((80, 44, 36)).reshape(3, -1).T
+    low, high = GROWN.vertices.min(axis=0), GROWN.vertices.max(axis=0)
+    depth = np.minimum(grid - low, high - grid).min(
+        axis=1
+    )  # a blurred edge, of half the height at the surface
+    values = 400.0 * np.clip(0.5 + depth / (2 * spacing), 0.0, 1.0).reshape(80, 44, 36)
+    write_volume(folder / "image.nii.gz", Volume(values.astype(np.float32), affine))
+    out = folder / "out"
+    arguments = [str(folder / "organ.vtk"), "--volume", str(folder / "image.nii.gz"), "--output", str(out)]
+    assert main([*arguments, "--iterations", "4"]) == 0
+    quality = metrics.read(out / "quality.json")
+    assert quality["image_marks"][0] > 30
+    grown, before = GROWN.volumes().sum(), MESH.volumes().sum()
+    assert abs(quality["volume_after"][0] - grown) < 0.4 * abs(before - grown)
+    surface = read_surface(out / "surface.ply")
+    sides = surface.vertices[np.abs(surface.vertices[:, 0] - 15.0) < 8.0]
+    assert np.ptp(sides, axis=0)[1:] == pytest.approx([10.4, 7.2], abs=0.4)
 
 
 def test_errors_name_the_file(folder: Path, capsys: pytest.CaptureFixture) -> None:

@@ -1,7 +1,8 @@
 """`python -m handpipe.shapes template.vtk marks.mrk.json`: deform an organ's template to marks in an image.
 
 Coordinates are mm, RAS; .mrk.json files may be LPS, as 3D Slicer says in them. Writes fitted.vtu (with the
-plastic strains), surface.ply, quality.json and fit.h5 into the output folder.
+plastic strains), surface.ply, quality.json and fit.h5 into the output folder. Until then that holds
+checkpoint.h5, from which the same command goes on if it was killed.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 from handpipe.errors import HandpipeError
 from handpipe.fem.materials import Material
 from handpipe.imaging.markers import read_markers
+from handpipe.imaging.volume import read_volume
 from handpipe.shapes.files import read_pairs, read_template, write_fit
 from handpipe.shapes.organ import fit_organ
 from handpipe.shapes.search import Settings
@@ -45,6 +47,8 @@ def run(options: argparse.Namespace) -> None:
         iterations=options.iterations,
         enough=options.enough,
         outliers=options.outliers,
+        covering=options.covering,
+        remesh_below=options.remesh_below,
         material=Material(options.young, options.poisson),
     )
     fit = fit_organ(
@@ -52,9 +56,17 @@ def run(options: argparse.Namespace) -> None:
         marks,
         attachments=attachments,
         landmarks=landmarks,
+        volume=None if options.volume is None else read_volume(options.volume),
         settings=settings,
+        checkpoint=options.output / "checkpoint.h5",
     )
-    files = [options.template, options.marks, *(options.attachments or ()), *(options.landmarks or ())]
+    files = [
+        options.template,
+        options.marks,
+        options.volume,
+        *(options.attachments or ()),
+        *(options.landmarks or ()),
+    ]
     write_fit(options.output, fit, [f for f in files if f is not None])
     for name, (value, unit) in fit.quality.items():
         print(f"{name:28s} {value:10.4g} {unit}")
@@ -73,12 +85,20 @@ def _parser() -> argparse.ArgumentParser:
             metavar=("TEMPLATE.mrk.json", "IMAGE.mrk.json"),
             help=f"points {what}: on the template and in the image, the same labels",
         )
+    parser.add_argument("--volume", type=Path, help="image in which marks are sought: NIfTI, NRRD, DICOM")
     parser.add_argument("--output", type=Path, default=Path("organ"), help="folder; by default organ")
     parser.add_argument("--alpha", type=float, default=known.alpha, help="weight of marks, 1/mm^2")
     parser.add_argument("--beta", type=float, default=known.beta, help="weight of attachments, 1/mm^2")
     parser.add_argument("--iterations", type=int, default=known.iterations, help="at most, at full weight")
     parser.add_argument("--enough", type=float, default=known.enough, help="mm at the farthest mark")
     parser.add_argument("--outliers", action="store_true", help="leave out marks far beyond the others")
+    parser.add_argument("--covering", action="store_true", help="no part of the organ is far from all marks")
+    parser.add_argument(
+        "--remesh-below",
+        type=float,
+        default=known.remesh_below,
+        help="smallest dihedral angle in degrees below which tets are made anew; 0: never",
+    )
     parser.add_argument("--young", type=float, default=known.material.young, help="kPa")
     parser.add_argument("--poisson", type=float, default=known.material.poisson)
     parser.add_argument("--verbose", action="store_true")

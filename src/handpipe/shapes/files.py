@@ -81,12 +81,14 @@ def write_fit(folder: str | Path, fit: OrganFit, inputs: list[str | Path]) -> No
         {
             "vertices": fit.mesh.vertices,
             "tets": fit.mesh.tets,
+            "rest_vertices": fit.rest.vertices,
+            "template_vertices": fit.carried,
             "strains": fit.strains,
             "kept": fit.kept.astype(np.uint8),
             "doubtful": fit.doubtful.astype(np.uint8),
             "record": fit.table(),
         },
         kind="organ",
-        units={"vertices": "mm", "strains": "1"},
+        units={"vertices": "mm", "rest_vertices": "mm", "template_vertices": "mm", "strains": "1"},
         inputs=inputs,
     )
