@@ -22,8 +22,8 @@ class Strands(PointPotential):
     `operator` (k, n) takes nodes to the strands' points, segments (s, 2) name pairs of points, stiffness S in
     mN (Young's modulus times cross-section), one for all or one a segment. The penalty p is twice continuous:
     tension is S e^2 / (2 TOE) up to the strain TOE and S (e - TOE / 2) beyond. With `two_sided` it is a
-    spring and pushes, too. Rest lengths are those at `rest` (n, 3). Segments are seen as the vectors between their
-    ends, which are linear in x.
+    spring and pushes, too. Rest lengths are those at `rest` (n, 3). Segments are seen as the
+    vectors between their ends, which are linear in x.
     """
 
     def __init__(
