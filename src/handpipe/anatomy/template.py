@@ -69,7 +69,8 @@ class Template:
 
     def volumes(self) -> Array:
         """Volumes (k,) in mm^3 of the tissues."""
-        return np.bincount(self.labels, self.mesh.volumes(), len(self.names))
+        sums = np.bincount(self.labels, self.mesh.volumes(), len(self.names))
+        return np.asarray(sums, dtype=np.float64)
 
     def metrics(self) -> Metrics:
         """What can be said of the mesh without other knowledge."""
@@ -194,7 +195,8 @@ def _volume_scales(domain: Domain, functions: Functions, muscles: Mapping[str, P
 
     def volumes_of(scales: Array) -> Array:
         labelled = segment(domain, functions.values * scales)
-        return np.bincount(labelled.labels, labelled.mesh.volumes(), len(targets))
+        sums = np.bincount(labelled.labels, labelled.mesh.volumes(), len(targets))
+        return np.asarray(sums, dtype=np.float64)
 
     return meet_volumes(targets, volumes_of, functions.names)
 
