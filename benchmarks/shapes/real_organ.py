@@ -27,7 +27,7 @@ from handpipe.shapes.files import read_template
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # noqa: E402
+from matplotlib.collections import PolyCollection  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -61,28 +61,30 @@ def compare(muscle: Surface, folder: Path) -> None:
 
 
 def draw(path: Path, shown: list[tuple[Surface, Array | None]]) -> None:
-    """Surfaces side by side, in one scale, seen across the marks' longest axis."""
+    """Surfaces side by side, in one scale, seen across the last one's longest axis."""
     axes = _axes(sample_points(shown[-1][0], 2000))
-    titles = ["template", "with marks of the muscle", "fitted", "the muscle"]
-    views = [s.moved(s.vertices @ axes) for s, _ in shown]
-    points = np.concatenate([v.vertices for v in views])
-    low, high = points.min(axis=0), points.max(axis=0)
-    figure = plt.figure(figsize=(9.0, 6.4))
-    for number, (view, (_, marks), title) in enumerate(zip(views, shown, titles, strict=True)):
-        ax = figure.add_subplot(2, 2, number + 1, projection="3d", computed_zorder=False)
-        shade = 0.35 + 0.65 * np.abs(view.triangle_normals() @ LIGHT)
+    titles = ["a ball", "with marks of the muscle", "fitted", "the muscle"]
+    points = np.concatenate([s.vertices @ axes for s, _ in shown])
+    low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
+    figure, panels = plt.subplots(2, 2, figsize=(9.0, 4.2), layout="constrained")
+    for number, (ax, (surface, marks), title) in enumerate(zip(panels.flat, shown, titles, strict=True)):
+        view = surface.moved(surface.vertices @ axes)
+        normals = view.triangle_normals()
+        corners = view.vertices[view.triangles]
+        seen = np.flatnonzero(normals[:, 2] > 0)
+        seen = seen[np.argsort(corners[seen, :, 2].mean(axis=1))]
+        shade = 0.35 + 0.65 * np.abs(normals[seen] @ LIGHT)
         colours = np.outer(shade, (0.85, 0.45, 0.4) if number == 3 else (0.45, 0.65, 0.9))
-        patches = Poly3DCollection(view.vertices[view.triangles], facecolors=colours, linewidths=0.15)
-        patches.set_edgecolor((0, 0, 0, 0.3))
-        ax.add_collection3d(patches)
+        ax.add_collection(
+            PolyCollection(
+                corners[seen, :, :2], facecolors=colours, edgecolors=(0, 0, 0, 0.4), linewidths=0.2
+            )
+        )
         if marks is not None:
-            ax.scatter(*(marks @ axes).T, s=1.5, c="k")
-        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-        ax.set_box_aspect(high - low, zoom=1.5)
-        ax.view_init(90, -90)
+            ax.scatter(*(marks @ axes).T[:2], s=1.5, c="k", zorder=3)
+        ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         ax.set_axis_off()
-        ax.set_title(title, fontsize=9, y=0.85)
-    figure.subplots_adjust(0, 0, 1, 1, 0, 0)
+        ax.set_title(title, fontsize=9)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 

@@ -20,10 +20,10 @@ from handpipe.metrics import Metrics
 from handpipe.shapes.doubts import Doubts, examine
 from handpipe.shapes.marks import BoundaryMarks, Pairs
 from handpipe.shapes.placement import placed
-from handpipe.shapes.remeshing import NEW_TETS, Given, OnMesh
+from handpipe.shapes.remeshing import Given, OnMesh
 from handpipe.shapes.resume import FitCheckpoint
 from handpipe.shapes.search import Record, Settings, State
-from handpipe.shapes.stages import Position, follow, plan
+from handpipe.shapes.stages import NEW_TETS, Position, follow, plan
 from handpipe.shapes.straight import loosened
 
 Array = NDArray[np.float64]

@@ -10,8 +10,7 @@ search smooths are carried over (`strain_frame.py`).
 
 from __future__ import annotations
 
-import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -36,8 +35,6 @@ from handpipe.shapes.strain_frame import StrainFrame
 
 Array = NDArray[np.float64]
 
-log = logging.getLogger(__name__)
-
 WORSE = 0.7  # of the angle at rest: tets that were bad from the start are not strains' doing
 BETTER = 1.5  # times the angle before, without which new tets are not worth it
 HINDERED = 0.25  # length of a step that tets stood in the way of
@@ -45,7 +42,6 @@ FINER = (1.0, 0.7, 0.5)  # edges that are tried: thin parts may need shorter one
 PACKED = 4.6  # cube of the edge length that tets are made with, over their mean volume
 KEPT = 200  # points by which the shape is held meanwhile
 LOST = 0.1  # of the volume: edges longer than a part is thick lose that part
-NEW_TETS = "new tets"  # stage of a record
 STRETCH = 3.0  # elastic stretch, either way, that is carried over
 
 
@@ -202,25 +198,3 @@ def _carried(old: TetMesh, fields: Array, new: TetMesh) -> Array:
     at_vertices = (gather @ fields) / np.maximum(np.asarray(gather.sum(axis=1)), 1e-300)
     centres = new.vertices[new.tets].mean(axis=1)
     return Embedding.of(centres, old)(at_vertices)
-
-
-def noted(task: OnMesh, state: State, record: Record) -> None:
-    """Put the new mesh into the record, after the last step on the old one."""
-    smallest = task.mesh.moved(state.x).smallest_dihedral()
-    marks = task.marks.distances(state.x)
-    log.info("%d new tets, smallest angle %.1f deg", len(task.mesh.tets), smallest)
-    task.search.record.append(
-        replace(
-            record,
-            stage=NEW_TETS,
-            marks_mean=float(marks.mean()) if len(marks) else 0.0,
-            marks_max=float(marks.max(initial=0.0)),
-            eigenvalue=float(plasticity.eigenvalues(state.body.strains).min()),
-            step=0.0,
-            rows=0,
-            inner_iterations=0,
-            tets=len(state.logs),
-            smallest_dihedral=smallest,
-            seconds=0.0,
-        )
-    )

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from handpipe.errors import HandpipeError
-from handpipe.shapes.remeshing import Given, OnMesh, noted, remeshed, worn
+from handpipe.shapes.correspondence import Correspondence
+from handpipe.shapes.remeshing import Given, OnMesh, remeshed, worn
 from handpipe.shapes.search import EARLY, GROWTH, State
 from handpipe.shapes.straight import in_space
 
 log = logging.getLogger(__name__)
 
+NEW_TETS = "new tets"  # a row of the record
 MESHINGS = 12  # at most, in one fit
 
 
@@ -84,13 +87,15 @@ def _advanced(at: Position, stage: Stage) -> Position:
     )
     at = replace(at, state=state)
     if at.meshings < MESHINGS and _settled(stage, ended) and worn(at.task, state):
-        at = replace(at, meshings=at.meshings + 1)
+        at, begun = replace(at, meshings=at.meshings + 1), time.perf_counter()
         try:
             task, state = remeshed(at.task, state)
         except HandpipeError as error:
             log.warning("the organ keeps its tets: %s", error)
         else:
-            noted(task, state, search.record[-1])
+            nothing = Correspondence.none(len(state.x))
+            before = task.search.objective(state, nothing)
+            task.search.note(state, NEW_TETS, task.find(stage.uses), nothing, before, 0.0, 0, begun)
             at = replace(at, task=task, state=state, first=len(search.record))
             ended = stage.uniform
     return replace(at, stage=at.stage + 1, first=len(search.record)) if ended else at
