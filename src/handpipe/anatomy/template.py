@@ -78,6 +78,7 @@ class Template:
             "muscles": (len(self.names) - 1, ""),
             "bones": (len(self.bones), ""),
             "tets": (len(self.labels), ""),
+            "inverted": (int((self.mesh.volumes() <= 0).sum()), ""),
             "smallest_dihedral": (self.mesh.smallest_dihedral(), "deg"),
             "manifold": (float(all(self.surface(name).is_closed() for name in self.names)), ""),
             **{
