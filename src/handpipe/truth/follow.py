@@ -36,15 +36,15 @@ def follow(
     """
     options = options or Options(name="coupled body")
     start = body.rest if x is None else x
-    found = _free(body, motion, start, steps, options) if body.barrier is None else None
-    found = found or _with_contact(body, motion, start, steps, options)
+    way = _without_contact if body.barrier is None else _with_contact
+    found = way(body, motion, start, steps, options)
     inverted = int((body.solid.volume_ratios(found.x) <= 0).sum())
     if inverted:
         raise ConvergenceError(options.name, f"{inverted} points end inside out: refine, or take more steps")
     return found
 
 
-def _free(
+def _without_contact(
     body: Body, motion: Callable[[float], Pose], start: Array, steps: int, options: Options
 ) -> Equilibrium:
     return continuation(
