@@ -61,7 +61,7 @@ def test_one_finger_grows_alone(template):
     points = family.target_points(template, wanted, scale=1.0)
     moved = {n: float(np.linalg.norm(p - template.feature_points[n])) for n, p in points.items()}
     for name in ("PIP4", "DIP4", "tip4"):
-        assert moved[name] == pytest.approx(8, abs=1.0), name
+        assert moved[name] == pytest.approx(8, abs=1.5), name
     for name in ("tip2", "PIP2", "MP2", "tip1", "MP5", "PIP5", "tip5"):
         assert moved[name] < 0.8, name
 

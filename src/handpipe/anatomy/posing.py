@@ -121,7 +121,7 @@ class Skeleton:
 
 
 def farthest_points(points: Array, count: int) -> Array:
-    """Some of points (n, 3), each as far as can be from those before it; the first from all points' middle."""
+    """Some of points (n, 3), each as far as can be from those before it; the first from their middle."""
     chosen = [int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
     distance = np.full(len(points), np.inf)
     for _ in range(min(count, len(points)) - 1):
