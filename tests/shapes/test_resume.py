@@ -30,13 +30,13 @@ class Killed(Exception):
     """What ends a run in the middle."""
 
 
-def fit(checkpoint: Path | None = None, marks: np.ndarray | None = None) -> OrganFit:
+def fit(checkpoint: Path | None = None) -> OrganFit:
     """A ball that grows so long that it is meshed anew, held and under a load."""
     tip = np.argsort(MESH.vertices[:, 0])[-4:]
     load = Pull(sp.identity(len(MESH.vertices), format="csr")[tip], np.tile([0.0, 0.0, 0.05], (4, 1)))
     return fit_organ(
         MESH,
-        LONG[MESH.boundary_vertices()] if marks is None else marks,
+        LONG[MESH.boundary_vertices()],
         attachments=Pairs(MESH.vertices[HELD], LONG[HELD]),
         loads=[load],
         settings=Settings(remesh_below=13.0, iterations=2),
@@ -62,14 +62,10 @@ def killed_after(steps: int, path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
             fit(path)
 
 
-@pytest.fixture(scope="module")
-def whole() -> OrganFit:
-    return fit()
-
-
 def test_a_killed_fit_ends_as_one_that_was_not(
-    whole: OrganFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
+    whole = fit()
     assert whole.quality["new_meshes"][0] >= 1
     path = tmp_path / "fit.h5"
     killed_after(3, path, monkeypatch)
@@ -87,19 +83,36 @@ def test_a_killed_fit_ends_as_one_that_was_not(
         assert asdict(replace(found, seconds=0.0)) == pytest.approx(asdict(replace(expected, seconds=0.0)))
 
 
-def test_a_fit_of_other_input_starts_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "fit.h5"
-    killed_after(3, path, monkeypatch)
-    marks = LONG[MESH.boundary_vertices()[::2]]
-    assert fit(path, marks).mesh.vertices == pytest.approx(fit(None, marks).mesh.vertices, abs=1e-9)
+def written(path: Path) -> tuple[Given, Position]:
+    """A position in a file."""
+    given = Given(MESH, LONG, None, None, (), None, Settings())
+    task = OnMesh.of_template(given)
+    state = task.search.at(np.full((len(MESH.tets), 6), 0.01), MESH.vertices)
+    position = Position(task, state, 2, 0, 1)
+    FitCheckpoint(path, given).write(position)
+    return given, position
 
 
-def test_a_file_that_cannot_be_read_is_left_aside(
-    whole: OrganFit, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    path = tmp_path / "fit.h5"
-    path.write_bytes(b"half a file")
-    assert fit(path).mesh.vertices == pytest.approx(whole.mesh.vertices, abs=1e-9)
+def test_a_position_comes_back_as_it_was(tmp_path: Path) -> None:
+    given, position = written(tmp_path / "fit.h5")
+    found = FitCheckpoint(tmp_path / "fit.h5", given).read()
+    assert found is not None
+    assert (found.stage, found.first, found.meshings) == (2, 0, 1)
+    assert np.array_equal(found.state.x, position.state.x)
+    assert np.array_equal(found.state.body.strains, position.state.body.strains)
+
+
+def test_a_fit_of_other_input_starts_anew(tmp_path: Path) -> None:
+    given, _ = written(tmp_path / "fit.h5")
+    other = replace(given, marks=given.marks[1:])
+    assert FitCheckpoint(tmp_path / "fit.h5", other).read() is None
+    assert FitCheckpoint(tmp_path / "nothing.h5", given).read() is None
+
+
+def test_a_file_that_cannot_be_read_is_left_aside(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    given, _ = written(tmp_path / "fit.h5")
+    (tmp_path / "fit.h5").write_bytes((tmp_path / "fit.h5").read_bytes()[:500])
+    assert FitCheckpoint(tmp_path / "fit.h5", given).read() is None
     assert "starting anew" in caplog.text
 
 
@@ -121,16 +134,3 @@ def test_the_digest_tells_all_input_apart() -> None:
     ]
     assert len({digest(g) for g in [given, *others]}) == len(others) + 1
     assert digest(replace(given)) == digest(given)
-
-
-def test_a_position_comes_back_as_it_was(tmp_path: Path) -> None:
-    given = Given(MESH, LONG, None, None, (), None, Settings())
-    task = OnMesh.of_template(given)
-    state = task.search.at(np.full((len(MESH.tets), 6), 0.01), MESH.vertices)
-    file = FitCheckpoint(tmp_path / "fit.h5", given)
-    file.write(Position(task, state, 2, 0, 1))
-    found = file.read()
-    assert found is not None
-    assert (found.stage, found.first, found.meshings) == (2, 0, 1)
-    assert np.array_equal(found.state.x, state.x)
-    assert np.array_equal(found.state.body.strains, state.body.strains)

@@ -89,6 +89,8 @@ class FitCheckpoint:
 
 
 def _records(columns: dict[str, NDArray]) -> list[Record]:
+    if not columns:
+        return []
     kinds = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(Record)}
     rows = zip(*(columns[name] for name in kinds), strict=True)
     return [Record(*(kind(v) for kind, v in zip(kinds.values(), row, strict=True))) for row in rows]
@@ -96,7 +98,8 @@ def _records(columns: dict[str, NDArray]) -> list[Record]:
 
 def digest(given: Given) -> str:
     """SHA-256 in hexadecimal of all that a fit depends on."""
-    found = hashlib.sha256(f"{__version__} {given.settings!r}".encode())
+    columns = [f.name for f in fields(Record)]
+    found = hashlib.sha256(f"{__version__} {columns} {given.settings!r}".encode())
 
     def add(*arrays: NDArray) -> None:
         for array in arrays:
