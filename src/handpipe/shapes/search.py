@@ -41,6 +41,7 @@ SHORTEST = 0.01  # share of a step below which a stage ends (003 section 5.4, cr
 LARGEST = 1.0  # change of a log-strain in one step
 ARMIJO = 0.1
 RESOLUTION = np.array([0.002, 0.01])  # mm of the mean and the largest distance that another step is worth
+MET = 1e-8  # of the objective: a mark off by 0.03 micrometres; what is left is rounding
 GROWTH = (0.01, 0.1, 1.0)  # of the marks' weight
 EARLY = 4  # steps of a stage that another one follows
 
@@ -163,7 +164,8 @@ class Search:
         state, length, step = self.improve(state, marks, uniform, before)
         after = self.objective(state, marks)
         found = self.note(state, stage, find, marks, after, length, step.iterations, begun)
-        if length == 0.0 or before - after < self.settings.progress * before or len(earlier) + 1 >= most:
+        stuck = length == 0.0 or before - after < self.settings.progress * before
+        if stuck or after < MET or len(earlier) + 1 >= most:
             return state, True
         if marks.count == 0:
             return state, False
