@@ -89,6 +89,41 @@ def test_volumes_that_are_asked_for(limb: Limb) -> None:
     np.testing.assert_allclose(template.volumes()[[1, 3]], 9000, rtol=0.0101)
 
 
+def test_muscle_of_three_heads_and_a_broad_origin(limb: Limb) -> None:
+    """Heads that run together: one part, attached along the bone between them, fibres towards the one end."""
+    heads = [(0.2, [-3, 0, -10]), (0.5, [6, 0, -10]), (0.8, [15, 0, -10])]
+    end = {"at": [22, 0, -14]}
+    content = {
+        "fat": 0.2,
+        "muscles": {
+            "fan": {
+                "curves": [
+                    {"points": [{"bone": "radius", "along": a, "towards": [0, 0, -1]}, {"at": p}, end]}
+                    for a, p in heads
+                ],
+                "attachments": [
+                    {
+                        "end": "origin",
+                        "reach": 2.5,
+                        "points": [{"bone": "radius", "along": a, "towards": [0, 0, -1]} for a in (0.2, 0.8)],
+                    }
+                ],
+            }
+        },
+    }
+    template = built(limb, content)
+    require_fit(template, limb)
+    assert template.warnings == () and len(template.surface("fan").components()) == 1
+    origin = template.mesh.vertices[template.origins["fan"]]
+    assert np.ptp(origin[:, 0]) > 35 and (np.linalg.norm(origin[:, 1:], axis=1) < 5.5).mean() > 0.9
+    muscle = template.labels == 1
+    centre = template.mesh.vertices[template.mesh.tets[muscle]].mean(axis=1)
+    far = np.linalg.norm(centre - end["at"], axis=1) > 12
+    towards = np.array(end["at"]) - centre[far]
+    # Tets behind an origin may point elsewhere.
+    assert ((template.fibres[muscle][far] * towards).sum(axis=1) > 0).mean() > 0.9
+
+
 def test_two_crossing_curves(limb: Limb) -> None:
     """What is asked for cannot be: the mesh is sound, and the warning names both muscles and the place."""
     lines = [[[-20, -8, -10], [20, 8, -10]], [[-20, 8, -10], [20, -8, -10]]]

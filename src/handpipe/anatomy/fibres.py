@@ -59,10 +59,10 @@ def fibres(
 ) -> Fibres:
     """Fibres of a muscle's tets, in the manner that its curves' file asks for.
 
-    `attached` (a,) are the vertices that origins and insertions are chosen from, by default those of the
-    surface. Raises `InputError` naming `source` where nothing is within reach of the origins or insertions.
+    `attached` (a,) are the vertices that origins and insertions are chosen from, by default all. Raises
+    `InputError` naming `source` where nothing is within reach of the origins or insertions.
     """
-    candidates = mesh.boundary_vertices() if attached is None else attached
+    candidates = np.arange(len(mesh.vertices)) if attached is None else attached
     origin = _ends(mesh, muscle.origins, candidates, source, "origin")
     insertion = _ends(mesh, muscle.insertions, candidates, source, "insertion")
     shared = np.intersect1d(origin, insertion)
@@ -72,9 +72,8 @@ def fibres(
     curves = Collocation.of(muscle.curves, Locator(mesh))
     solve = gradient_fibres if muscle.fibres == "gradient" or len(curves.tets) == 0 else flow_fibres
     directions, potential = solve(mesh, curves, origin, insertion, factorise=factorise)
-    still = np.flatnonzero(
-        np.linalg.norm(directions, axis=1) < 0.5
-    )  # a part that is not attached at both ends
+    # A part of the muscle that is not attached at both ends has no flow.
+    still = np.flatnonzero(np.linalg.norm(directions, axis=1) < 0.5)
     directions[still] = _nearest_tangents(mesh.vertices[mesh.tets[still]].mean(axis=1), muscle)
     return Fibres(directions, potential, origin, insertion)
 
@@ -93,11 +92,12 @@ def _ends(
     vertex.
     """
     found = []
+    edge = np.cbrt(6 * np.sqrt(2) * np.median(mesh.volumes()))  # the least gap that the mesh can show
     for attachment in attachments:
         line = np.concatenate([attachment.points, attachment.points[-1:]])
         distance = closest_on_polyline(mesh.vertices[candidates], line)[3]
-        near = distance <= attachment.reach
-        if not near.any():
+        near = distance <= max(attachment.reach, distance.min())
+        if distance.min() > attachment.reach + edge:
             place = ", ".join(f"{c:.1f}" for c in attachment.points[0])
             problem = f"the muscle ends {distance.min():.1f} mm from its {end} at ({place})"
             raise InputError(
