@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import trimesh
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from tests.muscles.shapes import box
 
@@ -130,7 +131,11 @@ def test_smoothed_strains_go_on_where_tets_are_replaced() -> None:
     weights = new.mesh.volumes() / new.mesh.volumes().sum()
     before = task.mesh.moved(state.x).volumes()
     assert weights @ after.logs == pytest.approx(before / before.sum() @ state.logs, abs=0.1)
-    assert new.search.smoothness.energy(after.logs) < 5 * task.search.smoothness.energy(state.logs)
+    old_centres = state.x[task.mesh.tets].mean(axis=1)
+    nearest = cKDTree(old_centres).query(new.mesh.vertices[new.mesh.tets].mean(axis=1))[1]
+    assert (
+        np.abs(after.logs - state.logs[nearest]).mean() < 0.1
+    )  # of 1.3; steps that keep the shape add to it
 
 
 def test_a_strain_frame_turns_strains_and_its_operator_is_its_derivative() -> None:
