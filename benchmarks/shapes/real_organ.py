@@ -77,7 +77,7 @@ def draw(path: Path, shown: list[tuple[Surface, Array | None]]) -> None:
         colours = np.outer(shade, (0.85, 0.45, 0.4) if number == 3 else (0.45, 0.65, 0.9))
         ax.add_collection(
             PolyCollection(
-                corners[seen, :, :2], facecolors=colours, edgecolors=(0, 0, 0, 0.4), linewidths=0.2
+                list(corners[seen, :, :2]), facecolors=colours, edgecolors=(0, 0, 0, 0.4), linewidths=0.2
             )
         )
         if marks is not None:
