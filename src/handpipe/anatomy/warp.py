@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from handpipe.anatomy.feature_points import Points, matched
 from handpipe.anatomy.posing import posed
-from handpipe.anatomy.subject_template import SpaceMap, SubjectTemplate, warped
+from handpipe.anatomy.subject_template import (
+    SpaceMap,
+    SubjectTemplate,
+    TemplateJoint,
+    rotation_of,
+    warped,
+)
 from handpipe.errors import InputError
 from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.mesh.surface import Surface
@@ -119,8 +126,8 @@ def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectT
     """A person's template carried on to the person's own bones, those that both have (003 section 6.1).
 
     Each bone is registered by an affine map and closest points, and what lies between follows; feature points
-    too. Raises `ConvergenceError` where a bone cannot be registered; places that are turned inside out, which
-    happens where neighbouring bones all but touch, are logged.
+    too. Axes turn as their bones do. Raises `ConvergenceError` where a bone cannot be registered; logs places that
+    are turned inside out, which happens where neighbouring bones all but touch.
     """
     both = [name for name in template.bones if name in bones]
     if not both:
@@ -130,4 +137,16 @@ def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectT
     for name, (place, determinant) in folds(warp, template).items():
         at = ", ".join(f"{c:.1f}" for c in place)
         log.warning("%s is turned inside out near (%s): determinant %.2f", name, at, determinant)
-    return warped(template, warp)
+    found = warped(template, warp)
+    joints = tuple(
+        replace(new, axes=old.axes @ _mean_turn(warp, old).T) if {old.parent, old.child} & set(both) else new
+        for old, new in zip(template.joints, found.joints, strict=True)
+    )
+    return replace(found, joints=joints)
+
+
+def _mean_turn(warp: Warp, joint: TemplateJoint) -> Array:
+    """The mean rotation (3, 3) of a joint's registered bones: between bones that all but touch, the map's own
+    derivatives say little."""
+    own = [warp.registered[b].matrix for b in (joint.parent, joint.child) if b in warp.registered]
+    return Rotation.from_matrix(rotation_of(np.array(own))).mean().as_matrix()
