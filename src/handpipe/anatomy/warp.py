@@ -126,8 +126,8 @@ def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectT
     """A person's template carried on to the person's own bones, those that both have (003 section 6.1).
 
     Each bone is registered by an affine map and closest points, and what lies between follows; feature points
-    too. Axes turn as their bones do. Raises `ConvergenceError` where a bone cannot be registered; logs places that
-    are turned inside out, which happens where neighbouring bones all but touch.
+    too. Axes turn as their bones do. Raises `ConvergenceError` where a bone cannot be registered; logs places
+    that are turned inside out, which happens where neighbouring bones all but touch.
     """
     both = [name for name in template.bones if name in bones]
     if not both:
