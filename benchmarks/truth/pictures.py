@@ -25,7 +25,8 @@ MUSCLE, STRAND = "#b4423c", "#ffffff"
 def section(vertices: Array, tets: IntArray) -> tuple[list[Array], IntArray]:
     """Polygons (k, 2) in x and z where the plane y = 0 cuts tets, and which tets it cuts."""
     height = vertices[:, 1] + 1e-6
-    cut = np.flatnonzero(np.ptp(height[tets] > 0, axis=1))
+    upper = (height[tets] > 0).sum(axis=1)
+    cut = np.flatnonzero((upper > 0) & (upper < 4))
     polygons = []
     for tet in tets[cut]:
         above, below = tet[height[tet] > 0], tet[height[tet] <= 0]

@@ -13,6 +13,7 @@ from handpipe.truth.validation import (
     difference,
     node_volumes,
     observed_order,
+    order_without_reference,
     patch_test,
     solved_from,
     start_difference,
@@ -115,6 +116,8 @@ def test_the_coarse_answer_is_near_the_refined_one(anatomy, body, posed):
 
 def test_orders_are_read_off_errors():
     assert observed_order([0.8, 0.1, 0.0125]) == pytest.approx(3.0)
+    # Errors of 0.8, 0.2 and 0.05 on one side of the limit.
+    assert order_without_reference(0.75, 0.15) == pytest.approx((2.0, 0.05))
 
 
 def test_skin_with_contact_never_cuts_itself(anatomy):

@@ -70,6 +70,17 @@ def observed_order(errors: Sequence[float]) -> float:
     return float(-np.polyfit(levels, np.log2(errors), 1)[0])
 
 
+def order_without_reference(coarse: float, fine: float) -> tuple[float, float]:
+    """Order, and the finest body's own error in mm, by the distances of two bodies from it.
+
+    Edge lengths halve from one to the next and errors fall as E, r E, r^2 E: the distances are (1 - r^2) E
+    and (r - r^2) E. Distances from the finest alone make the order look higher than it is.
+    """
+    ratio = fine / coarse
+    r = ratio / (1.0 - ratio)
+    return float(-np.log2(r)), float(r**2 * coarse / (1.0 - r**2))
+
+
 def volume_changes(body: Body, x: Array) -> dict[str, float]:
     """Change of each muscle's volume in percent at positions x (n, 3)."""
     return {
