@@ -5,8 +5,10 @@ import pytest
 from manufactured import bone, turn
 from test_rig import AXES, DATASET, FIT, LENGTHS, manufactured
 
-from handpipe.errors import ConvergenceError
+from handpipe import artifacts
+from handpipe.errors import ConvergenceError, InputError
 from handpipe.mesh.rigid import RigidTransform
+from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.doubts import blame, doubted, odd_joints
 from handpipe.skeleton.odd_bones import odd_motions, without_odd_bones
 from handpipe.skeleton.pose_registration import register_pose, unmoved
@@ -135,3 +137,13 @@ def test_deviation_of_a_point_off_the_middle():
     drawn = rng.normal(size=(20000, 6)) @ root.T
     shift = drawn[:, 3:] + np.cross(drawn[:, :3], arm)
     assert registration.deviation_at(arm) == pytest.approx(np.sqrt((shift**2).sum(axis=1).mean()), rel=0.02)
+
+
+def test_a_missing_bone_is_named_where_it_is_needed(tmp_path):
+    path = tmp_path / "fist.h5"
+    artifacts.write(
+        path, {"middle2": {"rotation": np.eye(3), "translation": np.zeros(3)}}, kind="registration"
+    )
+    assert set(read_registration(path)) == {"middle2"}
+    with pytest.raises(InputError, match=r"fist.h5: distal2: .*scribbles"):
+        read_registration(path, ["middle2", "distal2"])

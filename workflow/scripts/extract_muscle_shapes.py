@@ -14,9 +14,10 @@ with stage(snakemake):
 
     dataset = load_dataset(snakemake.input.dataset)
     bones = Rig.load(snakemake.input.rig).surfaces
-    transforms = dict(
-        zip(dataset.examples, map(read_registration, snakemake.input.registrations), strict=True)
-    )
+    transforms = {
+        pose: read_registration(path, bones)
+        for pose, path in zip(dataset.examples, snakemake.input.registrations, strict=True)
+    }
     placed = {
         (pose, muscle): read_markers(dataset.path(path))[0]
         for pose in dataset.examples

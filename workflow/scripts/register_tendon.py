@@ -21,7 +21,7 @@ with stage(snakemake) as log:
     rig = Rig.load(snakemake.input.rig)
     neutral = artifacts.read(snakemake.input.neutral, "neutral_tendon")
     volume = read_volume(snakemake.input.volume)
-    transforms = read_registration(snakemake.input.registration)
+    transforms = read_registration(snakemake.input.registration, tendon.bones)
     posed = concatenate(
         [rig.surfaces[b].moved(transforms[b](rig.surfaces[b].vertices)) for b in tendon.bones]
     )

@@ -11,8 +11,8 @@ with stage(snakemake) as log:
 
     bodies = read_bodies(snakemake.input.neutral)
     shapes = artifacts.read(snakemake.input.shapes, "muscle_shapes")[snakemake.wildcards.pose]
-    transforms = read_registration(snakemake.input.registration)
     bones = Rig.load(snakemake.input.rig).surfaces
+    transforms = read_registration(snakemake.input.registration, bones)
     posed = {n: s.moved(transforms[n](s.vertices)) for n, s in bones.items()}
     surfaces = {n: b.seated(b.surface.moved(shapes[n]["vertices"]), transforms) for n, b in bodies.items()}
     found = separate(surfaces, posed, held={n: b.held for n, b in bodies.items()})

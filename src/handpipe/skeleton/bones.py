@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from handpipe import artifacts
+from handpipe.errors import InputError
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 
@@ -33,7 +34,14 @@ def read_surfaces(path: str | Path, part: str) -> dict[str, Surface]:
     return {bone: Surface(parts[part]["vertices"], parts[part]["triangles"]) for bone, parts in data.items()}
 
 
-def read_registration(path: str | Path) -> dict[str, RigidTransform]:
-    """Transforms from neutral into a pose's frame, by bone."""
+def read_registration(path: str | Path, needed: Iterable[str] = ()) -> dict[str, RigidTransform]:
+    """Transforms from neutral into a pose's frame, by bone.
+
+    Raises `InputError` where one of the bones `needed` is missing in the pose.
+    """
     data = artifacts.read(path, "registration")
+    for bone in needed:
+        if bone not in data:
+            problem = "was not found in this pose's image, or what was found is doubted; soft tissues need it"
+            raise InputError(path, bone, problem, "Correct it by `scribbles` in the dataset file")
     return {bone: RigidTransform(d["rotation"], d["translation"]) for bone, d in data.items()}
