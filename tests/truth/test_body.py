@@ -7,7 +7,7 @@ from handpipe.errors import InputError
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.tetrahedra import FACES
 from handpipe.truth import toy
-from handpipe.truth.body import Body, Contact
+from handpipe.truth.body import Body, Contact, Pose
 from handpipe.truth.follow import follow
 from handpipe.truth.validation import (
     difference,
@@ -131,3 +131,13 @@ def test_skin_with_contact_never_cuts_itself(anatomy):
 def test_a_region_without_material_is_refused(anatomy):
     with pytest.raises(InputError, match="flexor"):
         Body(anatomy, {k: v for k, v in toy.MATERIALS.items() if k != "flexor"})
+
+
+def test_a_muscle_that_is_held_pulls_on_its_tendon(body):
+    def tense(t):
+        return Pose(toy.hinge(0.0).bones, {"flexor": 8.0 * t})
+
+    x = follow(body, tense).x
+    across = body.volume("flexor", body.rest) / (4 / 3 * toy.BELLY_AXES[0])  # mean cross-section in mm^2
+    pull = sum(np.median(s.tensions(x)[-8:]) for n, s in body.strands.items() if "tendon" in n)
+    assert 0.2 * 8.0 * across < pull < 8.0 * across  # mN; the muscle's own compression takes the rest

@@ -155,6 +155,11 @@ class Body:
             )
         return matrix.tocsr()
 
+    def inverted(self, x: Array) -> int:
+        """Number of quadrature points, and of tets between nodes, that are inside out at x (n, 3)."""
+        points = int((self.solid.volume_ratios(x) <= 0).sum())
+        return points + int((self.cells.moved(x).volumes() <= 0).sum())
+
     def surface(self, region: str, x: Array) -> Surface:
         """The surface of a region's tets, straight between all nodes, at positions x (n, 3)."""
         tets = self.cells.tets[self.cell_labels == self.anatomy.regions.index(region)]

@@ -38,9 +38,9 @@ def follow(
     start = body.rest if x is None else x
     way = _without_contact if body.barrier is None else _with_contact
     found = way(body, motion, start, steps, options)
-    inverted = int((body.solid.volume_ratios(found.x) <= 0).sum())
+    inverted = body.inverted(found.x)
     if inverted:
-        raise ConvergenceError(options.name, f"{inverted} points end inside out: refine, or take more steps")
+        raise ConvergenceError(options.name, f"{inverted} tets end inside out: refine, or move less")
     return found
 
 
