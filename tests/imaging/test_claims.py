@@ -9,7 +9,6 @@ from phalanx import Phalanx, capsule, grid_points
 
 from handpipe.errors import InputError
 from handpipe.imaging.claims import (
-    Appearance,
     appearances,
     doubted,
     load,
@@ -18,7 +17,8 @@ from handpipe.imaging.claims import (
     segment,
     write_looks,
 )
-from handpipe.imaging.segmentation import SegmentationSettings, merge, segment_bone
+from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, merge, segment_bone
+from handpipe.imaging.volume import Volume
 
 SETTINGS = SegmentationSettings()
 BONES = {"right": 1, "wrong": 2}
@@ -112,13 +112,16 @@ def test_files_return_what_they_hold(tmp_path, phalanx, neutral) -> None:
 
 
 def test_a_bone_of_few_voxels_may_differ_by_its_border() -> None:
-    """A third of a voxel at the border of a ball of 82 mm^3 is 21 % of it at 0.6 mm, and 30 % at 0.8 mm."""
-    for voxel, change, doubtful in (
-        (0.8, 0.25, False),
-        (0.8, 0.4, True),
-        (0.5, 0.19, False),
-        (0.5, 0.25, True),
-    ):
-        neutral = Appearance(82.0, voxel, 1.0, 1.0, 1.0, False)
-        doubts = replace(neutral, volume=(1 + change) * neutral.volume).doubts(neutral)
-        assert bool(doubts) == doubtful
+    """A third of a voxel at the border of a ball of radius 3.4 voxels is 29 % of it, of 10 voxels 10 %."""
+    for radius, share in ((3.4, 1 / 3.4), (10.0, 1 / 10.0)):
+        grid = np.indices((25, 25, 25)) - 12.0
+        ball = np.linalg.norm(grid, axis=0) < radius
+        values = np.where(ball, 1.0, 0.0).astype(np.float32)
+        bone = BoneProbability(np.zeros(3, np.int64), values)
+        neutral = appearances(Volume(values, np.diag([0.5, 0.5, 0.5, 1.0])), {"ball": bone})["ball"]
+        assert neutral.border == pytest.approx(share, rel=0.1)
+        allowed = max(0.2, neutral.border)
+        for change in (0.95 * allowed, -0.95 * allowed):
+            assert replace(neutral, volume=(1 + change) * neutral.volume).doubts(neutral) == []
+        (doubt,) = replace(neutral, volume=(1 + 1.05 * allowed) * neutral.volume).doubts(neutral)
+        assert "volume" in doubt

@@ -3,6 +3,7 @@
 import igl
 import numpy as np
 import pytest
+from skimage.measure import marching_cubes
 
 from handpipe.imaging.proposed_seeds import marrow_core, propose, share_outside
 from handpipe.imaging.volume import Volume
@@ -51,6 +52,26 @@ def test_a_thin_marrow_keeps_its_deepest_voxels(volume):
     thin = marrow_core(volume, ball(MIDDLES[1], 0.8))
     assert 0 < len(thin) <= 4 / 3 * np.pi * 0.8**3 / SPACING**3
     assert (np.linalg.norm(SPACING * thin - MIDDLES[1], axis=1) < 0.5).all()
+
+
+def test_both_sides_of_a_waist_have_seeds(volume):
+    """Two balls joined by a tube of two voxels across, as the tuft of a distal phalanx and its base."""
+    middle = np.array(MIDDLES[1])
+    ends = [(middle - [3.0, 0, 0], 2.0), (middle + [4.0, 0, 0], 1.0)]
+
+    def inside(points):
+        tube = np.maximum(
+            np.linalg.norm((points - middle)[..., 1:], axis=-1) - 0.5, np.abs((points - middle)[..., 0]) - 3
+        )
+        return np.min([tube, *(np.linalg.norm(points - c, axis=-1) - r for c, r in ends)], axis=0)
+
+    grid = np.stack(np.meshgrid(*[np.arange(-6, 6.01, 0.2)] * 3, indexing="ij"), axis=-1) + middle
+    vertices, faces, _, _ = marching_cubes(inside(grid), 0.0, spacing=(0.2, 0.2, 0.2))
+    seeds = SPACING * marrow_core(volume, Surface(vertices + grid[0, 0, 0], faces))
+    assert inside(seeds).max() < 0
+    along = seeds[:, 0] - middle[0]
+    for low, high in ((-4.0, -2.0), (-1.0, 1.0), (1.5, 4.0)):  # the one ball, the tube, the other
+        assert ((along > low) & (along < high)).sum() >= 3
 
 
 def test_seeds_lie_in_their_marrow_and_around_all_bones(volume, surfaces):

@@ -31,6 +31,7 @@ LEAST_ENCLOSED = 0.6  # of the marrow's boundary that has a dark shell
 DARK = 0.6  # of the marrow's level, in a voxel of a shell thinner than it
 SAME = 0.2  # of its marrow's volume by which a rigid bone may differ between poses: noise, partial volume
 BORDER = 1 / 3  # of a voxel by which its boundary may, where that is more: bones of few voxels
+STAIRS = 2 / 3  # a ball's surface over that of its voxels
 SHELL = 1.0  # mm from the marrow's boundary within which the shell is dark
 
 
@@ -75,13 +76,13 @@ def load(path: str | Path, corrected: Iterable[str | Path] = ()) -> dict[str, Bo
 class Appearance:
     """How what a bone claims looks in the image.
 
-    volume: of the marrow in mm^3; voxel: the cube root of a voxel's in mm; level: its median intensity;
-    relative_level: that over the median of the bones around it; enclosed: share of its boundary with a dark
-    shell; cut_off: whether it reaches the volume's border.
+    volume: of the marrow in mm^3; border: share of it that a layer of `BORDER` voxels at its boundary has;
+    level: its median intensity; relative_level: that over the median of the bones around it; enclosed: share
+    of its boundary with a dark shell; cut_off: whether it reaches the volume's border.
     """
 
     volume: float
-    voxel: float
+    border: float
     level: float
     relative_level: float
     enclosed: float
@@ -96,8 +97,7 @@ class Appearance:
             doubts.append(f"a dark shell encloses only {100 * self.enclosed:.0f} % of it")
         if neutral is not None and not (self.cut_off or neutral.cut_off):
             change = self.volume / neutral.volume - 1
-            ball = np.cbrt(36 * np.pi / neutral.volume)  # its surface over its volume
-            if abs(change) > max(SAME, BORDER * max(self.voxel, neutral.voxel) * ball):
+            if abs(change) > max(SAME, neutral.border):
                 doubts.append(f"its marrow's volume differs by {100 * change:+.0f} % from neutral")
         return doubts
 
@@ -127,12 +127,19 @@ def _appearance(
     around = float(np.median([levels[n] for n in others[:NEIGHBOURS] or [name]]))
     return Appearance(
         volume=float(claimed.sum() * np.prod(volume.spacing)),
-        voxel=float(np.cbrt(np.prod(volume.spacing))),
+        border=_border(claimed),
         level=levels[name],
         relative_level=levels[name] / max(around, 1e-12),
         enclosed=_enclosed(volume, bone, claimed, levels[name]),
         cut_off=_cut_off(bone, claimed, volume.shape),
     )
+
+
+def _border(claimed: NDArray[np.bool_]) -> float:
+    """Share of the claimed voxels that a layer of `BORDER` voxels at their boundary amounts to."""
+    padded = np.pad(claimed, 1)
+    faces = sum(np.count_nonzero(np.diff(padded, axis=axis)) for axis in range(3))
+    return BORDER * STAIRS * faces / max(np.count_nonzero(claimed), 1)
 
 
 def _enclosed(volume: Volume, bone: BoneProbability, claimed: NDArray[np.bool_], level: float) -> float:

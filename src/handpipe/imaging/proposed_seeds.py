@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 DEEP = 1.4  # voxels inside the marrow
 LEAST = 0.6  # of the greatest depth, where the marrow is thinner
+THIN = 0.8  # voxels deep, below which a slice needs no seeds
 BRIGHT = 0.65  # levels: darker voxels are no marrow
 SHELL = (2.4, 6.5)  # mm from the outermost grid places inside a whole bone: at least 1 mm outside it
 GRID = 1.0  # mm between the places where distances are computed
@@ -67,14 +68,33 @@ def _step(volume: Volume) -> NDArray[np.int64]:
 
 
 def marrow_core(volume: Volume, marrow: Surface) -> NDArray[np.int64]:
-    """Voxels (n, 3) deep inside a marrow surface; the deepest ones where it is thin."""
+    """Voxels (n, 3) deep inside a marrow surface; the deepest ones where it is thin.
+
+    Between its ends the deepest of every slice across its long axis are among them: a walk from one end
+    seldom passes a waist of few voxels.
+    """
     corners = volume.to_index(marrow.vertices)
     lower = np.clip(np.floor(corners.min(axis=0)).astype(np.int64), 0, volume.shape)
     upper = np.clip(np.ceil(corners.max(axis=0)).astype(np.int64) + 1, 0, volume.shape)
-    distance = _distances(volume, marrow, lower, upper)
-    greatest = max(-float(distance.min(initial=0.0)), 0.0)
-    deep = distance < -min(DEEP * float(volume.spacing.max()), LEAST * greatest)
-    return np.argwhere(deep) + lower
+    depths = -_distances(volume, marrow, lower, upper)
+    voxels = np.argwhere(depths > 0)
+    if len(voxels) == 0:
+        return voxels + lower
+    depth, size = depths[tuple(voxels.T)], float(volume.spacing.max())
+    slices = _slices(volume.to_world(voxels), size)
+    deepest = np.zeros(slices.max() + 1)
+    np.maximum.at(deepest, slices, depth)
+    number = np.arange(len(deepest)) + 0.5
+    between = size * np.minimum(number, len(deepest) - number) > depth.max()
+    wanted = np.where(between & (deepest > THIN * size), deepest, depth.max())
+    return voxels[depth > np.minimum(DEEP * size, LEAST * wanted)[slices]] + lower
+
+
+def _slices(places: Array, thickness: float) -> NDArray[np.int64]:
+    """Number (n,) of the slice across the long axis that each place (n, 3) is in."""
+    centred = places - places.mean(axis=0)
+    along = centred @ np.linalg.eigh(centred.T @ centred)[1][:, -1]
+    return np.floor((along - along.min()) / thickness).astype(np.int64)
 
 
 def share_outside(voxels: NDArray[np.int64], truth: Labels, label: int) -> float:
