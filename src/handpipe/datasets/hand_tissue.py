@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from handpipe.datasets.image import Grid
 from handpipe.datasets.phantom_bones import Point
+from handpipe.mesh import implicit
 from handpipe.mesh.rigid import RigidTransform
 
 Array = NDArray[np.float64]
@@ -148,10 +149,16 @@ def _blend(field: NDArray[np.float32], origin: Array, spacing: float, cones: Arr
                     field[i, j, k] = min(old, value) - 0.25 * blend * h * h
 
 
-def share_of_cones(rows: Array, grid: Grid, blend: float = 0.0) -> NDArray[np.float32]:
-    """Share in [0, 1] of each voxel inside the union of round cones (n, 8), rounded over `blend` mm."""
+def field_of_cones(rows: Array, grid: Grid | implicit.Grid, blend: float = 0.0) -> NDArray[np.float32]:
+    """Distance in mm from the union of round cones (n, 8) near its surface, negative inside, on a grid."""
     field = np.full(grid.shape, 1e3, dtype=np.float32)
     _blend(field, grid.origin, grid.spacing, rows, blend)
+    return field
+
+
+def share_of_cones(rows: Array, grid: Grid, blend: float = 0.0) -> NDArray[np.float32]:
+    """Share in [0, 1] of each voxel inside the union of round cones (n, 8), rounded over `blend` mm."""
+    field = field_of_cones(rows, grid, blend)
     field *= np.float32(-1.0 / grid.spacing)
     field += np.float32(0.5)
     return np.clip(field, 0.0, 1.0, out=field)

@@ -1,0 +1,38 @@
+"""Where triangles cross one another, counted by their edges: a check that knows nothing of how they were made."""
+
+from __future__ import annotations
+
+import ipctk
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.mesh.surface import Surface
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def crossings(surface: Surface) -> IntArray:
+    """Pairs (c, 2) of an edge, as `surface.edges()` has them, and a triangle without its ends that cross."""
+    edges, triangles, points = surface.edges(), surface.triangles, surface.vertices
+    search = ipctk.LBVH()
+    search.build(points, edges.astype(np.int32), triangles.astype(np.int32))
+    near = search.detect_edge_face_candidates()
+    pairs = np.array([(c.edge_id, c.face_id) for c in near], dtype=np.int64).reshape(-1, 2)
+    ends, corners = edges[pairs[:, 0]], triangles[pairs[:, 1]]
+    apart = (ends[:, :, None] != corners[:, None, :]).all(axis=(1, 2))
+    pairs, ends, corners = pairs[apart], points[ends[apart]], points[corners[apart]]
+    return pairs[_cross(ends, corners)]
+
+
+def _cross(ends: Array, corners: Array) -> NDArray[np.bool_]:
+    """Whether segments (n, 2, 3) pass through triangles (n, 3, 3), by the signs of five volumes."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    p, q = np.moveaxis(ends, 1, 0)
+    sides = _volume(a, b, c, p) * _volume(a, b, c, q) < 0
+    around = np.stack([_volume(p, q, a, b), _volume(p, q, b, c), _volume(p, q, c, a)])
+    return sides & ((around >= 0).all(axis=0) | (around <= 0).all(axis=0))
+
+
+def _volume(a: Array, b: Array, c: Array, d: Array) -> Array:
+    return np.einsum("ni,ni->n", np.cross(b - a, c - a), d - a)
