@@ -133,7 +133,7 @@ def draw(found: Sequence[Point], path: Path) -> None:
     """Mean errors over seconds, a panel for each study."""
     studies = list(dict.fromkeys(p.study for p in found))
     sheet = Figure(figsize=(3.2 * len(studies), 3.2), layout="constrained")
-    panels = np.atleast_1d(sheet.subplots(1, len(studies), sharey=True))
+    panels = np.atleast_1d(sheet.subplots(1, len(studies), sharex=True, sharey=True))
     for axes, study in zip(panels, studies, strict=True):
         shown = [p for p in found if p.study == study]
         axes.loglog([p.seconds for p in shown], [p.mean for p in shown], "o-", markersize=4, linewidth=1)
