@@ -74,7 +74,7 @@ def model(edge: float, rows: int) -> GaussNewton:
 
 
 def plain(system: GaussNewton, reactions: Array, exact: Array, limit: float) -> tuple[float, float, int]:
-    """Processor seconds of plain conjugate gradients on H with Z formed, how far they are left, and iterations.
+    """Processor seconds of plain conjugate gradients on H with Z formed, how far they are left, iterations.
 
     Ends near the exact step's strains (m, 6) or after `limit` seconds.
     """
@@ -112,7 +112,7 @@ def timed(work: Callable[[], Result]) -> tuple[Result, float]:
 
 
 def measure(edge: float = 0.68, rows: int = TABLE_ROWS, patience: float = 31.0) -> Figures:
-    """`solve_…`: processor seconds by method; `woodbury_over_cg`: plain conjugate gradients' over Woodbury's."""
+    """`solve_…`: processor seconds by method; `woodbury_over_cg`: plain iterations' over Woodbury's."""
     system = model(edge, rows)
     log.info("%d strains, %d rows", system.logs.size, len(system.rows.residuals))
     reactions, prepare_seconds = timed(system.reactions)
