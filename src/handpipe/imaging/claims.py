@@ -139,7 +139,7 @@ def _border(claimed: NDArray[np.bool_]) -> float:
     """Share of the claimed voxels that a layer of `BORDER` voxels at their boundary amounts to."""
     padded = np.pad(claimed, 1)
     faces = sum(np.count_nonzero(np.diff(padded, axis=axis)) for axis in range(3))
-    return BORDER * STAIRS * faces / max(np.count_nonzero(claimed), 1)
+    return BORDER * STAIRS * float(faces) / max(int(np.count_nonzero(claimed)), 1)
 
 
 def _enclosed(volume: Volume, bone: BoneProbability, claimed: NDArray[np.bool_], level: float) -> float:
