@@ -12,6 +12,7 @@ container: "docker://python:3.11-slim"
 
 include: "workflow/rules/common.smk"
 include: "workflow/rules/data.smk"
+include: "workflow/rules/anatomy.smk"
 include: "workflow/rules/segmentation.smk"
 include: "workflow/rules/seeds.smk"
 include: "workflow/rules/registration.smk"
@@ -43,6 +44,7 @@ onstart:
 
 localrules:
     all,
+    anatomy,
     seeds,
     segmentation,
     registration,
@@ -62,6 +64,11 @@ rule all:
         each_subject("report.html"),
         each_subject("metrics/build.json"),
         obj_sequences(),
+
+
+rule anatomy:
+    input:
+        [f"results/{s}/metrics/anatomy.json" for s in template_hands()],
 
 
 rule seeds:

@@ -7,7 +7,7 @@ users asked for (section 5).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -191,6 +191,14 @@ class _Places:
             )
             raise InputError(self.source, field, problem, "Move `along` inwards or change `towards`")
         return np.asarray(origin + (distance + place.height) * direction)
+
+
+def locate(
+    places: Sequence[Place], bones: Mapping[str, Surface], distal: Vector, source: str | Path, field: str
+) -> Array:
+    """Points (n, 3) in mm where places are on given bones; `InputError` names `source` and field if not."""
+    finder = _Places(bones, np.array(distal), source, field)
+    return np.array([finder.find(p, f"points.{i}") for i, p in enumerate(places)])
 
 
 def long_axis(surface: Surface, distal: Array) -> tuple[Array, Array, Array]:

@@ -43,18 +43,20 @@ class Domain:
         on_bones = [np.arange(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
         return Domain(mesh, np.arange(len(skin.vertices)), dict(zip(bones, on_bones, strict=True)))
 
-    def refined(self, points: Array, edge_length: float) -> Domain:
-        """Finer tets, of about `edge_length` mm, around points (p, 3); sizes grow with the distance from
-        them.
+    def refined(self, points: Array, edge_length: float | Array) -> Domain:
+        """Finer tets, of about `edge_length` (or one each, (p,)) mm, around points (p, 3); sizes grow with the
+        distance from them.
 
         Longest edges are halved; given vertices keep their numbers.
         """
         vertices, tets, skin, bones = self.mesh.vertices, self.mesh.tets, self.skin, self.bones
-        tree = cKDTree(points)
+        lengths = np.broadcast_to(edge_length, len(points))
+        trees = {fine: cKDTree(points[lengths == fine]) for fine in np.unique(lengths)}
         for _ in range(MOST_HALVINGS):
             ends = vertices[tets[:, EDGES]]
             length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
-            size = edge_length + GROWTH * tree.query(vertices[tets].mean(axis=1))[0]
+            middles = vertices[tets].mean(axis=1)
+            size = np.min([fine + GROWTH * tree.query(middles)[0] for fine, tree in trees.items()], axis=0)
             marked = (length > TOO_LONG * size[:, None]) & (length == length.max(axis=1, keepdims=True))
             if not marked.any():
                 break

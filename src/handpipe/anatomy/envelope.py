@@ -67,6 +67,21 @@ def upper_envelope(mesh: TetMesh, values: Array, *, snap: float = 0.0) -> Envelo
     return Envelope(TetMesh(state.vertices, state.tets), state.labels, state.values, state.source)
 
 
+def contenders(tets: IntArray, values: Array) -> Array:
+    """Functions (n, k) put to a common floor at vertices around which they are nowhere the largest.
+
+    Their upper envelope is the same. All but one function are nearly zero at a curve: without this, each of them
+    would be cut there by the noise of the others, only to lie below in the end.
+    """
+    corners = [values[tets, k] for k in range(values.shape[1])]
+    surely = np.max([c.min(axis=1) for c in corners], axis=0)
+    found = np.full_like(values, values.min() - 1.0)
+    for k, at_corners in enumerate(corners):
+        near = np.unique(tets[at_corners.max(axis=1) >= surely])
+        found[near, k] = values[near, k]
+    return found
+
+
 def _check(mesh: TetMesh, values: Array, snap: float) -> None:
     if values.ndim != 2 or len(values) != len(mesh.vertices) or values.shape[1] == 0:
         problem = f"has the shape {values.shape} for {len(mesh.vertices)} vertices"

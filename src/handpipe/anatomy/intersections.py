@@ -1,4 +1,4 @@
-"""Where triangles cross one another, counted by their edges: a check that knows nothing of how they were made."""
+"""Where triangles cross one another, by their edges: a check that is blind to how they were made."""
 
 from __future__ import annotations
 

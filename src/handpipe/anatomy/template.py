@@ -16,7 +16,7 @@ from handpipe.anatomy.cleaning import cleaned, label_parts
 from handpipe.anatomy.curves import CurveFile, PlacedMuscle, place
 from handpipe.anatomy.diffusion import Factorise, Functions, diffuse, superlu
 from handpipe.anatomy.domain import Domain
-from handpipe.anatomy.envelope import upper_envelope
+from handpipe.anatomy.envelope import contenders, upper_envelope
 from handpipe.anatomy.fibres import fibres
 from handpipe.anatomy.improving import Labelled, improve
 from handpipe.anatomy.volumes import meet_volumes
@@ -141,10 +141,10 @@ def build_template(
     """
     muscles = place(file, bones, domain.edge_length() / 4, source)
     warnings = _crossings(muscles, domain.edge_length())
-    for muscle in muscles.values():
-        if muscle.edge_length is not None:
-            points = np.concatenate([c.points for c in muscle.curves])
-            domain = domain.refined(points, muscle.edge_length)
+    fine = [(c.points, m.edge_length) for m in muscles.values() if m.edge_length for c in m.curves]
+    if fine:
+        lengths = np.concatenate([np.full(len(points), length) for points, length in fine])
+        domain = domain.refined(np.concatenate([points for points, _ in fine]), lengths)
     functions = diffuse(domain, muscles, file.fat, factorise=factorise)
     scales = _volume_scales(domain, functions, muscles)
     labelled = segment(domain, functions.values * scales)
@@ -175,7 +175,7 @@ def build_template(
 def segment(domain: Domain, values: Array, *, snap: float = SNAP, angle: float = SMALLEST_ANGLE) -> Labelled:
     """The mesh cut by the largest of functions (n, k), smooth and of good tets; the domain's surface vertices
     keep their numbers."""
-    envelope = upper_envelope(domain.mesh, values, snap=snap)
+    envelope = upper_envelope(domain.mesh, contenders(domain.mesh.tets, values), snap=snap)
     labels = cleaned(envelope.mesh, envelope.labels)
     fixed = np.concatenate([domain.skin, *domain.bones.values()])
     return improve(Labelled(envelope.mesh, labels), fixed, target=angle)

@@ -1,8 +1,7 @@
-"""The skin of a generated hand in neutral: the outline of its images as a closed surface, cut at the wrist.
+"""The skin of a generated hand in neutral: the outline of its images, closed and cut at the wrist.
 
-The images' outline leaves no room for muscles of their real size, and knuckles stand out of it: more cones make
-the palm as thick as a man's (28 mm, ANSUR II: hand thickness at the knuckles) and round off thumb and little
-finger's side.
+The images' outline has no room for muscles of their real size, and knuckles stand out of it: more cones make
+the palm thicker and round off its thenar and hypothenar side.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ def skin_surface(layout: Layout, edge_length: float) -> Surface:
     beyond = WRIST - grid.points()[:, 0].reshape(grid.shape)
     h = np.maximum(ROUNDING - np.abs(outline - beyond), 0.0) / ROUNDING
     closed = np.maximum(outline, beyond) + 0.25 * ROUNDING * h**2
-    # Far from the surface the field is unknown; creases between fingers are rounded so that meshes can follow.
+    # The field is no distance far from the surface; creases are rounded so that triangles can follow.
     smooth = gaussian_filter(np.clip(closed, -KNOWN, KNOWN), CREASE / SPACING)
     return remesh(isosurface(smooth, grid).largest_component(), edge_length)
 
@@ -56,11 +55,13 @@ def flesh(layout: Layout) -> list[Cone]:
                 size = radius * girth**0.5, (radius - 1.0) * girth**0.5
                 cones += [Cone((name, (0, 0, z)), (name, (length, 0, z)), *size) for z in (-3.4, 0.6)]
     cones += [
-        Cone(("trapezium", (0, -2, -9)), ("metacarpal1", (34, -3, -7)), 13.5, 11.5),
-        Cone(("trapezium", (4, -8, -11)), ("metacarpal1", (42, -8, -5)), 12.0, 9.5),
-        Cone(("hamate", (-2, -5, -8)), ("metacarpal5", (42, -2, -7)), 13.5, 11.0),
+        Cone(("trapezium", (0, -2, -9)), ("metacarpal1", (38, -1, -6)), 14.0, 13.5),
+        Cone(("trapezium", (4, -8, -11)), ("metacarpal1", (42, -7, -5)), 12.5, 10.5),
+        Cone(("hamate", (-2, -5, -8)), ("metacarpal5", (50, -3, -4)), 14.0, 12.5),
         Cone(("metacarpal1", (30, -8, -1)), ("metacarpal2", (40, 4, -3)), 9.0, 10.0),
         Cone(("metacarpal1", (16, -6, 1)), ("metacarpal2", (24, 4, 0)), 11.0, 11.0),
+        Cone(("metacarpal1", (48, -6, -1)), ("metacarpal2", (50, 3, -7)), 10.5, 11.0),
+        Cone(("metacarpal2", (14, 5, 1)), ("metacarpal2", (62, 5, -1)), 12.0, 10.0),
         Cone(("trapezium", (0, 0, 1)), ("hamate", (0, 0, 1)), 11.5, 11.0),
         Cone(("trapezium", (0, 0, -6)), ("hamate", (0, 0, -8)), 12.0, 12.0),
     ]
