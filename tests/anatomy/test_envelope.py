@@ -11,7 +11,7 @@ from tests.anatomy.meshes import (
     require_conforming,
 )
 
-from handpipe.anatomy.envelope import Envelope, upper_envelope
+from handpipe.anatomy.envelope import Envelope, contenders, upper_envelope
 from handpipe.errors import InputError
 from handpipe.mesh.tetrahedra import TetMesh
 
@@ -145,3 +145,20 @@ def test_snapping_moves_borders_by_less_than_its_share_and_removes_small_tets() 
 def test_wrong_input_is_named(values: np.ndarray, snap: float, field: str) -> None:
     with pytest.raises(InputError, match=field):
         upper_envelope(box((1, 1, 1)), values, snap=snap)
+
+
+def test_contenders_have_the_same_envelope() -> None:
+    """What is put to the floor is nowhere the largest, and a function's noise elsewhere cuts nothing."""
+    mesh = box((6, 6, 6), (6.0, 6.0, 6.0))
+    rng = np.random.default_rng(3)
+    centres = rng.uniform(0, 6, (5, 3))
+    values = np.stack([np.maximum(0, 3.0 - np.linalg.norm(mesh.vertices - c, axis=1)) for c in centres], 1)
+    values += 1e-6 * rng.normal(size=values.shape)
+    values = np.column_stack([np.full(len(values), 0.2), values])
+    kept = contenders(mesh.tets, values)
+    np.testing.assert_array_equal(kept[mesh.tets].max(axis=2), values[mesh.tets].max(axis=2))
+    assert (kept < values).any()
+    whole, less = upper_envelope(mesh, values, snap=0.0), upper_envelope(mesh, kept, snap=0.0)
+    assert len(less.labels) <= len(whole.labels)
+    volumes = [np.bincount(e.labels, e.mesh.volumes(), 6) for e in (whole, less)]
+    np.testing.assert_allclose(volumes[1], volumes[0], atol=1e-9)

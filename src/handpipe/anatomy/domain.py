@@ -44,7 +44,7 @@ class Domain:
         return Domain(mesh, np.arange(len(skin.vertices)), dict(zip(bones, on_bones, strict=True)))
 
     def refined(self, points: Array, edge_length: float | Array) -> Domain:
-        """Finer tets, of about `edge_length` (or one each, (p,)) mm, around points (p, 3); sizes grow with the
+        """Finer tets, of about `edge_length` mm (one, or (p,)), around points (p, 3); sizes grow with the
         distance from them.
 
         Longest edges are halved; given vertices keep their numbers.

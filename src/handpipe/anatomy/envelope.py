@@ -70,8 +70,8 @@ def upper_envelope(mesh: TetMesh, values: Array, *, snap: float = 0.0) -> Envelo
 def contenders(tets: IntArray, values: Array) -> Array:
     """Functions (n, k) put to a common floor at vertices around which they are nowhere the largest.
 
-    Their upper envelope is the same. All but one function are nearly zero at a curve: without this, each of them
-    would be cut there by the noise of the others, only to lie below in the end.
+    Their upper envelope is the same. All but one function are nearly zero at a curve: without this, each of
+    them would be cut there by the noise of the others, only to lie below in the end.
     """
     corners = [values[tets, k] for k in range(values.shape[1])]
     surely = np.max([c.min(axis=1) for c in corners], axis=0)

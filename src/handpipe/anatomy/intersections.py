@@ -11,6 +11,8 @@ from handpipe.mesh.surface import Surface
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+ROUNDING = 1e-12  # mm^3, of six times a volume
+
 
 def crossings(surface: Surface) -> IntArray:
     """Pairs (c, 2) of an edge, as `surface.edges()` has them, and a triangle without its ends that cross."""
@@ -29,7 +31,9 @@ def _cross(ends: Array, corners: Array) -> NDArray[np.bool_]:
     """Whether segments (n, 2, 3) pass through triangles (n, 3, 3), by the signs of five volumes."""
     a, b, c = np.moveaxis(corners, 1, 0)
     p, q = np.moveaxis(ends, 1, 0)
-    sides = _volume(a, b, c, p) * _volume(a, b, c, q) < 0
+    # A triangle that an edge only touches, or that lies in one plane with it, is not crossed.
+    from_p, from_q = _volume(a, b, c, p), _volume(a, b, c, q)
+    sides = (from_p * from_q < 0) & (np.minimum(np.abs(from_p), np.abs(from_q)) > ROUNDING)
     around = np.stack([_volume(p, q, a, b), _volume(p, q, b, c), _volume(p, q, c, a)])
     return sides & ((around >= 0).all(axis=0) | (around <= 0).all(axis=0))
 
