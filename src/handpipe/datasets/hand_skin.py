@@ -55,7 +55,7 @@ def flesh(layout: Layout) -> list[Cone]:
                 size = radius * girth**0.5, (radius - 1.0) * girth**0.5
                 cones += [Cone((name, (0, 0, z)), (name, (length, 0, z)), *size) for z in (-3.4, 0.6)]
     cones += [
-        Cone(("trapezium", (0, -2, -9)), ("metacarpal1", (38, 0, -6)), 15.5, 15.0),
+        Cone(("trapezium", (0, -2, -9)), ("metacarpal1", (38, -1, -6)), 14.0, 13.5),
         Cone(("trapezium", (4, -8, -11)), ("metacarpal1", (42, -7, -5)), 12.5, 10.5),
         Cone(("hamate", (-2, -5, -8)), ("metacarpal5", (50, -3, -4)), 14.0, 12.5),
         Cone(("metacarpal1", (30, -8, -1)), ("metacarpal2", (40, 4, -3)), 9.0, 10.0),
