@@ -4,16 +4,6 @@ HAND_CURVES = "config/anatomy/hand.yaml"
 HAND_EDGES = {"bone": 1.6, "skin": 2.8, "fat": 4}  # mm
 
 
-def template_hands():
-    """Right hands of the configuration whose generator has the bones and skin that the file is made for."""
-    return [
-        subject
-        for subject in buildable_subjects()
-        if dataset(subject).generator == "phantom-hand"
-        and dataset(subject).hand == "right"
-    ]
-
-
 rule template_hand:
     input:
         curves=HAND_CURVES,

@@ -388,3 +388,13 @@ def painted_regions(subject, fascia):
     """Regions that a person painted on a fascia, in place of those found from geometry."""
     data = dataset(subject)
     return data.path(data.regions[fascia]) if fascia in data.regions else []
+
+
+def template_hands():
+    """Right hands of the configuration whose generator has the bones and skin that the file is made for."""
+    return [
+        subject
+        for subject in buildable_subjects()
+        if dataset(subject).generator == "phantom-hand"
+        and dataset(subject).hand == "right"
+    ]
