@@ -41,7 +41,11 @@ def test_schemas_are_schemas(name):
 
 @pytest.mark.parametrize(
     "path",
-    [*sorted((ROOT / "config").glob("*/*.yaml")), TEMPLATE],
+    [
+        *sorted((ROOT / "config/datasets").glob("*.yaml")),
+        *sorted((ROOT / "config/scenes").glob("*.yaml")),
+        TEMPLATE,
+    ],
     ids=lambda p: p.stem,
 )
 def test_shipped_files_follow_their_schema(path):
