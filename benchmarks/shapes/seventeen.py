@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.fem.machine import Figures, figure
-from benchmarks.shapes.packed_hand import packed_hand, turned, turned_points
+from benchmarks.shapes.packed_hand import packed_hand, turned_points
 from benchmarks.shapes.separation import deepest
 from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.meshing import tetrahedralise
@@ -106,6 +106,7 @@ def measure(count: int = len(POSES), edge: float = EDGE, muscles: int = 17) -> F
     packed, bones = packed_hand()
     rest = separate(dict(list(packed.items())[:muscles]), bones).surfaces
     bodies = {n: Carried.of(s, edge) for n, s in rest.items()}
+    posed_bones = [packed_hand(pose.turn)[1] for pose in poses]
     begun = time.process_time()
     separated = []
     for number, pose in enumerate(poses):
@@ -113,12 +114,12 @@ def measure(count: int = len(POSES), edge: float = EDGE, muscles: int = 17) -> F
         for name, surface in rest.items():
             moved = in_pose(name, surface.vertices, surface.vertices.mean(axis=0), pose)
             present[name] = seen(surface.moved(moved), rng)
-        found = separate(present, bones_in(pose))
+        found = separate(present, posed_bones[number])
         log.info("pose %d: %.2f mm before", number, found.penetration_before)
         separated.append(found.surfaces)
     separation_seconds = time.process_time() - begun
     begun = time.process_time()
-    fits = {name: fitted(name, body, poses, separated) for name, body in bodies.items()}
+    fits = {name: fitted(name, body, poses, separated, posed_bones) for name, body in bodies.items()}
     strain_seconds = time.process_time() - begun
     carried = [
         {n: b.surface.moved(b.embedding(fits[n].vertices[k])) for n, b in bodies.items()}
@@ -131,30 +132,22 @@ def measure(count: int = len(POSES), edge: float = EDGE, muscles: int = 17) -> F
         "seventeen_distance_max": figure(max(float(f.distances.max()) for f in fits.values()), "mm"),
         "seventeen_eigenvalue_min": figure(min(f.eigenvalues[0] for f in fits.values()), "1"),
         "seventeen_eigenvalue_max": figure(max(f.eigenvalues[1] for f in fits.values()), "1"),
-        "seventeen_penetration_stage2": figure(
-            max(deepest(s, bones_in(p)) for s, p in zip(separated, poses, strict=True)), "mm"
-        ),
-        "seventeen_penetration_stage3": figure(
-            max(deepest(s, bones_in(p)) for s, p in zip(carried, poses, strict=True)), "mm"
-        ),
+        "seventeen_penetration_stage2": figure(max(map(deepest, separated, posed_bones)), "mm"),
+        "seventeen_penetration_stage3": figure(max(map(deepest, carried, posed_bones)), "mm"),
     }
 
 
-def bones_in(pose: Pose) -> dict[str, Surface]:
-    """The bones with the thumb and the little finger's ray turned."""
-    bones = packed_hand()[1]
-    bones["metacarpal-0"] = turned(bones["metacarpal-0"], (-24, -24, 0), (1, 0, 0), -0.5 * pose.turn)
-    bones["thumb"] = turned(bones["thumb"], (-24, 18, 0), (0.3, 0.2, 1.0), pose.turn)
-    return bones
-
-
 def fitted(
-    name: str, body: Carried, poses: tuple[Pose, ...], separated: list[dict[str, Surface]]
+    name: str,
+    body: Carried,
+    poses: tuple[Pose, ...],
+    separated: list[dict[str, Surface]],
+    bones: list[dict[str, Surface]],
 ) -> PoseStrains:
     """Stage 3 of one muscle, from its neutral mesh under the poses' own maps."""
     near = [
-        touching(s[name], [*(o for n, o in s.items() if n != name), *bones_in(p).values()], TOUCHING)
-        for s, p in zip(separated, poses, strict=True)
+        touching(s[name], [*(o for n, o in s.items() if n != name), *b.values()], TOUCHING)
+        for s, b in zip(separated, bones, strict=True)
     ]
     centre = body.surface.vertices.mean(axis=0)
     starts = [in_pose(name, body.mesh.vertices, centre, pose) for pose in poses]

@@ -6,9 +6,10 @@ from tests.anatomy.meshes import box
 
 from handpipe.anatomy.curves import PlacedCurve, PlacedMuscle
 from handpipe.anatomy.diffusion import Collocation, diffuse, stiffness, superlu
-from handpipe.anatomy.domain import Domain, Locator
+from handpipe.anatomy.domain import Domain
 from handpipe.errors import InputError
 from handpipe.mesh.curves import bishop_frames, resample
+from handpipe.mesh.embedding import Locator
 
 
 def straight(start: list[float], end: list[float], rates: tuple[float, float] = (1.0, 1.0)) -> PlacedMuscle:

@@ -5,10 +5,11 @@ import pytest
 from tests.anatomy.arm import arm
 from tests.anatomy.meshes import euler_characteristic, require_conforming
 
-from handpipe.anatomy.domain import Domain, Locator
-from handpipe.anatomy.splitting import EDGES
+from handpipe.anatomy.domain import Domain
 from handpipe.mesh.distance import Distance
+from handpipe.mesh.embedding import Locator
 from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import EDGES
 
 
 @pytest.fixture(scope="module")

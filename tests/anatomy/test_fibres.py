@@ -6,10 +6,10 @@ from tests.anatomy.meshes import box
 
 from handpipe.anatomy.curves import PlacedAttachment, PlacedCurve, PlacedMuscle
 from handpipe.anatomy.diffusion import Collocation
-from handpipe.anatomy.domain import Locator
 from handpipe.anatomy.fibres import fibres, flow_fibres, gradient_fibres
 from handpipe.errors import InputError
 from handpipe.mesh.curves import bishop_frames, resample
+from handpipe.mesh.embedding import Locator
 from handpipe.mesh.tetrahedra import TetMesh
 
 

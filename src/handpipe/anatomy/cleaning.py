@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from handpipe.anatomy.splitting import EDGES
 from handpipe.anatomy.stars import Stars
 from handpipe.mesh.operators import tet_neighbours
-from handpipe.mesh.tetrahedra import FACES, TetMesh
+from handpipe.mesh.tetrahedra import EDGES, FACES, TetMesh
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

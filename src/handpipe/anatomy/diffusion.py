@@ -21,10 +21,10 @@ from scipy.sparse.linalg import splu
 from skfem.helpers import dot, grad, mul
 
 from handpipe.anatomy.curves import PlacedCurve, PlacedMuscle
-from handpipe.anatomy.domain import Domain, Locator
+from handpipe.anatomy.domain import Domain
 from handpipe.errors import InputError
 from handpipe.mesh.curves import arclength
-from handpipe.mesh.embedding import Embedding
+from handpipe.mesh.embedding import Embedding, Locator
 from handpipe.mesh.tetrahedra import TetMesh
 
 Array = NDArray[np.float64]

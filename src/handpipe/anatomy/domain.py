@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from handpipe.anatomy.splitting import EDGES, MarkedEdges, bisect
+from handpipe.anatomy.splitting import MarkedEdges, bisect
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.surface import Surface, concatenate
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.mesh.tetrahedra import EDGES, TetMesh
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -74,25 +73,10 @@ class Domain:
 
     def edge_length(self) -> float:
         """Typical edge length in mm: of the regular tet that has the median volume."""
-        return float(np.cbrt(6 * np.sqrt(2) * np.median(self.mesh.volumes())))
+        return self.mesh.edge_length()
 
 
 def _boundary_edges(mesh: TetMesh, edges: IntArray) -> NDArray[np.bool_]:
     """Whether each of edges (e, 2), smaller number first, is one of a boundary face."""
     n = len(mesh.vertices)
     return np.isin(edges @ [n, 1], Surface(mesh.vertices, mesh.boundary_faces()[0]).edges() @ [n, 1])
-
-
-class Locator:
-    """Finds the tets around points, by a tree that is built once."""
-
-    def __init__(self, mesh: TetMesh) -> None:
-        self.mesh = mesh
-        self._tree = igl.AABB()
-        self._tree.init(mesh.vertices, mesh.tets)
-
-    def tets(self, points: Array) -> IntArray:
-        """The tet (n,) around each of points (n, 3), -1 outside the mesh."""
-        queries = np.ascontiguousarray(points, dtype=np.float64)
-        found = igl.in_element(self.mesh.vertices, self.mesh.tets, queries, self._tree)
-        return np.asarray(found, dtype=np.int64).reshape(-1)

@@ -16,9 +16,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from handpipe.anatomy.splitting import EDGES, MarkedEdges, bisect
+from handpipe.anatomy.splitting import MarkedEdges, bisect
 from handpipe.errors import InputError
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.mesh.tetrahedra import EDGES, TetMesh
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -24,9 +24,9 @@ from handpipe.anatomy.diffusion import (
     stiffness,
     superlu,
 )
-from handpipe.anatomy.domain import Locator
 from handpipe.errors import InputError
 from handpipe.mesh.curves import closest_on_polyline
+from handpipe.mesh.embedding import Locator
 from handpipe.mesh.operators import shape_gradients
 from handpipe.mesh.tetrahedra import TetMesh
 
@@ -92,7 +92,7 @@ def _ends(
     vertex.
     """
     found = []
-    edge = np.cbrt(6 * np.sqrt(2) * np.median(mesh.volumes()))  # the least gap that the mesh can show
+    edge = mesh.edge_length()  # the least gap that the mesh can show
     for attachment in attachments:
         line = np.concatenate([attachment.points, attachment.points[-1:]])
         distance = closest_on_polyline(mesh.vertices[candidates], line)[3]

@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from handpipe.mesh.tetrahedra import EDGES
+
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 LOW, HIGH = EDGES[:, 0].copy(), EDGES[:, 1].copy()
 
 

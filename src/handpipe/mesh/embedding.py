@@ -17,6 +17,21 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+class Locator:
+    """Finds the tets around points, by a tree that is built once."""
+
+    def __init__(self, mesh: TetMesh) -> None:
+        self.mesh = mesh
+        self._tree = igl.AABB()
+        self._tree.init(mesh.vertices, mesh.tets)
+
+    def tets(self, points: Array) -> IntArray:
+        """The tet (n,) around each of points (n, 3), -1 outside the mesh."""
+        queries = np.ascontiguousarray(points, dtype=np.float64)
+        found = igl.in_element(self.mesh.vertices, self.mesh.tets, queries, self._tree)
+        return np.asarray(found, dtype=np.int64).reshape(-1)
+
+
 @dataclass(frozen=True, eq=False)
 class Embedding:
     """Each point is the sum of weights (n, 4) times the vertices cells (n, 4); weights sum to one."""
@@ -28,9 +43,7 @@ class Embedding:
     def of(points: Array, mesh: TetMesh) -> Embedding:
         """Embed points (n, 3) in the tet around each, or in the tet of the nearest boundary face."""
         points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
-        tree = igl.AABB()
-        tree.init(mesh.vertices, mesh.tets)
-        found = np.asarray(igl.in_element(mesh.vertices, mesh.tets, points, tree), dtype=np.int64).reshape(-1)
+        found = Locator(mesh).tets(points)
         outside = found < 0
         if outside.any():
             faces, owners = mesh.boundary_faces()

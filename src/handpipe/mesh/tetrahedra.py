@@ -16,6 +16,7 @@ IntArray = NDArray[np.int64]
 
 # The face opposite to each corner, seen counter-clockwise from outside a tet of positive volume.
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,10 @@ class TetMesh:
     def moved(self, vertices: Array) -> TetMesh:
         """The same tets on other vertices (n, 3)."""
         return TetMesh(vertices, self.tets)
+
+    def edge_length(self) -> float:
+        """Typical edge length in mm: of the regular tet that has the median volume."""
+        return float(np.cbrt(6 * np.sqrt(2) * np.median(self.volumes())))
 
     def boundary_faces(self) -> tuple[IntArray, IntArray]:
         """Triangles (k, 3) that belong to one tet only, facing outwards, and that tet (k,)."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import igl
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.mesh.embedding import Locator
 from handpipe.truth.elements import Elements
 
 Array = NDArray[np.float64]
@@ -25,16 +24,9 @@ def ball_means(elements: Elements, points: Array, radius: float) -> sp.csr_matri
     displacement under it would grow without bound as the mesh is refined.
     """
     samples = points[:, None] + radius * SAMPLES
-    inside = _inside(elements.mesh, samples.reshape(-1, 3)).reshape(samples.shape[:2])
+    inside = (Locator(elements.mesh).tets(samples.reshape(-1, 3)) >= 0).reshape(samples.shape[:2])
     inside[:, 0] |= ~inside.any(axis=1)  # a point outside is carried by the nearest tet
     rows = np.nonzero(inside)[0]
     share = 1.0 / inside.sum(axis=1)[rows]
     mean = sp.csr_matrix((share, (rows, np.arange(len(rows)))), shape=(len(points), len(rows)))
     return sp.csr_matrix(mean @ elements.interpolation(samples[inside]))
-
-
-def _inside(mesh: TetMesh, points: Array) -> NDArray[np.bool_]:
-    tree = igl.AABB()
-    tree.init(mesh.vertices, mesh.tets)
-    found = igl.in_element(mesh.vertices, mesh.tets, np.ascontiguousarray(points), tree)
-    return np.asarray(found).reshape(-1) >= 0

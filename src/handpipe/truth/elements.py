@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from handpipe.fem.assembly import Pattern
 from handpipe.fem.elastic import shape_gradients
 from handpipe.mesh.embedding import Embedding
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.truth.refinement import EDGES, Midpoints
+from handpipe.mesh.tetrahedra import EDGES, TetMesh
+from handpipe.truth.refinement import Midpoints
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

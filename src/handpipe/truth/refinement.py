@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.mesh.tetrahedra import EDGES, TetMesh
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 # Corners 0 to 3 and midpoints 4 to 9 in the order of EDGES.
 AT_CORNERS = np.array([[0, 4, 5, 6], [4, 1, 7, 8], [5, 7, 2, 9], [6, 8, 9, 3]])
 # The octahedron inside, cut along the diagonal between the midpoints of two opposite edges.
