@@ -1,6 +1,5 @@
 """Exact verdicts on two surfaces that share nothing with what the separation steers by."""
 
-import igl
 import numpy as np
 
 from handpipe.mesh.surface import Surface
@@ -33,5 +32,14 @@ def _hits(ends: np.ndarray, corners: np.ndarray) -> int:
 
 
 def inside(points: np.ndarray, surface: Surface) -> np.ndarray:
-    """Which points have winding number one, by the sum of all solid angles."""
-    return igl.winding_number(surface.vertices, surface.triangles, np.ascontiguousarray(points)) > 0.5
+    """Which points have winding number one: all solid angles summed (Van Oosterom and Strackee 1983)."""
+    parts = np.array_split(points, len(points) // 200 + 1)
+    return np.concatenate([_turns(part, surface) for part in parts]) > 0.5
+
+
+def _turns(points: np.ndarray, surface: Surface) -> np.ndarray:
+    a, b, c = (surface.vertices[surface.triangles[:, i]] - points[:, None] for i in range(3))
+    u, v, w = (np.linalg.norm(side, axis=2) for side in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(axis=2)
+    across = u * v * w + (a * b).sum(axis=2) * w + (b * c).sum(axis=2) * u + (c * a).sum(axis=2) * v
+    return np.arctan2(volume, across).sum(axis=1) / (2 * np.pi)

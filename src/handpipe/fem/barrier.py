@@ -28,6 +28,7 @@ IntArray = NDArray[np.int64]
 RESERVE = 0.9  # share of a free step that is taken
 REACH = 10.0  # mean edge lengths that no surface vertex moves beyond in one step: bounds the candidates
 CANDIDATES_PER_FACE = 15  # with more of them from a swept step, a new search is cheaper than sorting them out
+TIMES_COUNTED = 2.0  # pairs that see one place of two surfaces in contact: 0.5 to 7.3, by their meshes
 FORESIGHT = 1.5  # pairs up to this many activation distances enter the Hessian's pattern in advance
 
 
@@ -53,10 +54,10 @@ class _Swept:
 class Barrier:
     """Barrier energy of a collision surface p = W x (k, 3), against itself and against an obstacle.
 
-    Energy: sum over pairs of A kappa d_hat b((d / d_hat)^2), b(s) = -(s - 1)^2 ln s, with A the rest area
+    Energy: sum over pairs of A kappa d_hat b((d / d_hat)^2) / 2, b(s) = -(s - 1)^2 ln s, with A the rest area
     that a pair stands for (Li et al. 2023, Convergent incremental potential contact). The Hessian is exact.
     Parallel surfaces at distance d press on one another by about kappa `pressure_ratio(d / d_hat)`: from a
-    third to three times as much, as their meshes meet. `stiffness` kappa in kPa is well chosen near Young's
+    fifth to four times as much, as their meshes meet. `stiffness` kappa in kPa is well chosen near Young's
     modulus of the softer body (`barrier_stiffness`): stresses of its size then find a gap of d_hat / 2.
 
     `distance` d_hat in mm: beyond it there is no force; keep it below the edge length. Parts that are
@@ -99,12 +100,10 @@ class Barrier:
             colliding = colliding & allowed
         self._mesh.can_collide = colliding
         pairs = neighbours(self._mesh, count, distance)
-        # The weights that make up for pairs counted twice take these to be whole: not so with exceptions.
-        self._corrected = not pairs
         if pairs:
             self._mesh.can_collide = colliding & ipctk.make_sparse_filter(dict.fromkeys(pairs, False), True)
         self._edge = float(ipctk.mean_edge_length(self.positions(x), self.positions(x), self._mesh.edges)[0])
-        self._potential = ipctk.BarrierPotential(distance, stiffness, True)
+        self._potential = ipctk.BarrierPotential(distance, stiffness / TIMES_COUNTED, True)
         self._pattern = GrowingPattern()
         self._swept: _Swept | None = None
         self._last: tuple[Array, ipctk.NormalCollisions] | None = None
@@ -190,9 +189,9 @@ class Barrier:
     def _foreseen(self, positions: Array) -> sp.csr_matrix:
         """A matrix whose pattern has the pairs that may soon be active."""
         further = FORESIGHT * self.distance
-        collisions = new_collisions(self._corrected)
+        collisions = new_collisions()
         collisions.build(self._mesh, positions, further, 0.0, ipctk.LBVH())
-        potential = ipctk.BarrierPotential(further, self.stiffness, True)
+        potential = ipctk.BarrierPotential(further, self.stiffness / TIMES_COUNTED, True)
         return self._reduce(generic_hessian(potential, collisions, self._mesh, positions))
 
     def _sweep(self, start: Array, motion: Array) -> float:
@@ -222,7 +221,7 @@ class Barrier:
     def _collisions(self, x: Array) -> tuple[Array, ipctk.NormalCollisions]:
         positions = self.positions(x)
         if self._last is None or not np.array_equal(self._last[0], positions):
-            collisions = new_collisions(self._corrected)
+            collisions = new_collisions()
             swept = self._swept
             few = swept is not None and len(swept.candidates) < CANDIDATES_PER_FACE * self._mesh.num_faces
             if swept is not None and few and swept.contains(positions):

@@ -13,12 +13,15 @@ IntArray = NDArray[np.int64]
 NEIGHBOUR_RINGS = 3  # so many edges apart along a surface, vertices that are near at rest are neighbours
 
 
-def new_collisions(corrected: bool) -> ipctk.NormalCollisions:
-    """An empty set, whose pairs will be weighted by area and, where `corrected`, counted once."""
+def new_collisions() -> ipctk.NormalCollisions:
+    """An empty set, whose pairs will be weighted by area.
+
+    A place that several pairs see is counted several times. The toolkit's correction for that
+    (IMPROVED_MAX_APPROX) is not taken: near parallel edges its energy jumps, by which of several threads is
+    first too, and no line search finds its minimum.
+    """
     collisions = ipctk.NormalCollisions()
     collisions.use_area_weighting = True
-    if corrected:
-        collisions.collision_set_type = ipctk.NormalCollisions.IMPROVED_MAX_APPROX
     return collisions
 
 
