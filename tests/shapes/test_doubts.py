@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tests.muscles.shapes import box
 
+from handpipe.shapes.coarse_template import WORTH, coarsened
 from handpipe.shapes.doubts import examine
 from handpipe.shapes.marks import BoundaryMarks, Pairs
 from handpipe.shapes.predictions import Predictions
@@ -60,3 +61,20 @@ def test_few_points_raise_no_doubts(marks: int, held: int) -> None:
     assert not doubts.attachments.any()
     assert doubts.share == 1.0
     assert doubts.outlying == 0.0
+
+
+def test_few_tets_carry_the_points_of_many() -> None:
+    fine = box((20, 9, 8), (30.0, 10.0, 8.0))
+    coarse, carry = coarsened(fine)
+    assert len(coarse.tets) < len(fine.tets) / WORTH
+    assert carry @ grown(coarse.vertices) == pytest.approx(grown(fine.vertices), abs=0.03)
+
+
+def test_the_wrong_attachment_is_named_among_many_tets_too() -> None:
+    fine = box((20, 9, 8), (30.0, 10.0, 8.0))
+    targets = grown(OUTER[:6])
+    targets[3] += [0.0, 6.0, -5.0]
+    held = Pairs(OUTER[:6], targets).attached(fine)
+    marks = grown(OUTER[6:])
+    doubts = examine(Given(fine, marks, held, None, (), None, Settings()), fine.vertices)
+    assert np.flatnonzero(doubts.attachments).tolist() == [3]

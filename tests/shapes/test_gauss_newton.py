@@ -70,7 +70,7 @@ def dense(system: GaussNewton) -> tuple[np.ndarray, np.ndarray]:
 def test_all_solvers_give_the_step_of_the_dense_system(held: str) -> None:
     strains, loose = dense(system(held)[3])
     model = system(held)[3]
-    for step in (model.by_rows(), model.by_iteration(tolerance=1e-9, most=2000)):
+    for step in (model.by_rows(tolerance=1e-10), model.by_iteration(tolerance=1e-9, most=2000)):
         assert step.strains == pytest.approx(strains, abs=1e-4 * np.abs(strains).max())
         assert step.loose == pytest.approx(loose, abs=1e-4 * np.abs(strains).max())
         assert step.slope < 0
@@ -131,3 +131,21 @@ def test_a_body_in_two_parts_is_refused() -> None:
     )
     with pytest.raises(InputError, match="2 parts"):
         Smoothness(apart.tets)
+
+
+@pytest.mark.parametrize("held", ["end", "nothing"])
+def test_coarse_strains_leave_few_products_with_the_rows(held: str) -> None:
+    model = system(held)[3]
+    rows = len(model.rows.residuals)
+    assert rows > 40
+    assert 0 < model.by_rows(tolerance=1e-6).iterations < rows / 2
+
+
+def test_the_coarse_gram_is_a_part_of_the_whole() -> None:
+    model = system("end")[3]
+    reactions = model.reactions()
+    lower = [model.gram(reactions), model.smoothness.coarse.gram(model.response.pulls, reactions)]
+    whole, part = (np.tril(g) + np.tril(g, -1).T for g in lower)
+    left = np.linalg.eigvalsh(whole - part)
+    assert left.min() > -1e-10 * np.trace(whole)
+    assert left.sum() < 0.1 * np.trace(whole)

@@ -96,7 +96,7 @@ class PardisoFactor:
         columns = np.asfortranarray(b, dtype=float)
         x = np.empty_like(columns)
         self._call(SOLVE, columns, x, count=1 if b.ndim == 1 else b.shape[1])
-        return np.ascontiguousarray(x)
+        return x if b.flags.f_contiguous else np.ascontiguousarray(x)
 
     @property
     def negative_eigenvalues(self) -> int:

@@ -82,6 +82,10 @@ class Correspondence:
             np.concatenate([self._metrics(), other._metrics()]),
         )
 
+    def carried(self, carry: sparse.csr_matrix) -> Correspondence:
+        """The same points by the vertices of a body that `carry` (n, n1) takes to those of this one."""
+        return Correspondence((self.matrix @ carry).tocsr(), self.targets, self.metrics)
+
     def _metrics(self) -> Array:
         return np.tile(np.eye(3), (self.count, 1, 1)) if self.metrics is None else self.metrics
 

@@ -13,12 +13,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from handpipe.mesh.rigid import RigidTransform
 from handpipe.metrics import Metrics
+from handpipe.shapes.coarse_template import coarsened
 from handpipe.shapes.fit import Attached
 from handpipe.shapes.marks import NORMAL, TUKEY, BoundaryMarks
 from handpipe.shapes.predictions import Predictions, all_points
 from handpipe.shapes.remeshing import Given
-from handpipe.shapes.search import EARLY, Search
+from handpipe.shapes.search import EARLY, FindMarks, Search
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -52,7 +54,7 @@ class Doubts:
         """The same without doubtful attachments, and marks with the share of their weight."""
         held, settings = given.held, replace(given.settings, alpha=self.share * given.settings.alpha)
         if held is not None and self.attachments.any():
-            held = _chosen(held, ~self.attachments)
+            held = held.chosen(np.flatnonzero(~self.attachments))
         return replace(given, held=held, settings=settings)
 
     def quality(self) -> Metrics:
@@ -78,19 +80,17 @@ class Doubts:
 def examine(given: Given, start: Array) -> Doubts:
     """Compare attachments and marks with what the other points predict, from vertices (n, 3) placed rigidly.
 
-    Raises `ConvergenceError` where no equilibrium is found at the start.
+    Few tets do for that (`coarse_template.py`); marks are held against the template's own surface, which they
+    carry. Raises `ConvergenceError` where no equilibrium is found at the start.
     """
-    settings, held = given.settings, given.held
-    robust = settings.mark_error if settings.outliers else None
-    marks = BoundaryMarks(given.template, given.marks, settings.tangential, robust).thinned(SAMPLE)
-    count = 0 if held is None else len(held.targets)
+    count = 0 if given.held is None else len(given.held.targets)
     doubts = Doubts(np.zeros(count, dtype=bool))
     if count < 2 and len(given.marks) < 2:
         return doubts
+    body = _Body.of(given, start)
     for first in range(max(-(-count // GROUP), 1)):
         chosen = np.arange(first, count, max(-(-count // GROUP), 1))
-        part = None if held is None else Attached(held.matrix[chosen], held.targets[chosen])
-        examination = _Examination(given, marks, part, start)
+        examination = _Examination(given, body, chosen)
         doubts.attachments[chosen] = examination.contradicted()
         if first == 0:
             doubts = Doubts(doubts.attachments, *examination.agreement())
@@ -98,21 +98,47 @@ def examine(given: Given, start: Array) -> Doubts:
     return doubts
 
 
+@dataclass(frozen=True)
+class _Body:
+    """The free body that is fitted: its search, vertices placed rigidly, and points that it carries."""
+
+    search: Search
+    start: Array
+    marks: FindMarks
+    known: Attached | None
+    held: Attached
+
+    @staticmethod
+    def of(given: Given, placed: Array) -> _Body:
+        settings = given.settings
+        mesh, carry = coarsened(given.template)
+        robust = settings.mark_error if settings.outliers else None
+        marks = BoundaryMarks(given.template, given.marks, settings.tangential, robust).thinned(SAMPLE)
+        held = given.held or Attached(sp.csr_matrix((0, len(placed))), np.zeros((0, 3)))
+        return _Body(
+            Search(mesh, settings=settings),
+            RigidTransform.fit(given.template.vertices, placed)(mesh.vertices),
+            lambda x: marks(carry @ x).carried(carry),
+            None if given.known is None else given.known.carried(carry),
+            held.carried(carry),
+        )
+
+
 class _Examination:
     """Some of the attachments with all other points, of a free body at a smooth fit."""
 
-    def __init__(self, given: Given, marks: BoundaryMarks, held: Attached | None, start: Array) -> None:
+    def __init__(self, given: Given, body: _Body, chosen: IntArray) -> None:
         self.given, self.settings = given, given.settings
-        self.held = held or Attached(sp.csr_matrix((0, len(start))), np.zeros((0, 3)))
-        search, known = Search(given.template, settings=given.settings), given.known
+        self.held = body.held.chosen(chosen)
+        search, marks, known = body.search, body.marks, body.known
         alpha = given.settings.alpha
         find = all_points(marks, known, self.held)
-        state = search.run(search.begin(start), "doubts, uniform", find, alpha, True, EARLY)
+        state = search.run(search.begin(body.start), "doubts, uniform", find, alpha, True, EARLY)
         self.suspects = np.zeros(len(self.held.targets), dtype=bool)
         if len(self.suspects):
             self.predictions = Predictions.at(search, state, marks, known, self.held)
             self.suspects = self._suspects()
-            find = all_points(marks, known, _chosen(self.held, ~self.suspects))
+            find = all_points(marks, known, self.held.chosen(np.flatnonzero(~self.suspects)))
         state = search.run(state, "doubts", find, SMOOTH * alpha, False, EARLY)
         self.predictions = Predictions.at(search, state, marks, known, self.held)
 
@@ -175,8 +201,3 @@ class _Examination:
             best = 0
         outlying = float((errors[best] > TUKEY * self._usual(errors[best])).mean())
         return float(means[best]), outlying, float(SHARES[best])
-
-
-def _chosen(held: Attached, kept: BoolArray) -> Attached:
-    rows = np.flatnonzero(kept)
-    return Attached(held.matrix[rows], held.targets[rows])

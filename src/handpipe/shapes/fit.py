@@ -60,6 +60,14 @@ class Attached:
         """Offsets (t, 3) from the targets."""
         return self.matrix @ x - self.targets
 
+    def carried(self, carry: sparse.csr_matrix) -> Attached:
+        """The same points by the vertices of a mesh that `carry` (n, n1) takes to those of this one."""
+        return Attached((self.matrix @ carry).tocsr(), self.targets)
+
+    def chosen(self, numbers: IntArray) -> Attached:
+        """Those of numbers (k,)."""
+        return Attached(self.matrix[numbers], self.targets[numbers])
+
 
 @dataclass(frozen=True)
 class ShapeOptions:

@@ -5,10 +5,11 @@ determines (the six means of S and loose rigid motions, q), a step minimises ove
 
     |L T|^2 / 2 + q D q / 2 + |r + Z d + E q|^2 / 2
 
-where D is tiny and only decides what the data leave open. `by_rows` is the Woodbury identity of 003 Eq. 5.14,
-whose small system has one unknown a row; the constant strains are eliminated, which stands in for the dyads
-of 003 Eq. 5.13. `by_iteration` needs products with Z and Z^T alone, each a solve with the stiffness and one
-with L: conjugate gradients on the normal equations, in the variables L T. Its cost is linear in the rows.
+where D is tiny and only decides what the data leave open. `by_rows` is the Woodbury identity of 003
+Eq. 5.14, whose small system has one unknown a row (`row_system.py`); constant strains are unknowns beside
+them, in place of the dyads of 003 Eq. 5.13. `by_iteration` needs products with Z and Z^T alone, each a solve
+with the stiffness and one with L: conjugate gradients on the normal equations, in the variables L T. Its cost
+is linear in the rows.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from handpipe.shapes.response import Response
+from handpipe.shapes.row_system import NearRows, positive_solve, solve_rows
 from handpipe.shapes.smoothness import Smoothness
 from handpipe.shapes.stretch import COUNTS
 
@@ -31,9 +33,9 @@ log = logging.getLogger(__name__)
 
 RIDGE = 1e-5 * COUNTS  # on the means of log-strains
 LOOSE_RIDGE = 1e-12  # on rigid motions, of the marks' own stiffness against them
-ROUNDING = 1e-13  # of the trace of a small system
 BLOCK = 128  # right-hand sides at a time
-ROWS = 600  # up to which `by_rows` is the quicker one: benchmarks/shapes/solves.py
+ROWS = 1500  # up to which `by_rows` is the quicker one: benchmarks/shapes/solves.py
+EXACT = 1e-5  # of the rows' residual, at which they are solved
 TOLERANCE = 1e-2  # of the gradient, at which the iteration ends
 MOST = 200  # iterations
 
@@ -82,20 +84,22 @@ class GaussNewton:
         change = np.broadcast_to(found[:6] - self.mean, self.logs.shape)
         return self._step(np.ascontiguousarray(change), found[6:], 0)
 
-    def by_rows(self, reactions: Array | None = None) -> Step:
-        """The Woodbury identity: a dense system with as many unknowns as rows."""
+    def by_rows(self, reactions: Array | None = None, tolerance: float = EXACT) -> Step:
+        """The Woodbury identity: a system with as many unknowns as rows."""
         reactions = self.reactions() if reactions is None else reactions
-        gram = self.gram(reactions)
-        gram[np.diag_indices_from(gram)] += 1.0
-        wanted = self.wanted()
-        factor = scipy.linalg.cho_factor(gram, lower=True, overwrite_a=True, check_finite=False)
-        spread = scipy.linalg.cho_solve(factor, np.column_stack([self.free, wanted]), check_finite=False)
-        schur = self.free.T @ spread[:, :-1] + np.diag(self.ridge)
-        found = positive_solve(schur, self.free.T @ spread[:, -1])
-        multipliers = spread[:, -1] - spread[:, :-1] @ found
-        pulled = (self.response.pulls @ (reactions @ multipliers)).reshape(-1, 6)
-        strains = self.smoothness.inverse(self.smoothness.inverse(pulled)) / COUNTS
-        return self._step(strains + found[:6] - self.logs, found[6:], 0)
+
+        def strains(multipliers: Array) -> Array:
+            pulled = (self.response.pulls @ (reactions @ multipliers)).reshape(-1, 6)
+            return self.smoothness.inverse(self.smoothness.inverse(pulled)) / COUNTS
+
+        def product(multipliers: Array) -> Array:
+            return reactions.T @ (self.response.forces @ strains(multipliers).ravel())
+
+        coarse = self.smoothness.coarse.gram(self.response.pulls, reactions)
+        near = NearRows(coarse, self.free, self.ridge)
+        multipliers, found, iterations = solve_rows(product, near, self.wanted(), tolerance, MOST)
+        change = strains(multipliers) + found[:6] - self.logs
+        return self._step(change, found[6:], iterations)
 
     def by_iteration(self, tolerance: float = TOLERANCE, most: int = MOST) -> Step:
         """Conjugate gradients until the gradient has fallen by `tolerance`.
@@ -152,12 +156,6 @@ class GaussNewton:
         slope += float((RIDGE * self.mean) @ strains.mean(axis=0))
         slope += float(self.rows.residuals @ (self.rows.matrix @ motion))
         return Step(strains, loose, motion.reshape(-1, 3), slope, iterations)
-
-
-def positive_solve(matrix: Array, b: Array) -> Array:
-    """Solution with a small symmetric matrix of which only rounding may have spoilt the positive sign."""
-    shift = ROUNDING * float(np.trace(matrix))
-    return np.asarray(np.linalg.solve(matrix + shift * np.eye(len(matrix)), b))
 
 
 class _Projection:

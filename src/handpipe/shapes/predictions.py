@@ -1,9 +1,9 @@
 """What points say of each other: each one's place as all others predict it, without another fit.
 
 Where smooth strains of a free body explain points to first order, the points' errors y are a Gaussian process
-with a covariance that a Gauss-Newton step has anyway, and linear terms (Rasmussen and Williams 2006, 2.7).
-With P its precision, the others miss the rows i of one point by P_ii^-1 (P y)_i (the same, 5.4.2). The body
-is free and not on the springs of attachments, which would hold these to any place.
+with a covariance that a Gauss-Newton step knows, and linear terms (Rasmussen and Williams 2006, 2.7). With P
+its precision, the others miss the rows i of one point by P_ii^-1 (P y)_i (the same, 5.4.2). The body is free
+and not on the springs of attachments, which would hold these to any place.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.shapes.fit import Attached
-from handpipe.shapes.gauss_newton import GaussNewton, positive_solve
-from handpipe.shapes.marks import BoundaryMarks, with_landmarks
+from handpipe.shapes.gauss_newton import GaussNewton
+from handpipe.shapes.marks import with_landmarks
 from handpipe.shapes.rigid_motions import LooseMotions
+from handpipe.shapes.row_system import positive_solve
 from handpipe.shapes.search import FindMarks, Search, State, weighted
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ class Predictions:
 
     @staticmethod
     def at(
-        search: Search, state: State, marks: BoundaryMarks, known: Attached | None, held: Attached | None
+        search: Search, state: State, marks: FindMarks, known: Attached | None, held: Attached | None
     ) -> Predictions:
         """Of all points, about a state of a free body."""
         points = weighted(all_points(marks, known, held)(state.x), 1.0)
@@ -62,6 +63,6 @@ class Predictions:
         return np.asarray(np.linalg.solve(blocks, pulls[..., None])[..., 0])
 
 
-def all_points(marks: BoundaryMarks, known: Attached | None, held: Attached | None) -> FindMarks:
+def all_points(marks: FindMarks, known: Attached | None, held: Attached | None) -> FindMarks:
     """Marks, landmarks, and attachments as landmarks."""
     return with_landmarks(with_landmarks(marks, known), held)

@@ -77,9 +77,10 @@ class OnMesh:
         self.carry = sp.identity(len(mesh.vertices), format="csr") if carry is None else carry
         loads = given.loads if carry is None else [Carried(p, carry) for p in given.loads]
         settings = given.settings
-        self.search = Search(mesh, self._carried(given.held), loads, settings, frame)
+        held = None if given.held is None else given.held.carried(self.carry)
+        self.search = Search(mesh, held, loads, settings, frame)
         self.search.record = record
-        self.known = self._carried(given.known)
+        self.known = None if given.known is None else given.known.carried(self.carry)
         robust = settings.mark_error if settings.outliers else None
         self.marks = BoundaryMarks(mesh, given.marks, settings.tangential, robust, settings.covering)
         image = given.image
@@ -98,9 +99,6 @@ class OnMesh:
             return marks.joined(self.image(x)) if uses == "image" and self.image is not None else marks
 
         return found if uses == "nothing" else with_landmarks(found, self.known)
-
-    def _carried(self, points: Attached | None) -> Attached | None:
-        return None if points is None else Attached((points.matrix @ self.carry).tocsr(), points.targets)
 
 
 def worn(task: OnMesh, state: State) -> bool:

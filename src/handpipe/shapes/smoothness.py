@@ -1,19 +1,24 @@
 """The smoothness of strains, |L S|^2 (003 Eq. 5.3), and the inverse of its Hessian.
 
 The plastic strain Laplacian acts on each of the six numbers alone (003 Eq. A.2): one factorisation of the
-scalar matrix over tets serves all six. Its nullspace, the constant, is left out by fixing one tet and taking
-means off, which gives the solution of the Singular Lemma (ii) without bordering the matrix.
+scalar matrix over tets serves all six. Its nullspace, the constant, is left out by a spring on one tet, which
+values without a mean do not stretch, and by taking means off: the solution of the Singular Lemma (ii) without
+bordering the matrix.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from handpipe.errors import InputError
 from handpipe.fem.linear import factorise
 from handpipe.mesh.operators import tet_laplacian
+from handpipe.shapes.coarse_strains import CoarseStrains
 from handpipe.shapes.stretch import COUNTS
 
 Array = NDArray[np.float64]
@@ -35,7 +40,13 @@ class Smoothness:
         if parts > 1 or len(tets) < 2:
             problem = f"are {len(tets)}, in {parts} parts that no face connects"
             raise InputError("template", "tets", problem, "Give one connected body of at least two tets")
-        self._factor = factorise(self.laplacian[1:, 1:].tocsr())
+        pin = sp.csr_matrix(([1.0], ([0], [0])), shape=self.laplacian.shape)
+        self._factor = factorise((self.laplacian + pin).tocsr())
+
+    @cached_property
+    def coarse(self) -> CoarseStrains:
+        """Its smoothest fields."""
+        return CoarseStrains(self.laplacian)
 
     def energy(self, logs: Array) -> float:
         """E(S)."""
@@ -55,6 +66,6 @@ class Smoothness:
 
     def inverse(self, values: Array) -> Array:
         """Pseudo-inverse of L times values (m, k)."""
-        found = np.zeros_like(values)
-        found[1:] = self._factor.solve((values - values.mean(axis=0))[1:])
+        columns = np.asfortranarray(values)
+        found = self._factor.solve(columns - columns.mean(axis=0))
         return found - found.mean(axis=0)
