@@ -1,5 +1,7 @@
 """Seeds from moved bones: inside what they are of, bright, and nothing where nobody is sure."""
 
+from collections.abc import Callable
+
 import igl
 import numpy as np
 import pytest
@@ -54,24 +56,44 @@ def test_a_thin_marrow_keeps_its_deepest_voxels(volume):
     assert (np.linalg.norm(SPACING * thin - MIDDLES[1], axis=1) < 0.5).all()
 
 
-def test_both_sides_of_a_waist_have_seeds(volume):
-    """Two balls joined by a tube of two voxels across, as the tuft of a distal phalanx and its base."""
-    middle = np.array(MIDDLES[1])
-    ends = [(middle - [3.0, 0, 0], 2.0), (middle + [4.0, 0, 0], 1.0)]
+def waisted(
+    middle: np.ndarray, radius: float, along: np.ndarray
+) -> tuple[Surface, Callable[[np.ndarray], np.ndarray]]:
+    """Two balls joined by a tube along a unit direction, as the base of a distal phalanx and its tuft.
 
-    def inside(points):
-        tube = np.maximum(
-            np.linalg.norm((points - middle)[..., 1:], axis=-1) - 0.5, np.abs((points - middle)[..., 0]) - 3
-        )
+    Also a function that is negative inside.
+    """
+    ends = [(middle - 3.0 * along, 2.0), (middle + 4.0 * along, 1.0)]
+
+    def inside(points: np.ndarray) -> np.ndarray:
+        forwards = (points - middle) @ along
+        across = np.linalg.norm(points - middle - forwards[..., None] * along, axis=-1) - radius
+        tube = np.maximum(across, np.abs(forwards) - 3)
         return np.min([tube, *(np.linalg.norm(points - c, axis=-1) - r for c, r in ends)], axis=0)
 
     grid = np.stack(np.meshgrid(*[np.arange(-6, 6.01, 0.2)] * 3, indexing="ij"), axis=-1) + middle
     vertices, faces, _, _ = marching_cubes(inside(grid), 0.0, spacing=(0.2, 0.2, 0.2))
-    seeds = SPACING * marrow_core(volume, Surface(vertices + grid[0, 0, 0], faces))
+    return Surface(vertices + grid[0, 0, 0], faces), inside
+
+
+def test_both_sides_of_a_waist_have_seeds(volume):
+    marrow, inside = waisted(MIDDLES[1], 0.5, np.array([1.0, 0, 0]))
+    seeds = SPACING * marrow_core(volume, marrow)
     assert inside(seeds).max() < 0
-    along = seeds[:, 0] - middle[0]
+    along = seeds[:, 0] - MIDDLES[1][0]
     for low, high in ((-4.0, -2.0), (-1.0, 1.0), (1.4, 4.2)):  # the one ball, the tube, the other
         assert ((along > low) & (along < high)).sum() >= 3
+
+
+def test_every_slice_of_a_waist_has_seeds(volume):
+    """A tube that meets the grid at all places of a voxel: a walk would stop where it has none."""
+    along = np.array([1.0, 0.2, 0.15]) / np.linalg.norm([1.0, 0.2, 0.15])
+    marrow, inside = waisted(MIDDLES[1], 0.7, along)
+    seeds = SPACING * marrow_core(volume, marrow)
+    assert inside(seeds).max() < 0
+    forwards = (seeds - MIDDLES[1]) @ along
+    between = np.sort(forwards[np.abs(forwards) < 3])
+    assert np.diff([-3, *between, 3]).max() < 1.2 * SPACING
 
 
 def test_seeds_lie_in_their_marrow_and_around_all_bones(volume, surfaces):

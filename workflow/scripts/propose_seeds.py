@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from common import stage
+from sought_again import sought_again
 
 with stage(snakemake) as log:
     from handpipe import metrics
@@ -20,7 +21,7 @@ with stage(snakemake) as log:
     marrow, whole = (read_surfaces(snakemake.input.neutral, part) for part in ("marrow", "whole"))
     hand = HandModel.of(dataset, marrow, whole)
     motions = locate(hand, evidence)
-    sure = confidences(hand, evidence.fine, motions)
+    motions, sure = sought_again(hand, evidence, motions, confidences(hand, evidence.fine, motions))
     for bone, confidence in sure.items():
         log.info("%s: confidence %.2f%s", bone, confidence.value, ": MARKED" if confidence.marked else "")
         log.info("    %s", confidence)

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 DEEP = 1.4  # voxels inside the marrow
 LEAST = 0.6  # of the greatest depth, where the marrow is thinner
-THIN = 0.8  # voxels deep, below which a slice needs no seeds
+THIN = 0.5  # voxels deep, below which a slice needs no seeds
 BRIGHT = 0.65  # levels: darker voxels are no marrow
 SHELL = (2.4, 6.5)  # mm from the outermost grid places inside a whole bone: at least 1 mm outside it
 GRID = 1.0  # mm between the places where distances are computed
@@ -103,12 +103,18 @@ def share_outside(voxels: NDArray[np.int64], truth: Labels, label: int) -> float
 
 
 def _distances(volume: Volume, surface: Surface, lower: NDArray[np.int64], upper: NDArray[np.int64]) -> Array:
-    """Signed distances in mm of the voxels lower <= index < upper to a surface, by way of a coarse grid."""
-    step = _step(volume)
+    """Signed distances in mm of the voxels lower <= index < upper to a surface, exact within `GRID` of it.
+
+    Farther away they come from a coarse grid: in a waist, that would miss what little depth there is.
+    """
+    step, distance = _step(volume), Distance(surface)
     shape = (np.maximum(upper - lower - 1, 0) // step) + 2
     places = np.indices(shape).reshape(3, -1).T * step + lower
-    coarse = Distance(surface).signed(volume.to_world(places))[0].reshape(shape)
-    return _refined(coarse, step, upper - lower)
+    coarse = distance.signed(volume.to_world(places))[0].reshape(shape)
+    found = _refined(coarse, step, upper - lower)
+    near = np.abs(found) < GRID
+    found[near] = distance.signed(volume.to_world(np.argwhere(near) + lower))[0]
+    return found
 
 
 def _refined(coarse: Array, step: NDArray[np.int64], shape: NDArray[np.int64]) -> Array:
