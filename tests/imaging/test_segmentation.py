@@ -61,6 +61,28 @@ def test_marrow_surface_does_not_depend_on_the_grids_orientation(phalanx, marrow
     np.testing.assert_allclose(turned.vertices, expected, atol=1e-3)
 
 
+def test_a_waist_of_two_voxels_does_not_part_the_marrow() -> None:
+    """Two balls joined by an oblique tube, as the base of a small distal phalanx and its tuft."""
+    along = np.array([1.0, 0.2, 0.15]) / np.linalg.norm([1.0, 0.2, 0.15])
+
+    def inside(points):
+        tube = capsule(points, -5 * along, 5 * along) - 0.5
+        balls = [np.linalg.norm(points - c * along, axis=-1) - r for c, r in ((-5, 2.2), (5, 1.2))]
+        return np.minimum(tube, np.minimum(*balls))
+
+    def intensity(points):
+        depth = inside(points)
+        return np.select([depth < 0, depth < 1.0], [1.0, 0.08], 0.8)
+
+    volume = voxelised(intensity, [-10, -6, -6], [10, 6, 6])
+    true = inside(grid_points(volume))
+    seeds = np.select([true < -0.25, true > 2], [1, BACKGROUND], 0).astype(np.uint8)
+    marrow = marrow_surface(volume, segment_bone(volume, seeds, 1, SETTINGS))
+    assert np.ptp(marrow.vertices @ along) == pytest.approx(13.4, abs=0.2)
+    assert np.abs(inside(marrow.vertices)).mean() < 0.05
+    assert dice(rasterise(volume, {1: marrow}) == 1, true < 0) > 0.95
+
+
 def test_whole_bone_where_a_tendon_touches_it(phalanx, marrow) -> None:
     truth, volume, bone = phalanx
     whole = whole_bone(volume, bone, marrow)

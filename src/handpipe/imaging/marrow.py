@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 SMOOTHING = (0.7, 0.35)  # voxels
 FADED = 0.8  # of the claimed voxels: with less left, smoothing was too much
+WHOLE = 0.98  # of what is left hangs together, or smoothing has cut a waist
 REACH = 1.25  # voxels that the image may move the walker's surface
 USUAL_THICKNESS = 0.8  # mm, of cortical bone in a finger: where fits start
 STIFFNESS = 1.0
@@ -88,11 +89,12 @@ def marrow_surface(volume: Volume, bone: BoneProbability) -> Surface:
 
 
 def _smoothed(probability: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Probability without the voxels' steps; smoothed less where a bone of few voxels would fade."""
+    """Probability without the voxels' steps; smoothed less where a bone of few voxels would fade or part."""
     claimed = (probability > 0.5).sum()
     for deviation in SMOOTHING:
         smooth = ndimage.gaussian_filter(probability, deviation)
-        if (smooth > 0.5).sum() > FADED * claimed:
+        sizes = np.bincount(ndimage.label(smooth > 0.5)[0].ravel())[1:]
+        if sizes.sum() > FADED * claimed and sizes.max() > WHOLE * sizes.sum():
             return smooth
     return probability
 
