@@ -16,6 +16,8 @@ T = TypeVar("T", bound=BaseModel)
 Vector = tuple[float, float, float]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
+COUPLED_HANDS = ("phantom-hand-complete",)  # generators whose truth is a coupled simulation
+SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
 
 
 class Model(BaseModel):
@@ -132,11 +134,19 @@ class Dataset(Model):
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
     generator: (
-        Literal["phantom-finger", "zanatomy-index", "phantom-hand", "myohand-bones", "zanatomy-bones"] | None
+        Literal[
+            "phantom-finger",
+            "zanatomy-index",
+            "phantom-hand",
+            "phantom-hand-complete",
+            "myohand-bones",
+            "zanatomy-bones",
+        ]
+        | None
     ) = None
     seed: int = 0
     scanner: Scanner | None = Field(
-        None, description="generated hands of bones alone: voxel size, bias field and noise"
+        None, description="generated whole hands: voxel size, bias field and noise"
     )
     anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
@@ -165,8 +175,8 @@ class Dataset(Model):
             raise ValueError("poses: exactly one pose has the role neutral")
         if self.poses[self.neutral].seeds is None:
             raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds")
-        if self.scanner is not None and self.generator not in HANDS_OF_BONES:
-            raise ValueError(f"scanner: is only for the generators {', '.join(HANDS_OF_BONES)}")
+        if self.scanner is not None and self.generator not in SCANNED_HANDS:
+            raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
         for kind, named in (
             *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),
             *((f"tendons.{k}", (t.bone, *t.bones)) for k, t in self.tendons.items()),

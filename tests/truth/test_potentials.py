@@ -10,9 +10,10 @@ from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth.active import ActiveFibres
+from handpipe.truth.crushing import CRUSHED, Crushing
 from handpipe.truth.elements import Elements
 from handpipe.truth.solid import Solid
-from handpipe.truth.strands import Strands, chain
+from handpipe.truth.strands import Cable, Strands, chain
 
 MESH = TetMesh(*box((2.0, 1.0, 1.0), (2, 1, 1)))
 RNG = np.random.default_rng(0)
@@ -30,13 +31,19 @@ def _potential(kind, order):
         return Solid(elements, Material(np.linspace(1, 6, count), 0.45)), elements.nodes
     if kind == "active":
         return ActiveFibres(elements, _directions(count), np.linspace(0, 5, count)), elements.nodes
+    if kind == "crushing":
+        return Crushing(elements, 7.0), elements.nodes
     points = elements.interpolation(np.random.default_rng(2).uniform([0, 0, 0], [2, 1, 1], (6, 3)))
+    if kind == "cable":
+        return Cable(points, chain(6), 40.0), elements.nodes
     strands = Strands(points, chain(6), elements.nodes, 50.0, two_sided=kind == "two-sided")
     return strands, elements.nodes
 
 
 def _state(nodes, name):
     noise = 0.1 * np.random.default_rng(5).normal(size=nodes.shape)
+    if name == "crushed":
+        return nodes * [1.1, 1.0, 0.15] + 0.05 * noise
     if name == "deformed":
         return 1.1 * nodes + noise
     if name == "flattened":
@@ -44,7 +51,7 @@ def _state(nodes, name):
     return nodes * [1.0, 1.0, -0.8] + noise  # inverted
 
 
-KINDS = ["solid", "active", "strands", "two-sided"]
+KINDS = ["solid", "active", "strands", "two-sided", "crushing", "cable"]
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -52,7 +59,7 @@ KINDS = ["solid", "active", "strands", "two-sided"]
 @pytest.mark.parametrize("state", ["deformed", "flattened", "inverted"])
 def test_derivatives_agree_with_differences(kind, order, state):
     potential, nodes = _potential(kind, order)
-    x = _state(nodes, state)
+    x = _state(nodes, "crushed" if (kind, state) == ("crushing", "deformed") else state)
     step = 1e-5
     for seed in range(3):
         d = np.random.default_rng(seed).normal(size=x.shape)
@@ -79,7 +86,7 @@ def test_projected_hessian_is_semidefinite_and_hessian_symmetric(kind, order):
 @pytest.mark.parametrize("kind", KINDS)
 def test_energy_and_forces_turn_with_the_body(kind):
     potential, nodes = _potential(kind, 2)
-    x = _state(nodes, "deformed")
+    x = _state(nodes, "crushed" if kind == "crushing" else "deformed")
     turn = Rotation.from_rotvec([0.3, -1.2, 0.7]).as_matrix()
     moved = x @ turn.T + [1.0, -2.0, 3.0]
     assert np.isclose(potential.value(moved), potential.value(x), rtol=1e-12)
@@ -114,3 +121,18 @@ def test_bad_input_is_refused():
     twice = elements.interpolation(np.full((2, 3), 0.5))
     with pytest.raises(InputError, match="no length"):
         Strands(twice, chain(2), elements.nodes, 1.0)
+
+
+def test_crushing_is_felt_below_a_share_of_the_volume_alone():
+    crushing = Crushing(Elements.linear(MESH), 7.0)
+    assert crushing.value(MESH.vertices * [1, 1, 1.01 * CRUSHED]) == 0.0
+    shares = np.array([0.9, 0.5, 0.2, 0.02, -0.1]) * CRUSHED
+    values = np.array([crushing.value(MESH.vertices * [1, 1, share]) for share in shares])
+    assert values[0] > 0 and (np.diff(values) > 0).all()
+
+
+def test_a_cable_carries_its_tension_whatever_its_length():
+    ends = Cable(np.eye(2), chain(2), 40.0)
+    for length in (0.5, 1.0, 3.0):
+        force = ends.gradient(np.array([[0.0, 0, 0], [length, 0, 0]]))
+        np.testing.assert_allclose(force, [[-40.0, 0, 0], [40.0, 0, 0]], rtol=1e-5)

@@ -16,7 +16,7 @@ rule template_hand:
     benchmark:
         "results/{subject}/benchmarks/template_hand/all.tsv"
     wildcard_constraints:
-        subject="phantom-hand(?:-seeded)?",
+        subject=f"phantom-hand(?:-seeded)?|{COUPLED}",
     threads: 1
     resources:
         mem_mb=3000,

@@ -9,7 +9,7 @@ from pathlib import Path
 import yaml
 from snakemake.exceptions import WorkflowError
 
-from handpipe.config import LAYERS, Role, load_dataset, load_scene
+from handpipe.config import COUPLED_HANDS, LAYERS, Role, load_dataset, load_scene
 from handpipe.errors import HandpipeError
 from handpipe.hand.subject import joint_limits, named_files, require_files, require_scan
 from handpipe.skeleton.drivers.scene_frames import frame_names
@@ -92,6 +92,19 @@ def bones_alone():
 BONES_ALONE = (
     "|".join(bones_alone()) or "-"
 )  # a pattern for subjects; "-" is no subject
+
+
+def coupled_hands():
+    """Generated subjects whose images and truth come from a coupled simulation, read as `bones_alone` does."""
+    return [
+        file.stem
+        for file in sorted(Path("config/datasets").glob("*.yaml"))
+        if (yaml.safe_load(file.read_text(encoding="utf-8")) or {}).get("generator")
+        in COUPLED_HANDS
+    ]
+
+
+COUPLED = "|".join(coupled_hands()) or "-"
 
 
 def each_subject(pattern):
@@ -395,6 +408,6 @@ def template_hands():
     return [
         subject
         for subject in buildable_subjects()
-        if dataset(subject).generator == "phantom-hand"
+        if dataset(subject).generator in ("phantom-hand", *COUPLED_HANDS)
         and dataset(subject).hand == "right"
     ]

@@ -11,6 +11,8 @@ rule generate_templates:
         "results/{subject}/logs/generate_templates/all.log",
     benchmark:
         "results/{subject}/benchmarks/generate_templates/all.tsv"
+    wildcard_constraints:
+        subject=f"(?!(?:{COUPLED})/)[a-z][a-z0-9-]*",
     threads: 1
     resources:
         mem_mb=1500,
@@ -38,7 +40,7 @@ rule generate_pose:
     benchmark:
         "results/{subject}/benchmarks/generate_pose/{pose}.tsv"
     wildcard_constraints:
-        subject=f"(?!(?:{BONES_ALONE})/)[a-z][a-z0-9-]*",
+        subject=f"(?!(?:{BONES_ALONE}|{COUPLED})/)[a-z][a-z0-9-]*",
     threads: 1
     resources:
         mem_mb=2500,
@@ -89,7 +91,7 @@ rule generate_seeds:
     benchmark:
         "results/{subject}/benchmarks/generate_seeds/{pose}.tsv"
     wildcard_constraints:
-        subject=BONES_ALONE,
+        subject=f"{BONES_ALONE}|{COUPLED}",
     threads: 1
     resources:
         mem_mb=1500,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from handpipe.errors import InputError
 from handpipe.fem.barrier import Barrier
+from handpipe.fem.cloth import Membrane
 from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
 from handpipe.mesh.rigid import RigidTransform
@@ -19,15 +20,18 @@ from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth.active import ActiveFibres
 from handpipe.truth.balls import ball_means
+from handpipe.truth.crushing import Crushing
 from handpipe.truth.elements import Elements
 from handpipe.truth.refinement import Midpoints, refine
 from handpipe.truth.solid import Solid
-from handpipe.truth.strands import Strands, chain
+from handpipe.truth.strands import Cable, Strands, chain
 from handpipe.truth.surfaces import bone_faces, bone_weights, outer_faces
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+
+CRUSH_STIFFNESS = 10.0  # kPa
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +39,15 @@ class Strand:
     """A tendon's points (k, 3) in mm at rest, its stiffness (Young's modulus times area) in mN.
 
     `bones` names the bone on which a point of that number ends; each other is the mean of the tissue within
-    `radius` mm: without it a taut strand would cut through ever finer meshes.
+    `radius` mm: without it a taut strand would cut through ever finer meshes. A strand without stiffness
+    slides along its points, and pulls with its `tension` in mN whatever its length.
     """
 
     points: Array
-    stiffness: float
+    stiffness: float = 0.0
     bones: Mapping[int, str] = field(default_factory=dict)
     radius: float = 1.0
+    tension: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +95,14 @@ class Contact:
     stiffness: float
 
 
+@dataclass(frozen=True)
+class Sheet:
+    """A thin skin on the outer surface: its material and thickness in mm."""
+
+    material: Material
+    thickness: float
+
+
 class Body:
     """The coupled body: quadratic (or linear) elements on an anatomy's mesh, and what acts on them.
 
@@ -104,6 +118,7 @@ class Body:
         *,
         order: Literal[1, 2] = 2,
         contact: Contact | None = None,
+        sheet: Sheet | None = None,
     ) -> None:
         missing = set(anatomy.regions) - set(materials)
         if missing:
@@ -121,8 +136,12 @@ class Body:
         }
         fine = anatomy.refined() if order == 2 else anatomy  # whose vertices are the nodes
         self.on_bones, self.cells, self.cell_labels = fine.bones, fine.mesh, fine.labels
-        self.skin_faces = outer_faces(fine.mesh.boundary_faces()[0], fine.bones.values())
+        self.skin_faces = outer_faces(fine.mesh, fine.bones.values())
+        self.crushing = Crushing(self.elements, CRUSH_STIFFNESS)
         self.strands = {name: self._strand(name) for name in anatomy.strands}
+        self.sheets: list[Potential] = []
+        if sheet is not None:
+            self.sheets = [Membrane(self.rest, self.skin_faces, sheet.material, sheet.thickness)]
         self.barrier = self._barrier(contact) if contact is not None else None
 
     @property
@@ -136,7 +155,8 @@ class Body:
     def potentials(self, pose: Pose) -> list[Potential]:
         """Energies of the tissues in a pose, without contact."""
         active = [m.with_tension(pose.tensions.get(n, 0.0)) for n, m in self.muscles.items()]
-        return [self.solid, *(m for m in active if m.pulls), *self.strands.values()]
+        passive = [self.solid, self.crushing, *self.sheets]
+        return [*passive, *(m for m in active if m.pulls), *self.strands.values()]
 
     def prescribed(self, pose: Pose, x: Array) -> Array:
         """Positions x (n, 3) with the nodes on bones where the pose has them."""
@@ -170,9 +190,12 @@ class Body:
         chosen = self.anatomy.tets_of(region)
         return float((self.solid.volume_ratios(x)[chosen] * self.elements.volumes[chosen]).sum())
 
-    def _strand(self, name: str) -> Strands:
+    def _strand(self, name: str) -> Strands | Cable:
         strand, points = self.anatomy.strands[name], self.strand_points(name)
-        return Strands(points, chain(len(strand.points)), self.rest, strand.stiffness)
+        segments = chain(len(strand.points))
+        if strand.stiffness == 0.0:
+            return Cable(points, segments, strand.tension)
+        return Strands(points, segments, self.rest, strand.stiffness)
 
     def _barrier(self, contact: Contact) -> Barrier:
         used, triangles = np.unique(self.skin_faces, return_inverse=True)

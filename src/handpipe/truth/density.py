@@ -64,18 +64,15 @@ class DensityPotential:
             last = min(first + CHUNK, len(e.cells))
             points = slice(first * self._points, last * self._points)
             tangent = self.tangents(f[first:last].reshape(-1, 3, 3), points, project)
-            _add_stiffness(
-                first,
-                last,
-                e.gradients,
-                e.volumes,
-                tangent.reshape(last - first, self._points, 9, 9),
-                pattern.slots,
-                pattern.strides,
-                e.cells,
-                data,
-            )
+            add_stiffness(e, np.arange(first, last), tangent, data)
         return pattern.matrix(data)
+
+
+def add_stiffness(elements: Elements, cells: IntArray, tangents: Array, data: Array) -> None:
+    """Add sum_q V_q G^T C G of some cells (c,) to the data of the elements' pattern; tangents (c q, 9, 9)."""
+    e, pattern = elements, elements.pattern
+    tangents = tangents.reshape(len(cells), e.volumes.shape[1], 9, 9)
+    _add_stiffness(cells, e.gradients, e.volumes, tangents, pattern.slots, pattern.strides, e.cells, data)
 
 
 def semidefinite(tangents: Array) -> Array:
@@ -112,8 +109,7 @@ def _add_forces(cells: IntArray, gradients: Array, volumes: Array, stress: Array
 
 @njit(cache=True)
 def _add_stiffness(
-    first: int,
-    last: int,
+    which: IntArray,
     gradients: Array,
     volumes: Array,
     tangent: Array,
@@ -122,14 +118,14 @@ def _add_stiffness(
     cells: IntArray,
     data: Array,
 ) -> None:
-    """Add sum_q V_q G^T C G of each cell, of which only the pairs b >= a are computed."""
+    """Of a cell only the pairs of nodes b >= a are computed."""
     points, nodes = gradients.shape[1:3]
     blocks = np.empty((nodes, nodes, 3, 3))
     half = np.empty((3, 3, 3))
-    for e in range(first, last):
+    for number, e in enumerate(which):
         blocks[:] = 0.0
         for q in range(points):
-            c, g, volume = tangent[e - first, q], gradients[e, q], volumes[e, q]
+            c, g, volume = tangent[number, q], gradients[e, q], volumes[e, q]
             for a in range(nodes):
                 for i in range(3):
                     for j in range(3):

@@ -12,6 +12,7 @@ from handpipe.fem.equilibrium import Options
 from handpipe.metrics import Metrics, measured
 from handpipe.truth.body import Anatomy, Body, Pose
 from handpipe.truth.follow import follow
+from handpipe.truth.strands import Strands
 from handpipe.truth.validation import (
     difference,
     patch_test,
@@ -56,7 +57,9 @@ def measure(
     metrics["inverted_tets"] = (body.inverted(x), "1")
     changes = volume_changes(body, x)
     metrics["muscle_volume_change_max"] = (max(map(abs, changes.values())), "%")
-    metrics["strand_strain_max"] = (max(s.strains(x).max() for s in body.strands.values()) * 100.0, "%")
+    strains = [s.strains(x).max() for s in body.strands.values() if isinstance(s, Strands)]
+    if strains:
+        metrics["strand_strain_max"] = (max(strains) * 100.0, "%")
     metrics["patch_test_error"] = (patch_test(body), "mm")
     apart = start_difference(body, ways.detour, ways.back, x, options=options)
     metrics["start_difference_max"] = (apart, "mm")

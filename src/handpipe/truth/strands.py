@@ -13,6 +13,7 @@ from handpipe.fem.points import PointPotential, per_point
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+BLUNT = 1e-3  # mm: a segment of no length has no direction
 TOE = 0.02  # strain over which tension rises from none to its full slope, as collagen uncrimps
 
 
@@ -76,6 +77,35 @@ class Strands(PointPotential):
         if project:
             across = np.maximum(across, 0.0)
         return slope[:, None, None] * dyads + across[:, None, None] * (np.eye(3) - dyads)
+
+
+class Cable(PointPotential):
+    """Energy T sum l over segments of length l: a tendon that slides in its sheath under a tension T in mN.
+
+    `operator` and `segments` as of `Strands`. The muscle at its far end gives way or takes up what the tendon
+    slides; where its line bends, it presses on what guides it. Lengths are rounded at BLUNT mm.
+    """
+
+    def __init__(self, operator: Operator, segments: IntArray, tension: ArrayLike) -> None:
+        points = sp.csr_matrix(operator)
+        super().__init__(points[segments[:, 1]] - points[segments[:, 0]])
+        self.tension = per_point(tension, self.count, "tension")
+
+    def energies(self, points: Array) -> Array:
+        return self.tension * self._lengths(points)
+
+    def forces(self, points: Array) -> Array:
+        return (self.tension / self._lengths(points))[:, None] * points
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        length = self._lengths(points)
+        along = points / length[:, None]
+        across = np.eye(3) - along[:, :, None] * along[:, None, :]
+        return (self.tension / length)[:, None, None] * across
+
+    @staticmethod
+    def _lengths(points: Array) -> Array:
+        return np.sqrt((points**2).sum(axis=1) + BLUNT**2)
 
 
 def chain(count: int, first: int = 0) -> IntArray:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from handpipe.errors import InputError
 from handpipe.mesh.barycentric import barycentric_weights
 from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surface import Surface, component_labels
 from handpipe.mesh.tetrahedra import TetMesh
 
 Array = NDArray[np.float64]
@@ -26,12 +26,19 @@ def bone_faces(mesh: TetMesh, bone: IntArray) -> IntArray:
     return faces[np.isin(faces, bone).all(axis=1)]
 
 
-def outer_faces(faces: IntArray, bones: Iterable[IntArray]) -> IntArray:
-    """The boundary faces (k, 3) that lie on no bone, given each bone's vertices."""
+def outer_faces(mesh: TetMesh, bones: Iterable[IntArray]) -> IntArray:
+    """The outermost of the boundary's parts (k, 3) that lie on no bone, given each bone's vertices.
+
+    Cavities within the body, as joints have, are other parts.
+    """
+    faces = mesh.boundary_faces()[0]
     inner = np.zeros(len(faces), dtype=bool)
     for vertices in bones:
         inner |= np.isin(faces, vertices).all(axis=1)
-    return faces[~inner]
+    free = faces[~inner]
+    part = component_labels(free)
+    farthest = mesh.vertices[free, 0].max(axis=1).argmax()
+    return free[part == part[farthest]]
 
 
 def bone_weights(point: Array, mesh: TetMesh, bone: IntArray, count: int) -> sp.lil_matrix:

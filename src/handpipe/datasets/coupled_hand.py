@@ -1,0 +1,180 @@
+"""The phantom hand with all soft tissue: poses of the coupled body, and the files of a dataset."""
+
+from __future__ import annotations
+
+import json
+import logging
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from handpipe import artifacts
+from handpipe.anatomy.subject_template import SubjectTemplate
+from handpipe.anatomy.template import Template
+from handpipe.config import Dataset, Scanner
+from handpipe.datasets import image, phantom_hand, scans, templates
+from handpipe.datasets.kinematics import Posture
+from handpipe.datasets.phantom_hand_bones import WITH_ROOT
+from handpipe.datasets.phantom_hand_joints import POSES, joints
+from handpipe.datasets.posed import PosedFinger, write_surface, write_truth
+from handpipe.datasets.posed_hand import MARGIN
+from handpipe.datasets.tubes import sweep
+from handpipe.fem.equilibrium import Options
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
+from handpipe.truth.follow import follow
+from handpipe.truth.hand import HandBody
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+log = logging.getLogger(__name__)
+
+KIND = "coupled-pose"
+PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
+CLICKS = 10  # points of a tendon that a person clicks
+WRIST = -22.0  # mm along the hand: scans end there
+SWOLLEN = 1.1  # templates of muscles against the truth
+TEMPLATE_WARP = templates.Warp(
+    np.array([60.0, 15.0, -18.0]),
+    scale=1.05,
+    bend=(0.0003, -0.0002),
+    twist=0.0006,
+    frame=RigidTransform(
+        Rotation.from_euler("xyz", [4.0, -3.0, 5.0], degrees=True).as_matrix(), np.array([8.0, -5.0, 4.0])
+    ),
+)
+
+
+def hand_body(template: str | Path, subject: str | Path, order: int) -> HandBody:
+    """The coupled body of the template hand's artifacts, with linear or quadratic tets (order 1 or 2)."""
+    positions = [bones_at(pose, share) for pose in POSES for share in PARTS]
+    return HandBody.of(Template.load(template), SubjectTemplate.load(subject), positions, order)
+
+
+def bones_at(pose: str, share: float = 1.0, root: RigidTransform | None = None) -> dict[str, RigidTransform]:
+    """Where bones are at a share of a pose's angles."""
+    angles = {name: float(np.radians(share * degrees)) for name, degrees in POSES[pose].items()}
+    return Posture(joints(), angles, root or RigidTransform.identity(), WITH_ROOT).transforms()
+
+
+def settle(hand: HandBody, pose: str, *, steps: int = 8) -> Array:
+    """Equilibrium positions (n, 3) of a pose, followed from rest; `ConvergenceError` where there is none."""
+    options = Options(
+        name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=60, untangle=False
+    )
+    return follow(hand.body, lambda t: hand.pose(bones_at(pose, t)), steps=steps, options=options).x
+
+
+def save(path: str | Path, x: Array, inputs: list[str]) -> None:
+    """Write a pose's positions (n, 3) in mm (kind "coupled-pose")."""
+    artifacts.write(path, {"positions": x}, kind=KIND, units={"positions": "mm"}, inputs=inputs)
+
+
+def load(path: str | Path) -> Array:
+    """The positions (n, 3) of a pose."""
+    return np.asarray(artifacts.read(path, KIND)["positions"])
+
+
+def posed(hand: HandBody, pose: str, x: Array, seed: int) -> PosedFinger:
+    """All organs in a pose of a dataset, whose root is repositioned."""
+    body, anatomy = hand.body, phantom_hand.hand()
+    posture = phantom_hand.posture(pose, seed)
+    bones, x = posture.transforms(), posture.root(x)
+
+    def carried(surfaces: Mapping[str, tuple[Array, IntArray]]) -> dict[str, tuple[Array, IntArray]]:
+        return {name: (bones[name](v), f) for name, (v, f) in surfaces.items()}
+
+    def organs(names: Mapping[str, object]) -> dict[str, tuple[Array, IntArray]]:
+        found = {name: body.surface(name, x) for name in names}
+        return {name: (s.vertices, s.triangles) for name, s in found.items()}
+
+    lines = {name: body.strand_points(name) @ x for name in body.strands}
+    radii = {name: tendon.radius for name, tendon in hand.subject.tendons.items()}
+    skin = Surface(x, body.skin_faces).compact()
+    return PosedFinger(
+        posture,
+        bones,
+        carried(anatomy.bones),
+        carried(anatomy.marrow),
+        organs(hand.subject.muscles),
+        organs(hand.subject.ligaments),
+        lines,
+        {name: sweep(line, radii[name]) for name, line in lines.items()},
+        radii,
+        (skin.vertices, skin.triangles),
+        {bone: (nail, bones[bone]) for bone, nail in nails(hand).items()},
+    )
+
+
+def nails(hand: HandBody) -> dict[str, IntArray]:
+    """The triangles of the outer skin over each nail of the template, by the nail's bone."""
+    outer = Surface(hand.body.rest, hand.body.skin_faces)
+    skin = hand.subject.skin
+    assert skin is not None
+    below = skin.vertices[skin.triangles].mean(axis=1)
+    nearest = cKDTree(below).query(outer.vertices[outer.triangles].mean(axis=1))[1]
+    return {bone: np.flatnonzero(np.isin(nearest, ids)) for bone, ids in hand.subject.nails.items()}
+
+
+def write_pose(dataset: Dataset, pose: str, hand: HandBody, x: Array) -> None:
+    """Write a pose's volume, scan, truth and label volumes where the dataset names them."""
+    found, files = posed(hand, pose, x, dataset.seed), dataset.poses[pose]
+    scanner, folder = dataset.scanner or Scanner(), dataset.truth
+    grid = image.Grid.around(np.concatenate([b[0] for b in found.bones.values()]), MARGIN, scanner.spacing)
+    log.info("%s: %d x %d x %d voxels of %g mm", pose, *grid.shape, grid.spacing)
+    rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 5])
+    scanned, _, _ = image.acquire(clean_image(found, grid), grid, rng, bias=scanner.bias, noise=scanner.noise)
+    image.write_volume(dataset.path(files.volume), scanned.astype(np.float32), grid)
+    if files.scan is not None:
+        rest = Surface(hand.body.rest, hand.body.skin_faces).compact().vertices
+        write_surface(dataset.path(files.scan), *scans.scan(rest, *found.skin, rng, open_before=WRIST))
+    if folder is not None:
+        labels = {name: bone.label for name, bone in dataset.bones.items()}
+        for kind, surfaces in (("bones", found.bones), ("marrow", found.marrow)):
+            volume = image.label_volume({label: surfaces[n] for n, label in labels.items()}, grid)
+            image.write_volume(dataset.path(folder.folder) / f"{pose}.{kind}.nii.gz", volume, grid)
+        write_truth(dataset.path(folder.folder) / f"{pose}.h5", found)
+
+
+def clean_image(found: PosedFinger, grid: image.Grid) -> Array:
+    """Noise-free image of a posed hand."""
+    value = image.INTENSITIES
+    layers = [
+        (value["fat"], [found.skin]),
+        (value["muscle"], list(found.muscles.values())),
+        (value["ligament"], list(found.ligaments.values())),
+        (value["tendon"], list(found.tendon_tubes.values())),
+        (value["cortical"], list(found.bones.values())),
+        (value["marrow"], list(found.marrow.values())),
+    ]
+    return image.paint(layers, grid, value["air"])
+
+
+def write_templates(dataset: Dataset, hand: HandBody, neutral: Array) -> None:
+    """Write what a person brings: templates of another hand's shape, attachments, tendons' curves, nails."""
+    subject, rng = hand.subject, np.random.default_rng([dataset.seed, 3])
+    for name, bone in dataset.bones.items():
+        if bone.template is not None:
+            surface = subject.bones[name]
+            write_surface(dataset.path(bone.template), TEMPLATE_WARP(surface.vertices), surface.triangles)
+    for name, entry in {**dataset.muscles, **dataset.ligaments}.items():
+        organ = {**subject.muscles, **subject.ligaments}[name]
+        swollen = organ.surface.vertices + (SWOLLEN - 1) * organ.surface.vertex_normals()
+        write_surface(dataset.path(entry.template), TEMPLATE_WARP(swollen), organ.surface.triangles)
+        attachments = {bone: [int(i) for i in ids] for bone, ids in organ.attachments.items()}
+        artifacts.write_text(dataset.path(entry.attachments), json.dumps(attachments) + "\n")
+    found = posed(hand, dataset.neutral, neutral, dataset.seed)
+    for name, tendon in dataset.tendons.items():
+        line = found.tendons[name]
+        clicked = line[np.linspace(0, len(line) - 1, CLICKS).astype(int)]
+        noisy = clicked + 0.3 * rng.standard_normal(clicked.shape)
+        templates.write_curve(dataset.path(tendon.path), noisy, name)
+    for nail in dataset.nails.values():
+        vertices, triangles = found.skin
+        used, patch = np.unique(triangles[found.nails[nail.bone][0]], return_inverse=True)
+        write_surface(dataset.path(nail.surface), vertices[used], patch.reshape(-1, 3))

@@ -1,0 +1,74 @@
+"""Tissue that resists being crushed to nothing: the volume of no element vanishes."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from handpipe.truth.density import DensityPotential, add_stiffness, semidefinite
+from handpipe.truth.elements import Elements
+
+Array = NDArray[np.float64]
+
+CRUSHED = 0.3  # of its volume at rest: where the resistance begins
+STEEPEST = 0.1  # of that: below, it grows quadratically, so that a bad start has an energy
+TWIST = np.zeros((3, 3, 3))  # the permutation symbol
+TWIST[[0, 1, 2], [1, 2, 0], [2, 0, 1]], TWIST[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = 1.0, -1.0
+
+
+class Crushing(DensityPotential):
+    """Energy sum of V k b(J / 0.3) over points with J = det F < 0.3; b(s) = -(s - 1)^2 ln s, k in kPa.
+
+    Below s = 0.1 b goes on as its parabola there: twice continuous, and finite for a start that is inside
+    out, which stable laws alone would let stay so.
+    """
+
+    def __init__(self, elements: Elements, stiffness: float) -> None:
+        super().__init__(elements)
+        self.stiffness = stiffness
+
+    def densities(self, f: Array, points: slice) -> Array:
+        return self.stiffness * self._barrier(np.linalg.det(f))[0]
+
+    def stresses(self, f: Array, points: slice) -> Array:
+        slope = self.stiffness * self._barrier(np.linalg.det(f))[1]
+        out = np.zeros_like(f)
+        active = slope != 0
+        out[active] = slope[active, None, None] * _cofactors(f[active])
+        return out
+
+    def tangents(self, f: Array, points: slice, project: bool) -> Array:
+        slope, curvature = (self.stiffness * d for d in self._barrier(np.linalg.det(f))[1:])
+        normal = _cofactors(f).reshape(-1, 9)
+        out = curvature[:, None, None] * normal[:, :, None] * normal[:, None, :]
+        second = np.einsum("ijm,kln,pmn->pikjl", TWIST, TWIST, f).reshape(-1, 9, 9)
+        exact = out + slope[:, None, None] * second
+        return semidefinite(exact) if project else exact
+
+    def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        f = self.deformation_gradients(x)
+        crushed = np.flatnonzero((np.linalg.det(f) < CRUSHED).any(axis=1))
+        data = self.elements.pattern.data()
+        tangents = self.tangents(f[crushed].reshape(-1, 3, 3), slice(None), project)
+        add_stiffness(self.elements, crushed, tangents, data)
+        return self.elements.pattern.matrix(data)
+
+    @staticmethod
+    def _barrier(volume: Array) -> tuple[Array, Array, Array]:
+        """The function of J, its first and second derivative, each (p,)."""
+        share = np.minimum(volume / CRUSHED, 1.0)
+        at = np.maximum(share, STEEPEST)
+        log, gap = np.log(at), at - 1.0
+        value = -(gap**2) * log
+        first = -2 * gap * log - gap**2 / at
+        second = -2 * log - 4 * gap / at + gap**2 / at**2
+        beyond = share - at
+        value += beyond * (first + 0.5 * beyond * second)
+        first += beyond * second
+        return value, first / CRUSHED, second / CRUSHED**2
+
+
+def _cofactors(f: Array) -> Array:
+    """Derivatives (p, 3, 3) of det F by F."""
+    return np.stack([np.cross(f[:, (i + 1) % 3], f[:, (i + 2) % 3]) for i in range(3)], axis=1)

@@ -1,0 +1,70 @@
+"""The coupled body of a whole hand: a template's mesh with joints that open, sliding tendons, a skin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.anatomy.subject_template import SubjectTemplate, TemplateMuscle
+from handpipe.anatomy.template import Template
+from handpipe.fem.materials import Material
+from handpipe.mesh.curves import arclength, resample
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.truth.body import Anatomy, Body, Pose, Sheet, Strand
+from handpipe.truth.joint_spaces import gliding, opened
+
+Array = NDArray[np.float64]
+Bones = Mapping[str, RigidTransform]
+
+FAT, MUSCLE, LIGAMENT = Material(3.0, 0.45), Material(10.0, 0.47), Material(30.0, 0.45)
+SKIN = Sheet(Material(60.0, 0.45), 1.0)
+GLIDING = 2.5  # mm between bones of a joint, below which tissue is attached to neither
+STRAND_STEP = 3.0  # mm between points of a tendon
+TONE = 50.0  # mN in every tendon
+TENSION, SHORTENING = 8.0, 0.15  # kPa of a muscle whose ends have come nearer by this share
+
+
+@dataclass(frozen=True, eq=False)
+class HandBody:
+    """A hand as one body, and the template that it is made from."""
+
+    body: Body
+    subject: SubjectTemplate
+
+    @staticmethod
+    def of(template: Template, subject: SubjectTemplate, positions: Sequence[Bones], order: int) -> HandBody:
+        """Of a template's mesh of fat, muscles and ligaments; `positions` are all that bones will pass."""
+        fibres = {
+            name: template.fibres[template.labels == template.names.index(name)] for name in subject.muscles
+        }
+        strands = {name: _strand(tendon.path, tendon.radius) for name, tendon in subject.tendons.items()}
+        anatomy = Anatomy(template.mesh, template.labels, template.names, template.bones, fibres, strands)
+        joints = [(joint.parent, joint.child) for joint in subject.joints]
+        vertices, bones = template.mesh.vertices, template.bones
+        anatomy = opened(anatomy, gliding(vertices, bones, subject.bones, joints, positions, GLIDING))
+        materials = {name: MUSCLE if name in subject.muscles else LIGAMENT for name in template.names}
+        body = Body(anatomy, materials | {"fat": FAT}, order=2 if order == 2 else 1, sheet=SKIN)
+        return HandBody(body, subject)
+
+    def pose(self, bones: Bones) -> Pose:
+        """The bones in a position, and each muscle as tense as it is short."""
+        return Pose(bones, {name: _tension(m, bones) for name, m in self.subject.muscles.items()})
+
+
+def _strand(path: Array, radius: float) -> Strand:
+    points = resample(path, int(arclength(path)[-1] / STRAND_STEP) + 2)
+    return Strand(points, radius=radius, tension=TONE)
+
+
+def _tension(muscle: TemplateMuscle, bones: Bones) -> float:
+    """Tension in kPa by how much nearer the muscle's attachments to its first and last bone have come."""
+    ends = {bone: muscle.surface.vertices[ids].mean(axis=0) for bone, ids in muscle.attachments.items()}
+    if len(ends) < 2:
+        return 0.0
+    (one, start), *_, (other, end) = ends.items()
+    length = np.linalg.norm(bones[one](start[None]) - bones[other](end[None]))
+    shortened = 1.0 - length / np.linalg.norm(start - end)
+    return float(TENSION * np.clip(shortened / SHORTENING, 0.0, 1.0))

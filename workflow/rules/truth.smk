@@ -1,0 +1,86 @@
+# The coupled hand: poses of one body of all tissues, and what a scanner, a person and a truth would give of it.
+
+TRUTH_ORDER = {"toy": 1, "full": 2}  # linear or quadratic tets
+
+
+rule coupled_pose:
+    input:
+        template="results/{subject}/anatomy/template.h5",
+        subject="results/{subject}/anatomy/subject.h5",
+    output:
+        "results/{subject}/coupled/{pose}.h5",
+    log:
+        "results/{subject}/logs/coupled_pose/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/coupled_pose/{pose}.tsv"
+    wildcard_constraints:
+        subject=COUPLED,
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=120,
+    params:
+        order=lambda w: TRUTH_ORDER[config["truth"]],
+    message:
+        "{wildcards.subject}: equilibrium of the coupled body in {wildcards.pose}"
+    script:
+        "../scripts/coupled_pose.py"
+
+
+rule coupled_images:
+    input:
+        dataset=ancient(of_dataset),
+        template="results/{subject}/anatomy/template.h5",
+        subject="results/{subject}/anatomy/subject.h5",
+        positions="results/{subject}/coupled/{pose}.h5",
+    output:
+        volume="results/{subject}/data/volumes/{pose}.nii.gz",
+        scan="results/{subject}/data/scans/{pose}.ply",
+        truth="results/{subject}/data/truth/{pose}.h5",
+        bones="results/{subject}/data/truth/{pose}.bones.nii.gz",
+        marrow="results/{subject}/data/truth/{pose}.marrow.nii.gz",
+    log:
+        "results/{subject}/logs/coupled_images/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/coupled_images/{pose}.tsv"
+    wildcard_constraints:
+        subject=COUPLED,
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=20,
+    params:
+        dataset=dataset_digest,
+        order=lambda w: TRUTH_ORDER[config["truth"]],
+    message:
+        "{wildcards.subject}: image, scan and truth of {wildcards.pose}"
+    script:
+        "../scripts/coupled_images.py"
+
+
+rule coupled_templates:
+    input:
+        dataset=ancient(of_dataset),
+        template="results/{subject}/anatomy/template.h5",
+        subject="results/{subject}/anatomy/subject.h5",
+        positions=lambda w: f"results/{w.subject}/coupled/{neutral(w.subject)}.h5",
+    output:
+        directory("results/{subject}/data/templates"),
+        directory("results/{subject}/data/curves"),
+    log:
+        "results/{subject}/logs/coupled_templates/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/coupled_templates/all.tsv"
+    wildcard_constraints:
+        subject=COUPLED,
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=10,
+    params:
+        dataset=dataset_digest,
+        order=lambda w: TRUTH_ORDER[config["truth"]],
+    message:
+        "{wildcards.subject}: templates, tendon curves and nails"
+    script:
+        "../scripts/coupled_templates.py"
