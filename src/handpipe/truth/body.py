@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from handpipe.errors import InputError
 from handpipe.fem.barrier import Barrier
-from handpipe.fem.cloth import Membrane
 from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
 from handpipe.mesh.rigid import RigidTransform
@@ -95,14 +94,6 @@ class Contact:
     stiffness: float
 
 
-@dataclass(frozen=True)
-class Sheet:
-    """A thin skin on the outer surface: its material and thickness in mm."""
-
-    material: Material
-    thickness: float
-
-
 class Body:
     """The coupled body: quadratic (or linear) elements on an anatomy's mesh, and what acts on them.
 
@@ -118,7 +109,6 @@ class Body:
         *,
         order: Literal[1, 2] = 2,
         contact: Contact | None = None,
-        sheet: Sheet | None = None,
     ) -> None:
         missing = set(anatomy.regions) - set(materials)
         if missing:
@@ -139,9 +129,6 @@ class Body:
         self.skin_faces = outer_faces(fine.mesh, fine.bones.values())
         self.crushing = Crushing(self.elements, CRUSH_STIFFNESS)
         self.strands = {name: self._strand(name) for name in anatomy.strands}
-        self.sheets: list[Potential] = []
-        if sheet is not None:
-            self.sheets = [Membrane(self.rest, self.skin_faces, sheet.material, sheet.thickness)]
         self.barrier = self._barrier(contact) if contact is not None else None
 
     @property
@@ -155,8 +142,7 @@ class Body:
     def potentials(self, pose: Pose) -> list[Potential]:
         """Energies of the tissues in a pose, without contact."""
         active = [m.with_tension(pose.tensions.get(n, 0.0)) for n, m in self.muscles.items()]
-        passive = [self.solid, self.crushing, *self.sheets]
-        return [*passive, *(m for m in active if m.pulls), *self.strands.values()]
+        return [self.solid, self.crushing, *(m for m in active if m.pulls), *self.strands.values()]
 
     def prescribed(self, pose: Pose, x: Array) -> Array:
         """Positions x (n, 3) with the nodes on bones where the pose has them."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,18 @@ from handpipe.anatomy.subject_template import SubjectTemplate, TemplateMuscle
 from handpipe.anatomy.template import Template
 from handpipe.fem.materials import Material
 from handpipe.mesh.curves import arclength, resample
+from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.truth.body import Anatomy, Body, Pose, Sheet, Strand
+from handpipe.mesh.surface import Surface
+from handpipe.truth.body import Anatomy, Body, Pose, Strand
 from handpipe.truth.joint_spaces import gliding, opened
+from handpipe.truth.surfaces import outer_faces
 
 Array = NDArray[np.float64]
 Bones = Mapping[str, RigidTransform]
 
 FAT, MUSCLE, LIGAMENT = Material(3.0, 0.45), Material(10.0, 0.47), Material(30.0, 0.45)
-SKIN = Sheet(Material(60.0, 0.45), 1.0)
+SKIN, DEPTH = Material(20.0, 0.45), 2.0  # mm below the surface to which fat's tets are skin
 GLIDING = 2.5  # mm between bones of a joint, below which tissue is attached to neither
 STRAND_STEP = 3.0  # mm between points of a tendon
 TONE = 50.0  # mN in every tendon
@@ -46,12 +49,22 @@ class HandBody:
         vertices, bones = template.mesh.vertices, template.bones
         anatomy = opened(anatomy, gliding(vertices, bones, subject.bones, joints, positions, GLIDING))
         materials = {name: MUSCLE if name in subject.muscles else LIGAMENT for name in template.names}
-        body = Body(anatomy, materials | {"fat": FAT}, order=2 if order == 2 else 1, sheet=SKIN)
-        return HandBody(body, subject)
+        materials |= {"fat": FAT, "skin": SKIN}
+        return HandBody(Body(_with_skin(anatomy), materials, order=2 if order == 2 else 1), subject)
 
     def pose(self, bones: Bones) -> Pose:
         """The bones in a position, and each muscle as tense as it is short."""
         return Pose(bones, {name: _tension(m, bones) for name, m in self.subject.muscles.items()})
+
+
+def _with_skin(anatomy: Anatomy) -> Anatomy:
+    """The anatomy whose fat near the outer surface is a further region, the skin."""
+    outer = Surface(anatomy.mesh.vertices, outer_faces(anatomy.mesh, anatomy.bones.values()))
+    fat = anatomy.tets_of("fat")
+    middles = anatomy.mesh.vertices[anatomy.mesh.tets[fat]].mean(axis=1)
+    labels = anatomy.labels.copy()
+    labels[fat[Distance(outer.compact()).closest(middles)[0] < DEPTH]] = len(anatomy.regions)
+    return replace(anatomy, labels=labels, regions=(*anatomy.regions, "skin"))
 
 
 def _strand(path: Array, radius: float) -> Strand:
