@@ -36,6 +36,7 @@ log = logging.getLogger(__name__)
 
 KIND = "coupled-pose"
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
+STEP = 6.0  # degrees of the joint that turns most: twice as much at once, and tissue starts inside out
 CLICKS = 10  # points of a tendon that a person clicks
 WRIST = -22.0  # mm along the hand: scans end there
 SWOLLEN = 1.1  # templates of muscles against the truth
@@ -62,8 +63,10 @@ def bones_at(pose: str, share: float = 1.0, root: RigidTransform | None = None) 
     return Posture(joints(), angles, root or RigidTransform.identity(), WITH_ROOT).transforms()
 
 
-def settle(hand: HandBody, pose: str, *, steps: int = 8) -> Array:
+def settle(hand: HandBody, pose: str) -> Array:
     """Equilibrium positions (n, 3) of a pose, followed from rest; `ConvergenceError` where there is none."""
+    widest = max(abs(degrees) for degrees in POSES[pose].values())
+    steps = max(int(np.ceil(widest / STEP)), 2)
     options = Options(
         name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=60, untangle=False
     )
