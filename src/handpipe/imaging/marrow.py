@@ -20,7 +20,7 @@ from handpipe.mesh.surface import Surface
 Array = NDArray[np.float64]
 
 SMOOTHING = (0.7, 0.35)  # voxels
-FADED = 0.8  # of the claimed voxels: with less left, smoothing was too much
+FADED = 0.9  # of the claimed voxels: with less left, smoothing was too much
 WHOLE = 0.98  # of what is left hangs together, or smoothing has cut a waist
 REACH = 1.25  # voxels that the image may move the walker's surface
 USUAL_THICKNESS = 0.8  # mm, of cortical bone in a finger: where fits start
