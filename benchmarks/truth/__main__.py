@@ -1,10 +1,10 @@
-"""Run as `python -m benchmarks.truth FOLDER`: `truth.json` and pictures of the toy finger."""
+"""Run as `python -m benchmarks.truth --output FILE`: figures of the toy finger; pictures beside them."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import logging
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -25,18 +25,21 @@ def back(t: float) -> Pose:
     return toy.hinge(AWAY + (ANGLE - AWAY) * t)
 
 
-def main(folder: Path) -> None:
+def main(output: Path) -> None:
     """All figures; the study of refinement takes several times the rest."""
+    folder = output.parent
     folder.mkdir(parents=True, exist_ok=True)
     ways = Ways(lambda t: toy.hinge(ANGLE * t), lambda t: toy.hinge(AWAY * t, 0.0), back)
     body, x, found = measure(toy.finger(EDGE), lambda a: Body(a, toy.MATERIALS), ways)
-    metrics.write(folder / "truth.json", found)
+    metrics.write(output, found)
     cut_open(folder / "truth-toy.png", body, x)
     table = figures(solved(COARSE_EDGE, COARSE_ANGLE, REFINEMENTS))
-    (folder / "refinement.json").write_text(json.dumps(table, indent=2), encoding="utf-8")
+    (folder / "truth-refinement.json").write_text(json.dumps(table, indent=2), encoding="utf-8")
     convergence(folder / "truth-convergence.png", table)
 
 
 if __name__ == "__main__":
     logging.basicConfig(level=logging.INFO)
-    main(Path(sys.argv[1]))
+    parser = argparse.ArgumentParser(prog="benchmarks.truth")
+    parser.add_argument("--output", type=Path, required=True, help="JSON of the figures")
+    main(parser.parse_args().output)

@@ -92,3 +92,26 @@ rule benchmark_segmentation:
         "the random walker against scikit-image's; nothing else should run meanwhile"
     script:
         "../scripts/benchmark.py"
+
+
+rule benchmark_truth:
+    output:
+        "results/benchmarks/truth.json",
+        "results/benchmarks/truth-refinement.json",
+        "results/benchmarks/truth-toy.png",
+        "results/benchmarks/truth-convergence.png",
+    log:
+        "results/benchmarks/logs/benchmark_truth.log",
+    benchmark:
+        "results/benchmarks/jobs/benchmark_truth.tsv"
+    threads: 1
+    resources:
+        mem_mb=6000,
+        runtime=30,
+    params:
+        name="truth",
+        arguments=[],
+    message:
+        "what the coupled truth says of itself, on a toy finger"
+    script:
+        "../scripts/benchmark.py"
