@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from common import stage
-from sought_again import sought_again
 
 with stage(snakemake) as log:
     from handpipe import metrics
@@ -14,6 +13,7 @@ with stage(snakemake) as log:
     from handpipe.skeleton.bones import read_surfaces
     from handpipe.skeleton.locating import HandModel, locate, moved_surfaces
     from handpipe.skeleton.location_confidence import confidences, write_located
+    from handpipe.skeleton.sought_again import sought_again
 
     dataset = load_dataset(snakemake.input.dataset)
     labels = {name: bone.label for name, bone in dataset.bones.items()}

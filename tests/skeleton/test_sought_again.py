@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -18,18 +17,11 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.locating import HandModel
 from handpipe.skeleton.location_confidence import confidences
+from handpipe.skeleton.sought_again import sought_again
 
 CHECKOUT = Path(__file__).parents[2]
 BONES = ["metacarpal3", "hamate", "metacarpal5", "proximal5", "middle5", "distal5"]  # the root's body first
 MUSCLE = 0.45  # of the marrow's level
-
-
-def sought_again():
-    path = CHECKOUT / "workflow" / "scripts" / "sought_again.py"
-    spec = importlib.util.spec_from_file_location("sought_again", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.sought_again
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +78,7 @@ def test_marked_bones_come_back_parents_first(scan):
     start = true | wrong
     sure = confidences(hand, evidence.fine, start)
     assert {b for b, c in sure.items() if c.marked} >= set(wrong)
-    motions, sure = sought_again()(hand, evidence, start, sure)
+    motions, sure = sought_again(hand, evidence, start, sure)
     assert not any(c.marked for c in sure.values())
     for bone, motion in motions.items():
         assert displacement(hand, bone, motion, true[bone]) < (0.3 if bone in wrong else 1e-9), bone
@@ -96,7 +88,7 @@ def test_sure_bones_stay_where_they_are(scan):
     hand, volume, true, _ = scan
     evidence = MarrowEvidence.of(volume)
     sure = confidences(hand, evidence.fine, true)
-    assert sought_again()(hand, evidence, true, sure) == (true, sure)
+    assert sought_again(hand, evidence, true, sure) == (true, sure)
 
 
 def test_a_bone_that_is_not_there_stays_marked(scan):
@@ -105,4 +97,4 @@ def test_a_bone_that_is_not_there_stays_marked(scan):
     evidence = MarrowEvidence.of(without(volume, whole[bone], true[bone]))
     sure = confidences(hand, evidence.fine, true)
     assert sure[bone].marked
-    assert sought_again()(hand, evidence, true, sure)[1][bone].marked
+    assert sought_again(hand, evidence, true, sure)[1][bone].marked

@@ -5,12 +5,19 @@ less than the fat beside it; it may slip off a trial that lay within a millimetr
 come back to a bone when a farther one that it carries was missed.
 """
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from handpipe.imaging.marrow_evidence import MarrowEvidence
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.skeleton.bone_probes import Body
 from handpipe.skeleton.edge_agreement import agreement, onto_edges
-from handpipe.skeleton.location_confidence import confidences
+from handpipe.skeleton.locating import HandModel
+from handpipe.skeleton.location_confidence import Confidence, confidences
 from handpipe.skeleton.motion_search import FEW, Motions, best_distinct, coarse_contrast
 
 TRIALS = 300  # of a joint that are followed: all of a hinge's
@@ -18,13 +25,18 @@ APART = 0.5  # mm (rms) between two trials
 GUESSES, SAME = 4, 1.0  # places that are weighed, and mm (rms) within which two are one
 
 
-def sought_again(hand, evidence, motions, sure):
+def sought_again(
+    hand: HandModel,
+    evidence: MarrowEvidence,
+    motions: Mapping[str, RigidTransform],
+    sure: Mapping[str, Confidence],
+) -> tuple[dict[str, RigidTransform], dict[str, Confidence]]:
     """Motions and confidences by bone, where a marked bone may have come to a place that is surer.
 
-    hand: `HandModel`; evidence: `MarrowEvidence` of the pose; motions, sure: what `locate` and `confidences`
-    gave. Parents come before what they carry. A bone stays where it was if nothing surer is found; the root
-    is not sought.
+    evidence of the pose; motions, sure: what `locate` and `confidences` gave. Parents come before what they
+    carry. A bone stays where it was if nothing surer is found; the root is not sought.
     """
+    motions, sure = dict(motions), dict(sure)
     for link in hand.links:
         bones, parent = hand.bodies[link.child].bones, hand.bodies[link.parent].bones[0]
         if not any(sure[bone].marked for bone in bones):
@@ -37,7 +49,7 @@ def sought_again(hand, evidence, motions, sure):
     return motions, sure
 
 
-def _places(evidence, body, trials):
+def _places(evidence: MarrowEvidence, body: Body, trials: Motions) -> list[RigidTransform]:
     """Distinct motions of a body on the image's edges, those first on which most of its edges agree."""
     few = replace(body, probes=body.probes.first(FEW))
     followed = best_distinct(body, trials, coarse_contrast(evidence, few.probes, trials), TRIALS, APART)
