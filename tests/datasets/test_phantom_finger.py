@@ -21,7 +21,7 @@ CONFIG = Path(__file__).parents[2] / "config/datasets/phantom-finger.yaml"
 
 
 @pytest.fixture(scope="module")
-def fingers() -> dict[str, posed.PosedFinger]:
+def fingers() -> dict[str, posed.PosedAnatomy]:
     return {p: phantom_finger.finger().posed(phantom_finger.posture(p, 1)) for p in POSES}
 
 

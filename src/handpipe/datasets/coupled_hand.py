@@ -21,7 +21,7 @@ from handpipe.datasets import image, phantom_hand, scans, templates
 from handpipe.datasets.kinematics import Posture
 from handpipe.datasets.phantom_hand_bones import WITH_ROOT
 from handpipe.datasets.phantom_hand_joints import POSES, joints
-from handpipe.datasets.posed import PosedFinger, write_surface, write_truth
+from handpipe.datasets.posed import PosedAnatomy, clean_image, write_surface, write_truth
 from handpipe.datasets.posed_hand import MARGIN
 from handpipe.datasets.tubes import sweep
 from handpipe.fem.equilibrium import Options
@@ -83,7 +83,7 @@ def load(path: str | Path) -> Array:
     return np.asarray(artifacts.read(path, KIND)["positions"])
 
 
-def posed(hand: HandBody, pose: str, x: Array, seed: int) -> PosedFinger:
+def posed(hand: HandBody, pose: str, x: Array, seed: int) -> PosedAnatomy:
     """All organs in a pose of a dataset, whose root is repositioned."""
     body, anatomy = hand.body, phantom_hand.hand()
     posture = phantom_hand.posture(pose, seed)
@@ -99,7 +99,7 @@ def posed(hand: HandBody, pose: str, x: Array, seed: int) -> PosedFinger:
     lines = {name: body.strand_points(name) @ x for name in body.strands}
     radii = {name: tendon.radius for name, tendon in hand.subject.tendons.items()}
     skin = Surface(x, body.skin_faces).compact()
-    return PosedFinger(
+    return PosedAnatomy(
         posture,
         bones,
         carried(anatomy.bones),
@@ -142,20 +142,6 @@ def write_pose(dataset: Dataset, pose: str, hand: HandBody, x: Array) -> None:
             volume = image.label_volume({label: surfaces[n] for n, label in labels.items()}, grid)
             image.write_volume(dataset.path(folder.folder) / f"{pose}.{kind}.nii.gz", volume, grid)
         write_truth(dataset.path(folder.folder) / f"{pose}.h5", found)
-
-
-def clean_image(found: PosedFinger, grid: image.Grid) -> Array:
-    """Noise-free image of a posed hand."""
-    value = image.INTENSITIES
-    layers = [
-        (value["fat"], [found.skin]),
-        (value["muscle"], list(found.muscles.values())),
-        (value["ligament"], list(found.ligaments.values())),
-        (value["tendon"], list(found.tendon_tubes.values())),
-        (value["cortical"], list(found.bones.values())),
-        (value["marrow"], list(found.marrow.values())),
-    ]
-    return image.paint(layers, grid, value["air"])
 
 
 def write_templates(dataset: Dataset, hand: HandBody, neutral: Array) -> None:

@@ -19,7 +19,7 @@ from handpipe.datasets.phantom_bones import bones, joints
 from handpipe.datasets.phantom_muscles import ligaments, muscles
 from handpipe.datasets.phantom_skin import START, KnownSkin, nail_motion, nail_triangles
 from handpipe.datasets.phantom_tendons import tendons
-from handpipe.datasets.posed import PosedFinger, repositioning, write_pose, write_surface
+from handpipe.datasets.posed import PosedAnatomy, repositioning, write_pose, write_surface
 from handpipe.datasets.tubes import sweep
 from handpipe.errors import InputError
 from handpipe.mesh.rigid import RigidTransform
@@ -61,14 +61,14 @@ class Finger:
         self.skin_surface = self.skin.surface(SKIN_SPACING, SKIN_SIDES)
         self.nail = nail_triangles(*self.skin_surface)
 
-    def posed(self, posture: Posture) -> PosedFinger:
+    def posed(self, posture: Posture) -> PosedAnatomy:
         """All organs in a posture."""
         transforms = posture.transforms()
         muscle_poses = {name: muscle.pose(posture) for name, muscle in self.muscles.items()}
         growth = {name: pose[2] for name, pose in muscle_poses.items()}
         paths = {name: tendon.path(posture, self.shapes) for name, tendon in self.tendons.items()}
         skin, triangles = self.skin_surface
-        return PosedFinger(
+        return PosedAnatomy(
             posture,
             transforms,
             {n: (transforms[n](v), f) for n, (v, f) in self.bones.items()},
@@ -115,7 +115,7 @@ def generate_pose(dataset: Dataset, pose: str, *, spacing: float = 0.8, margin: 
     write_pose(dataset, pose, posed, skin_scan(posed, rng), spacing=spacing, margin=margin)
 
 
-def skin_scan(posed: PosedFinger, rng: np.random.Generator) -> Surface:
+def skin_scan(posed: PosedAnatomy, rng: np.random.Generator) -> Surface:
     """Scan of the posed skin, sampled elsewhere than the truth's mesh."""
     anatomy = finger()
     neutral, triangles = anatomy.skin.surface(0.83, 80, phase=0.4)

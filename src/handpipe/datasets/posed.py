@@ -1,4 +1,4 @@
-"""A posed finger with known truth, and the files of one pose of a dataset made of it."""
+"""A posed subject with known truth, and the files of one pose of a dataset made of it."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ Surface = tuple[Array, IntArray]
 
 
 @dataclass(frozen=True)
-class PosedFinger:
-    """Every organ in one pose.
+class PosedAnatomy:
+    """Every organ in one pose of a generated subject.
 
     Surfaces are (vertices, triangles); a nail is the skin's triangles on it and its transform from neutral.
     """
@@ -53,7 +53,7 @@ def repositioning(dataset_seed: int, pose: str) -> RigidTransform:
 
 
 def write_pose(
-    dataset: Dataset, pose: str, posed: PosedFinger, scan: Surface, *, spacing: float, margin: float
+    dataset: Dataset, pose: str, posed: PosedAnatomy, scan: Surface, *, spacing: float, margin: float
 ) -> None:
     """Write a pose's volume, seeds, scan, truth and label volumes where the dataset names them.
 
@@ -79,8 +79,8 @@ def write_pose(
         write_truth(folder / f"{pose}.h5", posed)
 
 
-def clean_image(posed: PosedFinger, grid: image.Grid) -> Array:
-    """Noise-free image of a posed finger."""
+def clean_image(posed: PosedAnatomy, grid: image.Grid) -> Array:
+    """Noise-free image of a posed subject."""
     value = image.INTENSITIES
     layers = [
         (value["fat"], [posed.skin]),
@@ -93,7 +93,7 @@ def clean_image(posed: PosedFinger, grid: image.Grid) -> Array:
     return image.paint(layers, grid, value["air"])
 
 
-def write_truth(path: Path, posed: PosedFinger) -> None:
+def write_truth(path: Path, posed: PosedAnatomy) -> None:
     """Write the truth of a pose (kind "truth"); rotations and translations are from neutral into the pose."""
 
     def surface(s: Surface) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from handpipe.config import Dataset
 from handpipe.datasets import image, sampled, scans, templates, zanatomy_source
 from handpipe.datasets.implicit import Implicit, round_cone, smooth_union
 from handpipe.datasets.kinematics import Posture, ramp, smoothstep
-from handpipe.datasets.posed import PosedFinger, repositioning, write_pose, write_surface
+from handpipe.datasets.posed import PosedAnatomy, repositioning, write_pose, write_surface
 from handpipe.datasets.sliding import KnownTendon
 from handpipe.datasets.source_meshes import folder_of
 from handpipe.datasets.tubes import sweep, volume
@@ -183,7 +183,7 @@ class Finger:
         )
         return np.flatnonzero(on)
 
-    def posed(self, posture: Posture) -> PosedFinger:
+    def posed(self, posture: Posture) -> PosedAnatomy:
         """All organs in a posture."""
         transforms = posture.transforms()
         tendons = {name: tendon.path(posture, self.shapes) for name, tendon in self.tendons.items()}
@@ -193,7 +193,7 @@ class Finger:
         obstacles = [*bone_shapes, *lines, *(sampled.of_surface(m) for m in muscles.values())]
         skin, triangles = self.skin
         bent = posture.bend(skin, self.fractions(skin, BANDS))
-        return PosedFinger(
+        return PosedAnatomy(
             posture,
             transforms,
             {n: (transforms[n](v), f) for n, (v, f) in self.bones.items()},
@@ -310,7 +310,7 @@ def generate_pose(dataset: Dataset, pose: str, *, spacing: float = 0.8, margin: 
     write_pose(dataset, pose, posed, skin_scan(anatomy, posed, rng), spacing=spacing, margin=margin)
 
 
-def skin_scan(anatomy: Finger, posed: PosedFinger, rng: np.random.Generator) -> Surface:
+def skin_scan(anatomy: Finger, posed: PosedAnatomy, rng: np.random.Generator) -> Surface:
     """Scan of the posed skin: points elsewhere on its triangles than their corners."""
     neutral, triangles = anatomy.skin
     other = remesh(Mesh(neutral, triangles), 0.95)
