@@ -6,6 +6,7 @@ import json
 import logging
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,11 +111,11 @@ def posed(hand: HandBody, pose: str, x: Array, seed: int) -> PosedAnatomy:
         {name: sweep(line, radii[name]) for name, line in lines.items()},
         radii,
         (skin.vertices, skin.triangles),
-        {bone: (nail, bones[bone]) for bone, nail in nails(hand).items()},
+        {bone: (nail, bones[bone]) for bone, nail in nail_triangles(hand).items()},
     )
 
 
-def nails(hand: HandBody) -> dict[str, IntArray]:
+def nail_triangles(hand: HandBody) -> dict[str, IntArray]:
     """The triangles of the outer skin over each nail of the template, by the nail's bone."""
     outer = Surface(hand.body.rest, hand.body.skin_faces)
     skin = hand.subject.skin
@@ -141,7 +142,8 @@ def write_pose(dataset: Dataset, pose: str, hand: HandBody, x: Array) -> None:
         for kind, surfaces in (("bones", found.bones), ("marrow", found.marrow)):
             volume = image.label_volume({label: surfaces[n] for n, label in labels.items()}, grid)
             image.write_volume(dataset.path(folder.folder) / f"{pose}.{kind}.nii.gz", volume, grid)
-        write_truth(dataset.path(folder.folder) / f"{pose}.h5", found)
+        nails = {name: found.nails[nail.bone] for name, nail in dataset.nails.items()}
+        write_truth(dataset.path(folder.folder) / f"{pose}.h5", replace(found, nails=nails))
 
 
 def write_templates(dataset: Dataset, hand: HandBody, neutral: Array) -> None:
