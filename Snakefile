@@ -46,6 +46,7 @@ onstart:
 localrules:
     all,
     anatomy,
+    truth,
     seeds,
     segmentation,
     registration,
@@ -70,6 +71,15 @@ rule all:
 rule anatomy:
     input:
         [f"results/{s}/metrics/anatomy.json" for s in template_hands()],
+
+
+rule truth:
+    input:
+        [
+            f"results/{s}/metrics/truth.json"
+            for s in buildable_subjects()
+            if dataset(s).generator in COUPLED_HANDS
+        ],
 
 
 rule seeds:

@@ -84,3 +84,28 @@ rule coupled_templates:
         "{wildcards.subject}: templates, tendon curves and nails"
     script:
         "../scripts/coupled_templates.py"
+
+
+rule evaluate_truth:
+    input:
+        template="results/{subject}/anatomy/template.h5",
+        subject="results/{subject}/anatomy/subject.h5",
+        positions=in_poses("results/{subject}/coupled/{pose}.h5"),
+    output:
+        "results/{subject}/metrics/truth.json",
+    log:
+        "results/{subject}/logs/evaluate_truth/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/evaluate_truth/all.tsv"
+    wildcard_constraints:
+        subject=COUPLED,
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=20,
+    params:
+        order=lambda w: TRUTH_ORDER[config["truth"]],
+    message:
+        "{wildcards.subject}: what the coupled truth says of itself"
+    script:
+        "../scripts/evaluate_truth.py"

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from handpipe import artifacts
+from handpipe.anatomy.intersections import crossings
 from handpipe.anatomy.subject_template import SubjectTemplate
 from handpipe.anatomy.template import Template
 from handpipe.config import Dataset, Scanner
@@ -28,6 +29,7 @@ from handpipe.datasets.tubes import sweep
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
+from handpipe.truth.body import Body
 from handpipe.truth.follow import follow
 from handpipe.truth.hand import HandBody
 
@@ -72,6 +74,12 @@ def settle(hand: HandBody, pose: str) -> Array:
         name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=60, untangle=False
     )
     return follow(hand.body, lambda t: hand.pose(bones_at(pose, t)), steps=steps, options=options).x
+
+
+def cuts_itself(body: Body, x: Array) -> bool:
+    """Whether the skin passes through itself at positions x (n, 3)."""
+    surface = Surface(x, body.skin_faces).compact()
+    return len(crossings(surface)) > 0
 
 
 def save(path: str | Path, x: Array, inputs: list[str]) -> None:

@@ -1,0 +1,37 @@
+"""What a coupled body says of itself: patch test, and volumes, inverted tets and residuals in its poses."""
+
+from pathlib import Path
+
+from common import stage
+from figures import stage_cost
+
+with stage(snakemake) as log:
+    import numpy as np
+
+    from handpipe import metrics
+    from handpipe.datasets import coupled_hand
+    from handpipe.truth.validation import patch_test, volume_changes
+
+    given = snakemake.input
+    hand = coupled_hand.hand_body(given.template, given.subject, snakemake.params.order)
+    body, changes, ratios, inverted, crossing = hand.body, [], [], 0, 0
+    found = {"tets": (len(body.anatomy.mesh.tets), "1"), "nodes": (len(body.rest), "1")}
+    for file in given.positions:
+        x = coupled_hand.load(file)
+        changes.append(list(volume_changes(body, x).values()))
+        ratios.append(float(body.solid.volume_ratios(x).min()))
+        inverted += body.inverted(x)
+        crossing += coupled_hand.cuts_itself(body, x)
+        log.info(
+            "%s: muscles' volumes change by %.2f %% at most, least volume ratio %.3f",
+            Path(file).stem,
+            np.abs(changes[-1]).max(),
+            ratios[-1],
+        )
+    found |= metrics.summary("muscle_volume_change", np.abs(changes), "%")
+    found["volume_ratio_min"] = (min(ratios), "1")
+    found["inverted_tets"] = (inverted, "1")
+    found["poses"] = (len(ratios), "1")
+    found["poses_cutting_themselves"] = (crossing, "1")
+    found["patch_test_error"] = (patch_test(body), "mm")
+    metrics.write(snakemake.output[0], found | stage_cost(snakemake, "coupled_pose"))
