@@ -84,7 +84,7 @@ def test_bones_carry_their_nodes_and_strands_their_load(body, posed):
 
 
 def test_the_muscle_contracts_and_keeps_its_volume(body, posed):
-    stretch = body.muscles["flexor"].stretches(posed)
+    stretch = body.fibres.stretches(posed)
     assert np.median(stretch) < 0.95
     assert abs(volume_changes(body, posed)["flexor"]) < 1.0
     # The straight-sided surface tells the same volume as the quadrature.

@@ -40,11 +40,6 @@ class ActiveFibres(DensityPotential):
         other._set(tension)
         return other
 
-    @property
-    def pulls(self) -> bool:
-        """Whether any fibre is under tension."""
-        return bool(self._tension.any())
-
     def _set(self, tension: ArrayLike) -> None:
         count, points = self.elements.volumes.shape
         given = np.broadcast_to(np.asarray(tension, dtype=float), (count,))

@@ -99,7 +99,7 @@ class Body:
 
     `materials` gives each region's; skin_faces (k, 3) are the triangles of nodes on the outer surface, of a
     quadratic face the four between its nodes; `on_bones` the nodes on each bone; `cells` the tets between
-    nodes, with `cell_labels`. Raises `InputError` where a region has none or fibres do not fit.
+    nodes, with `cell_labels`; `muscles` the tets of each. Raises `InputError` where a region has none or fibres do not fit.
     """
 
     def __init__(
@@ -120,10 +120,8 @@ class Body:
         constants = [(materials[r].young, materials[r].poisson) for r in anatomy.regions]
         young, poisson = np.array(constants, dtype=float).T[:, anatomy.labels]
         self.solid = Solid(self.elements, Material(young, poisson))
-        self._parts = {name: self.elements.part(anatomy.tets_of(name)) for name in anatomy.fibres}
-        self.muscles = {
-            name: ActiveFibres(self._parts[name], along, 0.0) for name, along in anatomy.fibres.items()
-        }
+        self.muscles = {name: anatomy.tets_of(name) for name in anatomy.fibres}
+        self.fibres = self._active() if self.muscles else None
         fine = anatomy.refined() if order == 2 else anatomy  # whose vertices are the nodes
         self.on_bones, self.cells, self.cell_labels = fine.bones, fine.mesh, fine.labels
         self.skin_faces = outer_faces(fine.mesh, fine.bones.values())
@@ -141,8 +139,11 @@ class Body:
 
     def potentials(self, pose: Pose) -> list[Potential]:
         """Energies of the tissues in a pose, without contact."""
-        active = [m.with_tension(pose.tensions.get(n, 0.0)) for n, m in self.muscles.items()]
-        return [self.solid, self.crushing, *(m for m in active if m.pulls), *self.strands.values()]
+        found: list[Potential] = [self.solid, self.crushing, *self.strands.values()]
+        if self.fibres is not None and any(pose.tensions.values()):
+            tension = [np.full(len(t), pose.tensions.get(name, 0.0)) for name, t in self.muscles.items()]
+            found.append(self.fibres.with_tension(np.concatenate(tension)))
+        return found
 
     def prescribed(self, pose: Pose, x: Array) -> Array:
         """Positions x (n, 3) with the nodes on bones where the pose has them."""
@@ -175,6 +176,11 @@ class Body:
         """Volume in mm^3 of a region at positions x (n, 3)."""
         chosen = self.anatomy.tets_of(region)
         return float((self.solid.volume_ratios(x)[chosen] * self.elements.volumes[chosen]).sum())
+
+    def _active(self) -> ActiveFibres:
+        """All muscles in one potential, in their order."""
+        cells = self.elements.part(np.concatenate(list(self.muscles.values())))
+        return ActiveFibres(cells, np.concatenate(list(self.anatomy.fibres.values())), 0.0)
 
     def _strand(self, name: str) -> Strands | Cable:
         strand, points = self.anatomy.strands[name], self.strand_points(name)
