@@ -1,0 +1,38 @@
+"""Where the coupled hand's bones go, and what counts as a skin that passes through itself."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.fem.bodies import sphere
+
+from handpipe.datasets import coupled_hand, phantom_hand
+from handpipe.datasets.phantom_hand_joints import POSES
+
+
+def test_bones_go_where_the_bones_alone_have_them():
+    """All but the root's place in the scanner is that of `phantom-hand`."""
+    for pose in ("fist", "oppose_little"):
+        posture = phantom_hand.posture(pose, 1)
+        found, seen = coupled_hand.bones_at(pose), posture.transforms()
+        assert set(found) == set(seen) == set(phantom_hand.hand().bones)
+        for bone, transform in found.items():
+            there = posture.root @ transform
+            np.testing.assert_allclose(there.rotation, seen[bone].rotation, atol=1e-12)
+            np.testing.assert_allclose(there.translation, seen[bone].translation, atol=1e-9)
+
+
+def test_a_share_of_a_pose_is_on_the_way_to_it():
+    rest, half, whole = (coupled_hand.bones_at("fist", share)["proximal3"] for share in (0.0, 0.5, 1.0))
+    np.testing.assert_allclose(rest.rotation, np.eye(3), atol=1e-12)
+    turned, all_of_it = half.angle_to(rest), whole.angle_to(rest)
+    assert np.degrees(all_of_it) == pytest.approx(POSES["fist"]["MP3_flexion"], abs=5)
+    assert turned == pytest.approx(all_of_it / 2, rel=0.1)
+
+
+@pytest.mark.parametrize(("apart", "cut"), [(1.5, True), (2.5, False)])
+def test_two_balls_of_one_skin_cut_it_where_they_meet(apart, cut):
+    points, triangles = sphere(1.0, 2)
+    x = np.concatenate([points, points + [apart, 0.01, 0.02]])
+    body = SimpleNamespace(skin_faces=np.concatenate([triangles, triangles + len(points)]))
+    assert coupled_hand.cuts_itself(body, x) is cut
