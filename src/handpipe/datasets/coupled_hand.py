@@ -20,6 +20,7 @@ from handpipe.anatomy.subject_template import SubjectTemplate
 from handpipe.anatomy.template import Template
 from handpipe.config import Dataset, Scanner
 from handpipe.datasets import image, phantom_hand, scans, templates
+from handpipe.datasets.hand_body import HandBody
 from handpipe.datasets.kinematics import Posture
 from handpipe.datasets.phantom_hand_bones import WITH_ROOT
 from handpipe.datasets.phantom_hand_joints import POSES, joints
@@ -31,7 +32,6 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.truth.body import Body
 from handpipe.truth.follow import follow
-from handpipe.truth.hand import HandBody
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]

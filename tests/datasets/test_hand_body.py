@@ -6,13 +6,13 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateJoint, TemplateMuscle, TemplateTendon
 from handpipe.anatomy.template import Template
+from handpipe.datasets.hand_body import DEPTH, TENSION, HandBody
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.truth import toy
 from handpipe.truth.follow import follow
-from handpipe.truth.hand import DEPTH, TENSION, HandBody
 from handpipe.truth.surfaces import bone_faces, outer_faces
 
 BENT = np.radians(70.0)
