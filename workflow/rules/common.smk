@@ -75,18 +75,23 @@ def buildable_subjects():
     return kept
 
 
-def bones_alone():
-    """Generated subjects without skin scans, whose generator makes images and truth of bones alone.
+@functools.cache
+def unchecked_datasets():
+    """Every dataset file by subject, as it is: a mistake in another subject's file is that subject's matter."""
+    return {
+        file.stem: yaml.safe_load(file.read_text(encoding="utf-8")) or {}
+        for file in sorted(Path("config/datasets").glob("*.yaml"))
+    }
 
-    Read without checks: a mistake in another subject's file is that subject's matter.
-    """
-    found = []
-    for file in sorted(Path("config/datasets").glob("*.yaml")):
-        content = yaml.safe_load(file.read_text(encoding="utf-8")) or {}
-        poses = content.get("poses", {}).values()
-        if "generator" in content and not any("scan" in pose for pose in poses):
-            found.append(file.stem)
-    return found
+
+def bones_alone():
+    """Generated subjects without skin scans, whose generator makes images and truth of bones alone."""
+    return [
+        subject
+        for subject, content in unchecked_datasets().items()
+        if "generator" in content
+        and not any("scan" in pose for pose in content.get("poses", {}).values())
+    ]
 
 
 BONES_ALONE = (
@@ -95,12 +100,11 @@ BONES_ALONE = (
 
 
 def coupled_hands():
-    """Generated subjects whose images and truth come from a coupled simulation, read as `bones_alone` does."""
+    """Generated subjects whose images and truth come from a coupled simulation."""
     return [
-        file.stem
-        for file in sorted(Path("config/datasets").glob("*.yaml"))
-        if (yaml.safe_load(file.read_text(encoding="utf-8")) or {}).get("generator")
-        in COUPLED_HANDS
+        subject
+        for subject, content in unchecked_datasets().items()
+        if content.get("generator") in COUPLED_HANDS
     ]
 
 

@@ -1,4 +1,4 @@
-"""What a coupled body says of itself: patch test, and volumes, inverted tets and residuals in its poses."""
+"""What a coupled body says of itself: patch test, volumes, inverted tets, skin that cuts itself."""
 
 from pathlib import Path
 

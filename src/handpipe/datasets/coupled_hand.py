@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import zlib
 from collections.abc import Mapping
@@ -25,7 +24,7 @@ from handpipe.datasets.kinematics import Posture
 from handpipe.datasets.phantom_hand_bones import WITH_ROOT
 from handpipe.datasets.phantom_hand_joints import POSES, joints
 from handpipe.datasets.posed import PosedAnatomy, clean_image, write_surface, write_truth
-from handpipe.datasets.posed_hand import MARGIN
+from handpipe.datasets.posed_hand import volume_grid
 from handpipe.datasets.tubes import sweep
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.rigid import RigidTransform
@@ -42,7 +41,7 @@ PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known 
 STEP = 6.0  # degrees of the joint that turns most: twice as much at once, and tissue starts inside out
 CLICKS = 10  # points of a tendon that a person clicks
 WRIST = -22.0  # mm along the hand: scans end there
-SWOLLEN = 1.1  # templates of muscles against the truth
+SWOLLEN = 0.1  # mm that templates of muscles stand out from the truth
 TEMPLATE_WARP = templates.Warp(
     np.array([60.0, 15.0, -18.0]),
     scale=1.05,
@@ -60,10 +59,10 @@ def hand_body(template: str | Path, subject: str | Path, order: int) -> HandBody
     return HandBody.of(Template.load(template), SubjectTemplate.load(subject), positions, order)
 
 
-def bones_at(pose: str, share: float = 1.0, root: RigidTransform | None = None) -> dict[str, RigidTransform]:
-    """Where bones are at a share of a pose's angles."""
+def bones_at(pose: str, share: float = 1.0) -> dict[str, RigidTransform]:
+    """Where bones are at a share of a pose's angles, with the root bone where it is at rest."""
     angles = {name: float(np.radians(share * degrees)) for name, degrees in POSES[pose].items()}
-    return Posture(joints(), angles, root or RigidTransform.identity(), WITH_ROOT).transforms()
+    return Posture(joints(), angles, RigidTransform.identity(), WITH_ROOT).transforms()
 
 
 def settle(hand: HandBody, pose: str) -> Array:
@@ -94,12 +93,8 @@ def load(path: str | Path) -> Array:
 
 def posed(hand: HandBody, pose: str, x: Array, seed: int) -> PosedAnatomy:
     """All organs in a pose of a dataset, whose root is repositioned."""
-    body, anatomy = hand.body, phantom_hand.hand()
-    posture = phantom_hand.posture(pose, seed)
-    bones, x = posture.transforms(), posture.root(x)
-
-    def carried(surfaces: Mapping[str, tuple[Array, IntArray]]) -> dict[str, tuple[Array, IntArray]]:
-        return {name: (bones[name](v), f) for name, (v, f) in surfaces.items()}
+    body, posture = hand.body, phantom_hand.posture(pose, seed)
+    known, x = phantom_hand.hand().posed(posture), posture.root(x)
 
     def organs(names: Mapping[str, object]) -> dict[str, tuple[Array, IntArray]]:
         found = {name: body.surface(name, x) for name in names}
@@ -110,16 +105,16 @@ def posed(hand: HandBody, pose: str, x: Array, seed: int) -> PosedAnatomy:
     skin = Surface(x, body.skin_faces).compact()
     return PosedAnatomy(
         posture,
-        bones,
-        carried(anatomy.bones),
-        carried(anatomy.marrow),
+        known.transforms,
+        known.bones,
+        known.marrow,
         organs(hand.subject.muscles),
         organs(hand.subject.ligaments),
         lines,
         {name: sweep(line, radii[name]) for name, line in lines.items()},
         radii,
         (skin.vertices, skin.triangles),
-        {bone: (nail, bones[bone]) for bone, nail in nail_triangles(hand).items()},
+        {bone: (nail, known.transforms[bone]) for bone, nail in nail_triangles(hand).items()},
     )
 
 
@@ -137,7 +132,7 @@ def write_pose(dataset: Dataset, pose: str, hand: HandBody, x: Array) -> None:
     """Write a pose's volume, scan, truth and label volumes where the dataset names them."""
     found, files = posed(hand, pose, x, dataset.seed), dataset.poses[pose]
     scanner, folder = dataset.scanner or Scanner(), dataset.truth
-    grid = image.Grid.around(np.concatenate([b[0] for b in found.bones.values()]), MARGIN, scanner.spacing)
+    grid = volume_grid(found.bones, found.bones, scanner.spacing)
     log.info("%s: %d x %d x %d voxels of %g mm", pose, *grid.shape, grid.spacing)
     rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 5])
     scanned, _, _ = image.acquire(clean_image(found, grid), grid, rng, bias=scanner.bias, noise=scanner.noise)
@@ -163,10 +158,10 @@ def write_templates(dataset: Dataset, hand: HandBody, neutral: Array) -> None:
             write_surface(dataset.path(bone.template), TEMPLATE_WARP(surface.vertices), surface.triangles)
     for name, entry in {**dataset.muscles, **dataset.ligaments}.items():
         organ = {**subject.muscles, **subject.ligaments}[name]
-        swollen = organ.surface.vertices + (SWOLLEN - 1) * organ.surface.vertex_normals()
+        swollen = organ.surface.vertices + SWOLLEN * organ.surface.vertex_normals()
         write_surface(dataset.path(entry.template), TEMPLATE_WARP(swollen), organ.surface.triangles)
-        attachments = {bone: [int(i) for i in ids] for bone, ids in organ.attachments.items()}
-        artifacts.write_text(dataset.path(entry.attachments), json.dumps(attachments) + "\n")
+        attachments = {bone: ids.tolist() for bone, ids in organ.attachments.items()}
+        templates.write_attachments(dataset.path(entry.attachments), attachments)
     found = posed(hand, dataset.neutral, neutral, dataset.seed)
     for name, tendon in dataset.tendons.items():
         line = found.tendons[name]
@@ -175,5 +170,5 @@ def write_templates(dataset: Dataset, hand: HandBody, neutral: Array) -> None:
         templates.write_curve(dataset.path(tendon.path), noisy, name)
     for nail in dataset.nails.values():
         vertices, triangles = found.skin
-        used, patch = np.unique(triangles[found.nails[nail.bone][0]], return_inverse=True)
-        write_surface(dataset.path(nail.surface), vertices[used], patch.reshape(-1, 3))
+        patch = Surface(vertices, triangles[found.nails[nail.bone][0]]).compact()
+        write_surface(dataset.path(nail.surface), patch.vertices, patch.triangles)

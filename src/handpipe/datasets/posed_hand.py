@@ -153,9 +153,9 @@ def clean_image(posed: PosedHand, grid: image.Grid) -> Array:
     return painted
 
 
-def volume_grid(posed: PosedHand, names: Iterable[str], spacing: float) -> image.Grid:
+def volume_grid(bones: Mapping[str, Surface], names: Iterable[str], spacing: float) -> image.Grid:
     """The voxels of a pose's volume: around the named bones; whatever else reaches into it is cut off."""
-    return image.Grid.around(np.concatenate([posed.bones[n][0] for n in names]), MARGIN, spacing)
+    return image.Grid.around(np.concatenate([bones[n][0] for n in names]), MARGIN, spacing)
 
 
 def write_pose(dataset: Dataset, pose: str, posed: PosedHand) -> None:
@@ -166,7 +166,7 @@ def write_pose(dataset: Dataset, pose: str, posed: PosedHand) -> None:
     """
     files, scanner = dataset.poses[pose], dataset.scanner or Scanner()
     posed = posed.mirrored() if dataset.hand == "left" else posed
-    grid = volume_grid(posed, dataset.bones, scanner.spacing)
+    grid = volume_grid(posed.bones, dataset.bones, scanner.spacing)
     LOG.info("%s: %d x %d x %d voxels of %g mm", pose, *grid.shape, grid.spacing)
     rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 2])
     scanned, _, _ = image.acquire(clean_image(posed, grid), grid, rng, bias=scanner.bias, noise=scanner.noise)
