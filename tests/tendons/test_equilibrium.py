@@ -101,6 +101,15 @@ def test_first_vertex_and_lengths_are_kept() -> None:
     assert length_change(found.x, segment_length(x)) < 1e-12
 
 
+@pytest.mark.parametrize("short", [0.7, 0.9, 1.1])
+def test_a_hook_at_the_end_does_not_let_go_and_hold_for_ever(short: float) -> None:
+    """Held, the bent rod ends before the hook, which lets go; let go, the straight one reaches beside it."""
+    hook = Hooks(np.array([[20.0 - short, 6.0, 0.0]]), 5.0)
+    found = solve([hook, Pull(np.array([0.5, 0, 0])), Bend(0.5, 1.0)], straight(20))
+    np.testing.assert_allclose(found.x, straight(20), atol=1e-6)
+    np.testing.assert_allclose(found.tension, 0.5, rtol=1e-6)
+
+
 def test_failure_is_an_error() -> None:
     with pytest.raises(ConvergenceError, match="unbalanced"):
         solve([Pull(np.array([0.0, 0.5, 0])), Bend(0.5, 1.0)], straight(60), Options(max_iterations=2))

@@ -3,9 +3,13 @@
 from common import stage
 
 with stage(snakemake):
+    from handpipe.anatomy.template import Template
     from handpipe.config import load_dataset
     from handpipe.datasets import coupled_hand
+    from handpipe.datasets.marked_ends import marked_ends
 
     given = snakemake.input
     hand = coupled_hand.hand_body(given.template, given.subject, snakemake.params.order)
-    coupled_hand.write_templates(load_dataset(given.dataset), hand, coupled_hand.load(given.positions))
+    marked = marked_ends(Template.load(given.template), hand.subject)
+    neutral = coupled_hand.load(given.positions)
+    coupled_hand.write_templates(load_dataset(given.dataset), hand, neutral, marked)

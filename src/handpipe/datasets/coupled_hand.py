@@ -149,8 +149,13 @@ def write_pose(dataset: Dataset, pose: str, hand: HandBody, x: Array) -> None:
         write_truth(dataset.path(folder.folder) / f"{pose}.h5", replace(found, nails=nails))
 
 
-def write_templates(dataset: Dataset, hand: HandBody, neutral: Array) -> None:
-    """Write what a person brings: templates of another hand's shape, attachments, tendons' curves, nails."""
+def write_templates(
+    dataset: Dataset, hand: HandBody, neutral: Array, marked: Mapping[str, Mapping[str, IntArray]]
+) -> None:
+    """Write what a person brings: templates of another hand's shape, attachments, tendons' curves, nails.
+
+    marked: vertices of each muscle's and ligament's surface by bone (`marked_ends.py`).
+    """
     subject, rng = hand.subject, np.random.default_rng([dataset.seed, 3])
     for name, bone in dataset.bones.items():
         if bone.template is not None:
@@ -160,7 +165,7 @@ def write_templates(dataset: Dataset, hand: HandBody, neutral: Array) -> None:
         organ = {**subject.muscles, **subject.ligaments}[name]
         swollen = organ.surface.vertices + SWOLLEN * organ.surface.vertex_normals()
         write_surface(dataset.path(entry.template), TEMPLATE_WARP(swollen), organ.surface.triangles)
-        attachments = {bone: ids.tolist() for bone, ids in organ.attachments.items()}
+        attachments = {bone: ids.tolist() for bone, ids in marked[name].items()}
         templates.write_attachments(dataset.path(entry.attachments), attachments)
     found = posed(hand, dataset.neutral, neutral, dataset.seed)
     for name, tendon in dataset.tendons.items():

@@ -18,6 +18,7 @@ from handpipe.tendons.rod import Array, IntArray
 
 BoolArray = NDArray[np.bool_]
 REACH = 3  # vertices i and i + REACH may share a term, no further
+RETURNS = 3  # times that a hook may hold a rod again in one solve
 
 
 class RodEnergy(Protocol):
@@ -102,22 +103,27 @@ class Hooks:
     The rod's curve is the quadratic B-spline of its vertices, tangent to every segment at its middle: on the
     polyline itself vertices catch at hooks, and a rod that must slide by many segments sticks. The closest
     point is minimised over at every evaluation. Hooks past an end of the curve let go of it: pulling the end
-    towards them would stretch a taut rod.
+    towards them would stretch a taut rod. One that the curve reaches again holds it again, but `RETURNS`
+    times at most: let go, a rod may slide to where the hook holds it, and held, to where it lets go.
     """
 
     points: Array
     weights: Array
     held: BoolArray = field(init=False)
+    returns: IntArray = field(init=False)
 
     def __init__(self, points: Array, weights: Array | float = 1.0) -> None:
         self.points = np.ascontiguousarray(points, float).reshape(-1, 3)
         self.weights = np.broadcast_to(np.asarray(weights, float), len(self.points)).copy()
         self.held = np.ones(len(self.points), bool)
+        self.returns = np.zeros(len(self.points), np.int64)
 
     def refresh(self, x: Array) -> None:
         piece, t = closest_on_spline(self.points, x)
         before, after = (piece == 1) & (t == 0.0), (piece == len(x) - 2) & (t == 1.0)
-        self.held = ~(before | after)
+        reached = ~(before | after)
+        self.returns += reached & ~self.held & (self.returns <= RETURNS)
+        self.held = reached & (self.returns <= RETURNS)
 
     def contacts(self, x: Array) -> Array:
         """Closest points (k, 3) of the rod's curve."""
