@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateJoint, TemplateMuscle, TemplateTendon
 from handpipe.anatomy.template import Template
-from handpipe.datasets.hand_body import DEPTH, TENSION, HandBody
+from handpipe.datasets.hand_body import DEPTH, TENSION, HandBody, open_hand
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
@@ -47,7 +47,8 @@ def _bones(angle):
 def hand():
     anatomy = toy.finger(5.0)
     positions = [_bones(t * BENT) for t in np.linspace(0, 1, 5)]
-    return HandBody.of(_template(anatomy), _subject(anatomy), positions, 1)
+    subject = _subject(anatomy)
+    return HandBody.of(open_hand(_template(anatomy), subject, positions), subject, 1)
 
 
 def test_skin_is_the_fat_next_to_the_surface(hand):

@@ -3,9 +3,31 @@
 TRUTH_ORDER = {"toy": 1, "full": 2}  # linear or quadratic tets
 
 
-rule coupled_pose:
+rule coupled_body:
     input:
         template="results/{subject}/anatomy/template.h5",
+        subject="results/{subject}/anatomy/subject.h5",
+    output:
+        "results/{subject}/anatomy/coupled.h5",
+    log:
+        "results/{subject}/logs/coupled_body/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/coupled_body/all.tsv"
+    wildcard_constraints:
+        subject=COUPLED,
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    message:
+        "{wildcards.subject}: the template as one body whose joints can open"
+    script:
+        "../scripts/coupled_body.py"
+
+
+rule coupled_pose:
+    input:
+        body="results/{subject}/anatomy/coupled.h5",
         subject="results/{subject}/anatomy/subject.h5",
     output:
         "results/{subject}/coupled/{pose}.h5",
@@ -30,7 +52,7 @@ rule coupled_pose:
 rule coupled_images:
     input:
         dataset=ancient(of_dataset),
-        template="results/{subject}/anatomy/template.h5",
+        body="results/{subject}/anatomy/coupled.h5",
         subject="results/{subject}/anatomy/subject.h5",
         positions="results/{subject}/coupled/{pose}.h5",
     output:
@@ -62,6 +84,7 @@ rule coupled_templates:
     input:
         dataset=ancient(of_dataset),
         template="results/{subject}/anatomy/template.h5",
+        body="results/{subject}/anatomy/coupled.h5",
         subject="results/{subject}/anatomy/subject.h5",
         positions=lambda w: f"results/{w.subject}/coupled/{neutral(w.subject)}.h5",
     output:
@@ -88,7 +111,7 @@ rule coupled_templates:
 
 rule evaluate_truth:
     input:
-        template="results/{subject}/anatomy/template.h5",
+        body="results/{subject}/anatomy/coupled.h5",
         subject="results/{subject}/anatomy/subject.h5",
         positions=in_poses("results/{subject}/coupled/{pose}.h5"),
     output:

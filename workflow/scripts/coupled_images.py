@@ -7,6 +7,6 @@ with stage(snakemake):
     from handpipe.datasets import coupled_hand
 
     given = snakemake.input
-    hand = coupled_hand.hand_body(given.template, given.subject, snakemake.params.order)
+    hand = coupled_hand.hand_body(given.body, given.subject, snakemake.params.order)
     found = coupled_hand.load(given.positions)
     coupled_hand.write_pose(load_dataset(given.dataset), snakemake.wildcards.pose, hand, found)

@@ -9,7 +9,7 @@ with stage(snakemake):
     from handpipe.datasets.marked_ends import marked_ends
 
     given = snakemake.input
-    hand = coupled_hand.hand_body(given.template, given.subject, snakemake.params.order)
+    hand = coupled_hand.hand_body(given.body, given.subject, snakemake.params.order)
     marked = marked_ends(Template.load(given.template), hand.subject)
     neutral = coupled_hand.load(given.positions)
     coupled_hand.write_templates(load_dataset(given.dataset), hand, neutral, marked)

@@ -13,7 +13,7 @@ with stage(snakemake) as log:
     from handpipe.truth.validation import patch_test, volume_changes
 
     given = snakemake.input
-    hand = coupled_hand.hand_body(given.template, given.subject, snakemake.params.order)
+    hand = coupled_hand.hand_body(given.body, given.subject, snakemake.params.order)
     body, changes, ratios, inverted, crossing = hand.body, [], [], 0, 0
     found = {"tets": (len(body.anatomy.mesh.tets), "1"), "nodes": (len(body.rest), "1")}
     for file in given.positions:

@@ -19,7 +19,7 @@ from handpipe.anatomy.subject_template import SubjectTemplate
 from handpipe.anatomy.template import Template
 from handpipe.config import Dataset, Scanner
 from handpipe.datasets import image, phantom_hand, scans, templates
-from handpipe.datasets.hand_body import HandBody
+from handpipe.datasets.hand_body import HandBody, open_hand
 from handpipe.datasets.kinematics import Posture
 from handpipe.datasets.phantom_hand_bones import WITH_ROOT
 from handpipe.datasets.phantom_hand_joints import POSES, joints
@@ -29,7 +29,8 @@ from handpipe.datasets.tubes import sweep
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-from handpipe.truth.body import Body
+from handpipe.truth import anatomy_file
+from handpipe.truth.body import Anatomy, Body
 from handpipe.truth.follow import follow
 
 Array = NDArray[np.float64]
@@ -53,10 +54,15 @@ TEMPLATE_WARP = templates.Warp(
 )
 
 
-def hand_body(template: str | Path, subject: str | Path, order: int) -> HandBody:
-    """The coupled body of the template hand's artifacts, with linear or quadratic tets (order 1 or 2)."""
+def opened_hand(template: str | Path, subject: str | Path) -> Anatomy:
+    """The template hand's anatomy as a coupled body, for all poses of `phantom_hand_joints`."""
     positions = [bones_at(pose, share) for pose in POSES for share in PARTS]
-    return HandBody.of(Template.load(template), SubjectTemplate.load(subject), positions, order)
+    return open_hand(Template.load(template), SubjectTemplate.load(subject), positions)
+
+
+def hand_body(anatomy: str | Path, subject: str | Path, order: int) -> HandBody:
+    """The coupled body of a hand's artifacts, with linear or quadratic tets (order 1 or 2)."""
+    return HandBody.of(anatomy_file.load(anatomy), SubjectTemplate.load(subject), order)
 
 
 def bones_at(pose: str, share: float = 1.0) -> dict[str, RigidTransform]:

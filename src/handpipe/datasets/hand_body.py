@@ -15,7 +15,7 @@ from handpipe.mesh.curves import arclength, resample
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-from handpipe.truth.body import Anatomy, Body, Pose, Strand
+from handpipe.truth.body import Anatomy, Body, Contact, Pose, Strand
 from handpipe.truth.joint_spaces import gliding, opened
 from handpipe.truth.surfaces import outer_faces
 
@@ -27,6 +27,7 @@ SKIN, DEPTH = Material(20.0, 0.45), 2.0  # mm below the surface to which fat's t
 GLIDING = 2.5  # mm between bones of a joint, below which tissue is attached to neither
 STRAND_STEP = 3.0  # mm between points of a tendon
 TONE = 50.0  # mN in every tendon
+CONTACT = Contact(distance=0.3, stiffness=20.0)  # mm, kPa: of the skin with itself
 TENSION, SHORTENING = 8.0, 0.15  # kPa of a muscle whose ends have come nearer by this share
 
 
@@ -38,23 +39,32 @@ class HandBody:
     subject: SubjectTemplate
 
     @staticmethod
-    def of(template: Template, subject: SubjectTemplate, positions: Sequence[Bones], order: int) -> HandBody:
-        """Of a template's mesh of fat, muscles and ligaments; `positions` are all that bones will pass."""
-        fibres = {
-            name: template.fibres[template.labels == template.names.index(name)] for name in subject.muscles
-        }
-        strands = {name: _strand(tendon.path, tendon.radius) for name, tendon in subject.tendons.items()}
-        anatomy = Anatomy(template.mesh, template.labels, template.names, template.bones, fibres, strands)
-        joints = [(joint.parent, joint.child) for joint in subject.joints]
-        vertices, bones = template.mesh.vertices, template.bones
-        anatomy = opened(anatomy, gliding(vertices, bones, subject.bones, joints, positions, GLIDING))
-        materials = {name: MUSCLE if name in subject.muscles else LIGAMENT for name in template.names}
+    def of(anatomy: Anatomy, subject: SubjectTemplate, order: int) -> HandBody:
+        """Of what `open_hand` makes of a template, with linear or quadratic tets (order 1 or 2)."""
+        materials = {name: MUSCLE if name in anatomy.fibres else LIGAMENT for name in anatomy.regions}
         materials |= {"fat": FAT, "skin": SKIN}
-        return HandBody(Body(_with_skin(anatomy), materials, order=2 if order == 2 else 1), subject)
+        body = Body(anatomy, materials, order=2 if order == 2 else 1, contact=CONTACT)
+        return HandBody(body, subject)
 
     def pose(self, bones: Bones) -> Pose:
         """The bones in a position, and each muscle as tense as it is short."""
         return Pose(bones, {name: _tension(m, bones) for name, m in self.subject.muscles.items()})
+
+
+def open_hand(template: Template, subject: SubjectTemplate, positions: Sequence[Bones]) -> Anatomy:
+    """A template's mesh of fat, muscles and ligaments with open joints, sliding tendons and a skin.
+
+    `positions` are all that its bones will pass.
+    """
+    fibres = {
+        name: template.fibres[template.labels == template.names.index(name)] for name in subject.muscles
+    }
+    strands = {name: _strand(tendon.path, tendon.radius) for name, tendon in subject.tendons.items()}
+    anatomy = Anatomy(template.mesh, template.labels, template.names, template.bones, fibres, strands)
+    joints = [(joint.parent, joint.child) for joint in subject.joints]
+    vertices, bones = template.mesh.vertices, template.bones
+    glide = gliding(vertices, bones, subject.bones, joints, positions, GLIDING)
+    return _with_skin(opened(anatomy, glide))
 
 
 def _with_skin(anatomy: Anatomy) -> Anatomy:
