@@ -30,6 +30,14 @@ def test_a_share_of_a_pose_is_on_the_way_to_it():
     assert turned == pytest.approx(all_of_it / 2, rel=0.1)
 
 
+def test_the_way_from_one_pose_to_another_starts_and_ends_at_them():
+    for share, pose in ((0.0, "spread"), (1.0, "relaxed")):
+        found, wanted = coupled_hand.bones_at("relaxed", share, "spread"), coupled_hand.bones_at(pose)
+        for bone, transform in found.items():
+            np.testing.assert_allclose(transform.rotation, wanted[bone].rotation, atol=1e-12)
+            np.testing.assert_allclose(transform.translation, wanted[bone].translation, atol=1e-9)
+
+
 @pytest.mark.parametrize(("apart", "cut"), [(1.5, True), (2.5, False)])
 def test_two_balls_of_one_skin_cut_it_where_they_meet(apart, cut):
     points, triangles = sphere(1.0, 2)

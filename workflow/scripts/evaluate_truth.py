@@ -14,10 +14,10 @@ with stage(snakemake) as log:
 
     given = snakemake.input
     hand = coupled_hand.hand_body(given.body, given.subject, snakemake.params.order)
-    body, changes, ratios, inverted, crossing = hand.body, [], [], 0, 0
+    body, changes, ratios, inverted, crossing, positions = hand.body, [], [], 0, 0, {}
     found = {"tets": (len(body.anatomy.mesh.tets), "1"), "nodes": (len(body.rest), "1")}
     for file in given.positions:
-        x = coupled_hand.load(file)
+        x = positions[Path(file).stem] = coupled_hand.load(file)
         changes.append(list(volume_changes(body, x).values()))
         ratios.append(float(body.solid.volume_ratios(x).min()))
         inverted += body.inverted(x)
@@ -33,5 +33,8 @@ with stage(snakemake) as log:
     found["inverted_tets"] = (inverted, "1")
     found["poses"] = (len(ratios), "1")
     found["poses_cutting_themselves"] = (crossing, "1")
+    one, other, apart = coupled_hand.start_difference(hand, positions)
+    log.info("%s reached from %s: %.3g mm from where it is from rest", other, one, apart)
+    found["start_difference_max"] = (apart, "mm")
     found["patch_test_error"] = (patch_test(body), "mm")
     metrics.write(snakemake.output[0], found | stage_cost(snakemake, "coupled_pose"))

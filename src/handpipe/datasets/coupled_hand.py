@@ -6,6 +6,7 @@ import logging
 import zlib
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -65,20 +66,42 @@ def hand_body(anatomy: str | Path, subject: str | Path, order: int) -> HandBody:
     return HandBody.of(anatomy_file.load(anatomy), SubjectTemplate.load(subject), order)
 
 
-def bones_at(pose: str, share: float = 1.0) -> dict[str, RigidTransform]:
-    """Where bones are at a share of a pose's angles, with the root bone where it is at rest."""
-    angles = {name: float(np.radians(share * degrees)) for name, degrees in POSES[pose].items()}
+def bones_at(pose: str, share: float = 1.0, start: str | None = None) -> dict[str, RigidTransform]:
+    """Where bones are at a share of the way to a pose's angles, with the root bone where it is at rest.
+
+    The way leads from rest, or from the pose `start`.
+    """
+    before = POSES[start] if start else {}
+    degrees = {name: share * to + (1 - share) * before.get(name, 0.0) for name, to in POSES[pose].items()}
+    angles = {name: float(np.radians(value)) for name, value in degrees.items()}
     return Posture(joints(), angles, RigidTransform.identity(), WITH_ROOT).transforms()
 
 
-def settle(hand: HandBody, pose: str) -> Array:
-    """Equilibrium positions (n, 3) of a pose, followed from rest; `ConvergenceError` where there is none."""
-    widest = max(abs(degrees) for degrees in POSES[pose].values())
+def settle(hand: HandBody, pose: str, start: str | None = None, x: Array | None = None) -> Array:
+    """Equilibrium positions (n, 3) of a pose, followed from rest, or from the pose `start` at x (n, 3).
+
+    Raises `ConvergenceError` where there is none.
+    """
+    before = POSES[start] if start else {}
+    widest = max(abs(to - before.get(name, 0.0)) for name, to in POSES[pose].items())
     steps = max(int(np.ceil(widest / STEP)), 2)
     options = Options(
         name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=60, untangle=False
     )
-    return follow(hand.body, lambda t: hand.pose(bones_at(pose, t)), steps=steps, options=options).x
+    motion = partial(bones_at, pose, start=start)
+    return follow(hand.body, lambda t: hand.pose(motion(t)), x, steps=steps, options=options).x
+
+
+def start_difference(hand: HandBody, found: Mapping[str, Array]) -> tuple[str, str, float]:
+    """How far in mm a pose's nodes end from where they are known to be, when reached from another pose.
+
+    `found` has the positions (n, 3) of poses. Of these, the two that bend least are taken: from the first to
+    the second. Returns their names, too.
+    """
+    widest = {name: max(abs(degrees) for degrees in POSES[name].values()) for name in found}
+    one, other = sorted((name for name in found if widest[name] > 0), key=lambda name: widest[name])[:2]
+    again = settle(hand, other, one, found[one])
+    return one, other, float(np.linalg.norm(again - found[other], axis=1).max())
 
 
 def cuts_itself(body: Body, x: Array) -> bool:
