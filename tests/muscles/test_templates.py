@@ -55,3 +55,18 @@ def test_wrong_attachments_name_the_bone(tmp_path):
     path.write_text('{"a": [0, 1, 99999]}')
     with pytest.raises(InputError, match="a: has ids outside"):
         read_attachments(path, subject()[1])
+
+
+def test_a_template_of_two_pieces_is_refused_where_a_bone_holds_the_smaller_one():
+    """The message names the file, the bone and what to do."""
+    sphere = trimesh.creation.icosphere(subdivisions=3)
+    count = len(sphere.vertices)
+    both = Surface(
+        np.concatenate([sphere.vertices * 8, sphere.vertices * 4 + [20, 0, 0]]),
+        np.concatenate([sphere.faces, sphere.faces + count]),
+    )
+    held = {"a": np.arange(30), "b": np.arange(count, count + 30)}
+    with pytest.raises(InputError, match=r"ligament\.json.*b.*smaller part.*one piece"):
+        place(both, held, lambda points: points, 1.5, source="ligament.json")
+    guess = place(both, {"a": held["a"]}, lambda points: points, 1.5)
+    assert guess.surface.vertices[:, 0].max() < 8.1

@@ -28,7 +28,8 @@ with stage(snakemake) as log:
             if bone not in dataset.bones:
                 raise InputError(path, bone, "is not a bone of the dataset", "Attach to one of its bones")
         landmarks = read_landmarks(dataset.path(organ.landmarks)) if organ.landmarks else {}
-        guess = place(template, attachments, warp, 1.1 if name in dataset.muscles else 0.7, landmarks)
+        edge = 1.1 if name in dataset.muscles else 0.7
+        guess = place(template, attachments, warp, edge, landmarks, path)
         log.info("%s: %d vertices", name, len(guess.surface.vertices))
         surface = {"vertices": guess.surface.vertices, "triangles": guess.surface.triangles}
         data[name] = {**surface, "attachments": guess.attachments, "landmarks": guess.landmarks}

@@ -17,7 +17,7 @@ from handpipe.errors import ConvergenceError, InputError
 from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.mesh.distance import Distance, sample_points
 from handpipe.mesh.remeshing import remesh
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surface import Surface, component_labels
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -182,23 +182,30 @@ def place(
     warp: Callable[[Array], Array],
     edge: float,
     landmarks: Mapping[str, Array] | None = None,
+    source: str | Path = "template",
 ) -> Guess:
     """The warped template, remeshed to an edge length in mm; attached is what lies nearest to an attached
-    vertex.
+    vertex. Raises `InputError` for `source` where fewer than three vertices are.
     """
     moved = Surface(warp(template.vertices), template.triangles)
     owner = np.full(len(moved.vertices), -1)
     names = list(attachments)
     for i, name in enumerate(names):
         owner[attachments[name]] = i
+    labels = component_labels(moved.triangles)
+    largest = np.bincount(labels, moved.triangle_areas()).argmax()
     fine = remesh(moved, edge).largest_component()  # slivers thinner than an edge break off
-    used = np.unique(moved.triangles)
+    used = np.unique(moved.triangles[labels == largest])
     nearest = used[cKDTree(moved.vertices[used]).query(fine.vertices)[1]]
     found = {name: np.flatnonzero(owner[nearest] == i) for i, name in enumerate(names)}
     for name, ids in found.items():
         if len(ids) < 3:
             problem = f"only {len(ids)} vertices of the remeshed template attach to it"
-            raise InputError("attachments", name, problem, "Mark more vertices, or use a shorter edge")
+            remedy = "Mark more vertices"
+            if not np.isin(attachments[name], used).any():
+                problem += ": those marked lie on a smaller part of its surface, which is left out"
+                remedy = "Give a template of one piece"
+            raise InputError(source, name, problem, remedy)
     marks = {label: warp(np.reshape(point, (1, 3))) for label, point in (landmarks or {}).items()}
     tree = cKDTree(fine.vertices)
     return Guess(fine, found, {label: int(tree.query(point)[1][0]) for label, point in marks.items()})
