@@ -6,6 +6,7 @@ import argparse
 import importlib
 import json
 import logging
+import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -44,25 +45,38 @@ QUICK: dict[str, dict[str, object]] = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts asked for; figures of parts that were not run are kept from the file."""
     options = _options(arguments)
+    if len(options.parts) == 1:
+        _measure(options.parts[0], options)
+    else:
+        for part in options.parts:
+            _measure_alone(part, options)
+    if options.document:
+        from benchmarks.shapes import document
+
+        document.write(options.output)
+
+
+def _measure_alone(part: str, options: argparse.Namespace) -> None:
+    """A part in a process of its own, so that its peak of memory is its own."""
+    command = [sys.executable, "-m", "benchmarks.shapes", part]
+    command += ["--output", str(options.output), "--threads", str(options.threads)]
+    subprocess.run(command + ["--quick"] * options.quick, check=True)
+
+
+def _measure(part: str, options: argparse.Namespace) -> None:
     take_threads(options.threads)
     from benchmarks.fem import machine
 
     figures: dict[str, object] = {}
     if options.output.exists():
         figures = json.loads(options.output.read_text(encoding="utf-8"))
-    for part in options.parts:
-        begun = time.perf_counter()
-        log.info("%s", part)
-        measure = importlib.import_module(f"benchmarks.shapes.{part}").measure
-        figures |= measure(**(QUICK.get(part, {}) if options.quick else {}))
-        figures[f"{part}_wall_seconds"] = machine.figure(time.perf_counter() - begun, "s")
-        figures |= machine.facts()
-        # Written after each part: a benchmark that is stopped keeps what it has measured.
-        artifacts.write_text(options.output, json.dumps(dict(sorted(figures.items())), indent=1) + "\n")
-    if options.document:
-        from benchmarks.shapes import document
-
-        document.write(options.output)
+    begun = time.perf_counter()
+    log.info("%s", part)
+    measure = importlib.import_module(f"benchmarks.shapes.{part}").measure
+    figures |= measure(**(QUICK.get(part, {}) if options.quick else {}))
+    figures[f"{part}_wall_seconds"] = machine.figure(time.perf_counter() - begun, "s")
+    figures |= machine.facts()
+    artifacts.write_text(options.output, json.dumps(dict(sorted(figures.items())), indent=1) + "\n")
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:

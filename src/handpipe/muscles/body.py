@@ -48,7 +48,12 @@ class Body:
         edge: float,
         landmarks: Mapping[str, int] | None = None,
     ) -> Body:
-        """Fill a surface with tetrahedra of about `edge` mm; the surface may be finer than they are."""
+        """Fill a surface with tetrahedra of about `edge` mm; the surface may be finer than they are.
+
+        A thin body has finer ones, down to half of `edge`: the radius of a long round body is 2 V / A, and
+        edges that are longer would cut its volume away (a hexagon has 0.83 of its circle), or cut themselves.
+        """
+        edge = float(np.clip(1.5 * surface.volume() / surface.area(), 0.5 * edge, edge))
         cage = remesh(surface, edge).largest_component()  # what is thinner breaks off, and is carried along
         mesh = tetrahedralise(cage, 1.3 * edge)
         visible = np.ones(len(surface.vertices), dtype=bool)

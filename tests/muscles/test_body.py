@@ -1,0 +1,27 @@
+"""The tetrahedra that carry a body, thin ones too."""
+
+import numpy as np
+import pytest
+
+from handpipe.datasets.tubes import sweep
+from handpipe.mesh.remeshing import remesh
+from handpipe.mesh.repair import cuts_itself
+from handpipe.mesh.surface import Surface
+from handpipe.muscles.body import Body
+
+
+def string(radius: float) -> Surface:
+    """A round muscle of 40 mm with thin ends."""
+    x = np.linspace(0, 40, 81)
+    line = np.column_stack([x, 3 * np.sin(x / 12), np.zeros_like(x)])
+    return remesh(Surface(*sweep(line, radius)), 0.45 * radius)
+
+
+@pytest.mark.parametrize("radius", [1.2, 1.6, 4.0])
+def test_the_cage_keeps_the_volume_of_a_thin_muscle(radius):
+    surface = string(radius)
+    x = surface.vertices[:, 0]
+    body = Body.of(surface, {"a": np.flatnonzero(x < 3), "b": np.flatnonzero(x > 37)}, 1.8)
+    assert body.mesh.volumes().sum() == pytest.approx(surface.volume(), rel=0.15)
+    assert not cuts_itself(body.mesh.boundary().compact())
+    np.testing.assert_allclose(body.surface_at(body.mesh.vertices).vertices, surface.vertices, atol=1e-9)
