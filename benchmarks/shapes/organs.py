@@ -67,7 +67,7 @@ def unattached(edge: float = 4.05) -> Figures:
 
 
 def grown_liver(mesh: TetMesh, growth: float = 1.0) -> TetMesh:
-    """Another person's: larger to one side, thinner, bent, turned; all but the turn `growth` times as much."""
+    """Another person's: larger to one side, thinner, bent, turned; `growth` times as much."""
     size = np.abs(mesh.vertices).max()
     x, y, z = mesh.vertices.T / size
     grown = [x * (0.1 + 0.15 * x), 0.15 * x**2 - y * (0.15 + 0.2 * x), z * (0.05 + 0.3 * x)]
