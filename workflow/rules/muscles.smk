@@ -27,6 +27,7 @@ rule place_templates:
 rule extract_muscle:
     input:
         dataset=ancient(of_dataset),
+        rig="results/{subject}/rig.h5",
         templates="results/{subject}/templates.h5",
         volume=neutral_volume,
         markers=of_muscle("markers"),

@@ -7,6 +7,7 @@ with stage(snakemake) as log:
     from handpipe.imaging.markers import read_landmarks, read_markers
     from handpipe.imaging.volume import read_volume
     from handpipe.muscles.extraction import extract_neutral
+    from handpipe.skeleton.rig import Rig
     from muscle_files import read_guesses, write_bodies
 
     dataset = load_dataset(snakemake.input.dataset)
@@ -18,6 +19,7 @@ with stage(snakemake) as log:
         guesses[name],
         read_volume(snakemake.input.volume),
         others=others,
+        bones=list(Rig.load(snakemake.input.rig).surfaces.values()),
         points=read_markers(placed)[0] if placed else None,
         landmarks=read_landmarks(known) if known else None,
     )

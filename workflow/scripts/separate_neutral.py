@@ -6,11 +6,12 @@ with stage(snakemake) as log:
     from dataclasses import replace
 
     from handpipe.muscles.body import Body
+    from handpipe.muscles.contested import uncontested
     from handpipe.muscles.separation import separate
     from handpipe.skeleton.rig import Rig
     from muscle_files import read_bodies, write_bodies
 
-    fitted = {n: b for path in snakemake.input.muscles for n, b in read_bodies(path).items()}
+    fitted = uncontested({n: b for path in snakemake.input.muscles for n, b in read_bodies(path).items()})
     bones = Rig.load(snakemake.input.rig).surfaces
     held = {n: b.held for n, b in fitted.items()}
     found = separate({n: b.surface for n, b in fitted.items()}, bones, held=held)

@@ -16,7 +16,7 @@ from handpipe.imaging.markers import MarkerSettings, boundary_markers, estimate_
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surface import Surface, concatenate
 from handpipe.metrics import Metrics
 from handpipe.muscles.body import Body
 from handpipe.muscles.contraction import contracted
@@ -32,6 +32,8 @@ log = logging.getLogger(__name__)
 # In other poses the muscle is known but for its bending: it nearly keeps its volume and its guessed strains.
 # Further out than 2 mm lie the far sides of neighbours.
 SEARCH = MarkerSettings.model_validate({"search": 2.0})
+TOUCHING, NEAR = 0.3, 0.5  # mm from a neighbour, where only edges so near are taken for one's own
+WITHIN = 0.3  # mm inside a bone that a muscle's boundary is still taken for its touching it
 SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)
 POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 
@@ -62,6 +64,7 @@ def extract_neutral(
     *,
     edge: float = 1.8,
     others: Sequence[Surface] = (),
+    bones: Sequence[Surface] = (),
     points: Array | None = None,
     landmarks: Mapping[str, Array] | None = None,
     markers: MarkerSettings | None = None,
@@ -71,16 +74,16 @@ def extract_neutral(
 
     The fitted surface is filled with new tetrahedra of about `edge` mm, since fitting has strained the first
     ones. points (r, 3): hand-placed markers, in place of those found in the image; others: guesses of the
-    other muscles.
+    other muscles; bones: of neutral.
     """
     first = Body.of(guess.surface, guess.attachments, edge, guess.landmarks)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
     extraction = _extract(
-        first, still, first.mesh.vertices, volume, points, markers, options, others, landmarks
+        first, still, first.mesh.vertices, volume, points, markers, options, others, bones, landmarks
     )
     body = Body.of(extraction.surface, guess.attachments, edge, guess.landmarks)
     if points is None:
-        found = image_markers(volume, body, markers, others)(body.surface)
+        found = image_markers(volume, body, markers, others, bones)(body.surface)
         assert found.vertices is not None
         body = replace(body, visible=_mostly(body.surface, found.vertices))
     return body, replace(extraction, vertices=body.mesh.vertices)
@@ -106,8 +109,9 @@ def extract_pose(
     about in this pose.
     """
     x = body.follow(bones, transforms) if start is None else start
+    there = [bones[name].moved(transform(bones[name].vertices)) for name, transform in transforms.items()]
     return _extract(
-        body, transforms, x, volume, points, markers or SEARCH, options or POSED, others, landmarks
+        body, transforms, x, volume, points, markers or SEARCH, options or POSED, others, there, landmarks
     )
 
 
@@ -210,9 +214,10 @@ def _extract(
     markers: MarkerSettings | None,
     options: ShapeOptions | None,
     others: Sequence[Surface],
+    bones: Sequence[Surface],
     landmarks: Mapping[str, Array] | None,
 ) -> Extraction:
-    find = image_markers(volume, body, markers, others) if points is None else fixed_markers(points)
+    find = image_markers(volume, body, markers, others, bones) if points is None else fixed_markers(points)
     fit = fit_shape(
         body.mesh,
         body.surface,
@@ -228,25 +233,36 @@ def _extract(
 
 
 def image_markers(
-    volume: Volume, body: Body, settings: MarkerSettings | None = None, others: Sequence[Surface] = ()
+    volume: Volume,
+    body: Body,
+    settings: MarkerSettings | None = None,
+    others: Sequence[Surface] = (),
+    bones: Sequence[Surface] = (),
 ) -> FindMarkers:
     """Boundary markers found in an image along the normals of the present surface, where the boundary is
     visible.
 
     Where muscles touch, the image shows no edge between them, and the edge along a normal is the neighbour's
-    far side: places that no edge was found for in neutral have none in another pose, and a marker that is
-    nearer to a neighbour's boundary of the same orientation than to this muscle's is dropped.
+    far side, or a gap beside both: places that no edge was found for in neutral have none in another pose; a
+    marker that is nearer to a neighbour's boundary of the same orientation than to this muscle's is dropped,
+    and one that is far from a place on a neighbour. So is one inside a bone: dark cortex and bright marrow
+    have an edge of their own, under every muscle that lies on a bone.
     """
     trees = [Distance(other) for other in others]
+    inner = Distance(concatenate(list(bones))) if bones else None
 
     def find(surface: Surface) -> Markers:
         found = boundary_markers(volume, surface, settings, ~body.visible)
-        offsets = np.linalg.norm(found.points - surface.vertices[found.vertices], axis=1)
+        places = surface.vertices[found.vertices]
+        offsets = np.linalg.norm(found.points - places, axis=1)
         keep = np.ones(len(offsets), dtype=bool)
         for tree in trees:
             gap, _, _, normals = tree.signed(found.points)
             alike = np.einsum("ij,ij->i", normals, found.normals) > 0.3
             keep &= ~(alike & (np.abs(gap) < offsets))
+            keep &= (tree.signed(places)[0] > TOUCHING) | (offsets < NEAR)
+        if inner is not None:
+            keep &= inner.signed(found.points)[0] > -WITHIN
         return Markers(found.points[keep], found.confidence[keep], found.vertices[keep])
 
     return find
