@@ -1,5 +1,34 @@
 """Which vertices of overlapping muscles bones go on holding."""
 
 import numpy as np
-from tests.muscles.shapes import *  # noqa: F403
 
+from handpipe.mesh.distance import Distance
+from handpipe.muscles.contested import FREE, LEAST, uncontested
+
+from .shapes import spindle
+
+
+def test_held_vertices_inside_a_neighbour_are_let_go():
+    """Two spindles side by side, whose ends lie in one another; a third is far away."""
+    bodies = {"one": spindle(), "two": spindle((1.0, 0.5, 1.0)), "far": spindle((0.0, 30.0, 0.0))}
+    found = uncontested(bodies)
+    for name, other in (("one", "two"), ("two", "one")):
+        surface = Distance(bodies[other].surface)
+        for bone, ids in found[name].attachments.items():
+            before = bodies[name].attachments[bone]
+            outside = surface.signed(bodies[name].surface.vertices[before])[0] > FREE
+            assert not outside.all()
+            assert set(before[outside]) <= set(ids) <= set(before)
+            assert len(ids) == max(outside.sum(), LEAST)
+    for bone, ids in found["far"].attachments.items():
+        np.testing.assert_array_equal(ids, bodies["far"].attachments[bone])
+
+
+def test_a_bone_goes_on_holding_a_muscle_that_is_inside_another():
+    """The three vertices that are least deep."""
+    bodies = {"one": spindle(), "same": spindle((0.2, 0.0, 0.0))}
+    found = uncontested(bodies)["one"].attachments["a"]
+    depth = Distance(bodies["same"].surface).signed(bodies["one"].surface.vertices)[0]
+    others = np.setdiff1d(bodies["one"].attachments["a"], found)
+    assert len(found) >= LEAST
+    assert depth[found].min() >= depth[others].max()
