@@ -170,7 +170,8 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     plate = Plate(sparse.block_diag(plates, format="csr"), rest)
     barrier = _Convex(scene.barrier(start, options.clearance))
     # Springs that pull held vertices back drag free ones into other bodies: to be there is quicker.
-    start = _with_held(start, rest, scene.held(), barrier.barrier)
+    for body, part in zip(scene.muscles, scene.parts, strict=True):
+        start = _with_held(start, rest, body.held + part.start, barrier.barrier)
     settings = equilibrium.Options(
         displacement_tolerance=options.tolerance,
         force_tolerance=1e-2,
