@@ -83,6 +83,8 @@ class _Start:
             self._deflation.step(np.unique(np.concatenate(self._meeting)))
             self._meeting = []
         x = np.array(self._deflation.vertices() if self._deflation else self._body.surface.vertices)
+        # Held vertices stay: springs that pulled them back would drag free ones into other bodies.
+        x[self._body.held] = self._body.surface.vertices[self._body.held]
         free = self._body.free
         for j in map(int, np.flatnonzero(self._margins)):
             if j not in self._distances:

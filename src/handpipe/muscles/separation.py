@@ -169,9 +169,6 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     plates = [_plate(b, options.reach) for b in scene.muscles]
     plate = Plate(sparse.block_diag(plates, format="csr"), rest)
     barrier = _Convex(scene.barrier(start, options.clearance))
-    # Springs that pull held vertices back drag free ones into other bodies: to be there is quicker.
-    for body, part in zip(scene.muscles, scene.parts, strict=True):
-        start = _with_held(start, rest, body.held + part.start, barrier.barrier)
     settings = equilibrium.Options(
         displacement_tolerance=options.tolerance,
         force_tolerance=1e-2,
@@ -229,28 +226,22 @@ class _Volumes:
 
 
 def _plate(body: Body, reach: float) -> sparse.csr_matrix:
-    """Stiffness (n, n) of a muscle's surface; what was drawn in of its attachments is pulled back to them."""
+    """Stiffness (n, n) of a muscle's surface, with springs that keep held vertices at their places."""
     plate = thin_plate(body.surface, reach)
     pull = np.zeros(plate.shape[0])
     pull[body.held] = HOLD * plate.diagonal()[body.held]
     return sparse.csr_matrix(plate + sparse.diags(pull))
 
 
-def _with_held(x: Array, rest: Array, held: IntArray, barrier: Barrier) -> Array:
-    """x with held vertices exactly at rest, where nothing meets there; else x."""
-    seated = x.copy()
-    seated[held] = rest[held]
-    return x if barrier.intersects(seated) else seated
-
-
 def _seated(scene: _Scene, rest: Array, x: Array, barrier: Barrier) -> Array:
-    """The same at the end, which says where it cannot be had."""
-    held = scene.held()
-    seated = _with_held(x, rest, held, barrier)
-    off = float(np.linalg.norm((seated - rest)[held], axis=1).max(initial=0.0))
-    if off > 0.0:
-        log.warning("separation: a muscle wedged between attachments keeps one %.4f mm off its place", off)
-    return seated
+    """x with held vertices exactly at rest, where nothing meets there."""
+    seated, held = x.copy(), scene.held()
+    seated[held] = rest[held]
+    if not barrier.intersects(seated):
+        return seated
+    off = np.linalg.norm(x[held] - rest[held], axis=1).max()
+    log.warning("separation: a muscle wedged between attachments keeps one %.4f mm off its place", off)
+    return x
 
 
 def _compliance(surface: Surface, plate: sparse.csr_matrix) -> float:
