@@ -62,8 +62,8 @@ rule separate_neutral:
         "results/{subject}/benchmarks/separate_neutral/all.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
-        runtime=10,
+        mem_mb=2000,
+        runtime=30,
     params:
         edge=config["edges"]["muscle"],
     message:
