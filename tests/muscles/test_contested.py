@@ -32,3 +32,10 @@ def test_a_bone_goes_on_holding_a_muscle_that_is_inside_another():
     others = np.setdiff1d(bodies["one"].attachments["a"], found)
     assert len(found) >= LEAST
     assert depth[found].min() >= depth[others].max()
+
+
+def test_a_muscle_without_neighbours_keeps_its_attachments():
+    body = spindle()
+    found = uncontested({"alone": body})["alone"].attachments
+    for bone, ids in body.attachments.items():
+        np.testing.assert_array_equal(found[bone], ids)

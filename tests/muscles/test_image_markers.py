@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import trimesh
+from tests.fem.bodies import sphere
 
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
@@ -16,8 +16,8 @@ BONE, THICK = np.array([0.0, 0.0, -17.0]), 0.8
 
 
 def ball(radius, centre=(0, 0, 0)) -> Surface:
-    sphere = trimesh.creation.icosphere(subdivisions=4)
-    return Surface(sphere.vertices * radius + np.asarray(centre), sphere.faces)
+    points, triangles = sphere(radius, 4)
+    return Surface(points + np.asarray(centre), triangles)
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +42,9 @@ def body() -> Body:
 
 
 def test_the_edge_of_marrow_below_a_muscle_is_not_its_boundary(image):
-    bone = ball(10.0, BONE)
-    depth = Distance(bone)
+    depth = Distance(ball(10.0, BONE))
     blind = image_markers(image, body())(body().surface)
-    seeing = image_markers(image, body(), bones=[bone])(body().surface)
+    seeing = image_markers(image, body(), bones=depth)(body().surface)
     assert (depth.signed(blind.points)[0] < -WITHIN).sum() > 5
     assert depth.signed(seeing.points)[0].min() > -WITHIN
     assert np.isin(blind.vertices[depth.signed(blind.points)[0] > 0], seeing.vertices).all()

@@ -14,17 +14,17 @@ with stage(snakemake) as log:
 
     given = snakemake.input
     hand = coupled_hand.hand_body(given.body, given.subject, snakemake.params.order)
-    body, changes, ratios, inverted, crossing, positions = hand.body, [], [], 0, 0, {}
+    positions = {Path(file).stem: coupled_hand.load(file) for file in given.positions}
+    body, changes, ratios, inverted, crossing = hand.body, [], [], 0, 0
     found = {"tets": (len(body.anatomy.mesh.tets), "1"), "nodes": (len(body.rest), "1")}
-    for file in given.positions:
-        x = positions[Path(file).stem] = coupled_hand.load(file)
+    for pose, x in positions.items():
         changes.append(list(volume_changes(body, x).values()))
         ratios.append(float(body.solid.volume_ratios(x).min()))
         inverted += body.inverted(x)
         crossing += coupled_hand.cuts_itself(body, x)
         log.info(
             "%s: muscles' volumes change by %.2f %% at most, least volume ratio %.3f",
-            Path(file).stem,
+            pose,
             np.abs(changes[-1]).max(),
             ratios[-1],
         )

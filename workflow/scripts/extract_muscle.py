@@ -6,6 +6,8 @@ with stage(snakemake) as log:
     from handpipe.config import load_dataset
     from handpipe.imaging.markers import read_landmarks, read_markers
     from handpipe.imaging.volume import read_volume
+    from handpipe.mesh.distance import Distance
+    from handpipe.mesh.surface import concatenate
     from handpipe.muscles.extraction import extract_neutral
     from handpipe.skeleton.rig import Rig
     from muscle_files import read_guesses, write_bodies
@@ -19,7 +21,7 @@ with stage(snakemake) as log:
         guesses[name],
         read_volume(snakemake.input.volume),
         others=others,
-        bones=list(Rig.load(snakemake.input.rig).surfaces.values()),
+        bones=Distance(concatenate(list(Rig.load(snakemake.input.rig).surfaces.values()))),
         points=read_markers(placed)[0] if placed else None,
         landmarks=read_landmarks(known) if known else None,
     )

@@ -6,7 +6,6 @@ import logging
 import zlib
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +38,7 @@ IntArray = NDArray[np.int64]
 log = logging.getLogger(__name__)
 
 KIND = "coupled-pose"
+REST = "neutral"  # the pose whose angles are zero
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
 STEP = 6.0  # degrees of the joint that turns most: twice as much at once, and tissue starts inside out
 CLICKS = 10  # points of a tendon that a person clicks
@@ -66,30 +66,29 @@ def hand_body(anatomy: str | Path, subject: str | Path, order: int) -> HandBody:
     return HandBody.of(anatomy_file.load(anatomy), SubjectTemplate.load(subject), order)
 
 
-def bones_at(pose: str, share: float = 1.0, start: str | None = None) -> dict[str, RigidTransform]:
-    """Where bones are at a share of the way to a pose's angles, with the root bone where it is at rest.
-
-    The way leads from rest, or from the pose `start`.
-    """
-    before = POSES[start] if start else {}
-    degrees = {name: share * to + (1 - share) * before.get(name, 0.0) for name, to in POSES[pose].items()}
+def bones_at(pose: str, share: float = 1.0, start: str = REST) -> dict[str, RigidTransform]:
+    """Where bones are at a share of the way from the pose `start` to another, with the root at rest."""
+    before = POSES[start]
+    degrees = {name: share * to + (1 - share) * before[name] for name, to in POSES[pose].items()}
     angles = {name: float(np.radians(value)) for name, value in degrees.items()}
     return Posture(joints(), angles, RigidTransform.identity(), WITH_ROOT).transforms()
 
 
-def settle(hand: HandBody, pose: str, start: str | None = None, x: Array | None = None) -> Array:
-    """Equilibrium positions (n, 3) of a pose, followed from rest, or from the pose `start` at x (n, 3).
+def settle(hand: HandBody, pose: str, start: str = REST, x: Array | None = None) -> Array:
+    """Equilibrium positions (n, 3) of a pose, followed from the pose `start` at x (n, 3), or from rest.
 
     Raises `ConvergenceError` where there is none.
     """
-    before = POSES[start] if start else {}
-    widest = max(abs(to - before.get(name, 0.0)) for name, to in POSES[pose].items())
-    steps = max(int(np.ceil(widest / STEP)), 2)
+    steps = max(int(np.ceil(_widest(pose, start) / STEP)), 2)
     options = Options(
         name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=60, untangle=False
     )
-    motion = partial(bones_at, pose, start=start)
-    return follow(hand.body, lambda t: hand.pose(motion(t)), x, steps=steps, options=options).x
+    return follow(hand.body, lambda t: hand.pose(bones_at(pose, t, start)), x, steps=steps, options=options).x
+
+
+def _widest(pose: str, start: str = REST) -> float:
+    """Degrees by which the joint turns that turns most."""
+    return max(abs(to - POSES[start][name]) for name, to in POSES[pose].items())
 
 
 def start_difference(hand: HandBody, found: Mapping[str, Array]) -> tuple[str, str, float]:
@@ -98,8 +97,7 @@ def start_difference(hand: HandBody, found: Mapping[str, Array]) -> tuple[str, s
     `found` has the positions (n, 3) of poses. Of these, the two that bend least are taken: from the first to
     the second. Returns their names, too.
     """
-    widest = {name: max(abs(degrees) for degrees in POSES[name].values()) for name in found}
-    one, other = sorted((name for name in found if widest[name] > 0), key=lambda name: widest[name])[:2]
+    one, other = sorted((name for name in found if _widest(name) > 0), key=_widest)[:2]
     again = settle(hand, other, one, found[one])
     return one, other, float(np.linalg.norm(again - found[other], axis=1).max())
 

@@ -32,11 +32,10 @@ def _of_organ(template: Template, name: str, bones: Mapping[str, Distance]) -> d
     outside = mesh.boundary_vertices()
     points = mesh.vertices[outside]
     ends = [np.isin(used[outside], end[name]) for end in (template.origins, template.insertions)]
+    names = list(bones)
     found: dict[str, list[IntArray]] = {}
-    for end in ends:
-        near = end
-        if end.any() and end.sum() < FEW:
-            near = cKDTree(points[end]).query(points)[0] < REACH
+    for end in filter(np.any, ends):
+        near = end if end.sum() >= FEW else cKDTree(points[end]).query(points)[0] < REACH
         ids = np.flatnonzero(near)
         distances = np.stack([bone.closest(points[ids])[0] for bone in bones.values()], axis=1)
         counts = np.bincount(distances.argmin(axis=1), minlength=len(bones))
@@ -44,5 +43,5 @@ def _of_organ(template: Template, name: str, bones: Mapping[str, Distance]) -> d
         kept = np.flatnonzero(counts >= min(FEW, counts.max()))
         owner = kept[distances[:, kept].argmin(axis=1)]
         for bone in kept:
-            found.setdefault(list(bones)[bone], []).append(ids[owner == bone])
+            found.setdefault(names[bone], []).append(ids[owner == bone])
     return {bone: np.unique(np.concatenate(ids)) for bone, ids in found.items()}

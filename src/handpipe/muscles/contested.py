@@ -29,8 +29,10 @@ def uncontested(bodies: Mapping[str, Body]) -> dict[str, Body]:
     found = {}
     for name, body in bodies.items():
         others = [distance for other, distance in surfaces.items() if other != name]
-        gaps = {bone: _gaps(body.surface.vertices[ids], others) for bone, ids in body.attachments.items()}
-        kept = {bone: ids[_kept(gaps[bone])] for bone, ids in body.attachments.items()}
+        kept = {
+            bone: ids[_kept(_gaps(body.surface.vertices[ids], others))]
+            for bone, ids in body.attachments.items()
+        }
         dropped = len(body.held) - sum(map(len, kept.values()))
         if dropped:
             log.info("%s: %d of %d held vertices are in other muscles", name, dropped, len(body.held))
@@ -40,7 +42,8 @@ def uncontested(bodies: Mapping[str, Body]) -> dict[str, Body]:
 
 def _gaps(points: Array, others: list[Distance]) -> Array:
     """Signed distance (n,) in mm from the nearest of the others."""
-    return np.min([other.signed(points)[0] for other in others], axis=0, initial=np.inf)
+    alone = np.full(len(points), np.inf)
+    return np.min([alone, *(other.signed(points)[0] for other in others)], axis=0)
 
 
 def _kept(gaps: Array) -> NDArray[np.int64]:

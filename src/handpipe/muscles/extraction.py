@@ -64,7 +64,7 @@ def extract_neutral(
     *,
     edge: float = 1.8,
     others: Sequence[Surface] = (),
-    bones: Sequence[Surface] = (),
+    bones: Distance | None = None,
     points: Array | None = None,
     landmarks: Mapping[str, Array] | None = None,
     markers: MarkerSettings | None = None,
@@ -74,7 +74,7 @@ def extract_neutral(
 
     The fitted surface is filled with new tetrahedra of about `edge` mm, since fitting has strained the first
     ones. points (r, 3): hand-placed markers, in place of those found in the image; others: guesses of the
-    other muscles; bones: of neutral.
+    other muscles; bones: distance from all bones in neutral.
     """
     first = Body.of(guess.surface, guess.attachments, edge, guess.landmarks)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
@@ -97,6 +97,7 @@ def extract_pose(
     *,
     start: Array | None = None,
     others: Sequence[Surface] = (),
+    posed_bones: Distance | None = None,
     points: Array | None = None,
     landmarks: Mapping[str, Array] | None = None,
     markers: MarkerSettings | None = None,
@@ -106,13 +107,11 @@ def extract_pose(
 
     bones: neutral bone surfaces; transforms: from neutral into the volume's frame; start: mesh vertices (n,
     3) of a better first guess, as simulated from poses already known; others: where the other muscles are
-    about in this pose.
+    about in this pose; posed_bones: distance from all bones there.
     """
     x = body.follow(bones, transforms) if start is None else start
-    there = [bones[name].moved(transform(bones[name].vertices)) for name, transform in transforms.items()]
-    return _extract(
-        body, transforms, x, volume, points, markers or SEARCH, options or POSED, others, there, landmarks
-    )
+    settings, how = markers or SEARCH, options or POSED
+    return _extract(body, transforms, x, volume, points, settings, how, others, posed_bones, landmarks)
 
 
 def extract_poses(
@@ -146,6 +145,7 @@ def extract_poses(
         _, pose, near = min(left)
         log.info("%s: guessed from %s", pose, near or "neutral")
         moved, image = transforms[pose], volume(pose)
+        there = Distance(concatenate([s.moved(moved[b](s.vertices)) for b, s in bones.items()]))
         x = {
             m: _likeliest(b, bones, moved, (known[near][0], known[near][1][m]), image)
             for m, b in bodies.items()
@@ -161,6 +161,7 @@ def extract_poses(
                 image,
                 start=x[name],
                 others=others,
+                posed_bones=there,
                 points=placed,
                 landmarks=(landmarks or {}).get((pose, name)),
                 markers=markers,
@@ -214,7 +215,7 @@ def _extract(
     markers: MarkerSettings | None,
     options: ShapeOptions | None,
     others: Sequence[Surface],
-    bones: Sequence[Surface],
+    bones: Distance | None,
     landmarks: Mapping[str, Array] | None,
 ) -> Extraction:
     find = image_markers(volume, body, markers, others, bones) if points is None else fixed_markers(points)
@@ -237,7 +238,7 @@ def image_markers(
     body: Body,
     settings: MarkerSettings | None = None,
     others: Sequence[Surface] = (),
-    bones: Sequence[Surface] = (),
+    bones: Distance | None = None,
 ) -> FindMarkers:
     """Boundary markers found in an image along the normals of the present surface, where the boundary is
     visible.
@@ -249,20 +250,19 @@ def image_markers(
     have an edge of their own, under every muscle that lies on a bone.
     """
     trees = [Distance(other) for other in others]
-    inner = Distance(concatenate(list(bones))) if bones else None
 
     def find(surface: Surface) -> Markers:
         found = boundary_markers(volume, surface, settings, ~body.visible)
         places = surface.vertices[found.vertices]
         offsets = np.linalg.norm(found.points - places, axis=1)
-        keep = np.ones(len(offsets), dtype=bool)
+        keep, far = np.ones(len(offsets), dtype=bool), np.flatnonzero(offsets >= NEAR)
         for tree in trees:
             gap, _, _, normals = tree.signed(found.points)
             alike = np.einsum("ij,ij->i", normals, found.normals) > 0.3
             keep &= ~(alike & (np.abs(gap) < offsets))
-            keep &= (tree.signed(places)[0] > TOUCHING) | (offsets < NEAR)
-        if inner is not None:
-            keep &= inner.signed(found.points)[0] > -WITHIN
+            keep[far] &= tree.signed(places[far])[0] > TOUCHING
+        if bones is not None:
+            keep &= bones.signed(found.points)[0] > -WITHIN
         return Markers(found.points[keep], found.confidence[keep], found.vertices[keep])
 
     return find
