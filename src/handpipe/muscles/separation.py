@@ -33,8 +33,7 @@ log = logging.getLogger(__name__)
 
 KIND = "separated-muscles"
 STIFFNESS = 1.0  # mm of displacement whose pressure, by size alone, finds half the clearance
-PATIENCE = 60  # iterations after which bodies grow anew, behind a softer barrier
-SOFT = 8.0  # times the clearance, of that barrier
+SOFT = 8.0  # times the clearance, of the barrier behind which bodies grow
 HOLD = 1e2  # times a vertex's stiffness, by which held ones are pulled back to their places
 ROUNDS = 12  # in which pressures are sought
 STIFFEST = 0.2  # of a free surface's compliance, at least, that neighbours are taken to leave it
@@ -177,14 +176,11 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
         untangle=False,
         name="separation",
     )
-    found = equilibrium.solve([plate, barrier], start, options=replace(settings, max_iterations=PATIENCE))
+    # A barrier that is felt from afar lets bodies make way for one another before they touch.
+    soft = _Convex(scene.barrier(start, SOFT * options.clearance))
+    loose = replace(settings, displacement_tolerance=SOFT * options.tolerance)
+    found = equilibrium.solve([plate, soft], start, options=loose)
     x, iterations = found.x, found.record.iterations
-    if not found.record.converged:
-        # A barrier that is felt from afar lets bodies make way for one another before they touch.
-        soft = _Convex(scene.barrier(start, SOFT * options.clearance))
-        loose = replace(settings, displacement_tolerance=SOFT * options.tolerance)
-        found = equilibrium.solve([plate, soft], start, options=loose)
-        x, iterations = found.x, iterations + found.record.iterations
     volumes = _Volumes(surfaces, plates, options.volume)
     for _ in range(ROUNDS):
         forces: list[Potential] = [plate, Pressure(surfaces, scene.parts, volumes.pressures), barrier]
