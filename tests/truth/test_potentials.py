@@ -12,6 +12,7 @@ from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth.active import ActiveFibres
 from handpipe.truth.crushing import CRUSHED, Crushing
 from handpipe.truth.elements import Elements
+from handpipe.truth.pressure import Pressure
 from handpipe.truth.solid import Solid
 from handpipe.truth.strands import Cable, Strands, chain
 
@@ -33,6 +34,8 @@ def _potential(kind, order):
         return ActiveFibres(elements, _directions(count), np.linspace(0, 5, count)), elements.nodes
     if kind == "crushing":
         return Crushing(elements, 7.0), elements.nodes
+    if kind == "pressure":
+        return Pressure(elements, np.linspace(-3, 5, count)), elements.nodes
     points = elements.interpolation(np.random.default_rng(2).uniform([0, 0, 0], [2, 1, 1], (6, 3)))
     if kind == "cable":
         return Cable(points, chain(6), 40.0), elements.nodes
@@ -51,7 +54,7 @@ def _state(nodes, name):
     return nodes * [1.0, 1.0, -0.8] + noise  # inverted
 
 
-KINDS = ["solid", "active", "strands", "two-sided", "crushing", "cable"]
+KINDS = ["solid", "active", "strands", "two-sided", "crushing", "cable", "pressure"]
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -32,6 +32,7 @@ from handpipe.mesh.surface import Surface
 from handpipe.truth import anatomy_file
 from handpipe.truth.body import Anatomy, Body
 from handpipe.truth.follow import follow
+from handpipe.truth.pressure import with_volumes_kept
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -83,7 +84,8 @@ def settle(hand: HandBody, pose: str, start: str = REST, x: Array | None = None)
     options = Options(
         name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=60, untangle=False
     )
-    return follow(hand.body, lambda t: hand.pose(bones_at(pose, t, start)), x, steps=steps, options=options).x
+    found = follow(hand.body, lambda t: hand.pose(bones_at(pose, t, start)), x, steps=steps, options=options)
+    return with_volumes_kept(hand.body, hand.pose(bones_at(pose)), found.x, options).x
 
 
 def _widest(pose: str, start: str = REST) -> float:

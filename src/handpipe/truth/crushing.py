@@ -7,14 +7,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from handpipe.truth.density import DensityPotential, add_stiffness, semidefinite
+from handpipe.truth.determinant import cofactors, second_derivatives
 from handpipe.truth.elements import Elements
 
 Array = NDArray[np.float64]
 
 CRUSHED = 0.3  # of its volume at rest: where the resistance begins
 STEEPEST = 0.1  # of that: below, it grows quadratically, so that a bad start has an energy
-TWIST = np.zeros((3, 3, 3))  # the permutation symbol
-TWIST[[0, 1, 2], [1, 2, 0], [2, 0, 1]], TWIST[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = 1.0, -1.0
 
 
 class Crushing(DensityPotential):
@@ -35,15 +34,14 @@ class Crushing(DensityPotential):
         slope = self.stiffness * self._barrier(np.linalg.det(f))[1]
         out = np.zeros_like(f)
         active = slope != 0
-        out[active] = slope[active, None, None] * _cofactors(f[active])
+        out[active] = slope[active, None, None] * cofactors(f[active])
         return out
 
     def tangents(self, f: Array, points: slice, project: bool) -> Array:
         slope, curvature = (self.stiffness * d for d in self._barrier(np.linalg.det(f))[1:])
-        normal = _cofactors(f).reshape(-1, 9)
+        normal = cofactors(f).reshape(-1, 9)
         out = curvature[:, None, None] * normal[:, :, None] * normal[:, None, :]
-        second = np.einsum("ijm,kln,pmn->pikjl", TWIST, TWIST, f).reshape(-1, 9, 9)
-        exact = out + slope[:, None, None] * second
+        exact = out + slope[:, None, None] * second_derivatives(f)
         return semidefinite(exact) if project else exact
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
@@ -67,8 +65,3 @@ class Crushing(DensityPotential):
         value += beyond * (first + 0.5 * beyond * second)
         first += beyond * second
         return value, first / CRUSHED, second / CRUSHED**2
-
-
-def _cofactors(f: Array) -> Array:
-    """Derivatives (p, 3, 3) of det F by F."""
-    return np.stack([np.cross(f[:, (i + 1) % 3], f[:, (i + 2) % 3]) for i in range(3)], axis=1)

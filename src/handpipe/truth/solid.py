@@ -34,3 +34,7 @@ class Solid(DensityPotential):
     def volume_ratios(self, x: Array) -> Array:
         """det F (m, q) at every point: positive where tissue is not inside out."""
         return np.linalg.det(self.deformation_gradients(x))
+
+    def bulk_moduli(self) -> Array:
+        """Bulk modulus (m,) in kPa of every cell, at rest."""
+        return np.asarray(self._lam + 2.0 / 3.0 * self._mu)[:: self._points]
