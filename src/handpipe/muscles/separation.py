@@ -178,7 +178,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     )
     # A barrier that is felt from afar lets bodies make way for one another before they touch.
     soft = _Convex(scene.barrier(start, SOFT * options.clearance))
-    loose = replace(settings, displacement_tolerance=SOFT * options.tolerance)
+    loose = replace(settings, displacement_tolerance=SOFT * options.tolerance, force_tolerance=1.0)
     found = equilibrium.solve([plate, soft], start, options=loose)
     x, iterations = found.x, found.record.iterations
     volumes = _Volumes(surfaces, plates, options.volume)
@@ -254,4 +254,4 @@ class _Convex:
         self.value, self.gradient, self.max_step = barrier.value, barrier.gradient, barrier.max_step
 
     def hessian(self, x: Array, project: bool = False) -> sparse.csr_matrix:
-        return self.barrier.hessian(x, True)
+        return self.barrier.convex_hessian(x)
