@@ -36,5 +36,13 @@ with stage(snakemake) as log:
     one, other, apart = coupled_hand.start_difference(hand, positions)
     log.info("%s reached from %s: %.3g mm from where it is from rest", other, one, apart)
     found["start_difference_max"] = (apart, "mm")
+    refined, errors = coupled_hand.refinement_errors(hand, positions)
+    for ray, figures in errors.items():
+        (rms, _), (largest, _) = figures["rms"], figures["max"]
+        log.info(
+            "%s, %s: linear tets %.3f mm (rms), %.2f mm (max) from quadratic ones", refined, ray, rms, largest
+        )
+    for kind in ("rms", "max"):
+        found[f"refinement_{kind}"] = (max(figures[kind][0] for figures in errors.values()), "mm")
     found["patch_test_error"] = (patch_test(body), "mm")
     metrics.write(snakemake.output[0], found | stage_cost(snakemake, "coupled_pose"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from handpipe.anatomy.subject_template import SubjectTemplate
 from handpipe.anatomy.template import Template
 from handpipe.config import Dataset, Scanner
 from handpipe.datasets import image, phantom_hand, scans, templates
-from handpipe.datasets.hand_body import HandBody, open_hand
+from handpipe.datasets.hand_body import HandBody, materials, open_hand
 from handpipe.datasets.kinematics import Posture
 from handpipe.datasets.phantom_hand_bones import WITH_ROOT
 from handpipe.datasets.phantom_hand_joints import POSES, joints
@@ -29,10 +29,12 @@ from handpipe.datasets.tubes import sweep
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
+from handpipe.metrics import Metrics
 from handpipe.truth import anatomy_file
 from handpipe.truth.body import Anatomy, Body
 from handpipe.truth.follow import follow
 from handpipe.truth.pressure import with_volumes_kept
+from handpipe.truth.submodel import refinement_error
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -43,6 +45,9 @@ REST = "neutral"  # the pose whose angles are zero
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
 STEP = 6.0  # degrees of the joint that turns most: twice as much at once, and tissue starts inside out
 CLICKS = 10  # points of a tendon that a person clicks
+RAYS = {"thumb": ("metacarpal1", "proximal1", "distal1")} | {
+    f"finger{i}": (f"proximal{i}", f"middle{i}", f"distal{i}") for i in range(2, 6)
+}
 WRIST = -22.0  # mm along the hand: scans end there
 SWOLLEN = 0.1  # mm that templates of muscles stand out from the truth
 TEMPLATE_WARP = templates.Warp(
@@ -99,9 +104,34 @@ def start_difference(hand: HandBody, found: Mapping[str, Array]) -> tuple[str, s
     `found` has the positions (n, 3) of poses. Of these, the two that bend least are taken: from the first to
     the second. Returns their names, too.
     """
-    one, other = sorted((name for name in found if _widest(name) > 0), key=_widest)[:2]
+    one, other = _least_bent(found)[:2]
     again = settle(hand, other, one, found[one])
     return one, other, float(np.linalg.norm(again - found[other], axis=1).max())
+
+
+def _least_bent(poses: Iterable[str]) -> list[str]:
+    """Poses other than rest, by how far their joints turn."""
+    return sorted((name for name in poses if _widest(name) > 0), key=_widest)
+
+
+def refinement_errors(hand: HandBody, found: Mapping[str, Array]) -> tuple[str, dict[str, Metrics]]:
+    """How far linear tets are from quadratic ones in the pose that bends least, ray by ray.
+
+    The whole hand has too many nodes of quadratic tets for a factor; a finger, or the thumb with its
+    metacarpal and the muscles there, has not. Returns the pose's name, too.
+    """
+    [pose, *_], anatomy = _least_bent(found), hand.body.anatomy
+    bones = hand.subject.bones
+    owner = np.repeat(np.arange(len(bones)), [len(b.vertices) for b in bones.values()])
+    tree = cKDTree(np.concatenate([b.vertices for b in bones.values()]))
+    nearest = owner[tree.query(anatomy.mesh.vertices[anatomy.mesh.tets].mean(axis=1))[1]]
+    options, errors = Options(name=pose, displacement_tolerance=1e-3, untangle=False), {}
+    x = found[pose][: len(anatomy.mesh.vertices)]  # nodes of quadratic tets begin with the vertices
+    for ray, names in RAYS.items():
+        chosen = np.isin(nearest, [list(bones).index(name) for name in names])
+        where = hand.pose(bones_at(pose))
+        errors[ray] = refinement_error(anatomy, materials(anatomy), chosen, where, x, options)
+    return pose, errors
 
 
 def cuts_itself(body: Body, x: Array) -> bool:

@@ -41,14 +41,18 @@ class HandBody:
     @staticmethod
     def of(anatomy: Anatomy, subject: SubjectTemplate, order: int) -> HandBody:
         """Of what `open_hand` makes of a template, with linear or quadratic tets (order 1 or 2)."""
-        materials = {name: MUSCLE if name in anatomy.fibres else LIGAMENT for name in anatomy.regions}
-        materials |= {"fat": FAT, "skin": SKIN}
-        body = Body(anatomy, materials, order=2 if order == 2 else 1, contact=CONTACT)
+        body = Body(anatomy, materials(anatomy), order=2 if order == 2 else 1, contact=CONTACT)
         return HandBody(body, subject)
 
     def pose(self, bones: Bones) -> Pose:
         """The bones in a position, and each muscle as tense as it is short."""
         return Pose(bones, {name: _tension(m, bones) for name, m in self.subject.muscles.items()})
+
+
+def materials(anatomy: Anatomy) -> dict[str, Material]:
+    """The material of each of a hand's regions."""
+    inside = {name: MUSCLE if name in anatomy.fibres else LIGAMENT for name in anatomy.regions}
+    return inside | {"fat": FAT, "skin": SKIN}
 
 
 def open_hand(template: Template, subject: SubjectTemplate, positions: Sequence[Bones]) -> Anatomy:

@@ -1,0 +1,84 @@
+"""A part of a body, held at the cut where the whole body's solution has it: to refine where the whole is too
+large for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.fem.equilibrium import Options, solve
+from handpipe.fem.materials import Material
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.metrics import Metrics
+from handpipe.truth.body import Anatomy, Body, Pose
+from handpipe.truth.elements import Elements
+from handpipe.truth.validation import difference, solved_from
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+CUT = "cut"  # takes the place of a bone's name
+
+
+def cut_out(anatomy: Anatomy, chosen: Mask) -> tuple[Anatomy, IntArray]:
+    """The anatomy of the chosen tets (m,), without strands, and its vertices' (n,) numbers in the whole.
+
+    What holds it to the rest, vertices of faces between chosen and other tets, is like a bone named "cut".
+    """
+    mesh = anatomy.mesh
+    used, tets = np.unique(mesh.tets[chosen], return_inverse=True)
+    part = TetMesh(mesh.vertices[used], tets.reshape(-1, 4))
+    inner = np.setdiff1d(_keys(part.boundary_faces()[0], used), _keys(mesh.boundary_faces()[0], None), True)
+    on = {name: np.flatnonzero(np.isin(used, vertices)) for name, vertices in anatomy.bones.items()}
+    bones = {name: vertices for name, vertices in on.items() if len(vertices)}
+    cut = np.unique(np.searchsorted(used, inner.view(np.int64).reshape(-1, 3)))
+    fibres = {name: along[chosen[anatomy.tets_of(name)]] for name, along in anatomy.fibres.items()}
+    present = {name: along for name, along in fibres.items() if len(along)}
+    labels, regions = anatomy.labels[chosen], anatomy.regions
+    return Anatomy(part, labels, regions, {**bones, CUT: cut}, present), used
+
+
+def _keys(faces: IntArray, numbers: IntArray | None) -> NDArray[np.void]:
+    """One key (k,) a face, whatever the order of its vertices."""
+    named = faces if numbers is None else numbers[faces]
+    return np.ascontiguousarray(np.sort(named, axis=1).astype(np.int64)).view([("", np.int64)] * 3).ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    """Where points of a mesh go with its vertices, from rest to x (n, 3)."""
+
+    elements: Elements
+    x: Array
+
+    def __call__(self, points: Array) -> Array:
+        return points + self.elements.interpolation(points) @ (self.x - self.elements.nodes)
+
+
+def refinement_error(
+    anatomy: Anatomy,
+    materials: Mapping[str, Material],
+    chosen: Mask,
+    pose: Pose,
+    x: Array,
+    options: Options | None = None,
+) -> Metrics:
+    """How far linear tets are from quadratic ones on the chosen tets (m,), as `validation.difference` says.
+
+    x (n, 3) are positions of the whole anatomy's vertices in the pose, found with linear tets. Both are
+    solved with the cut where x has it, which takes away what the rest of the body would add.
+    """
+    part, used = cut_out(anatomy, chosen)
+    coarse, fine = (Body(part, materials, order=1), Body(part, materials, order=2))
+    carried = cast(RigidTransform, _Carried(coarse.elements, x[used]))
+    held = Pose({**pose.bones, CUT: carried}, pose.tensions)
+    start = coarse.prescribed(held, x[used])
+    found = solve(coarse.potentials(held), start, fixed=coarse.fixed, options=options).x
+    return difference(coarse, found, fine, solved_from(coarse, found, fine, held, options))
