@@ -3,6 +3,7 @@
 import numpy as np
 import trimesh
 
+from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.neighbours import pairs
 
@@ -22,7 +23,7 @@ def test_a_vertex_is_pushed_back_to_the_side_that_it_came_from():
         above = Surface(
             np.asarray(ball.vertices) + [0, 0, 6.0 - depth], np.asarray(ball.faces, dtype=np.int64)
         )
-        found = pairs(above, SHEET, 0.3)
+        found = pairs(above, Distance(SHEET), 0.3)
         inside = found.gaps < 0
         assert inside.any()
         np.testing.assert_allclose(found.normals[inside], np.tile([0, 0, 1.0], (inside.sum(), 1)), atol=1e-9)
@@ -32,7 +33,7 @@ def test_a_vertex_is_pushed_back_to_the_side_that_it_came_from():
 
 def test_held_vertices_and_far_ones_are_left_out():
     block = box((4.0, 4.0, 4.0), (0.0, 0.0, 3.2))
-    found = pairs(block, SHEET, 1.0)
+    found = pairs(block, Distance(SHEET), 1.0)
     bottom = np.flatnonzero(block.vertices[:, 2] < 1.5)
     assert set(bottom) <= set(found.vertices)
     left = found.without(bottom[::2])

@@ -109,8 +109,10 @@ class SurfaceContact(PointPotential):
     however far a point has slid. The Hessian is exact for the polyhedron: distance curves where an edge or a
     vertex is closest (outside of convex, inside of hollow places) and is linear over faces. Within one Newton
     step no point may move by more than its free distance and `reach` mm, or it could pass through a thin
-    body unnoticed.
+    body unnoticed. Of points that are `far` mm from the surface's box no more is asked: they are free.
     """
+
+    far = 3.0  # mm beyond the thickness
 
     def __init__(
         self,
@@ -136,14 +138,26 @@ class SurfaceContact(PointPotential):
     def _query(self, points: Array) -> tuple[Array, Array, Array]:
         """Signed distances (k,), their gradients (k, 3) and `shape_operators` (k, 3, 3)."""
         if self._last is None or not np.array_equal(self._last[0], points):
-            signed, triangles, closest, normals = self.distance.signed(points)
-            away = np.abs(signed) > ON_SURFACE
-            normals[away] = (points[away] - closest[away]) / signed[away, None]
-            surface = self.distance.surface
-            shapes = shape_operators(normals, closest, triangles, surface.vertices, surface.triangles)
-            shapes[~away] = 0.0
+            signed, normals, shapes = self._far(points)
+            near = np.flatnonzero(signed < self.thickness + self.far)
+            signed[near], normals[near], shapes[near] = self._near(points[near])
             self._last = points.copy(), signed, normals, shapes
         return self._last[1:]
+
+    def _far(self, points: Array) -> tuple[Array, Array, Array]:
+        """What a query finds of points (k, 3) by the surface's box alone, nearer than the surface is."""
+        vertices = self.distance.surface.vertices
+        beyond = np.maximum(np.maximum(vertices.min(axis=0) - points, points - vertices.max(axis=0)), 0.0)
+        return np.linalg.norm(beyond, axis=1), np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
+
+    def _near(self, points: Array) -> tuple[Array, Array, Array]:
+        signed, triangles, closest, normals = self.distance.signed(points)
+        away = np.abs(signed) > ON_SURFACE
+        normals[away] = (points[away] - closest[away]) / signed[away, None]
+        surface = self.distance.surface
+        shapes = shape_operators(normals, closest, triangles, surface.vertices, surface.triangles)
+        shapes[~away] = 0.0
+        return signed, normals, shapes
 
     def _distance_hessians(self, points: Array) -> Array:
         """Second derivatives (k, 3, 3) of the signed distances."""

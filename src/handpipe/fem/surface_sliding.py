@@ -18,6 +18,8 @@ class SurfaceSliding(SurfaceContact):
     a point to a plane instead, which must be taken anew whenever the point has slid.
     """
 
+    far = np.inf  # no point is free
+
     def energies(self, points: Array) -> Array:
         return 0.5 * self.stiffness * self._query(points)[0] ** 2
 

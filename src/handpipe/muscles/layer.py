@@ -22,11 +22,13 @@ from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.muscle import Muscle
-from handpipe.muscles.neighbours import Pairs, pairs, sliding_vertices
+from handpipe.muscles.neighbours import Pairs, about, pairs, sliding_vertices
 from handpipe.settling import Limits, Settled, settle
 from handpipe.shapes.fit import MUSCLE
 
 Array = NDArray[np.float64]
+
+GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, until planes are renewed
 
 
 @dataclass(frozen=True)
@@ -106,18 +108,25 @@ class MuscleLayer:
         self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str
     ) -> Settled:
         """Equilibria with the neighbours' contact planes renewed until the shapes rest."""
-        obstacles = self._bone_contacts(bones)
+        obstacles = [Distance(bone) for bone in bones.values()]
 
         def in_place(x: Array) -> Array:
-            return self._equilibrium([*free, *obstacles, *self._neighbours(x)], x, frame)
+            return self._equilibrium(
+                [*free, *self._bone_contacts(obstacles, x), *self._neighbours(x)], x, frame
+            )
 
         return settle(in_place, x, self.options.contacts, f"muscles of {frame}")
 
-    def _bone_contacts(self, bones: Mapping[str, Surface]) -> list[Potential]:
-        """Surface vertices that no bone holds are kept out of every bone."""
+    def _bone_contacts(self, bones: Sequence[Distance], x: Array) -> list[Potential]:
+        """Surface vertices that no bone holds, and that are not far away, are kept out of every bone."""
         free = [_without(s, m.body.held) for s, m in zip(self.surfaces, self.muscles, strict=True)]
         operator = sparse.vstack(free, format="csr")
-        return [SurfaceContact(operator, Distance(bone), self.options.contact) for bone in bones.values()]
+        near = [about(operator @ x, bone.surface, GUARDED) for bone in bones]
+        return [
+            SurfaceContact(operator[ids], bone, self.options.contact)
+            for ids, bone in zip(near, bones, strict=True)
+            if len(ids)
+        ]
 
     def _neighbours(self, x: Array) -> list[Potential]:
         """Contact and sliding of muscles against one another at their present places.
@@ -128,13 +137,14 @@ class MuscleLayer:
         posed = {
             m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, self.surfaces, strict=True)
         }
+        distances = {name: Distance(surface) for name, surface in posed.items()}
         operators = {m.name: s for m, s in zip(self.muscles, self.surfaces, strict=True)}
         held = {m.name: m.body.held for m in self.muscles}
         for a in operators:
             for b in operators:
                 if a == b:
                     continue
-                near = pairs(posed[a], posed[b], self.options.near).without(held[a])
+                near = pairs(posed[a], distances[b], self.options.near).without(held[a])
                 if len(near.vertices) == 0:
                     continue
                 found.append(self._contact(near.within(self.options.touch), operators[a], operators[b]))

@@ -52,27 +52,35 @@ class Pairs:
         return Pairs(self.vertices[chosen], self.feet[chosen], self.normals[chosen], self.gaps[chosen], rest)
 
 
-def pairs(a: Surface, b: Surface, near: float) -> Pairs:
-    """Vertices of a closer than `near` mm to b or inside of it.
+def pairs(a: Surface, b: Distance, near: float) -> Pairs:
+    """Vertices of a closer than `near` mm to a surface b or inside of it.
 
     Inside a thin body the closest face may be the far one, which a's surface does not face: it would pull the
     vertex through. Such a vertex is left free.
     """
-    gap, triangles, closest, normals = Distance(b).signed(a.vertices)
-    astray = (gap < 0) & (np.einsum("ni,ni->n", a.vertex_normals(), normals) > 0)
-    ids = np.flatnonzero((gap < near) & ~astray)
-    corners = b.triangles[triangles[ids]]
-    weights = barycentric_weights(closest[ids], b.vertices[corners])
-    starts = 3 * np.arange(len(ids) + 1)
-    feet = sparse.csr_matrix((weights.ravel(), corners.ravel(), starts), shape=(len(ids), len(b.vertices)))
-    return Pairs(ids, feet, normals[ids], gap[ids], np.zeros(len(ids)))
+    ids, other = about(a.vertices, b.surface, near), b.surface
+    gap, triangles, closest, normals = b.signed(a.vertices[ids])
+    astray = (gap < 0) & (np.einsum("ni,ni->n", a.vertex_normals()[ids], normals) > 0)
+    chosen = np.flatnonzero((gap < near) & ~astray)
+    corners = other.triangles[triangles[chosen]]
+    weights = barycentric_weights(closest[chosen], other.vertices[corners])
+    shape, starts = (len(chosen), len(other.vertices)), 3 * np.arange(len(chosen) + 1)
+    feet = sparse.csr_matrix((weights.ravel(), corners.ravel(), starts), shape=shape)
+    return Pairs(ids[chosen], feet, normals[chosen], gap[chosen], np.zeros(len(chosen)))
+
+
+def about(points: Array, surface: Surface, near: float) -> IntArray:
+    """Points (n, 3) in a surface's box, grown by `near` mm: no others are closer to it than that."""
+    low, high = surface.vertices.min(axis=0) - near, surface.vertices.max(axis=0) + near
+    return np.flatnonzero(((points > low) & (points < high)).all(axis=1))
 
 
 def touching(surface: Surface, others: Iterable[Surface], near: float) -> IntArray:
     """Vertices within `near` mm of any of the other surfaces, or inside one."""
     found = np.zeros(len(surface.vertices), dtype=bool)
     for other in others:
-        found |= Distance(other).signed(surface.vertices)[0] < near
+        near_it = about(surface.vertices, other, near)
+        found[near_it] |= Distance(other).signed(surface.vertices[near_it])[0] < near
     return np.flatnonzero(found)
 
 
@@ -81,12 +89,14 @@ def sliding_vertices(poses: Sequence[Mapping[str, Surface]], near: float) -> Nei
     gaps.
     """
     found: Neighbours = {}
+    distances = [{name: Distance(surface) for name, surface in pose.items()} for pose in poses]
     for a in poses[0]:
         for b in poses[0]:
             if a == b:
                 continue
-            gaps = np.stack([Distance(pose[b]).signed(pose[a].vertices)[0] for pose in poses])
-            ids = np.flatnonzero((gaps < near).all(axis=0))
-            if len(ids):
-                found[a, b] = ids, np.maximum(gaps[:, ids].mean(axis=0), 0.0)
+            ids = about(poses[0][a].vertices, poses[0][b], near)
+            gaps = [d[b].signed(pose[a].vertices[ids])[0] for pose, d in zip(poses, distances, strict=True)]
+            always = (np.array(gaps) < near).all(axis=0)
+            if always.any():
+                found[a, b] = ids[always], np.maximum(np.mean(gaps, axis=0)[always], 0.0)
     return found
