@@ -64,3 +64,22 @@ def test_scene_needs_exactly_what_its_layers_stand_on():
     assert Scene(layers=("bones", "skin"), frames="x.csv").needed == ["bones", "skin"]
     assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "tendons", "muscles"]
     assert Scene(layers=("fat", "skin"), frames="x.csv").needed == list(LAYERS)
+
+
+def test_a_dataset_like_another_has_its_keys_where_it_has_none():
+    whole, preview = (
+        load_dataset(CONFIG / f"datasets/phantom-hand-{n}.yaml") for n in ("complete", "preview")
+    )
+    assert preview.bones == whole.bones
+    assert preview.name == "phantom-hand-preview"
+    assert set(preview.poses) < set(whole.poses)
+
+
+@pytest.mark.parametrize("like", ["nowhere", "phantom-hand-preview"])
+def test_a_dataset_is_like_one_that_is_whole_itself(tmp_path, like):
+    for file in (CONFIG / "datasets").glob("phantom-hand-*.yaml"):
+        (tmp_path / file.name).write_text(file.read_text(encoding="utf-8"), encoding="utf-8")
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"name: mine\nroot: .\nlike: {like}\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"mine\.yaml: like"):
+        load_dataset(path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -15,6 +15,7 @@ from handpipe.errors import InputError
 T = TypeVar("T", bound=BaseModel)
 Vector = tuple[float, float, float]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+Subject = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
 HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
 COUPLED_HANDS = ("phantom-hand-complete",)  # generators whose truth is a coupled simulation
 SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
@@ -132,7 +133,10 @@ class Truth(Model):
 class Dataset(Model):
     """Everything that a subject has."""
 
-    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
+    name: Subject
+    like: Subject | None = Field(
+        None, description="another dataset beside this file, whose keys hold where this file has none"
+    )
     generator: (
         Literal[
             "phantom-finger",
@@ -267,12 +271,19 @@ class Scene(Model):
 
 def load_yaml(path: str | Path, model: type[T]) -> T:
     """Read and check a YAML file; raise `InputError` naming the file and the first wrong field."""
+    return _checked(path, _content(path), model)
+
+
+def _content(path: str | Path) -> Any:
     try:
-        content = yaml.safe_load(read_text(path))
+        return yaml.safe_load(read_text(path)) or {}
     except yaml.YAMLError as error:
         raise InputError(path, "YAML", str(error).replace("\n", " "), "Mend the syntax") from error
+
+
+def _checked(path: str | Path, content: Any, model: type[T]) -> T:
     try:
-        return model.model_validate(content or {})
+        return model.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         problem = first["msg"].removeprefix("Value error, ")
@@ -283,8 +294,17 @@ def load_yaml(path: str | Path, model: type[T]) -> T:
 
 
 def load_dataset(path: str | Path) -> Dataset:
-    """Read a dataset file."""
-    return load_yaml(path, Dataset)
+    """Read a dataset file, completed by the one that it is `like`."""
+    content = _content(path)
+    if not isinstance(content, dict) or "like" not in content:
+        return _checked(path, content, Dataset)
+    other = Path(path).with_name(f"{content['like']}.yaml")
+    if not other.is_file():
+        raise InputError(path, "like", f"there is no {other.name} beside it", "Name a dataset of that folder")
+    further = _content(other)
+    if "like" in further:
+        raise InputError(path, "like", f"{other.name} is like another one itself", "Name that one")
+    return _checked(path, {**further, **content}, Dataset)
 
 
 def load_scene(path: str | Path) -> Scene:

@@ -18,7 +18,11 @@ MODELS: dict[str, type[Model]] = {"dataset": Dataset, "scene": Scene}
 def schema(name: str) -> str:
     """The JSON schema of a kind of file, "dataset" or "scene", as text."""
     dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    return json.dumps(dialect | MODELS[name].model_json_schema(), indent=2) + "\n"
+    found = MODELS[name].model_json_schema()
+    if name == "dataset":  # one that is like another need not have everything itself
+        whole, alike = found.pop("required"), ["name", "root", "like"]
+        found["anyOf"] = [{"required": whole}, {"required": alike}]
+    return json.dumps(dialect | found, indent=2) + "\n"
 
 
 def write_schemas(folder: str | Path) -> list[Path]:

@@ -78,10 +78,11 @@ def buildable_subjects():
 @functools.cache
 def unchecked_datasets():
     """Every dataset file by subject, as it is: a mistake in another subject's file is that subject's matter."""
-    return {
+    found = {
         file.stem: yaml.safe_load(file.read_text(encoding="utf-8")) or {}
         for file in sorted(Path("config/datasets").glob("*.yaml"))
     }
+    return {s: {**found.get(c.get("like"), {}), **c} for s, c in found.items()}
 
 
 def bones_alone():

@@ -28,8 +28,7 @@ rule make_skin:
 rule mesh_fat:
     input:
         rig="results/{subject}/rig.h5",
-        dataset=ancient(of_dataset),
-        layers=lambda w: layer_files(w.subject, INNER_LAYERS),
+        inner=lambda w: f"results/{w.subject}/poses/{neutral(w.subject)}/inner.h5",
         skin="results/{subject}/skin.h5",
     output:
         "results/{subject}/fat/mesh.h5",
@@ -42,8 +41,6 @@ rule mesh_fat:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=dataset_digest,
-        layers=INNER_LAYERS,
         edge=config["edges"]["fat"],
     message:
         "{wildcards.subject}: tetrahedra between the inner surface and the skin"

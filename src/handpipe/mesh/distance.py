@@ -55,6 +55,12 @@ class Distance:
         return np.where(side < 0, -distances, distances), triangles, closest, normals
 
 
+def about(points: Array, surface: Surface, near: float) -> IntArray:
+    """Points (k,) of (n, 3) in a surface's box, grown by `near` mm: no others are closer to it than that."""
+    low, high = surface.vertices.min(axis=0) - near, surface.vertices.max(axis=0) + near
+    return np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+
+
 def _pseudonormals(surface: Surface) -> tuple[Array, Array, Array]:
     """Normals of triangles (k, 3), of their edges from corner i to i + 1 (k, 3, 3), of vertices (n, 3)."""
     triangles, normals = surface.triangles, surface.triangle_normals()

@@ -18,11 +18,11 @@ from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
 from handpipe.layers import Frame, Shape, Shapes
-from handpipe.mesh.distance import Distance
+from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.muscle import Muscle
-from handpipe.muscles.neighbours import Pairs, about, pairs, sliding_vertices
+from handpipe.muscles.neighbours import Pairs, pairs, sliding_vertices
 from handpipe.settling import Limits, Settled, settle
 from handpipe.shapes.fit import MUSCLE
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from handpipe.mesh.barycentric import barycentric_weights
-from handpipe.mesh.distance import Distance
+from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
@@ -67,12 +67,6 @@ def pairs(a: Surface, b: Distance, near: float) -> Pairs:
     shape, starts = (len(chosen), len(other.vertices)), 3 * np.arange(len(chosen) + 1)
     feet = sparse.csr_matrix((weights.ravel(), corners.ravel(), starts), shape=shape)
     return Pairs(ids[chosen], feet, normals[chosen], gap[chosen], np.zeros(len(chosen)))
-
-
-def about(points: Array, surface: Surface, near: float) -> IntArray:
-    """Points (n, 3) in a surface's box, grown by `near` mm: no others are closer to it than that."""
-    low, high = surface.vertices.min(axis=0) - near, surface.vertices.max(axis=0) + near
-    return np.flatnonzero(((points > low) & (points < high)).all(axis=1))
 
 
 def touching(surface: Surface, others: Iterable[Surface], near: float) -> IntArray:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.layers import Frame, Region, Shape, Shapes
-from handpipe.mesh.distance import Distance
+from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.surface import Surface
 
 IntArray = NDArray[np.int64]
@@ -22,8 +22,11 @@ def bone_regions(
     A point is fixed where it lies on a bone (within tolerance, mm) and no other bone is within joint_radius
     (mm): what the papers paint by hand (000 section 6) or sweep over the range of motion (004 section 5.4).
     """
-    gaps = [np.maximum(Distance(bone).signed(points)[0], 0.0) for bone in bones.values()]
-    distances = np.sort(np.stack([*gaps, np.full(len(points), np.inf)], axis=1), axis=1)
+    gaps = np.full((len(points), len(bones) + 1), np.inf)
+    for column, bone in enumerate(bones.values()):
+        near = about(points, bone, joint_radius + tolerance)
+        gaps[near, column] = np.maximum(Distance(bone).signed(points[near])[0], 0.0)
+    distances = np.sort(gaps, axis=1)
     fixed = (distances[:, 0] < tolerance) & (distances[:, 1] > joint_radius)
     return np.where(fixed, Region.fixed, Region.contact).astype(np.int64)
 
