@@ -22,7 +22,7 @@ from handpipe.datasets import image, phantom_hand, scans, templates
 from handpipe.datasets.hand_body import HandBody, materials, open_hand
 from handpipe.datasets.kinematics import Posture
 from handpipe.datasets.phantom_hand_bones import WITH_ROOT
-from handpipe.datasets.phantom_hand_joints import POSES, joints
+from handpipe.datasets.phantom_hand_joints import BETWEEN, POSES, joints
 from handpipe.datasets.posed import PosedAnatomy, clean_image, write_surface, write_truth
 from handpipe.datasets.posed_hand import volume_grid
 from handpipe.datasets.tubes import sweep
@@ -42,6 +42,7 @@ log = logging.getLogger(__name__)
 
 KIND = "coupled-pose"
 REST = "neutral"  # the pose whose angles are zero
+KNOWN = POSES | BETWEEN
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
 STEP = 6.0  # degrees of the joint that turns most: twice as much at once, and tissue starts inside out
 CLICKS = 10  # points of a tendon that a person clicks
@@ -74,8 +75,8 @@ def hand_body(anatomy: str | Path, subject: str | Path, order: int) -> HandBody:
 
 def bones_at(pose: str, share: float = 1.0, start: str = REST) -> dict[str, RigidTransform]:
     """Where bones are at a share of the way from the pose `start` to another, with the root at rest."""
-    before = POSES[start]
-    degrees = {name: share * to + (1 - share) * before[name] for name, to in POSES[pose].items()}
+    before, after = KNOWN[start], KNOWN[pose]
+    degrees = {name: share * to + (1 - share) * before[name] for name, to in after.items()}
     angles = {name: float(np.radians(value)) for name, value in degrees.items()}
     return Posture(joints(), angles, RigidTransform.identity(), WITH_ROOT).transforms()
 
@@ -95,7 +96,7 @@ def settle(hand: HandBody, pose: str, start: str = REST, x: Array | None = None)
 
 def _widest(pose: str, start: str = REST) -> float:
     """Degrees by which the joint turns that turns most."""
-    return max(abs(to - POSES[start][name]) for name, to in POSES[pose].items())
+    return max(abs(to - KNOWN[start][name]) for name, to in KNOWN[pose].items())
 
 
 def start_difference(hand: HandBody, found: Mapping[str, Array]) -> tuple[str, str, float]:

@@ -9,7 +9,7 @@ from handpipe.datasets import posed_hand
 from handpipe.datasets.hand_tissue import Layout, Surroundings
 from handpipe.datasets.kinematics import Posture
 from handpipe.datasets.phantom_hand_bones import RAYS, bones, frames
-from handpipe.datasets.phantom_hand_joints import POSES, joints
+from handpipe.datasets.phantom_hand_joints import BETWEEN, POSES, joints
 from handpipe.datasets.posed_hand import Hand, Motion
 
 SURFACE_SPACING = 0.6
@@ -37,7 +37,7 @@ def layout() -> Layout:
 
 def posture(pose: str, seed: int) -> Posture:
     """Posture of a named pose; the root is repositioned by up to 5 degrees and 6 mm in all but neutral."""
-    return Motion("phantom-hand", joints(), POSES).posture(pose, seed)
+    return Motion("phantom-hand", joints(), POSES | BETWEEN).posture(pose, seed)
 
 
 def generate_pose(dataset: Dataset, pose: str) -> None:

@@ -144,3 +144,9 @@ POSES = {
         (4, 10, 8, 2, 12), (16, 3, 24, 12), (22, 1, 28, 14), (26, -1, 32, 16), (30, -4, 34, 18), (3, 7)
     ),
 }
+# Between those: on the way to the relaxed hand, a little spread. To test what is learned from few poses.
+BETWEEN = {
+    "loose": {
+        name: round(0.6 * bent + 0.3 * POSES["spread"][name], 1) for name, bent in POSES["relaxed"].items()
+    }
+}
