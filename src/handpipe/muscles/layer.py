@@ -45,7 +45,7 @@ class SimulationOptions:
     sliding: float = 4.0
     near: float = 1.0
     touch: float = 0.4
-    contacts: Limits = Limits(renewals=12, settled=0.02, gross=0.4)
+    contacts: Limits = Limits(renewals=12, settled=0.05, gross=0.4)
 
 
 class MuscleLayer:
