@@ -86,7 +86,7 @@ rule simulate_inner:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=10,
+        runtime=30,
     params:
         dataset=dataset_digest,
         layers=INNER_LAYERS,
