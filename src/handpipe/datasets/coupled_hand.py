@@ -1,4 +1,4 @@
-"""The phantom hand with all soft tissue: poses of the coupled body, and the files of a dataset."""
+"""A hand with all soft tissue: poses of the coupled body, and the files of a dataset."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from handpipe.anatomy.intersections import crossings
 from handpipe.anatomy.subject_template import SubjectTemplate
 from handpipe.anatomy.template import Template
 from handpipe.config import Dataset, Scanner
-from handpipe.datasets import image, phantom_hand, scans, templates
+from handpipe.datasets import image, scans, templates
 from handpipe.datasets.hand_body import HandBody, open_hand
 from handpipe.datasets.kinematics import Posture
+from handpipe.datasets.known_hands import KnownHand, known_hand
 from handpipe.datasets.phantom_hand_bones import WITH_ROOT
-from handpipe.datasets.phantom_hand_joints import POSES, joints
 from handpipe.datasets.posed import PosedAnatomy, clean_image, write_surface, write_truth
-from handpipe.datasets.posed_hand import volume_grid
+from handpipe.datasets.posed_hand import Motion, volume_grid
 from handpipe.datasets.tubes import sweep
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.truth import anatomy_file
-from handpipe.truth.body import Anatomy, Body
+from handpipe.truth.body import Anatomy, Body, Pose
 from handpipe.truth.follow import follow
 
 Array = NDArray[np.float64]
@@ -55,9 +55,9 @@ TEMPLATE_WARP = templates.Warp(
 )
 
 
-def opened_hand(template: str | Path, subject: str | Path) -> Anatomy:
-    """The template hand's anatomy as a coupled body, for all poses of `phantom_hand_joints`."""
-    positions = [bones_at(pose, share) for pose in POSES for share in PARTS]
+def opened_hand(template: str | Path, subject: str | Path, motion: Motion) -> Anatomy:
+    """The template hand's anatomy as a coupled body, for all poses of its motion."""
+    positions = [bones_at(motion, pose, share) for pose in motion.poses for share in PARTS]
     return open_hand(Template.load(template), SubjectTemplate.load(subject), positions)
 
 
@@ -66,39 +66,44 @@ def hand_body(anatomy: str | Path, subject: str | Path, order: int) -> HandBody:
     return HandBody.of(anatomy_file.load(anatomy), SubjectTemplate.load(subject), order)
 
 
-def bones_at(pose: str, share: float = 1.0, start: str = REST) -> dict[str, RigidTransform]:
+def bones_at(motion: Motion, pose: str, share: float = 1.0, start: str = REST) -> dict[str, RigidTransform]:
     """Where bones are at a share of the way from the pose `start` to another, with the root at rest."""
-    before = POSES[start]
-    degrees = {name: share * to + (1 - share) * before[name] for name, to in POSES[pose].items()}
+    before = motion.poses[start]
+    degrees = {name: share * to + (1 - share) * before[name] for name, to in motion.poses[pose].items()}
     angles = {name: float(np.radians(value)) for name, value in degrees.items()}
-    return Posture(joints(), angles, RigidTransform.identity(), WITH_ROOT).transforms()
+    return Posture(motion.joints, angles, RigidTransform.identity(), WITH_ROOT).transforms()
 
 
-def settle(hand: HandBody, pose: str, start: str = REST, x: Array | None = None) -> Array:
+def settle(hand: HandBody, motion: Motion, pose: str, start: str = REST, x: Array | None = None) -> Array:
     """Equilibrium positions (n, 3) of a pose, followed from the pose `start` at x (n, 3), or from rest.
 
     Raises `ConvergenceError` where there is none.
     """
-    steps = max(int(np.ceil(_widest(pose, start) / STEP)), 2)
+    steps = max(int(np.ceil(_widest(motion, pose, start) / STEP)), 2)
     options = Options(
         name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=60, untangle=False
     )
-    return follow(hand.body, lambda t: hand.pose(bones_at(pose, t, start)), x, steps=steps, options=options).x
+
+    def at(t: float) -> Pose:
+        return hand.pose(bones_at(motion, pose, t, start))
+
+    return follow(hand.body, at, x, steps=steps, options=options).x
 
 
-def _widest(pose: str, start: str = REST) -> float:
+def _widest(motion: Motion, pose: str, start: str = REST) -> float:
     """Degrees by which the joint turns that turns most."""
-    return max(abs(to - POSES[start][name]) for name, to in POSES[pose].items())
+    return max(abs(to - motion.poses[start][name]) for name, to in motion.poses[pose].items())
 
 
-def start_difference(hand: HandBody, found: Mapping[str, Array]) -> tuple[str, str, float]:
+def start_difference(hand: HandBody, motion: Motion, found: Mapping[str, Array]) -> tuple[str, str, float]:
     """How far in mm a pose's nodes end from where they are known to be, when reached from another pose.
 
     `found` has the positions (n, 3) of poses. Of these, the two that bend least are taken: from the first to
     the second. Returns their names, too.
     """
-    one, other = sorted((name for name in found if _widest(name) > 0), key=_widest)[:2]
-    again = settle(hand, other, one, found[one])
+    turned = {name: _widest(motion, name) for name in found}
+    one, other = sorted((name for name in found if turned[name] > 0), key=lambda name: turned[name])[:2]
+    again = settle(hand, motion, other, one, found[one])
     return one, other, float(np.linalg.norm(again - found[other], axis=1).max())
 
 
@@ -118,10 +123,10 @@ def load(path: str | Path) -> Array:
     return np.asarray(artifacts.read(path, KIND)["positions"])
 
 
-def posed(hand: HandBody, pose: str, x: Array, seed: int) -> PosedAnatomy:
+def posed(hand: HandBody, source: KnownHand, pose: str, x: Array, seed: int) -> PosedAnatomy:
     """All organs in a pose of a dataset, whose root is repositioned."""
-    body, posture = hand.body, phantom_hand.posture(pose, seed)
-    known, x = phantom_hand.hand().posed(posture), posture.root(x)
+    body, posture = hand.body, source.motion.posture(pose, seed)
+    known, x = source.hand().posed(posture), posture.root(x)
 
     def organs(names: Mapping[str, object]) -> dict[str, tuple[Array, IntArray]]:
         found = {name: body.surface(name, x) for name in names}
@@ -157,7 +162,7 @@ def nail_triangles(hand: HandBody) -> dict[str, IntArray]:
 
 def write_pose(dataset: Dataset, pose: str, hand: HandBody, x: Array) -> None:
     """Write a pose's volume, scan, truth and label volumes where the dataset names them."""
-    found, files = posed(hand, pose, x, dataset.seed), dataset.poses[pose]
+    found, files = posed(hand, known_hand(dataset), pose, x, dataset.seed), dataset.poses[pose]
     scanner, folder = dataset.scanner or Scanner(), dataset.truth
     grid = volume_grid(found.bones, found.bones, scanner.spacing)
     log.info("%s: %d x %d x %d voxels of %g mm", pose, *grid.shape, grid.spacing)
@@ -194,7 +199,7 @@ def write_templates(
         write_surface(dataset.path(entry.template), TEMPLATE_WARP(swollen), organ.surface.triangles)
         attachments = {bone: ids.tolist() for bone, ids in marked[name].items()}
         templates.write_attachments(dataset.path(entry.attachments), attachments)
-    found = posed(hand, dataset.neutral, neutral, dataset.seed)
+    found = posed(hand, known_hand(dataset), dataset.neutral, neutral, dataset.seed)
     for name, tendon in dataset.tendons.items():
         line = found.tendons[name]
         clicked = line[np.linspace(0, len(line) - 1, CLICKS).astype(int)]
