@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from handpipe.anatomy.solids import Solid, depth
 from handpipe.anatomy.template import Template
 from handpipe.mesh.implicit import Grid
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surface import Surface, directed_edges
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,8 @@ SPACING = 0.5  # mm
 class Account:
     """Volumes in mm^3: of the source, what of it lies in bones or in organs deeper there, and of the mesh.
 
-    open_edges: edges of the source's surfaces with one triangle, where holes were closed across.
+    open_edges: edges of the source's surfaces with one triangle, where holes were closed across;
+    branching_edges: those with more than two, where a surface touches itself.
     """
 
     source: float
@@ -30,6 +31,7 @@ class Account:
     in_organs: float
     mesh: float
     open_edges: int
+    branching_edges: int
 
     def lost(self) -> float:
         """Volume in mm^3 that neither bones nor organs have: thin ends, and what smoothing took."""
@@ -38,7 +40,7 @@ class Account:
     def rows(self, organ: str) -> list[dict[str, str | float]]:
         """A row a figure, as tables have them."""
         figures = {**asdict(self), "lost": self.lost()}
-        units = {name: "1" if name == "open_edges" else "mm^3" for name in figures}
+        units = {name: "1" if name.endswith("_edges") else "mm^3" for name in figures}
         return [{"organ": organ, "what": n, "value": v, "unit": units[n]} for n, v in figures.items()]
 
 
@@ -60,5 +62,12 @@ def _account(name: str, solids: Mapping[str, Solid], bones: Mapping[str, Surface
     others = [depth(other.surfaces, points) for label, other in solids.items() if label != name]
     in_organs = ~in_bones & (np.max(others, axis=0) > own) if others else np.zeros(len(points), dtype=bool)
     cell = SPACING**3
-    rims = sum(len(surface.boundary_edges()) for surface in solid.surfaces)
-    return Account(cell * len(points), cell * int(in_bones.sum()), cell * int(in_organs.sum()), meshed, rims)
+    volumes = (cell * len(points), cell * int(in_bones.sum()), cell * int(in_organs.sum()), meshed)
+    counts = np.concatenate([_triangles_at_edges(surface) for surface in solid.surfaces])
+    return Account(*volumes, int((counts == 1).sum()), int((counts > 2).sum()))
+
+
+def _triangles_at_edges(surface: Surface) -> NDArray[np.int64]:
+    """The number (e,) of triangles at each edge."""
+    edges = np.sort(directed_edges(surface.triangles), axis=1)
+    return np.asarray(np.unique(edges, axis=0, return_counts=True)[1], dtype=np.int64)

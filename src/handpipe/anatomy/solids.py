@@ -120,7 +120,10 @@ def _refined(domain: Domain, solids: Mapping[str, Solid]) -> Domain:
     for solid in solids.values():
         length = float(np.clip(PER_THICKNESS * solid.thickness(), FINEST, COARSEST))
         for surface in solid.surfaces:
-            points.append(igl.upsample(surface.vertices, surface.triangles, 1)[0])
+            edges, triangles = (
+                surface.vertices[c].mean(axis=1) for c in (surface.edges(), surface.triangles)
+            )
+            points.append(np.concatenate([surface.vertices, edges, triangles]))
             lengths.append(np.full(len(points[-1]), length))
     return domain.refined(np.concatenate(points), np.concatenate(lengths))
 

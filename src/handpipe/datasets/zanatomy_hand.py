@@ -81,13 +81,14 @@ def build(folder: Path, edges: Mapping[str, float], *, factorise: Factorise = su
         tendons=_tendons(folder, place, bare),
         nails=_nails(bare, layout.frames),
     )
-    carved = [
-        _row(name, "carved off to keep bones apart", bone.volume() - bones[name].volume(), "mm^3")
-        for name, bone in raw.items()
-    ]
+    carved = []
+    for name, bone in raw.items():
+        carved.append(_row(name, "source", bone.volume(), "mm^3"))
+        carved.append(_row(name, "carved_apart", bone.volume() - whole[name].volume(), "mm^3"))
+        carved.append(_row(name, "meshed_anew", whole[name].volume() - bones[name].volume(), "mm^3"))
     kept = [row for name, account in accounts(solids, bones, tissue).items() for row in account.rows(name)]
-    absent = [_row(name, "absent from the source", 1, "1") for name in ABSENT]
-    made = [_row("skin", "made around all organs", skin.volume(), "mm^3")]
+    absent = [_row(name, "absent", 1, "1") for name in ABSENT]
+    made = [_row("skin", "made", skin.volume(), "mm^3")]
     return RealHand(HandTemplate(tissue, subject), [*sentences, *carved, *kept, *absent, *made])
 
 
