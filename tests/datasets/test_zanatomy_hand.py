@@ -56,7 +56,7 @@ def test_the_dataset_names_what_is_there(hand: zanatomy_hand.RealHand, dataset: 
     for name, tendon in subject.tendons.items():
         given = dataset.tendons[name]
         assert given.bone == tendon.bone and tuple(given.bones) == tendon.bones
-        assert given.radius == pytest.approx(tendon.radius, abs=0.06)
+        assert given.radius == pytest.approx(tendon.radius, abs=0.15)
 
 
 def test_muscles_keep_their_volumes(hand: zanatomy_hand.RealHand, dataset: Dataset) -> None:

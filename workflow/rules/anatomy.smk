@@ -2,7 +2,7 @@
 
 HAND_CURVES = "config/anatomy/hand.yaml"
 HAND_EDGES = {"bone": 1.6, "skin": 2.8, "fat": 4}  # mm
-CURVED = "phantom-hand(?:-seeded|-complete)?"  # subjects whose organs come from curves
+CURVED = f"phantom-hand(?:-seeded)?|{generated_by('phantom-hand-complete')}"
 
 
 rule template_hand:
@@ -43,7 +43,7 @@ rule zanatomy_hand:
     benchmark:
         "results/{subject}/benchmarks/zanatomy_hand/all.tsv"
     wildcard_constraints:
-        subject="zanatomy-hand",
+        subject=generated_by("zanatomy-hand"),
     threads: 1
     resources:
         mem_mb=4000,
