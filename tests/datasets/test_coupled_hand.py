@@ -1,5 +1,6 @@
 """Where the coupled hand's bones go, and what counts as a skin that passes through itself."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,9 @@ from tests.fem.bodies import sphere
 from handpipe.datasets import coupled_hand, phantom_hand
 from handpipe.datasets.phantom_hand_joints import POSES, joints
 from handpipe.datasets.posed_hand import Motion
+from handpipe.errors import InputError
+from handpipe.truth import toy
+from handpipe.truth.surfaces import outer_faces
 
 MOTION = Motion("phantom-hand", joints(), POSES)
 
@@ -44,6 +48,16 @@ def test_the_way_from_one_pose_to_another_starts_and_ends_at_them():
         for bone, transform in found.items():
             np.testing.assert_allclose(transform.rotation, wanted[bone].rotation, atol=1e-12)
             np.testing.assert_allclose(transform.translation, wanted[bone].translation, atol=1e-9)
+
+
+def test_a_joint_that_opens_through_the_skin_is_named():
+    """A bone that takes a triangle of the skin leaves a hole there."""
+    anatomy = toy.finger(5.0)
+    coupled_hand.require_closed_skin(anatomy, "toy")
+    hole = outer_faces(anatomy.mesh, anatomy.bones.values())[0]
+    holed = replace(anatomy, bones={**anatomy.bones, "third": hole})
+    with pytest.raises(InputError, match=r"toy: skin: is open along \d+ edges"):
+        coupled_hand.require_closed_skin(holed, "toy")
 
 
 @pytest.mark.parametrize(("apart", "cut"), [(1.5, True), (2.5, False)])

@@ -26,12 +26,14 @@ from handpipe.datasets.phantom_hand_bones import WITH_ROOT
 from handpipe.datasets.posed import PosedAnatomy, clean_image, write_surface, write_truth
 from handpipe.datasets.posed_hand import Motion, volume_grid
 from handpipe.datasets.tubes import sweep
+from handpipe.errors import InputError
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.truth import anatomy_file
 from handpipe.truth.body import Anatomy, Body, Pose
 from handpipe.truth.follow import follow
+from handpipe.truth.surfaces import outer_faces
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -56,9 +58,24 @@ TEMPLATE_WARP = templates.Warp(
 
 
 def opened_hand(template: str | Path, subject: str | Path, motion: Motion) -> Anatomy:
-    """The template hand's anatomy as a coupled body, for all poses of its motion."""
+    """The template hand's anatomy as a coupled body, for all poses of its motion.
+
+    Raises `InputError` where a joint opens through the skin.
+    """
     positions = [bones_at(motion, pose, share) for pose in motion.poses for share in PARTS]
-    return open_hand(Template.load(template), SubjectTemplate.load(subject), positions)
+    anatomy = open_hand(Template.load(template), SubjectTemplate.load(subject), positions)
+    require_closed_skin(anatomy, template)
+    return anatomy
+
+
+def require_closed_skin(anatomy: Anatomy, source: str | Path) -> None:
+    """Raise `InputError` where the outer surface has a rim: there a joint's cavity leads outside."""
+    outer = Surface(anatomy.mesh.vertices, outer_faces(anatomy.mesh, anatomy.bones.values()))
+    rim = outer.boundary_edges()
+    if len(rim):
+        place = ", ".join(f"{c:.1f}" for c in outer.vertices[rim[0, 0]])
+        problem = f"is open along {len(rim)} edges where joints open, first at ({place})"
+        raise InputError(source, "skin", problem, "Make tets between that joint and the skin smaller")
 
 
 def hand_body(anatomy: str | Path, subject: str | Path, order: int) -> HandBody:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from handpipe.anatomy.accounts import accounts
 from handpipe.anatomy.diffusion import Factorise, superlu
@@ -41,6 +42,7 @@ log = logging.getLogger(__name__)
 
 WRIST = -30.0  # mm along x, behind the carpals, where the hand is cut
 TENDON_STEP, ROUNDING = 1.0, 6.0  # mm between points of a tendon's path, and over which these are smoothed
+JOINT, JOINT_EDGE = 3.0, 1.4  # mm between bones that face one another, and of the tets' edges there
 THINNEST = 0.8  # mm, radius of a tendon
 TENDONS = (  # file, kind, rays
     ("Flexor_digitorum_profundus_r", "flexor", FINGERS),
@@ -73,7 +75,8 @@ def build(folder: Path, edges: Mapping[str, float], *, factorise: Factorise = su
     layout = real_hand.layout(source.hand.bones, source.hand.surroundings.frames)
     skin = skin_around(around, whole, layout, WRIST, edges["skin"])
     bones = {name: remesh(bone, edges["bone"]) for name, bone in whole.items()}
-    tissue = template_of(solids, Domain.between(skin, bones, edges["fat"]), bones, factorise=factorise)
+    domain = Domain.between(skin, bones, edges["fat"]).refined(_joint_faces(bones), JOINT_EDGE)
+    tissue = template_of(solids, domain, bones, factorise=factorise)
     bare = replace(with_points(bones, template_joints(source.motion.joints)), skin=skin)
     subject = replace(
         bare,
@@ -90,6 +93,14 @@ def build(folder: Path, edges: Mapping[str, float], *, factorise: Factorise = su
     absent = [_row(name, "absent", 1, "1") for name in ABSENT]
     made = [_row("skin", "made", skin.volume(), "mm^3")]
     return RealHand(HandTemplate(tissue, subject), [*sentences, *carved, *kept, *absent, *made])
+
+
+def _joint_faces(bones: Mapping[str, Surface]) -> Array:
+    """Vertices (n, 3) of bones next to another bone: where joints open, tets are not to reach the skin."""
+    owner = np.repeat(np.arange(len(bones)), [len(bone.vertices) for bone in bones.values()])
+    points = np.concatenate([bone.vertices for bone in bones.values()])
+    pairs = cKDTree(points).query_pairs(JOINT, output_type="ndarray")
+    return points[np.unique(pairs[owner[pairs[:, 0]] != owner[pairs[:, 1]]])]
 
 
 def _row(organ: str, what: str, value: float, unit: str) -> Row:
