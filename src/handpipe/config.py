@@ -17,7 +17,7 @@ Vector = tuple[float, float, float]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 Subject = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
 HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
-COUPLED_HANDS = ("phantom-hand-complete",)  # generators whose truth is a coupled simulation
+COUPLED_HANDS = ("phantom-hand-complete", "zanatomy-hand")  # generators whose truth is a coupled simulation
 SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
 
 
@@ -145,6 +145,7 @@ class Dataset(Model):
             "phantom-hand-complete",
             "myohand-bones",
             "zanatomy-bones",
+            "zanatomy-hand",
         ]
         | None
     ) = None

@@ -100,16 +100,18 @@ BONES_ALONE = (
 )  # a pattern for subjects; "-" is no subject
 
 
-def coupled_hands():
-    """Generated subjects whose images and truth come from a coupled simulation."""
-    return [
-        subject
-        for subject, content in unchecked_datasets().items()
-        if content.get("generator") in COUPLED_HANDS
+def generated_by(*generators):
+    """A pattern for the subjects of some generators."""
+    datasets = unchecked_datasets().items()
+    found = [
+        name for name, content in datasets if content.get("generator") in generators
     ]
+    return "|".join(found) or "-"
 
 
-COUPLED = "|".join(coupled_hands()) or "-"
+COUPLED = generated_by(
+    *COUPLED_HANDS
+)  # images and truth come from a coupled simulation
 
 
 def each_subject(pattern):

@@ -5,6 +5,7 @@ TRUTH_ORDER = {"toy": 1, "full": 2}  # linear or quadratic tets
 
 rule coupled_body:
     input:
+        dataset=ancient(of_dataset),
         template="results/{subject}/anatomy/template.h5",
         subject="results/{subject}/anatomy/subject.h5",
     output:
@@ -27,6 +28,7 @@ rule coupled_body:
 
 rule coupled_pose:
     input:
+        dataset=ancient(of_dataset),
         body="results/{subject}/anatomy/coupled.h5",
         subject="results/{subject}/anatomy/subject.h5",
     output:
@@ -111,6 +113,7 @@ rule coupled_templates:
 
 rule evaluate_truth:
     input:
+        dataset=ancient(of_dataset),
         body="results/{subject}/anatomy/coupled.h5",
         subject="results/{subject}/anatomy/subject.h5",
         positions=in_poses("results/{subject}/coupled/{pose}.h5"),

@@ -3,10 +3,13 @@
 from common import stage
 
 with stage(snakemake) as log:
+    from handpipe.config import load_dataset
     from handpipe.datasets import coupled_hand
+    from handpipe.datasets.known_hands import known_hand
     from handpipe.truth import anatomy_file
 
     files = [snakemake.input.template, snakemake.input.subject]
-    anatomy = coupled_hand.opened_hand(*files)
+    motion = known_hand(load_dataset(snakemake.input.dataset)).motion
+    anatomy = coupled_hand.opened_hand(*files, motion)
     log.info("%d tets, %d vertices", len(anatomy.mesh.tets), len(anatomy.mesh.vertices))
     anatomy_file.save(snakemake.output[0], anatomy, files)

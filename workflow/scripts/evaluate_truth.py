@@ -9,11 +9,14 @@ with stage(snakemake) as log:
     import numpy as np
 
     from handpipe import metrics
+    from handpipe.config import load_dataset
     from handpipe.datasets import coupled_hand
+    from handpipe.datasets.known_hands import known_hand
     from handpipe.truth.validation import patch_test, volume_changes
 
     given = snakemake.input
     hand = coupled_hand.hand_body(given.body, given.subject, snakemake.params.order)
+    motion = known_hand(load_dataset(given.dataset)).motion
     positions = {Path(file).stem: coupled_hand.load(file) for file in given.positions}
     body, changes, ratios, inverted, crossing = hand.body, [], [], 0, 0
     found = {"tets": (len(body.anatomy.mesh.tets), "1"), "nodes": (len(body.rest), "1")}
@@ -33,10 +36,10 @@ with stage(snakemake) as log:
     found["inverted_tets"] = (inverted, "1")
     found["poses"] = (len(ratios), "1")
     found["poses_cutting_themselves"] = (crossing, "1")
-    one, other, apart = coupled_hand.start_difference(hand, positions)
+    one, other, apart = coupled_hand.start_difference(hand, motion, positions)
     log.info("%s reached from %s: %.3g mm from where it is from rest", other, one, apart)
     found["start_difference_max"] = (apart, "mm")
-    refined, errors = coupled_hand.refinement_errors(hand, positions)
+    refined, errors = coupled_hand.refinement_errors(hand, motion, positions)
     for ray, figures in errors.items():
         (rms, _), (largest, _) = figures["rms"], figures["max"]
         log.info(

@@ -24,7 +24,7 @@ ROUNDS = 50
 GENTLE_ROUNDS = 15  # after which all tets at a pinch get one label, where giving tets to and fro has no end
 
 
-def cleaned(mesh: TetMesh, labels: IntArray) -> IntArray:
+def cleaned(mesh: TetMesh, labels: IntArray, crumb: float = CRUMB) -> IntArray:
     """Labels (m,) without small loose parts, and without parts that hang together at a vertex or edge only.
 
     A part of a label that touches the rest in a vertex or edge takes, tet by tet there, the label across its
@@ -34,7 +34,7 @@ def cleaned(mesh: TetMesh, labels: IntArray) -> IntArray:
     area = _shared_areas(mesh, pairs)
     volumes = mesh.volumes()
     for number in range(ROUNDS):
-        labels = _without_crumbs(labels, pairs, area, volumes)
+        labels = _without_crumbs(labels, pairs, area, volumes, crumb)
         pinched, filled = _pinched(mesh, labels, pairs, volumes)
         if not pinched.any():
             return labels
@@ -51,14 +51,14 @@ def _shared_areas(mesh: TetMesh, pairs: IntArray) -> Array:
     return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
 
 
-def _without_crumbs(labels: IntArray, pairs: IntArray, area: Array, volumes: Array) -> IntArray:
+def _without_crumbs(labels: IntArray, pairs: IntArray, area: Array, volumes: Array, share: float) -> IntArray:
     part = label_parts(labels, pairs)
     size = np.bincount(part, volumes)
     label = np.zeros(len(size), dtype=np.int64)
     label[part] = labels
     largest = np.zeros(label.max() + 1)
     np.maximum.at(largest, label, size)
-    crumb = (size < CRUMB * largest[label])[part]
+    crumb = (size < share * largest[label])[part]
     return _given_away(labels, crumb, pairs, area) if crumb.any() else labels
 
 

@@ -127,6 +127,20 @@ def gradient_fibres(
     return _unit(_gradient(mesh, potential)), potential
 
 
+def harmonic_fibres(
+    mesh: TetMesh, origin: IntArray, insertion: IntArray, *, factorise: Factorise = superlu
+) -> Array:
+    """Directions (m, 3) of a muscle of which no curve is known: along the flow from origin to insertion.
+
+    Where there is no flow, as in a part that hangs on one end only, they are those of the nearest tets.
+    """
+    directions = _unit(_gradient(mesh, _potential(mesh, stiffness(mesh), origin, insertion, factorise)))
+    middles = mesh.vertices[mesh.tets].mean(axis=1)
+    still = np.linalg.norm(directions, axis=1) < 0.5
+    directions[still] = directions[~still][cKDTree(middles[~still]).query(middles[still])[1]]
+    return directions
+
+
 def flow_fibres(
     mesh: TetMesh,
     curves: Collocation,

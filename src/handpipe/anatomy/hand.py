@@ -153,7 +153,7 @@ def build_hand(
             for name, tendon in file.tendons.items()
         },
         nails={
-            nail.bone: _nail(nail, file.distal, bare, source, f"nails.{name}")
+            nail.bone: nail_triangles(nail, file.distal, bare, source, f"nails.{name}")
             for name, nail in file.nails.items()
         },
     )
@@ -186,7 +186,9 @@ def _tendon(
     return TemplateTendon(path, tendon.bone, tendon.bones, tendon.radius)
 
 
-def _nail(nail: Nail, distal: Vector, hand: SubjectTemplate, source: str | Path, field: str) -> IntArray:
+def nail_triangles(
+    nail: Nail, distal: Vector, hand: SubjectTemplate, source: str | Path, field: str
+) -> IntArray:
     """The skin's triangles (k,) above the bone's end; `InputError` if there are none."""
     assert hand.skin is not None
     axis, start, end = long_axis(hand.bones[nail.bone], np.array(distal))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from handpipe import artifacts
-from handpipe.anatomy.cleaning import cleaned, label_parts
+from handpipe.anatomy.cleaning import CRUMB, cleaned, label_parts
 from handpipe.anatomy.curves import CurveFile, PlacedMuscle, place
 from handpipe.anatomy.diffusion import Factorise, Functions, diffuse, superlu
 from handpipe.anatomy.domain import Domain
@@ -167,21 +167,31 @@ def build_template(
         directions,
         origins,
         insertions,
-        *_surface_numbers(domain),
+        *numbered_surfaces(domain),
         tuple(warnings),
     )
 
 
-def segment(domain: Domain, values: Array, *, snap: float = SNAP, angle: float = SMALLEST_ANGLE) -> Labelled:
-    """The mesh cut by the largest of functions (n, k), smooth and of good tets; the domain's surface vertices
-    keep their numbers."""
+def segment(
+    domain: Domain,
+    values: Array,
+    *,
+    snap: float = SNAP,
+    angle: float = SMALLEST_ANGLE,
+    crumb: float = CRUMB,
+) -> Labelled:
+    """The mesh cut by the largest of functions (n, k), smooth and of good tets.
+
+    Skin and bones come first in it, as `numbered_surfaces` says. Parts of a label below the share `crumb` of
+    its largest go to what is around them.
+    """
     envelope = upper_envelope(domain.mesh, contenders(domain.mesh.tets, values), snap=snap)
-    labels = cleaned(envelope.mesh, envelope.labels)
+    labels = cleaned(envelope.mesh, envelope.labels, crumb)
     fixed = np.concatenate([domain.skin, *domain.bones.values()])
     return improve(Labelled(envelope.mesh, labels), fixed, target=angle)
 
 
-def _surface_numbers(domain: Domain) -> tuple[IntArray, dict[str, IntArray]]:
+def numbered_surfaces(domain: Domain) -> tuple[IntArray, dict[str, IntArray]]:
     """The vertices on skin and bones once they come first in the mesh, as `segment` has them."""
     ends = np.cumsum([len(domain.skin), *(len(v) for v in domain.bones.values())])
     bones = {name: np.arange(a, b) for name, a, b in zip(domain.bones, ends[:-1], ends[1:], strict=True)}

@@ -1,4 +1,4 @@
-"""The phantom hand with all soft tissue: poses of the coupled body, and the files of a dataset."""
+"""A hand with all soft tissue: poses of the coupled body, and the files of a dataset."""
 
 from __future__ import annotations
 
@@ -18,23 +18,25 @@ from handpipe.anatomy.intersections import crossings
 from handpipe.anatomy.subject_template import SubjectTemplate
 from handpipe.anatomy.template import Template
 from handpipe.config import Dataset, Scanner
-from handpipe.datasets import image, phantom_hand, scans, templates
+from handpipe.datasets import image, scans, templates
 from handpipe.datasets.hand_body import HandBody, materials, open_hand
 from handpipe.datasets.kinematics import Posture
+from handpipe.datasets.known_hands import KnownHand, known_hand
 from handpipe.datasets.phantom_hand_bones import WITH_ROOT
-from handpipe.datasets.phantom_hand_joints import BETWEEN, POSES, joints
 from handpipe.datasets.posed import PosedAnatomy, clean_image, write_surface, write_truth
-from handpipe.datasets.posed_hand import volume_grid
+from handpipe.datasets.posed_hand import Motion, volume_grid
 from handpipe.datasets.tubes import sweep
+from handpipe.errors import InputError
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.metrics import Metrics
 from handpipe.truth import anatomy_file
-from handpipe.truth.body import Anatomy, Body
+from handpipe.truth.body import Anatomy, Body, Pose
 from handpipe.truth.follow import follow
 from handpipe.truth.pressure import with_volumes_kept
 from handpipe.truth.submodel import refinement_error
+from handpipe.truth.surfaces import outer_faces
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -42,7 +44,6 @@ log = logging.getLogger(__name__)
 
 KIND = "coupled-pose"
 REST = "neutral"  # the pose whose angles are zero
-KNOWN = POSES | BETWEEN
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
 STEP = 6.0  # degrees of the joint that turns most: twice as much at once, and tissue starts inside out
 CLICKS = 10  # points of a tendon that a person clicks
@@ -62,10 +63,25 @@ TEMPLATE_WARP = templates.Warp(
 )
 
 
-def opened_hand(template: str | Path, subject: str | Path) -> Anatomy:
-    """The template hand's anatomy as a coupled body, for all poses of `phantom_hand_joints`."""
-    positions = [bones_at(pose, share) for pose in POSES for share in PARTS]
-    return open_hand(Template.load(template), SubjectTemplate.load(subject), positions)
+def opened_hand(template: str | Path, subject: str | Path, motion: Motion) -> Anatomy:
+    """The template hand's anatomy as a coupled body, for all poses of its motion.
+
+    Raises `InputError` where a joint opens through the skin.
+    """
+    positions = [bones_at(motion, pose, share) for pose in motion.poses for share in PARTS]
+    anatomy = open_hand(Template.load(template), SubjectTemplate.load(subject), positions)
+    require_closed_skin(anatomy, template)
+    return anatomy
+
+
+def require_closed_skin(anatomy: Anatomy, source: str | Path) -> None:
+    """Raise `InputError` where the outer surface has a rim: there a joint's cavity leads outside."""
+    outer = Surface(anatomy.mesh.vertices, outer_faces(anatomy.mesh, anatomy.bones.values()))
+    rim = outer.boundary_edges()
+    if len(rim):
+        place = ", ".join(f"{c:.1f}" for c in outer.vertices[rim[0, 0]])
+        problem = f"is open along {len(rim)} edges where joints open, first at ({place})"
+        raise InputError(source, "skin", problem, "Make tets between that joint and the skin smaller")
 
 
 def hand_body(anatomy: str | Path, subject: str | Path, order: int) -> HandBody:
@@ -73,55 +89,62 @@ def hand_body(anatomy: str | Path, subject: str | Path, order: int) -> HandBody:
     return HandBody.of(anatomy_file.load(anatomy), SubjectTemplate.load(subject), order)
 
 
-def bones_at(pose: str, share: float = 1.0, start: str = REST) -> dict[str, RigidTransform]:
+def bones_at(motion: Motion, pose: str, share: float = 1.0, start: str = REST) -> dict[str, RigidTransform]:
     """Where bones are at a share of the way from the pose `start` to another, with the root at rest."""
-    before, after = KNOWN[start], KNOWN[pose]
+    before, after = motion.poses[start], motion.poses[pose]
     degrees = {name: share * to + (1 - share) * before[name] for name, to in after.items()}
     angles = {name: float(np.radians(value)) for name, value in degrees.items()}
-    return Posture(joints(), angles, RigidTransform.identity(), WITH_ROOT).transforms()
+    return Posture(motion.joints, angles, RigidTransform.identity(), WITH_ROOT).transforms()
 
 
-def settle(hand: HandBody, pose: str, start: str = REST, x: Array | None = None) -> Array:
+def settle(hand: HandBody, motion: Motion, pose: str, start: str = REST, x: Array | None = None) -> Array:
     """Equilibrium positions (n, 3) of a pose, followed from the pose `start` at x (n, 3), or from rest.
 
     Raises `ConvergenceError` where there is none.
     """
-    steps = max(int(np.ceil(_widest(pose, start) / STEP)), 2)
+    steps = max(int(np.ceil(_widest(motion, pose, start) / STEP)), 2)
     options = Options(
         name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=60, untangle=False
     )
-    found = follow(hand.body, lambda t: hand.pose(bones_at(pose, t, start)), x, steps=steps, options=options)
-    return with_volumes_kept(hand.body, hand.pose(bones_at(pose)), found.x, options).x
+
+    def at(t: float) -> Pose:
+        return hand.pose(bones_at(motion, pose, t, start))
+
+    found = follow(hand.body, at, x, steps=steps, options=options)
+    return with_volumes_kept(hand.body, at(1.0), found.x, options).x
 
 
-def _widest(pose: str, start: str = REST) -> float:
+def _widest(motion: Motion, pose: str, start: str = REST) -> float:
     """Degrees by which the joint turns that turns most."""
-    return max(abs(to - KNOWN[start][name]) for name, to in KNOWN[pose].items())
+    return max(abs(to - motion.poses[start][name]) for name, to in motion.poses[pose].items())
 
 
-def start_difference(hand: HandBody, found: Mapping[str, Array]) -> tuple[str, str, float]:
+def start_difference(hand: HandBody, motion: Motion, found: Mapping[str, Array]) -> tuple[str, str, float]:
     """How far in mm a pose's nodes end from where they are known to be, when reached from another pose.
 
     `found` has the positions (n, 3) of poses. Of these, the two that bend least are taken: from the first to
     the second. Returns their names, too.
     """
-    one, other = _least_bent(found)[:2]
-    again = settle(hand, other, one, found[one])
+    one, other = _least_bent(motion, found)[:2]
+    again = settle(hand, motion, other, one, found[one])
     return one, other, float(np.linalg.norm(again - found[other], axis=1).max())
 
 
-def _least_bent(poses: Iterable[str]) -> list[str]:
+def _least_bent(motion: Motion, poses: Iterable[str]) -> list[str]:
     """Poses other than rest, by how far their joints turn."""
-    return sorted((name for name in poses if _widest(name) > 0), key=_widest)
+    turned = {name: _widest(motion, name) for name in poses}
+    return sorted((name for name in turned if turned[name] > 0), key=lambda name: turned[name])
 
 
-def refinement_errors(hand: HandBody, found: Mapping[str, Array]) -> tuple[str, dict[str, Metrics]]:
+def refinement_errors(
+    hand: HandBody, motion: Motion, found: Mapping[str, Array]
+) -> tuple[str, dict[str, Metrics]]:
     """How far linear tets are from quadratic ones in the pose that bends least, ray by ray.
 
     The whole hand has too many nodes of quadratic tets for a factor; a finger, or the thumb with its
     metacarpal and the muscles there, has not. Returns the pose's name, too.
     """
-    [pose, *_], anatomy = _least_bent(found), hand.body.anatomy
+    [pose, *_], anatomy = _least_bent(motion, found), hand.body.anatomy
     bones = hand.subject.bones
     owner = np.repeat(np.arange(len(bones)), [len(b.vertices) for b in bones.values()])
     tree = cKDTree(np.concatenate([b.vertices for b in bones.values()]))
@@ -130,7 +153,7 @@ def refinement_errors(hand: HandBody, found: Mapping[str, Array]) -> tuple[str, 
     x = found[pose][: len(anatomy.mesh.vertices)]  # nodes of quadratic tets begin with the vertices
     for ray, names in RAYS.items():
         chosen = np.isin(nearest, [list(bones).index(name) for name in names])
-        where = hand.pose(bones_at(pose))
+        where = hand.pose(bones_at(motion, pose))
         errors[ray] = refinement_error(anatomy, materials(anatomy), chosen, where, x, options)
     return pose, errors
 
@@ -151,10 +174,10 @@ def load(path: str | Path) -> Array:
     return np.asarray(artifacts.read(path, KIND)["positions"])
 
 
-def posed(hand: HandBody, pose: str, x: Array, seed: int) -> PosedAnatomy:
+def posed(hand: HandBody, source: KnownHand, pose: str, x: Array, seed: int) -> PosedAnatomy:
     """All organs in a pose of a dataset, whose root is repositioned."""
-    body, posture = hand.body, phantom_hand.posture(pose, seed)
-    known, x = phantom_hand.hand().posed(posture), posture.root(x)
+    body, posture = hand.body, source.motion.posture(pose, seed)
+    known, x = source.hand().posed(posture), posture.root(x)
 
     def organs(names: Mapping[str, object]) -> dict[str, tuple[Array, IntArray]]:
         found = {name: body.surface(name, x) for name in names}
@@ -190,7 +213,7 @@ def nail_triangles(hand: HandBody) -> dict[str, IntArray]:
 
 def write_pose(dataset: Dataset, pose: str, hand: HandBody, x: Array) -> None:
     """Write a pose's volume, scan, truth and label volumes where the dataset names them."""
-    found, files = posed(hand, pose, x, dataset.seed), dataset.poses[pose]
+    found, files = posed(hand, known_hand(dataset), pose, x, dataset.seed), dataset.poses[pose]
     scanner, folder = dataset.scanner or Scanner(), dataset.truth
     grid = volume_grid(found.bones, found.bones, scanner.spacing)
     log.info("%s: %d x %d x %d voxels of %g mm", pose, *grid.shape, grid.spacing)
@@ -227,7 +250,7 @@ def write_templates(
         write_surface(dataset.path(entry.template), TEMPLATE_WARP(swollen), organ.surface.triangles)
         attachments = {bone: ids.tolist() for bone, ids in marked[name].items()}
         templates.write_attachments(dataset.path(entry.attachments), attachments)
-    found = posed(hand, dataset.neutral, neutral, dataset.seed)
+    found = posed(hand, known_hand(dataset), dataset.neutral, neutral, dataset.seed)
     for name, tendon in dataset.tendons.items():
         line = found.tendons[name]
         clicked = line[np.linspace(0, len(line) - 1, CLICKS).astype(int)]

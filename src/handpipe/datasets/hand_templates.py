@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from handpipe.anatomy.bony_points import bony_feature_points
-from handpipe.anatomy.subject_template import SubjectTemplate, TemplateJoint, TemplateMuscle, TemplateTendon
+from handpipe.anatomy.subject_template import SubjectTemplate, TemplateJoint, TemplateMuscle
 from handpipe.datasets import (
     myohand_bones,
     myohand_model,
@@ -27,8 +26,8 @@ from handpipe.datasets import (
 from handpipe.datasets.kinematics import KnownJoint
 from handpipe.datasets.phantom_hand_bones import FINGERS, ROOT
 from handpipe.datasets.source_meshes import mended, read_mesh, subdivided
+from handpipe.datasets.tendon_lines import tendon_lines
 from handpipe.datasets.zanatomy_source import HAND
-from handpipe.mesh.curves import arclength, resample
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
@@ -54,15 +53,12 @@ GROUPS = {
     "lumbrical": "Lumbrical_muscles_of_hand_r",
 }
 FLEXOR = "Flexor_digitorum_profundus_r"
-BIN = 3.0  # mm along a tendon over which its middle is taken
-BESIDE = 16.0  # mm from a ray's middle line to the points of its tendon
-LINE = 200  # points of that line
 
 
 def phantom() -> SubjectTemplate:
     """The phantom hand's bones and joints; 23 feature points, since it has no forearm."""
     bones = {name: Surface(*surface) for name, surface in phantom_hand.hand().bones.items()}
-    return _with_points(bones, _joints(phantom_hand_joints.joints()))
+    return with_points(bones, template_joints(phantom_hand_joints.joints()))
 
 
 def myohand(folder: Path) -> SubjectTemplate:
@@ -96,7 +92,7 @@ def zanatomy(folder: Path) -> SubjectTemplate:
         parts = sorted(placed(file).components(), key=lambda body: -float(body.vertices[:, 1].mean()))
         bodies |= {f"{group}{i}": body for i, body in enumerate(parts, start=1)}
     muscles = {n: TemplateMuscle(body, _attached(body, found.bones)) for n, body in bodies.items()}
-    tendons = _flexors(placed(FLEXOR).vertices, found)
+    tendons = tendon_lines(placed(FLEXOR).vertices, found, "flexor", FINGERS)
     return SubjectTemplate(
         "right",
         found.bones,
@@ -124,16 +120,18 @@ def _real(
         centre,
     )
     surfaces = {name: Surface(*surface) for name, surface in bones.items()} | dict(forearm)
-    return _with_points(surfaces, (*_joints(known), wrist), {"ulna": "radius"})
+    return with_points(surfaces, (*template_joints(known), wrist), {"ulna": "radius"})
 
 
-def _joints(known: Sequence[KnownJoint]) -> tuple[TemplateJoint, ...]:
+def template_joints(known: Sequence[KnownJoint]) -> tuple[TemplateJoint, ...]:
+    """Joints as a template has them."""
     return tuple(TemplateJoint(j.name, j.parent, j.child, j.angles, j.axes, j.centre) for j in known)
 
 
-def _with_points(
+def with_points(
     bones: dict[str, Surface], joints: tuple[TemplateJoint, ...], moves_with: dict[str, str] | None = None
 ) -> SubjectTemplate:
+    """A right hand's bones and joints, with the feature points that its bones suggest."""
     points = bony_feature_points(bones, joints)
     return SubjectTemplate("right", bones, joints, feature_points=points, moves_with=moves_with or {})
 
@@ -152,34 +150,3 @@ def _attached(body: Surface, bones: Mapping[str, Surface]) -> dict[str, NDArray[
         if len(near) >= 3:
             found[name] = near
     return found
-
-
-def _flexors(points: Array, template: SubjectTemplate) -> dict[str, TemplateTendon]:
-    """The middle lines of the flexor's four tails, which points (n, 3) on all of them are parted into."""
-    centres = {joint.name: joint.centre for joint in template.joints}
-    rays = []
-    for ray in FINGERS:
-        shaft = template.bones[f"metacarpal{ray}"].vertices.mean(axis=0)
-        knuckles = [centres[f"{kind}{ray}"] for kind in ("MP", "PIP", "DIP")]
-        corners = np.array([2 * shaft - knuckles[0], *knuckles, template.feature_points[f"tip{ray}"]])
-        rays.append(resample(corners, LINE))
-    distance, nearest = cKDTree(np.concatenate(rays)).query(points)
-    owner, place = nearest // LINE, nearest % LINE
-    found = {}
-    for i, ray in enumerate(FINGERS):
-        step = arclength(rays[i])[-1] / (LINE - 1)
-        mine = (owner == i) & (distance < BESIDE) & (place > 0)
-        found[f"flexor{ray}"] = _tendon(ray, points[mine], step * place[mine])
-    return found
-
-
-def _tendon(ray: int, points: Array, along: Array) -> TemplateTendon:
-    """The middle line of points (n, 3), from the last along the ray backwards, in steps of `BIN` mm."""
-    path, radii = [points[np.argmax(along)]], []
-    for at in np.arange(along.max() - BIN, along.min(), -BIN):
-        ring = points[np.abs(along - at) < BIN]
-        if len(ring):
-            path.append(ring.mean(axis=0))
-            radii.append(np.linalg.norm(ring - path[-1], axis=1).min())
-    chain = real_hand.RAYS[ray][::-1]
-    return TemplateTendon(np.array(path), chain[0], chain, float(np.median(radii)))

@@ -35,9 +35,14 @@ def layout() -> Layout:
     return Layout(frames(), chains)
 
 
+def motion() -> Motion:
+    """The joints and all poses."""
+    return Motion("phantom-hand", joints(), POSES | BETWEEN)
+
+
 def posture(pose: str, seed: int) -> Posture:
     """Posture of a named pose; the root is repositioned by up to 5 degrees and 6 mm in all but neutral."""
-    return Motion("phantom-hand", joints(), POSES | BETWEEN).posture(pose, seed)
+    return motion().posture(pose, seed)
 
 
 def generate_pose(dataset: Dataset, pose: str) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from handpipe.fem.equilibrium import Options, solve
 from handpipe.fem.materials import Material
+from handpipe.mesh.tetrahedra import EDGES
 from handpipe.metrics import Metrics
 from handpipe.truth.body import Body, Pose
 from handpipe.truth.follow import follow
@@ -17,7 +18,7 @@ from handpipe.truth.solid import Solid
 Array = NDArray[np.float64]
 
 AFFINE = np.array([[1.10, 0.08, -0.05], [0.03, 0.93, 0.06], [-0.04, 0.02, 1.02]])
-SHAKEN = 0.02  # of the body's size: where inner nodes start the patch test from
+SHAKEN = 0.1  # of the shortest edge at a node: where inner nodes start the patch test from
 
 
 def patch_test(body: Body) -> float:
@@ -32,12 +33,20 @@ def patch_test(body: Body) -> float:
     outer[np.unique(body.skin_faces)] = True
     for nodes in body.on_bones.values():
         outer[nodes] = True
-    size = float(np.ptp(body.rest, axis=0).min())
-    noise = SHAKEN * size * np.random.default_rng(0).uniform(-1, 1, wanted.shape)
+    noise = SHAKEN * _shortest_edges(body)[:, None] * np.random.default_rng(0).uniform(-1, 1, wanted.shape)
     start = np.where(outer[:, None], wanted, wanted + noise)
     options = Options(displacement_tolerance=1e-9, force_tolerance=1e-10, name="patch test")
     found = solve([solid], start, fixed=np.repeat(outer, 3), options=options).x
     return float(np.linalg.norm(found - wanted, axis=1).max())
+
+
+def _shortest_edges(body: Body) -> Array:
+    """Length (n,) in mm of the shortest edge between nodes at each."""
+    ends = body.cells.tets[:, EDGES].reshape(-1, 2)
+    lengths = np.linalg.norm(body.rest[ends[:, 0]] - body.rest[ends[:, 1]], axis=1)
+    shortest = np.full(len(body.rest), np.inf)
+    np.minimum.at(shortest, ends.ravel(), np.repeat(lengths, 2))
+    return shortest
 
 
 def node_volumes(body: Body) -> Array:

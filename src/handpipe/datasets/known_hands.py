@@ -1,0 +1,27 @@
+"""What is known of a coupled hand without any soft tissue: its bones with their marrow, and how they move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from handpipe.config import Dataset
+from handpipe.datasets import phantom_hand, zanatomy_bones
+from handpipe.datasets.posed_hand import Hand, Motion
+from handpipe.datasets.source_meshes import folder_of
+
+
+@dataclass(frozen=True)
+class KnownHand:
+    """A hand's joints and poses, and its bones, which are made when they are asked for."""
+
+    motion: Motion
+    hand: Callable[[], Hand]
+
+
+def known_hand(dataset: Dataset) -> KnownHand:
+    """The hand of a dataset's generator; `InputError` where its source data are absent."""
+    if dataset.generator == "zanatomy-hand":
+        subject = zanatomy_bones.subject(folder_of(dataset))
+        return KnownHand(subject.motion, lambda: subject.hand)
+    return KnownHand(phantom_hand.motion(), phantom_hand.hand)
