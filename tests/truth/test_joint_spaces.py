@@ -12,6 +12,7 @@ from handpipe.truth.body import Body
 from handpipe.truth.follow import follow
 from handpipe.truth.joint_spaces import gliding, opened
 from handpipe.truth.surfaces import bone_faces
+from handpipe.truth.validation import patch_test
 
 BENT = np.radians(80.0)
 
@@ -53,6 +54,11 @@ def test_opened_keeps_all_but_what_spans_the_joint(closed):
     assert 0 < lost < 0.05 * closed.mesh.volumes().sum()
     for name, along in body.fibres.items():
         assert len(along) == len(body.tets_of(name))
+
+
+def test_the_patch_test_holds_with_a_cavity(closed):
+    body = Body(opened(closed, _passed(closed, [0.0, BENT])), toy.MATERIALS, order=1)
+    assert patch_test(body) < 1e-8
 
 
 def test_an_open_joint_bends_where_a_filled_one_is_torn(closed):
