@@ -19,10 +19,9 @@ from handpipe.anatomy.domain import Domain
 from handpipe.anatomy.fibres import harmonic_fibres
 from handpipe.anatomy.template import Template, numbered_surfaces, segment
 from handpipe.errors import InputError
-from handpipe.mesh.distance import Distance
+from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.operators import tet_neighbours
 from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -62,8 +61,7 @@ def depth(surfaces: Sequence[Surface], points: Array) -> Array:
     """
     found = np.full(len(points), -REACH)
     for surface in surfaces:
-        low, high = surface.vertices.min(axis=0) - REACH, surface.vertices.max(axis=0) + REACH
-        near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+        near = about(points, surface, REACH)
         if len(near) == 0:
             continue
         queries = np.ascontiguousarray(points[near])
@@ -101,8 +99,7 @@ def template_of(
             raise InputError(source, name, "is nowhere the deepest organ", "Choose shorter edges")
         if (count := len(np.unique(part[own]))) > 1:
             warnings.append(f"{name}: is in {count} parts")
-        used, inverse = np.unique(labelled.mesh.tets[own], return_inverse=True)
-        muscle = TetMesh(labelled.mesh.vertices[used], inverse.reshape(-1, 4))
+        muscle, used = labelled.mesh.part(own)
         origin, insertion = ends(muscle.vertices, solid, distances)
         if len(origin) == 0 or len(insertion) == 0:
             raise InputError(source, name, "has one end only", "Name other bones for its ends")

@@ -59,9 +59,7 @@ class Template:
         """The tets of one tissue with their own vertices, and those vertices' (n,) numbers in the whole
         mesh.
         """
-        tets = self.mesh.tets[self.labels == self.names.index(name)]
-        used, inverse = np.unique(tets, return_inverse=True)
-        return TetMesh(self.mesh.vertices[used], inverse.reshape(-1, 4)), used
+        return self.mesh.part(self.labels == self.names.index(name))
 
     def surface(self, name: str) -> Surface:
         """The closed surface of one tissue."""
@@ -155,8 +153,7 @@ def build_template(
     origins, insertions = {}, {}
     for label, (name, muscle) in enumerate(muscles.items(), start=1):
         own = labelled.labels == label
-        used, inverse = np.unique(labelled.mesh.tets[own], return_inverse=True)
-        part = TetMesh(labelled.mesh.vertices[used], inverse.reshape(-1, 4))
+        part, used = labelled.mesh.part(own)
         found = fibres(part, muscle, factorise=factorise, source=f"{source}: muscles.{name}")
         directions[own] = found.directions
         origins[name], insertions[name] = used[found.origin], used[found.insertion]

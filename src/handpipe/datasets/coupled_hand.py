@@ -18,11 +18,11 @@ from handpipe.anatomy.intersections import crossings
 from handpipe.anatomy.subject_template import SubjectTemplate
 from handpipe.anatomy.template import Template
 from handpipe.config import Dataset, Scanner
-from handpipe.datasets import image, scans, templates
+from handpipe.datasets import image, real_hand, scans, templates
 from handpipe.datasets.hand_body import HandBody, materials, open_hand
 from handpipe.datasets.kinematics import Posture
 from handpipe.datasets.known_hands import KnownHand, known_hand
-from handpipe.datasets.phantom_hand_bones import WITH_ROOT
+from handpipe.datasets.phantom_hand_bones import FINGERS, WITH_ROOT
 from handpipe.datasets.posed import PosedAnatomy, clean_image, write_surface, write_truth
 from handpipe.datasets.posed_hand import Motion, volume_grid
 from handpipe.datasets.tubes import sweep
@@ -47,9 +47,7 @@ REST = "neutral"  # the pose whose angles are zero
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
 STEP = 6.0  # degrees of the joint that turns most: twice as much at once, and tissue starts inside out
 CLICKS = 10  # points of a tendon that a person clicks
-RAYS = {"thumb": ("metacarpal1", "proximal1", "distal1")} | {
-    f"finger{i}": (f"proximal{i}", f"middle{i}", f"distal{i}") for i in range(2, 6)
-}
+RAYS = {"thumb": real_hand.RAYS[1], **{f"finger{i}": real_hand.RAYS[i][1:] for i in FINGERS}}
 WRIST = -22.0  # mm along the hand: scans end there
 SWOLLEN = 0.1  # mm that templates of muscles stand out from the truth
 TEMPLATE_WARP = templates.Warp(
@@ -151,9 +149,9 @@ def refinement_errors(
     nearest = owner[tree.query(anatomy.mesh.vertices[anatomy.mesh.tets].mean(axis=1))[1]]
     options, errors = Options(name=pose, displacement_tolerance=1e-3, untangle=False), {}
     x = found[pose][: len(anatomy.mesh.vertices)]  # nodes of quadratic tets begin with the vertices
+    where = hand.pose(bones_at(motion, pose))
     for ray, names in RAYS.items():
         chosen = np.isin(nearest, [list(bones).index(name) for name in names])
-        where = hand.pose(bones_at(motion, pose))
         errors[ray] = refinement_error(anatomy, materials(anatomy), chosen, where, x, options)
     return pose, errors
 

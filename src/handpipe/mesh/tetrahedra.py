@@ -41,6 +41,11 @@ class TetMesh:
         """The same tets on other vertices (n, 3)."""
         return TetMesh(vertices, self.tets)
 
+    def part(self, chosen: IntArray | NDArray[np.bool_]) -> tuple[TetMesh, IntArray]:
+        """Some tets, by number or mask, with their own vertices, and those vertices' numbers (n,) here."""
+        used, tets = np.unique(self.tets[chosen], return_inverse=True)
+        return TetMesh(self.vertices[used], tets.reshape(-1, 4)), used
+
     def edge_length(self) -> float:
         """Typical edge length in mm: of the regular tet that has the median volume."""
         return float(np.cbrt(6 * np.sqrt(2) * np.median(self.volumes())))

@@ -121,7 +121,8 @@ class MuscleLayer:
         """Surface vertices that no bone holds, and that are not far away, are kept out of every bone."""
         free = [_without(s, m.body.held) for s, m in zip(self.surfaces, self.muscles, strict=True)]
         operator = sparse.vstack(free, format="csr")
-        near = [about(operator @ x, bone.surface, GUARDED) for bone in bones]
+        points = operator @ x
+        near = [about(points, bone.surface, GUARDED) for bone in bones]
         return [
             SurfaceContact(operator[ids], bone, self.options.contact)
             for ids, bone in zip(near, bones, strict=True)

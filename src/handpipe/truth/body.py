@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -68,6 +68,17 @@ class Anatomy:
     def tets_of(self, region: str) -> IntArray:
         """Numbers of a region's tets."""
         return np.flatnonzero(self.labels == self.regions.index(region))
+
+    def part(self, kept: IntArray | Mask) -> tuple[Anatomy, IntArray]:
+        """The anatomy of some tets, by number or mask, and its vertices' (n,) numbers in the whole."""
+        mesh, used = self.mesh.part(kept)
+        number = np.full(len(self.mesh.vertices), -1)
+        number[used] = np.arange(len(used))
+        bones = {name: number[on][number[on] >= 0] for name, on in self.bones.items()}
+        left = np.zeros(len(self.labels), dtype=bool)
+        left[kept] = True
+        fibres = {name: along[left[self.tets_of(name)]] for name, along in self.fibres.items()}
+        return replace(self, mesh=mesh, labels=self.labels[kept], bones=bones, fibres=fibres), used
 
     def refined(self) -> Anatomy:
         """The same body with every tet cut into eight."""

@@ -14,7 +14,6 @@ from handpipe.mesh.distance import Distance
 from handpipe.mesh.operators import tet_neighbours
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth.body import Anatomy
 
 Array = NDArray[np.float64]
@@ -58,7 +57,8 @@ def opened(anatomy: Anatomy, passed: Mask) -> Anatomy:
     between = (of_tets.max(axis=1) >= 0) & (of_tets.max(axis=1) != lowest)
     kept = np.flatnonzero(~between)
     kept = kept[_largest_part(mesh.tets[kept])]
-    return _restricted(anatomy, kept, passed)
+    bones = {name: on[~passed[on]] for name, on in anatomy.bones.items()}
+    return replace(anatomy, bones=bones).part(kept)[0]
 
 
 def _largest_part(tets: IntArray) -> IntArray:
@@ -67,23 +67,3 @@ def _largest_part(tets: IntArray) -> IntArray:
     links = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(len(tets), len(tets)))
     part = connected_components(links, directed=False)[1]
     return np.flatnonzero(part == np.bincount(part).argmax())
-
-
-def _restricted(anatomy: Anatomy, kept: IntArray, passed: Mask) -> Anatomy:
-    used, tets = np.unique(anatomy.mesh.tets[kept], return_inverse=True)
-    number = np.full(len(anatomy.mesh.vertices), -1)
-    number[used] = np.arange(len(used))
-    bones = {}
-    for name, on in anatomy.bones.items():
-        held = number[on[~passed[on]]]
-        bones[name] = held[held >= 0]
-    left = np.zeros(len(anatomy.labels), dtype=bool)
-    left[kept] = True
-    fibres = {name: f[left[anatomy.tets_of(name)]] for name, f in anatomy.fibres.items()}
-    return replace(
-        anatomy,
-        mesh=TetMesh(anatomy.mesh.vertices[used], tets.reshape(-1, 4)),
-        labels=anatomy.labels[kept],
-        bones=bones,
-        fibres=fibres,
-    )

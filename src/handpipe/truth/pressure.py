@@ -5,7 +5,6 @@ Elements alone do not see to it: as stiff against changes of volume as muscle is
 
 from __future__ import annotations
 
-import copy
 import logging
 from dataclasses import replace
 
@@ -19,6 +18,7 @@ from handpipe.truth.body import Body, Pose
 from handpipe.truth.density import DensityPotential, semidefinite
 from handpipe.truth.determinant import cofactors, second_derivatives
 from handpipe.truth.elements import Elements
+from handpipe.truth.validation import volume_changes
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
@@ -33,15 +33,6 @@ class Pressure(DensityPotential):
 
     def __init__(self, elements: Elements, pressures: Array) -> None:
         super().__init__(elements)
-        self._set(pressures)
-
-    def with_pressures(self, pressures: Array) -> Pressure:
-        """The same cells under other pressures (m,) in kPa."""
-        other = copy.copy(self)
-        other._set(pressures)
-        return other
-
-    def _set(self, pressures: Array) -> None:
         self._pressures = np.repeat(pressures, self._points)
 
     def densities(self, f: Array, points: slice) -> Array:
@@ -64,7 +55,7 @@ def with_volumes_kept(body: Body, pose: Pose, x: Array, options: Options | None 
     options = options or Options(name="volumes")
     tets = list(body.muscles.values())
     potentials = body.potentials(pose) + ([body.barrier] if body.barrier is not None else [])
-    inside = Pressure(body.elements.part(np.concatenate(tets)), np.zeros(sum(map(len, tets))))
+    inside = body.elements.part(np.concatenate(tets))
     own = np.array([1.0 / body.solid.bulk_moduli()[t].mean() for t in tets])  # of relative volume, in 1/kPa
     compliance, pressures, record = own, np.zeros(len(tets)), Record(converged=True)
     change = _changes(body, x)
@@ -74,7 +65,7 @@ def with_volumes_kept(body: Body, pose: Pose, x: Array, options: Options | None 
             return Equilibrium(x, record)
         step = -change / compliance
         pressures = pressures + step
-        energies = [*potentials, inside.with_pressures(np.repeat(pressures, list(map(len, tets))))]
+        energies = [*potentials, Pressure(inside, np.repeat(pressures, list(map(len, tets))))]
         named = replace(options, name=f"{options.name}, volumes {number + 1}")
         found = solve(energies, x, fixed=body.fixed, options=named)
         x = found.x
@@ -88,5 +79,4 @@ def with_volumes_kept(body: Body, pose: Pose, x: Array, options: Options | None 
 
 def _changes(body: Body, x: Array) -> Array:
     """Relative change (k,) of each muscle's volume."""
-    now, rest = (np.array([body.volume(name, at) for name in body.muscles]) for at in (x, body.rest))
-    return now / rest - 1.0
+    return np.array(list(volume_changes(body, x).values())) / 100.0

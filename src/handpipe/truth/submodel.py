@@ -5,7 +5,7 @@ large for it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from handpipe.fem.equilibrium import Options, solve
 from handpipe.fem.materials import Material
+from handpipe.mesh.operators import tet_neighbours
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.metrics import Metrics
 from handpipe.truth.body import Anatomy, Body, Pose
 from handpipe.truth.elements import Elements
@@ -32,23 +32,15 @@ def cut_out(anatomy: Anatomy, chosen: Mask) -> tuple[Anatomy, IntArray]:
 
     What holds it to the rest, vertices of faces between chosen and other tets, is like a bone named "cut".
     """
-    mesh = anatomy.mesh
-    used, tets = np.unique(mesh.tets[chosen], return_inverse=True)
-    part = TetMesh(mesh.vertices[used], tets.reshape(-1, 4))
-    inner = np.setdiff1d(_keys(part.boundary_faces()[0], used), _keys(mesh.boundary_faces()[0], None), True)
-    on = {name: np.flatnonzero(np.isin(used, vertices)) for name, vertices in anatomy.bones.items()}
-    bones = {name: vertices for name, vertices in on.items() if len(vertices)}
-    cut = np.unique(np.searchsorted(used, inner.view(np.int64).reshape(-1, 3)))
-    fibres = {name: along[chosen[anatomy.tets_of(name)]] for name, along in anatomy.fibres.items()}
-    present = {name: along for name, along in fibres.items() if len(along)}
-    labels, regions = anatomy.labels[chosen], anatomy.regions
-    return Anatomy(part, labels, regions, {**bones, CUT: cut}, present), used
-
-
-def _keys(faces: IntArray, numbers: IntArray | None) -> NDArray[np.void]:
-    """One key (k,) a face, whatever the order of its vertices."""
-    named = faces if numbers is None else numbers[faces]
-    return np.ascontiguousarray(np.sort(named, axis=1).astype(np.int64)).view([("", np.int64)] * 3).ravel()
+    part, used = anatomy.part(chosen)
+    tets, (i, j) = anatomy.mesh.tets, tet_neighbours(anatomy.mesh.tets).T
+    across = chosen[i] != chosen[j]
+    one, other = tets[i[across]], tets[j[across]]
+    shared = (one[:, :, None] == other[:, None, :]).any(axis=2)
+    bones = {name: on for name, on in part.bones.items() if len(on)}
+    bones[CUT] = np.searchsorted(used, np.unique(one[shared]))
+    fibres = {name: along for name, along in part.fibres.items() if len(along)}
+    return replace(part, bones=bones, fibres=fibres, strands={}), used
 
 
 @dataclass(frozen=True, eq=False)
