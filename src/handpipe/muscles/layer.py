@@ -72,6 +72,8 @@ class MuscleLayer:
         tets = [m.body.mesh.tets + a for m, a in zip(self.muscles, starts, strict=False)]
         self.elastic = Elastic(rest, np.concatenate(tets), self.options.material)
         self.surfaces = [self._lifted(m, i) for i, m in enumerate(self.muscles)]
+        free = [_without(s, m.body.held) for s, m in zip(self.surfaces, self.muscles, strict=True)]
+        self.unheld = sparse.vstack(free, format="csr")  # from all vertices to surfaces' that no bone holds
         neutral = {m.name: m.body.surface for m in self.muscles}
         self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
 
@@ -119,12 +121,10 @@ class MuscleLayer:
 
     def _bone_contacts(self, bones: Sequence[Distance], x: Array) -> list[Potential]:
         """Surface vertices that no bone holds, and that are not far away, are kept out of every bone."""
-        free = [_without(s, m.body.held) for s, m in zip(self.surfaces, self.muscles, strict=True)]
-        operator = sparse.vstack(free, format="csr")
-        points = operator @ x
+        points = self.unheld @ x
         near = [about(points, bone.surface, GUARDED) for bone in bones]
         return [
-            SurfaceContact(operator[ids], bone, self.options.contact)
+            SurfaceContact(self.unheld[ids], bone, self.options.contact)
             for ids, bone in zip(near, bones, strict=True)
             if len(ids)
         ]
