@@ -1,4 +1,5 @@
-# `make` sets everything up and builds the embedded subject; `make test` sets everything up and tests.
+# `make` sets everything up and builds the embedded subject, a whole hand, `make finger` one finger; `make test` sets
+# everything up and tests.
 PYTHON ?= python3
 BIN := .venv/bin
 # What a minimal Debian lacks: the module venv; libraries of OpenMP, and of X11 and OpenGL, against which gmsh links
@@ -11,10 +12,13 @@ VENV_PACKAGE = $(shell $(PYTHON) -c 'import importlib.util, sys; \
   importlib.util.find_spec("ensurepip") or print("python%d.%d-venv" % sys.version_info[:2])')
 
 .DEFAULT_GOAL := all
-.PHONY: all setup test lint format rulegraph benchmark benchmark-setup clean
+.PHONY: all finger setup test lint format rulegraph benchmark benchmark-setup clean
 
 all: setup
 	$(BIN)/snakemake -j2 all
+
+finger: setup
+	$(BIN)/snakemake -j2 all --configfile config/finger.yaml
 
 setup: .venv/installed
 

@@ -274,3 +274,15 @@ def test_the_pattern_of_the_hessian_lasts_over_many_states():
         patterns.append(plain.indices)
     assert np.shares_memory(patterns[-1], patterns[-2])
     assert np.shares_memory(patterns[-2], patterns[-3])
+
+
+def test_a_barrier_that_reaches_farther_pushes_from_there_on():
+    body, faces, every = _body((1.0, 1.0, 1.0), (2, 2, 2))
+    x = body.vertices
+    table, sides = box_surface((3.0, 3.0, 1.0), (-1.0, -1.0, -1.0 - 2 * NEAR))
+    near = Barrier(every, faces, x, NEAR, 6.0, obstacle=(table, sides))
+    far = near.reaching(4 * NEAR)
+    assert near.value(x) == 0.0
+    pressure = 6.0 * pressure_ratio(0.5)
+    assert 0.2 * pressure < -far.gradient(x)[:, 2].sum() < 4.0 * pressure  # on an area of 1 mm^2
+    assert np.isinf(near.gap(x)) and np.isclose(far.gap(x), 2 * NEAR)

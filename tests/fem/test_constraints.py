@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 from tests.fem.bodies import box, box_surface, sphere
 
-from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact
+from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact, penalty
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import Options, continuation
 from handpipe.fem.materials import Material
@@ -82,3 +82,19 @@ def test_points_slide_around_a_bone_that_turns_beneath_them():
     final = Distance(Surface(bone @ _motion(1.0).rotation.T, sides))
     assert np.abs(final.signed(found.x)[0]).max() < 1e-4
     np.testing.assert_allclose(found.x, ring, atol=0.02)  # the surface slips away below: no friction
+
+
+def test_a_point_is_felt_wherever_it_came_from():
+    """What is known of a point from where it was before is never more than is true."""
+    ball = Distance(Surface(*sphere(1.0, 3)))
+    rng = np.random.default_rng(7)
+    points = rng.uniform(-4, 4, (300, 3))
+    contact = SurfaceContact(sp.eye(len(points), format="csr"), ball, 5.0, thickness=0.1)
+    touching = 0
+    for _ in range(40):
+        points = 0.95 * points + 0.1 * rng.normal(size=points.shape)
+        gaps = ball.signed(points)[0]
+        assert np.isclose(contact.value(points), 5.0 * penalty(0.1 - gaps, 0.05)[0].sum(), rtol=1e-12)
+        assert np.all(contact.depths(points) >= 0.1 - gaps - 1e-12)
+        touching = max(touching, int((gaps < 0.1).sum()))
+    assert touching > 50

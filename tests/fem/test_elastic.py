@@ -10,7 +10,14 @@ from tests.fem.bodies import box
 from handpipe.errors import InputError
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import MODELS, Material, energy_densities, piola_stresses, stiffnesses
+from handpipe.fem.materials import (
+    MODELS,
+    Material,
+    energy_densities,
+    piola_stresses,
+    semidefinite_stiffnesses,
+    stiffnesses,
+)
 from handpipe.fem.nullspace import DeflatedFactor, rigid_modes, rigid_pins
 
 YOUNG, POISSON = 6.0, 0.45
@@ -146,3 +153,16 @@ def test_turned_tets_and_impossible_strains_are_refused():
         Elastic(vertices, tets, Material(YOUNG, POISSON), -plasticity.identity(len(tets)))
     with pytest.raises(InputError, match="poisson"):
         Material(YOUNG, 0.5)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_semidefinite_stiffness_is_the_exact_one_without_its_negative_eigenvalues(model):
+    f = np.random.default_rng(4).normal(size=(50, 3, 3))
+    f[:5] = np.diag([0.3, 0.3, 0.3])  # equal singular values
+    f[5:10] = np.diag([0.2, 0.7, -0.4])
+    mu, lam = np.full(len(f), 2.0), np.full(len(f), 30.0)
+    values, vectors = np.linalg.eigh(stiffnesses(MODELS[model], f, mu, lam))
+    assert (values[:, 0] < 0).any()
+    expected = (vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+    found = semidefinite_stiffnesses(MODELS[model], f, mu, lam)
+    assert np.allclose(found, expected, atol=1e-9 * values[:, -1:, None])

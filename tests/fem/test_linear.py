@@ -99,13 +99,13 @@ def test_two_factors_live_side_by_side(backend):
 @pytest.mark.parametrize("backend", PREDICTING)
 def test_deleted_factors_return_their_memory(backend):
     matrix = _stiffness(1.0, (12, 6, 6))
-    factor = backend(matrix, True)
-    size = 8 * factor.work.entries
-    del factor
-    before = psutil.Process().memory_info().rss
-    for _ in range(20):
+    size = 8 * backend(matrix, True).work.entries
+    resident = []
+    for _ in range(60):
         backend(matrix, True)
-    assert psutil.Process().memory_info().rss - before < 10 * size
+        resident.append(psutil.Process().memory_info().rss)
+    # An allocator's caches move single readings by several factors; a leak lifts the least of them by 40.
+    assert min(resident[40:]) - min(resident[:20]) < 20 * size
 
 
 @pytest.mark.parametrize("backend", PREDICTING)

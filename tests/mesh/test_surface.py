@@ -2,7 +2,15 @@ import numpy as np
 import pytest
 
 from handpipe.errors import InputError
-from handpipe.mesh.surface import Surface, concatenate, read_surface, require_closed, write_surface
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import (
+    Surface,
+    concatenate,
+    each_moved,
+    read_surface,
+    require_closed,
+    write_surface,
+)
 
 from .shapes import box, sphere
 
@@ -125,3 +133,13 @@ def test_a_surface_whose_triangles_disagree_is_not_closed():
     turned[3] = turned[3, ::-1]
     with pytest.raises(InputError, match="opposite"):
         require_closed(Surface(box().vertices, turned), "memory")
+
+
+def test_surfaces_move_each_by_its_own_transform():
+    left, right = box((1, 1, 1)), box((2, 2, 2))
+    quarter = RigidTransform(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([5.0, 0, 0]))
+    shift = RigidTransform(np.eye(3), np.array([0.0, 0, 3]))
+    moved = each_moved({"a": left, "b": right}, {"b": shift, "a": quarter, "other": shift})
+    assert list(moved) == ["a", "b"]
+    np.testing.assert_allclose(moved["a"].centroid(), [5 - 0.5, 0.5, 0.5])
+    np.testing.assert_allclose(moved["b"].centroid(), [1, 1, 4])

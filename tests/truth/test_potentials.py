@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 from tests.fem.bodies import box
 
 from handpipe.errors import InputError
 from handpipe.fem.elastic import Elastic
+from handpipe.fem.equilibrium import Options, solve
 from handpipe.fem.materials import Material
+from handpipe.fem.pull import Pull
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth.active import ActiveFibres
 from handpipe.truth.crushing import CRUSHED, Crushing
@@ -139,3 +142,14 @@ def test_a_cable_carries_its_tension_whatever_its_length():
     for length in (0.5, 1.0, 3.0):
         force = ends.gradient(np.array([[0.0, 0, 0], [length, 0, 0]]))
         np.testing.assert_allclose(force, [[-40.0, 0, 0], [40.0, 0, 0]], rtol=1e-5)
+
+
+def test_a_tet_that_is_pressed_flat_is_not_turned_inside_out():
+    """Its apex is pushed at the held face by a pressure of 500 times Young's modulus."""
+    mesh = TetMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]]))
+    elements, apex = Elements.linear(mesh), sp.eye(4, format="csr")[[3]]
+    soft = [Solid(elements, Material(3.0, 0.45)), Crushing(elements, 10.0)]
+    push = Pull(apex, np.array([[0.0, 0.0, -250.0]]))
+    found = solve([*soft, push], mesh.vertices, fixed=np.arange(9), options=Options(untangle=False))
+    assert 0.0 < found.x[3, 2] < 0.1
+    assert np.linalg.norm(sum(p.gradient(found.x) for p in soft)[3] - [0.0, 0.0, -250.0]) < 1e-2

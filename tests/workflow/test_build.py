@@ -1,4 +1,4 @@
-"""The embedded subject, built whole in the checkout (at once if it is built already), against truth."""
+"""The toy subject, built whole in the checkout (at once if it is built already), against truth."""
 
 import json
 import re
@@ -33,7 +33,7 @@ AT_LEAST = [("segmentation", "dice_mean", 0.95, "1"), ("segmentation", "dice_min
 
 @pytest.fixture(scope="session", autouse=True)
 def build() -> None:
-    """Everything, as `make` builds it."""
+    """Everything, as `make finger` builds it."""
     process = run(CHECKOUT, "-j2", "all")
     assert process.returncode == 0, process.stdout[-5000:]
 
@@ -111,7 +111,7 @@ def test_no_temporary_file_is_left() -> None:
 
 
 @pytest.mark.parametrize(
-    "scene", yaml.safe_load((CHECKOUT / "config/config.yaml").read_text(encoding="utf-8"))["scenes"]
+    "scene", yaml.safe_load((CHECKOUT / "config/finger.yaml").read_text(encoding="utf-8"))["scenes"]
 )
 def test_exported_scene_opens_elsewhere(scene: str) -> None:
     folder = RESULTS / "simulation" / scene

@@ -13,7 +13,7 @@ with stage(snakemake):
     from handpipe.evaluation.surfaces import penetration, symmetric_distance
     from handpipe.fem import plasticity
     from handpipe.hand.frames import read_frames
-    from handpipe.mesh.surface import Surface
+    from handpipe.mesh.surface import Surface, each_moved
     from handpipe.mesh.tetrahedra import TetMesh
     from handpipe.muscles.muscle import Muscle
     from handpipe.muscles.separation import load_surfaces
@@ -37,11 +37,11 @@ with stage(snakemake):
     for pose, path in zip(dataset.examples, snakemake.input.separated, strict=True):
         surfaces = load_surfaces(path)
         transforms = read_registration(base / f"registration/{pose}.h5")
-        bones = [s.moved(transforms[n](s.vertices)) for n, s in rig.surfaces.items()]
+        bones = each_moved(rig.surfaces, transforms)
         for muscle in muscles:
             free = np.delete(surfaces[muscle.name].vertices, muscle.body.held, axis=0)
             others = [s for n, s in surfaces.items() if n != muscle.name]
-            depths += [penetration(free, other).max() for other in (*bones, *others)]
+            depths += [penetration(free, other).max() for other in (*bones.values(), *others)]
     figures["penetration_max"] = (float(max(depths)), "mm")
     eigenvalues = np.concatenate(
         [plasticity.eigenvalues(plasticity.exp(m.logs.reshape(-1, 6))) for m in muscles]

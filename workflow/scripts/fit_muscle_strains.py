@@ -5,6 +5,7 @@ from common import stage
 with stage(snakemake) as log:
     from handpipe import artifacts
     from handpipe.config import load_dataset
+    from handpipe.mesh.surface import each_moved
     from handpipe.muscles.muscle import Muscle
     from handpipe.muscles.separation import load_surfaces
     from handpipe.skeleton.rig import Rig
@@ -23,8 +24,8 @@ with stage(snakemake) as log:
         separated = {n: s.moved(back[pose](s.vertices)) for n, s in load_surfaces(path).items()}
         surfaces[pose] = separated.pop(name)
         starts[pose] = back[pose](shapes[pose][name]["mesh_vertices"])
-        bones = [s.moved(transforms[pose][b](s.vertices)) for b, s in rig.surfaces.items()]
-        neighbours[pose] = [*separated.values(), *bones]
+        bones = each_moved(rig.surfaces, transforms[pose])
+        neighbours[pose] = [*separated.values(), *bones.values()]
     muscle, fit = Muscle.fit(
         name,
         body,

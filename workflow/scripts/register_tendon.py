@@ -8,7 +8,7 @@ with stage(snakemake) as log:
     from handpipe.imaging.tubes import tube_surface
     from handpipe.imaging.volume import read_volume
     from handpipe.mesh.distance import Distance
-    from handpipe.mesh.surface import concatenate
+    from handpipe.mesh.surface import concatenate, each_moved
     from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
     from handpipe.tendons.extraction import centre_finder
@@ -22,11 +22,10 @@ with stage(snakemake) as log:
     neutral = artifacts.read(snakemake.input.neutral, "neutral_tendon")
     volume = read_volume(snakemake.input.volume)
     transforms = read_registration(snakemake.input.registration, tendon.bones)
-    posed = concatenate(
-        [rig.surfaces[b].moved(transforms[b](rig.surfaces[b].vertices)) for b in tendon.bones]
-    )
-    bones, radius = Distance(posed), float(neutral["radii"].mean())
-    rest = RestTendon.build(neutral["x"], neutral["radii"], {b: rig.surfaces[b] for b in tendon.bones})
+    surfaces = {b: rig.surfaces[b] for b in tendon.bones}
+    bones = Distance(concatenate([*each_moved(surfaces, transforms).values()]))
+    radius = float(neutral["radii"].mean())
+    rest = RestTendon.build(neutral["x"], neutral["radii"], surfaces)
 
     def target(x):
         return Target(

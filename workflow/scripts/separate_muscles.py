@@ -4,6 +4,7 @@ from common import stage
 
 with stage(snakemake) as log:
     from handpipe import artifacts
+    from handpipe.mesh.surface import each_moved
     from handpipe.muscles.separation import separate
     from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
@@ -13,8 +14,7 @@ with stage(snakemake) as log:
     shapes = artifacts.read(snakemake.input.shapes, "muscle_shapes")[snakemake.wildcards.pose]
     bones = Rig.load(snakemake.input.rig).surfaces
     transforms = read_registration(snakemake.input.registration, bones)
-    posed = {n: s.moved(transforms[n](s.vertices)) for n, s in bones.items()}
     surfaces = {n: b.seated(b.surface.moved(shapes[n]["vertices"]), transforms) for n, b in bodies.items()}
-    found = separate(surfaces, posed, held={n: b.held for n, b in bodies.items()})
+    found = separate(surfaces, each_moved(bones, transforms), held={n: b.held for n, b in bodies.items()})
     log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
     found.save(snakemake.output[0], [*snakemake.input])

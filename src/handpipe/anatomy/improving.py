@@ -25,6 +25,7 @@ IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 
+STALE = 4  # rounds without fewer small angles than ever before, after which none will do
 FLOOR = 12.0  # degrees below which smoothing brings no dihedral angle
 
 
@@ -42,7 +43,7 @@ def improve(
     """Smooth the borders in so many sweeps, then repair dihedral angles below `target` degrees.
 
     `fixed` vertices keep place and come first in the result, in their order. It stops when no angle is below
-    the target, nothing helps any more, or after so many rounds.
+    the target, a few rounds have not helped, or after so many.
     """
     if labelled.labels.max() >= MOST_LABELS:
         problem = f"go up to {labelled.labels.max()}"
@@ -54,11 +55,13 @@ def improve(
     held = np.zeros(len(x), dtype=bool)
     held[fixed] = True
     bound = float(np.sin(np.radians(target)))
+    fewest, stale = len(tets) + 1, 0
     for number in range(rounds):
         quality = least_sines(x, tets)
         bad = int((quality < bound).sum())
         log.info("round %d: %d of %d tets below %g deg", number, bad, len(tets), target)
-        if bad == 0:
+        fewest, stale = min(bad, fewest), 0 if bad < fewest else stale + 1
+        if bad == 0 or stale > STALE:
             break
         tets, labels, changes = _round(x, tets, labels, held, bound)
         if changes == 0:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +26,6 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Distances = Mapping[str, Distance]
 
-INSIDE = 0.5  # winding number from which a point is inside
 REACH = 3.0  # mm outside of an organ up to which its function is a distance
 ON_BONE = 1.2  # mm farther from a bone than an organ's nearest vertex, up to which it is attached there
 SNAP = 0.2  # share of an edge by which borders may move to vertices
@@ -56,18 +54,15 @@ class Solid:
 def depth(surfaces: Sequence[Surface], points: Array) -> Array:
     """How deep in mm points (n, 3) are within any of some surfaces; negative outside, at least -REACH.
 
-    What is inside of an open surface is told by its winding number (Jacobson et al. 2013), as if its holes
-    were closed.
+    Open surfaces count as closed, see `Surface.contains`.
     """
     found = np.full(len(points), -REACH)
     for surface in surfaces:
         near = about(points, surface, REACH)
         if len(near) == 0:
             continue
-        queries = np.ascontiguousarray(points[near])
-        inside = igl.fast_winding_number(surface.vertices, surface.triangles, queries) > INSIDE
-        distance = Distance(surface).closest(queries)[0]
-        found[near] = np.maximum(found[near], np.where(inside, distance, -distance))
+        distance = Distance(surface).closest(points[near])[0]
+        found[near] = np.maximum(found[near], np.where(surface.contains(points[near]), distance, -distance))
     return found
 
 

@@ -144,8 +144,7 @@ def build_template(
         lengths = np.concatenate([np.full(len(points), length) for points, length in fine])
         domain = domain.refined(np.concatenate([points for points, _ in fine]), lengths)
     functions = diffuse(domain, muscles, file.fat, factorise=factorise)
-    scales = _volume_scales(domain, functions, muscles)
-    labelled = segment(domain, functions.values * scales)
+    labelled = _of_volumes(domain, functions, muscles)
     warnings += _parts(labelled, functions.names, source)
     for text in warnings:
         log.warning(text)
@@ -195,18 +194,20 @@ def numbered_surfaces(domain: Domain) -> tuple[IntArray, dict[str, IntArray]]:
     return np.arange(ends[0]), bones
 
 
-def _volume_scales(domain: Domain, functions: Functions, muscles: Mapping[str, PlacedMuscle]) -> Array:
-    """The scale (k,) of each function: one where no volume is asked for."""
+def _of_volumes(domain: Domain, functions: Functions, muscles: Mapping[str, PlacedMuscle]) -> Labelled:
+    """The mesh cut by functions so scaled that muscles get the volumes that are asked for."""
     targets = np.array([np.nan, *(m.volume or np.nan for m in muscles.values())])
     if not np.isfinite(targets).any():
-        return np.ones(len(targets))
+        return segment(domain, functions.values)
+    last: list[Labelled] = []
 
     def volumes_of(scales: Array) -> Array:
-        labelled = segment(domain, functions.values * scales)
-        sums = np.bincount(labelled.labels, labelled.mesh.volumes(), len(targets))
+        last[:] = [segment(domain, functions.values * scales)]
+        sums = np.bincount(last[0].labels, last[0].mesh.volumes(), len(targets))
         return np.asarray(sums, dtype=np.float64)
 
-    return meet_volumes(targets, volumes_of, functions.names)
+    meet_volumes(targets, volumes_of, functions.names)
+    return last[0]
 
 
 def _crossings(muscles: Mapping[str, PlacedMuscle], reach: float) -> list[str]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from handpipe.config import Dataset
 from handpipe.datasets import phantom_hand, zanatomy_bones
+from handpipe.datasets.phantom_hand_joints import WITH_FLESH
 from handpipe.datasets.posed_hand import Hand, Motion
 from handpipe.datasets.source_meshes import folder_of
 
@@ -24,4 +25,6 @@ def known_hand(dataset: Dataset) -> KnownHand:
     if dataset.generator == "zanatomy-hand":
         subject = zanatomy_bones.subject(folder_of(dataset))
         return KnownHand(subject.motion, lambda: subject.hand)
-    return KnownHand(phantom_hand.motion(), phantom_hand.hand)
+    motion = phantom_hand.motion()
+    poses = {name: {**angles, **WITH_FLESH.get(name, {})} for name, angles in motion.poses.items()}
+    return KnownHand(replace(motion, poses=poses), phantom_hand.hand)

@@ -150,3 +150,15 @@ BETWEEN = {
         name: round(0.6 * bent + 0.3 * POSES["spread"][name], 1) for name, bent in POSES["relaxed"].items()
     }
 }
+# What is different where fingers have flesh: their bones stay 3.7 mm apart; bare ones come within 0.6 mm.
+WITH_FLESH = {
+    "fist": {"MP2_abduction": 1, "MP4_abduction": -15, "MP5_abduction": -11}
+    | {"CMC4_flexion": 14, "CMC5_flexion": 9},
+    "bow": {"MP2_abduction": 15, "MP3_abduction": -3, "MP4_abduction": 8, "MP5_abduction": -6}
+    | {"CMC4_flexion": 14},
+    "oppose_middle": {"MP4_abduction": -1, "CMC4_flexion": -2},
+    "oppose_ring": {"MP2_abduction": 7, "MP3_abduction": 0, "MP5_abduction": 1}
+    | {"CMC4_flexion": 10, "CMC5_flexion": 5},
+    "point": {"MP3_abduction": -5, "MP4_abduction": -6, "MP5_abduction": -9}
+    | {"CMC4_flexion": -5, "CMC5_flexion": 13},
+}

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
@@ -84,8 +83,7 @@ def occupied(surfaces: Sequence[Surface], grid: Grid) -> Mask:
         if (high <= low).any():
             continue
         points = grid.origin + grid.spacing * (np.indices(high - low).reshape(3, -1).T + low)
-        within = igl.fast_winding_number(surface.vertices, surface.triangles, points) > 0.5
-        filled[_box(low, high)] |= within.reshape(high - low)
+        filled[_box(low, high)] |= surface.contains(points).reshape(high - low)
     return filled
 
 

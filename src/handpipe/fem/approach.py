@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.errors import ConvergenceError
+from handpipe.fem.attempts import Attempts
 from handpipe.fem.barrier import Barrier
-from handpipe.fem.equilibrium import Equilibrium, Options, solve
-from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix, factorise
+from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix
 from handpipe.fem.potential import Potential, Sum
-from handpipe.fem.reduction import FreeBlock
+from handpipe.fem.record import Equilibrium, Options
+from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
@@ -23,6 +24,7 @@ ROUNDS = 200
 STALLED = 1e-4  # of what remains: a round that moves less has not moved
 STALLED_ROUNDS = 5
 RELAXATIONS = 4  # Newton iterations between two moves
+TOLERANCE = 1e-3  # relative error of a move's linear solve
 
 
 def approach(
@@ -47,38 +49,53 @@ def approach(
     brief = replace(options, allow_partial=True, max_iterations=RELAXATIONS)
     free = np.ones(x.size, dtype=bool) if fixed is None else ~np.asarray(fixed, dtype=bool).ravel()
     aim = x if target is None else target
-    x, idle = np.array(x, dtype=float), 0
+    x, idle, workspace, energy = np.array(x, dtype=float), 0, Workspace(x), Sum([*potentials, barrier])
     for number in range(ROUNDS):
         motion = np.where(free.reshape(x.shape), 0.0, aim - x)
-        step = _follow(potentials, barrier, x, motion, vertices - barrier.obstacle, free)
-        fraction, barrier = barrier.advance(x, step, vertices)
+        step = _follow(energy, barrier, x, motion, vertices - barrier.obstacle, free, workspace)
+        fraction, moved = barrier.advance(x, step, vertices)
         x = x + fraction * step
         log.info("%s: round %d moves by %.3g of what remains", options.name, number + 1, fraction)
+        if moved is not barrier:
+            barrier, energy = moved, Sum([*potentials, moved])
         if fraction == 1.0:
-            return solve([*potentials, barrier], x, fixed=~free, options=options), barrier
+            return _relaxed(energy, x, free, options, workspace), barrier
         idle = idle + 1 if fraction < STALLED else 0
         if idle == STALLED_ROUNDS:
             break
-        x = solve([*potentials, barrier], x, fixed=~free, options=brief).x
+        x = _relaxed(energy, x, free, brief, workspace).x
     raise ConvergenceError(options.name, "what is prescribed cannot come nearer to its place without cutting")
 
 
 def _follow(
-    potentials: Sequence[Potential],
+    energy: Sum,
     barrier: Barrier,
     x: Array,
     motion: Array,
     shift: Array,
     free: NDArray[np.bool_],
+    workspace: Workspace,
 ) -> Array:
-    """Step (n, 3) that makes the prescribed motions and keeps equilibrium to first order."""
-    energy = Sum([*potentials, barrier])
+    """Step (n, 3) that makes the prescribed motions and keeps equilibrium to first order.
+
+    With the projected Hessian: near an instability the plain one, even where it is definite, leads far away.
+    """
     matrix = energy.hessian(x, True)
     change = energy.gradient(x) + barrier.drag(x, shift)
     load = change.ravel() + matrix @ motion.ravel()
     step = motion.ravel().copy()
     try:
-        step[free] -= factorise(FreeBlock(matrix, free).matrix(matrix)).solve(load[free])
+        block = workspace.block(matrix, free)
+        step[free] -= workspace.systems.solve(block, load[free], tolerance=TOLERANCE, free=free)
     except (NotPositiveDefinite, SingularMatrix):
         log.debug("the tangent cannot be factorised: only what is prescribed moves")
     return step.reshape(x.shape)
+
+
+def _relaxed(
+    energy: Sum, x: Array, free: NDArray[np.bool_], options: Options, workspace: Workspace
+) -> Equilibrium:
+    found = Attempts(energy, x, free, options, workspace).best()
+    if not found.record.converged and not options.allow_partial:
+        raise ConvergenceError(options.name, found.record.reason)
+    return found

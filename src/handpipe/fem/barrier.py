@@ -117,8 +117,21 @@ class Barrier:
 
     def with_obstacle(self, vertices: Array) -> Barrier:
         """The same barrier with the obstacle's vertices (o, 3) at another place."""
-        other = copy.copy(self)
+        other = self._twin()
         other.obstacle = np.array(vertices, dtype=float)
+        return other
+
+    def reaching(self, distance: float) -> Barrier:
+        """The same barrier with another activation distance in mm; what never collides stays the same."""
+        other = self._twin()
+        other.distance = distance
+        other._potential = ipctk.BarrierPotential(distance, self.stiffness / TIMES_COUNTED, True)
+        other._pattern = GrowingPattern()
+        return other
+
+    def _twin(self) -> Barrier:
+        """A copy that knows nothing of any positions yet."""
+        other = copy.copy(self)
         other._swept = other._last = other._held = None
         return other
 
@@ -167,8 +180,11 @@ class Barrier:
     def advance(self, x: Array, step: Array, vertices: Array) -> tuple[float, Barrier]:
         """Move body by `step` (n, 3) and obstacle to `vertices` (o, 3) together, as far as is free.
 
-        Returns the fraction of both motions that was made, and the barrier with the obstacle there.
+        Returns the fraction of both motions that was made, and the barrier with the obstacle there: itself
+        where there is none.
         """
+        if not len(self.obstacle):
+            return self.max_step(x, step), self
         start, moved = self.positions(x), self.with_obstacle(vertices)
         fraction = self._sweep(start, moved.positions(x + step) - start)
         return fraction, self.with_obstacle(self.obstacle + fraction * (moved.obstacle - self.obstacle))

@@ -109,10 +109,11 @@ class SurfaceContact(PointPotential):
     however far a point has slid. The Hessian is exact for the polyhedron: distance curves where an edge or a
     vertex is closest (outside of convex, inside of hollow places) and is linear over faces. Within one Newton
     step no point may move by more than its free distance and `reach` mm, or it could pass through a thin
-    body unnoticed. Of points that are `far` mm from the surface's box no more is asked: they are free.
+    body unnoticed. No more is asked of a point that must be more than `far` mm away, by the surface's box or
+    by how little it has moved since its distance was known.
     """
 
-    far = 3.0  # mm beyond the thickness
+    far = 1.0  # mm beyond the thickness
 
     def __init__(
         self,
@@ -139,13 +140,16 @@ class SurfaceContact(PointPotential):
         """Signed distances (k,), their gradients (k, 3) and `shape_operators` (k, 3, 3)."""
         if self._last is None or not np.array_equal(self._last[0], points):
             signed, normals, shapes = self._far(points)
+            if self._last is not None:
+                moved = np.linalg.norm(points - self._last[0], axis=1)
+                signed = np.maximum(signed, self._last[1] - moved)
             near = np.flatnonzero(signed < self.thickness + self.far)
             signed[near], normals[near], shapes[near] = self._near(points[near])
             self._last = points.copy(), signed, normals, shapes
         return self._last[1:]
 
     def _far(self, points: Array) -> tuple[Array, Array, Array]:
-        """What a query finds of points (k, 3) by the surface's box alone, nearer than the surface is."""
+        """What a query finds of points (k, 3) by the surface's box alone: a bound from below."""
         vertices = self.distance.surface.vertices
         beyond = np.maximum(np.maximum(vertices.min(axis=0) - points, points - vertices.max(axis=0)), 0.0)
         return np.linalg.norm(beyond, axis=1), np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))

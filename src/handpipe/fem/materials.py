@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from handpipe.errors import InputError
-from handpipe.fem.matrix3 import cofactor, determinant, symmetric_eigen
+from handpipe.fem.matrix3 import cofactor, determinant, rotational_svd, symmetric_eigen
 
 Array = NDArray[np.float64]
 Model = Literal["stable-neo-hookean", "stvk"]
@@ -222,4 +222,30 @@ def stiffnesses(model: int, f: Array, mu: Array, lam: Array) -> Array:
     out, work = np.empty((len(f), 9, 9)), np.empty((3, 3))
     for e in range(len(f)):
         stiffness(model, f[e], mu[e], lam[e], out[e], work)
+    return out
+
+
+@njit(cache=True)
+def semidefinite_stiffnesses(model: int, f: Array, mu: Array, lam: Array) -> Array:
+    """The same (m, 9, 9) without the parts of negative eigenvalues, see `projected_eigensystem`."""
+    out, work = np.zeros((len(f), 9, 9)), np.empty((3, 3, 3))
+    u, v, sigma = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    scaling, mean, half = np.empty((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    modes = np.empty((3, 3, 9))  # of row i and column j: u_i v_j^T
+    for e in range(len(f)):
+        rotational_svd(f[e], u, sigma, v)
+        projected_eigensystem(model, sigma, mu[e], lam[e], scaling, mean, half, work)
+        for i in range(3):
+            for j in range(3):
+                for a in range(9):
+                    modes[i, j, a] = u[a // 3, i] * v[a % 3, j]
+        for i in range(3):
+            for j in range(3):
+                for a in range(9):
+                    left = scaling[i, j] * modes[i, i, a]
+                    for b in range(9):
+                        out[e, a, b] += left * modes[j, j, b]
+                        if i != j:
+                            other = mean[i, j] * modes[i, j, b] + half[i, j] * modes[j, i, b]
+                            out[e, a, b] += modes[i, j, a] * other
     return out

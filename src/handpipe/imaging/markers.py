@@ -90,9 +90,7 @@ def estimate_muscle_level(volume: Volume, surface: Surface) -> float:
     """The commonest intensity within a guess of a muscle (mode of the values a few mm below its surface)."""
     depths = -np.linspace(1.0, 3.5, 6)
     values = sample_profiles(volume, surface.vertices, surface.vertex_normals(), depths).ravel()
-    grey = values[
-        (values > 0.2 * np.percentile(volume.values, 98)) & (values < 0.7 * np.percentile(volume.values, 98))
-    ]
+    grey = values[(values > 0.2 * volume.bright) & (values < 0.7 * volume.bright)]
     values = np.sort(grey if len(grey) > len(values) // 10 else values)
     half = max(len(values) // 3, 1)
     start = int(np.argmin(values[half:] - values[:-half])) if len(values) > half else 0

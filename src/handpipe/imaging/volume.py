@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import nibabel
@@ -45,6 +46,11 @@ class Volume:
     def spacing(self) -> Array:
         """Voxel size (3,) in mm."""
         return np.linalg.norm(self.affine[:3, :3], axis=0)
+
+    @cached_property
+    def bright(self) -> float:
+        """The 98th percentile of its values: those of bright tissue."""
+        return float(np.percentile(self.values, 98))
 
     def to_world(self, indices: NDArray) -> Array:
         """World points (n, 3) of continuous voxel indices (n, 3)."""

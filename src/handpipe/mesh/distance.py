@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from handpipe.mesh.surface import Surface, corner_angles
+from handpipe.mesh.surface import Surface, corner_angles, sums_at
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -64,14 +64,13 @@ def about(points: Array, surface: Surface, near: float) -> IntArray:
 def _pseudonormals(surface: Surface) -> tuple[Array, Array, Array]:
     """Normals of triangles (k, 3), of their edges from corner i to i + 1 (k, 3, 3), of vertices (n, 3)."""
     triangles, normals = surface.triangles, surface.triangle_normals()
-    ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    _, edge = np.unique(ends, axis=0, return_inverse=True)
-    edge = edge.reshape(-1)
-    sums = np.zeros((edge.max() + 1, 3))
-    np.add.at(sums, edge, np.repeat(normals, 3, axis=0))
+    first, second = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
+    keys = np.minimum(first, second) * len(surface.vertices) + np.maximum(first, second)
+    _, edge = np.unique(keys, return_inverse=True)
+    repeated = np.repeat(normals, 3, axis=0)
+    sums = sums_at(edge, repeated, int(edge.max()) + 1)
     angles = corner_angles(surface.vertices, triangles)
-    vertex = np.zeros_like(surface.vertices)
-    np.add.at(vertex, triangles.reshape(-1), angles.reshape(-1, 1) * np.repeat(normals, 3, axis=0))
+    vertex = sums_at(triangles.reshape(-1), angles.reshape(-1, 1) * repeated, len(surface.vertices))
     return normals, sums[edge].reshape(-1, 3, 3), vertex
 
 

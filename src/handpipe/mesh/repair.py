@@ -153,7 +153,6 @@ def _rebuild(surface: Surface, said: list[str]) -> Surface:
     length = max(float(surface.edge_lengths().mean()), float(np.ptp(surface.vertices, axis=0).max()) / 150)
     grid = Grid.around(surface.vertices, 2 * length, length)
     points = grid.points()
-    inside = igl.fast_winding_number(surface.vertices, surface.triangles, points) > 0.5
     distance = Distance(surface).closest(points)[0]
     said.append(f"Rebuilt the surface, which cut itself or was not a manifold, on a grid of {length:.2g} mm.")
-    return remesh(isosurface(np.where(inside, -distance, distance), grid), length)
+    return remesh(isosurface(np.where(surface.contains(points), -distance, distance), grid), length)

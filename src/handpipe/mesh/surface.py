@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from handpipe.artifacts import atomic
 from handpipe.errors import InputError
+from handpipe.mesh.rigid import RigidTransform
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -64,10 +66,16 @@ class Surface:
     def vertex_normals(self) -> Array:
         """Unit normals (n, 3), triangle normals weighted by their angle at the vertex."""
         angles = corner_angles(self.vertices, self.triangles)
-        normals = np.zeros_like(self.vertices)
-        for corner in range(3):
-            np.add.at(normals, self.triangles[:, corner], angles[:, corner, None] * self.triangle_normals())
-        return _unit(normals)
+        weighted = angles[:, :, None] * self.triangle_normals()[:, None, :]
+        return _unit(sums_at(self.triangles.ravel(), weighted.reshape(-1, 3), len(self.vertices)))
+
+    def contains(self, points: Array) -> NDArray[np.bool_]:
+        """Which points (n,) of (n, 3) are inside: about which the surface winds by more than a half.
+
+        Holes of an open surface count as closed (Jacobson et al. 2013, Robust inside-outside segmentation).
+        """
+        queries = np.ascontiguousarray(points, dtype=np.float64)
+        return np.asarray(igl.fast_winding_number(self.vertices, self.triangles, queries) > 0.5)
 
     @cached_property
     def _edges(self) -> tuple[IntArray, IntArray]:
@@ -137,6 +145,11 @@ def directed_edges(triangles: IntArray) -> IntArray:
     return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 
+def sums_at(places: IntArray, vectors: Array, count: int) -> Array:
+    """Sums (count, 3) of the vectors (k, 3) that belong to each of so many places (k,)."""
+    return np.stack([np.bincount(places, column, count) for column in vectors.T], axis=1)
+
+
 def corner_angles(vertices: Array, triangles: IntArray) -> Array:
     """Angles (k, 3) in rad at each triangle's corners."""
     points = vertices[triangles]
@@ -146,6 +159,13 @@ def corner_angles(vertices: Array, triangles: IntArray) -> Array:
         v = points[:, (corner + 2) % 3] - points[:, corner]
         angles[:, corner] = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
     return angles
+
+
+def each_moved(
+    surfaces: Mapping[str, Surface], transforms: Mapping[str, RigidTransform]
+) -> dict[str, Surface]:
+    """Each surface moved by the transform of its name, as bones are into a pose."""
+    return {name: s.moved(transforms[name](s.vertices)) for name, s in surfaces.items()}
 
 
 def concatenate(surfaces: list[Surface]) -> Surface:

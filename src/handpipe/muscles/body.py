@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -113,12 +113,21 @@ class Body:
         length. `spread` is the share of the latter: measured, even shares are nearer to the truth than
         either.
         """
+        return self.followed(bones, transforms, known, [spread])[0]
+
+    def followed(
+        self,
+        bones: Mapping[str, Surface],
+        transforms: Transforms,
+        known: tuple[Transforms, Array] | None,
+        spreads: Sequence[float],
+    ) -> list[Array]:
+        """What `follow` gives for each of several spreads."""
         own = {b: bones[b] for b in self.attachments}
-        nearness = bone_weights(self.mesh.vertices, own)
-        weights = (1 - spread) * nearness + spread * self.harmonic_weights()
-        if known is None:
-            return blend(self.mesh.vertices, weights, {b: transforms[b] for b in own})
-        return blend(known[1], weights, {b: transforms[b] @ known[0][b].inverse() for b in own})
+        nearness, harmonic = bone_weights(self.mesh.vertices, own), self.harmonic_weights()
+        start = self.mesh.vertices if known is None else known[1]
+        motions = {b: transforms[b] if known is None else transforms[b] @ known[0][b].inverse() for b in own}
+        return [blend(start, (1 - spread) * nearness + spread * harmonic, motions) for spread in spreads]
 
     def harmonic_weights(self) -> Array:
         """Weights (n, bones), one at a bone's own attachment, harmonic in between, rows summing to one."""

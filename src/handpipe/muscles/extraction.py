@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from handpipe.errors import ConvergenceError
 from handpipe.imaging.markers import MarkerSettings, boundary_markers, estimate_muscle_level
 from handpipe.imaging.volume import Volume
-from handpipe.mesh.distance import Distance
+from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface, concatenate
+from handpipe.mesh.surface import Surface, concatenate, each_moved
 from handpipe.metrics import Metrics
 from handpipe.muscles.body import Body
 from handpipe.muscles.contraction import contracted
@@ -145,7 +145,7 @@ def extract_poses(
         _, pose, near = min(left)
         log.info("%s: guessed from %s", pose, near or "neutral")
         moved, image = transforms[pose], volume(pose)
-        there = Distance(concatenate([s.moved(moved[b](s.vertices)) for b, s in bones.items()]))
+        there = Distance(concatenate([*each_moved(bones, moved).values()]))
         x = {
             m: _likeliest(b, bones, moved, (known[near][0], known[near][1][m]), image)
             for m, b in bodies.items()
@@ -184,7 +184,7 @@ def _likeliest(
 
     A thin end that crosses a joint may lie wholly beside itself in one guess, where no boundary is its own.
     """
-    guesses = [body.follow(bones, moved, known, spread) for spread in SPREADS]
+    guesses = body.followed(bones, moved, known, SPREADS)
     middle = guesses[len(SPREADS) // 2]
     if len(body.attachments) > 1:
         try:
@@ -257,10 +257,12 @@ def image_markers(
         offsets = np.linalg.norm(found.points - places, axis=1)
         keep, far = np.ones(len(offsets), dtype=bool), np.flatnonzero(offsets >= NEAR)
         for tree in trees:
-            gap, _, _, normals = tree.signed(found.points)
-            alike = np.einsum("ij,ij->i", normals, found.normals) > 0.3
-            keep &= ~(alike & (np.abs(gap) < offsets))
-            keep[far] &= tree.signed(places[far])[0] > TOUCHING
+            near = about(found.points, tree.surface, offsets.max(initial=0.0))
+            gap, _, _, normals = tree.signed(found.points[near])
+            alike = np.einsum("ij,ij->i", normals, found.normals[near]) > 0.3
+            keep[near] &= ~(alike & (np.abs(gap) < offsets[near]))
+            touching = far[about(places[far], tree.surface, TOUCHING)]
+            keep[touching] &= tree.signed(places[touching])[0] > TOUCHING
         if bones is not None:
             keep &= bones.signed(found.points)[0] > -WITHIN
         return Markers(found.points[keep], found.confidence[keep], found.vertices[keep])

@@ -20,7 +20,7 @@ from handpipe.fem.potential import Potential
 from handpipe.layers import Frame, Shape, Shapes
 from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surface import Surface, each_moved
 from handpipe.muscles.muscle import Muscle
 from handpipe.muscles.neighbours import Pairs, pairs, sliding_vertices
 from handpipe.settling import Limits, Settled, settle
@@ -45,7 +45,7 @@ class SimulationOptions:
     sliding: float = 4.0
     near: float = 1.0
     touch: float = 0.4
-    contacts: Limits = Limits(renewals=12, settled=0.05, gross=0.4)
+    contacts: Limits = Limits(renewals=20, settled=0.05, gross=0.4)
 
 
 class MuscleLayer:
@@ -97,7 +97,7 @@ class MuscleLayer:
         x = self._equilibrium([elastic, springs], x, frame.name)
         if not self.contact:
             return self._shapes(x, strains, {})
-        posed = {n: s.moved(frame.bones[n](s.vertices)) for n, s in bones.items()}
+        posed = each_moved(bones, frame.bones)
         settled = self._in_contact([elastic, springs], x, posed, frame.name)
         return self._shapes(settled.x, strains, settled.figures)
 

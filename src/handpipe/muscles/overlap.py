@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import igl
 import ipctk
 import numpy as np
 from numpy.typing import NDArray
@@ -114,10 +113,8 @@ def _probes(b: Body, xb: Array, xa: Array) -> IntArray:
 
 
 def _inside(points: Array, surface: Surface) -> bool:
-    near = np.ascontiguousarray(points[_in_box(points, surface.vertices)])
-    if len(near) == 0:
-        return False
-    return bool((igl.fast_winding_number(surface.vertices, surface.triangles, near) > 0.5).any())
+    near = points[_in_box(points, surface.vertices)]
+    return len(near) > 0 and bool(surface.contains(near).any())
 
 
 def depth(a: Body, xa: Array, other: Distance) -> float:

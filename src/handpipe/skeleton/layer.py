@@ -39,7 +39,10 @@ class BoneLayer:
 
     def __init__(self, bones: Mapping[str, Surface], joint_radius: float = 4.0) -> None:
         self.bones = dict(bones)
-        self.regions = {n: bone_regions(s.vertices, bones, joint_radius, 0.01) for n, s in bones.items()}
+        points = np.concatenate([s.vertices for s in bones.values()])
+        ends = np.cumsum([len(s.vertices) for s in bones.values()])
+        regions = np.split(bone_regions(points, bones, joint_radius, 0.01), ends[:-1])
+        self.regions = dict(zip(bones, regions, strict=True))
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """Each bone's surface at its transform."""

@@ -13,13 +13,13 @@ from handpipe.truth.elements import Elements
 Array = NDArray[np.float64]
 
 CRUSHED = 0.3  # of its volume at rest: where the resistance begins
-STEEPEST = 0.1  # of that: below, it grows quadratically, so that a bad start has an energy
+STEEPEST = 0.02  # of that: below, it grows quadratically, so that a bad start has an energy
 
 
 class Crushing(DensityPotential):
     """Energy sum of V k b(J / 0.3) over points with J = det F < 0.3; b(s) = -(s - 1)^2 ln s, k in kPa.
 
-    Below s = 0.1 b goes on as its parabola there: twice continuous, and finite for a start that is inside
+    Below s = 0.02 b goes on as its parabola there: twice continuous, and finite for a start that is inside
     out, which stable laws alone would let stay so.
     """
 

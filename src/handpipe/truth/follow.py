@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.errors import ConvergenceError
 from handpipe.fem.approach import approach
-from handpipe.fem.equilibrium import Equilibrium, Options, continuation
+from handpipe.fem.equilibrium import Equilibrium, Options, continuation, solve
 from handpipe.fem.record import Record
 from handpipe.truth.body import Body, Pose
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
+REACH = 3.0  # of contact on the way, in activation distances: the skin is pushed along in longer rounds
+PASSING = 8  # iterations for a state on the way, which need not rest
 NO_OBSTACLE = np.zeros((0, 3))
 
 
@@ -61,21 +64,25 @@ def _without_contact(
 def _with_contact(
     body: Body, motion: Callable[[float], Pose], start: Array, steps: int, options: Options
 ) -> Equilibrium:
-    barrier, x, record = body.barrier, start, Record()
-    assert barrier is not None
+    """On the way contact acts from further off, and no step ends in equilibrium: the last one alone does."""
+    assert body.barrier is not None
+    barrier, x = body.barrier.reaching(REACH * body.barrier.distance), start
+    passing, record = replace(options, allow_partial=True, max_iterations=PASSING), Record()
     for number in range(steps):
         pose = motion((number + 1) / steps)
-        target = body.prescribed(pose, x)
-        found, barrier = approach(
+        found, _ = approach(
             body.potentials(pose),
             barrier,
             x,
             NO_OBSTACLE,
             fixed=body.fixed,
-            target=target,
-            options=options,
+            target=body.prescribed(pose, x),
+            options=passing,
         )
         x = found.x
         record.add(found.record)
-        log.info("%s: step %d of %d, gap %.3g mm", options.name, number + 1, steps, barrier.gap(x))
-    return Equilibrium(x, record)
+        log.info("%s: step %d of %d, gap %.3g mm", options.name, number + 1, steps, body.barrier.gap(x))
+    energies = [*body.potentials(motion(1.0)), body.barrier]
+    found = solve(energies, x, fixed=body.fixed, options=options)
+    record.add(found.record)
+    return Equilibrium(found.x, record)

@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.fem.materials import MODELS, Material, energy_densities, piola_stresses, stiffnesses
-from handpipe.truth.density import DensityPotential, semidefinite
+from handpipe.fem.materials import (
+    MODELS,
+    Material,
+    energy_densities,
+    piola_stresses,
+    semidefinite_stiffnesses,
+    stiffnesses,
+)
+from handpipe.truth.density import DensityPotential
 from handpipe.truth.elements import Elements
 
 Array = NDArray[np.float64]
@@ -28,8 +35,8 @@ class Solid(DensityPotential):
         return piola_stresses(self._model, f, self._mu[points], self._lam[points])
 
     def tangents(self, f: Array, points: slice, project: bool) -> Array:
-        exact = stiffnesses(self._model, f, self._mu[points], self._lam[points])
-        return semidefinite(exact) if project else exact
+        law = semidefinite_stiffnesses if project else stiffnesses
+        return law(self._model, f, self._mu[points], self._lam[points])
 
     def volume_ratios(self, x: Array) -> Array:
         """det F (m, q) at every point: positive where tissue is not inside out."""
