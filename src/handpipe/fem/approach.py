@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.errors import ConvergenceError
-from handpipe.fem.attempts import Attempts
+from handpipe.fem.attempts import minimum
 from handpipe.fem.barrier import Barrier
 from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix
 from handpipe.fem.potential import Potential, Sum
@@ -59,11 +59,11 @@ def approach(
         if moved is not barrier:
             barrier, energy = moved, Sum([*potentials, moved])
         if fraction == 1.0:
-            return _relaxed(energy, x, free, options, workspace), barrier
+            return minimum(energy, x, free, options, workspace), barrier
         idle = idle + 1 if fraction < STALLED else 0
         if idle == STALLED_ROUNDS:
             break
-        x = _relaxed(energy, x, free, brief, workspace).x
+        x = minimum(energy, x, free, brief, workspace).x
     raise ConvergenceError(options.name, "what is prescribed cannot come nearer to its place without cutting")
 
 
@@ -90,12 +90,3 @@ def _follow(
     except (NotPositiveDefinite, SingularMatrix):
         log.debug("the tangent cannot be factorised: only what is prescribed moves")
     return step.reshape(x.shape)
-
-
-def _relaxed(
-    energy: Sum, x: Array, free: NDArray[np.bool_], options: Options, workspace: Workspace
-) -> Equilibrium:
-    found = Attempts(energy, x, free, options, workspace).best()
-    if not found.record.converged and not options.allow_partial:
-        raise ConvergenceError(options.name, found.record.reason)
-    return found

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.errors import ConvergenceError
 from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.newton import Newton
 from handpipe.fem.potential import Sum
@@ -17,6 +18,21 @@ from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
+
+
+def minimum(
+    energy: Sum,
+    x: Array,
+    free: NDArray[np.bool_],
+    options: Options,
+    workspace: Workspace,
+    checkpoint: Checkpoint | None = None,
+) -> Equilibrium:
+    """The best minimum near x (n, 3). `ConvergenceError` without one, unless `options.allow_partial`."""
+    found = Attempts(energy, x, free, options, workspace, checkpoint).best()
+    if not found.record.converged and not options.allow_partial:
+        raise ConvergenceError(options.name, found.record.reason)
+    return found
 
 
 class Attempts:

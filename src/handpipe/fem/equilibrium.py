@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.errors import ConvergenceError, InputError
-from handpipe.fem.attempts import Attempts
+from handpipe.fem.attempts import Attempts, minimum
 from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.potential import Potential, Sum
 from handpipe.fem.prediction import predict
@@ -50,9 +50,7 @@ def solve(
         if earlier is not None:
             log.info("%s: taken up from %s", options.name, checkpoint.path)
             x = earlier[2]
-    found = Attempts(energy, x, free, options, Workspace(x), checkpoint).best()
-    if not found.record.converged and not options.allow_partial:
-        raise ConvergenceError(options.name, found.record.reason)
+    found = minimum(energy, x, free, options, Workspace(x), checkpoint)
     if checkpoint is not None:
         checkpoint.done()
     return found
