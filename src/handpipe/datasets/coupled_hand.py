@@ -195,11 +195,11 @@ def posed(hand: HandBody, source: KnownHand, pose: str, x: Array, seed: int) -> 
         {name: sweep(line, radii[name]) for name, line in lines.items()},
         radii,
         (skin.vertices, skin.triangles),
-        {bone: (nail, known.transforms[bone]) for bone, nail in nail_triangles(hand).items()},
+        {bone: (nail, known.transforms[bone]) for bone, nail in skin_over_nails(hand).items()},
     )
 
 
-def nail_triangles(hand: HandBody) -> dict[str, IntArray]:
+def skin_over_nails(hand: HandBody) -> dict[str, IntArray]:
     """The triangles of the outer skin over each nail of the template, by the nail's bone."""
     outer = Surface(hand.body.rest, hand.body.skin_faces)
     skin = hand.subject.skin

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from handpipe.mesh.surface import Surface, corner_angles, sums_at
+from handpipe.mesh.surface import Surface, sums_at
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -67,11 +67,8 @@ def _pseudonormals(surface: Surface) -> tuple[Array, Array, Array]:
     first, second = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
     keys = np.minimum(first, second) * len(surface.vertices) + np.maximum(first, second)
     _, edge = np.unique(keys, return_inverse=True)
-    repeated = np.repeat(normals, 3, axis=0)
-    sums = sums_at(edge, repeated, int(edge.max()) + 1)
-    angles = corner_angles(surface.vertices, triangles)
-    vertex = sums_at(triangles.reshape(-1), angles.reshape(-1, 1) * repeated, len(surface.vertices))
-    return normals, sums[edge].reshape(-1, 3, 3), vertex
+    sums = sums_at(edge, np.repeat(normals, 3, axis=0), int(edge.max()) + 1)
+    return normals, sums[edge].reshape(-1, 3, 3), surface.vertex_normals()
 
 
 @njit(cache=True)
