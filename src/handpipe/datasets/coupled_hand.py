@@ -46,6 +46,7 @@ KIND = "coupled-pose"
 REST = "neutral"  # the pose whose angles are zero
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
 STEP = 6.0  # degrees of the joint that turns most: twice as much at once, and tissue starts inside out
+PATIENCE = 300  # iterations: a clenched fist comes to rest crease by crease
 CLICKS = 10  # points of a tendon that a person clicks
 RAYS = {"thumb": real_hand.RAYS[1], **{f"finger{i}": real_hand.RAYS[i][1:] for i in FINGERS}}
 WRIST = -22.0  # mm along the hand: scans end there
@@ -102,7 +103,7 @@ def settle(hand: HandBody, motion: Motion, pose: str, start: str = REST, x: Arra
     """
     steps = max(int(np.ceil(_widest(motion, pose, start) / STEP)), 2)
     options = Options(
-        name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=60, untangle=False
+        name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=PATIENCE, untangle=False
     )
 
     def at(t: float) -> Pose:
