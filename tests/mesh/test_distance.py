@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from handpipe.mesh.distance import Distance, sample_points, surface_errors
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surface import Surface, concatenate
 
 from .shapes import box, sphere
 
@@ -40,7 +40,16 @@ def test_signs_agree_with_libigl_on_a_shape_with_folds():
     np.testing.assert_allclose(Distance(shape).signed(points)[0], expected, atol=1e-9)
 
 
+def test_depths_inside_a_surface_that_cuts_itself():
+    one, other = sphere(5, 4), sphere(5, 4)
+    both = concatenate([one, other.moved(other.vertices + [6.0, 0, 0])])
+    points = np.array([[0.9, 0, 0], [3.0, 0, 0], [-4.0, 0, 0], [-6.0, 0, 0], [12.0, 0, 0]])
+    np.testing.assert_allclose(Distance(both).depths(points), [0.1, 2.0, 1.0, 0.0, 0.0], atol=0.02)
+    assert Distance(both).signed(points[:1])[0] > 0  # by the nearest normal it would be outside
+
+
 def test_no_points_give_no_distances():
+    assert Distance(box()).depths(np.zeros((0, 3))).shape == (0,)
     assert Distance(box()).signed(np.zeros((0, 3)))[0].shape == (0,)
 
 

@@ -28,8 +28,7 @@ def symmetric_distance(a: Surface, b: Surface) -> Array:
 
 def penetration(points: Array, closed: Surface) -> Array:
     """Depth (n,) in mm of each point (n, 3) inside a closed surface with outward triangles, 0 outside."""
-    signed = Distance(closed).signed(points)[0]
-    return np.maximum(-signed, 0.0)
+    return Distance(closed).depths(points)
 
 
 def curve_distance(points: Array, curve: Array) -> Array:

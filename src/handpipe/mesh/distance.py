@@ -54,6 +54,10 @@ class Distance:
         side = np.einsum("ij,ij->i", queries - closest, normals)
         return np.where(side < 0, -distances, distances), triangles, closest, normals
 
+    def depths(self, points: Array) -> Array:
+        """Depths (n,) in mm of points (n, 3) inside the surface, which may cut itself; 0 outside."""
+        return np.where(self.surface.contains(points), self.closest(points)[0], 0.0)
+
 
 def about(points: Array, surface: Surface, near: float) -> IntArray:
     """Points (k,) of (n, 3) in a surface's box, grown by `near` mm: no others are closer to it than that."""

@@ -123,4 +123,4 @@ def depth(a: Body, xa: Array, other: Distance) -> float:
     edges = edges[~np.isin(edges, a.held).any(axis=1)]
     points = np.concatenate([xa[a.free], xa[edges].mean(axis=1), xa[triangles].mean(axis=1)])
     near = points[_in_box(points, other.surface.vertices)]
-    return max(0.0, -float(other.signed(near)[0].min(initial=0.0)))
+    return float(other.depths(near).max(initial=0.0))
