@@ -58,6 +58,16 @@ def contracted(body: Body, transforms: Transforms, start: Array) -> Array:
     return search.x
 
 
+def slack(body: Body, transforms: Transforms, start: Array) -> Array:
+    """Mesh vertices (n, 3) of an elastic body between moved bones, not contracted, from a start (n, 3).
+
+    Raises `ConvergenceError` where no equilibrium is found.
+    """
+    search = Contraction(body, transforms, start)
+    search(np.zeros(HANDLES))
+    return search.x
+
+
 class Contraction:
     """W and its derivative (HANDLES,) by the weights a; x (n, 3): the equilibrium of the last ones."""
 

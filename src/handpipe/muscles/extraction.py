@@ -7,6 +7,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface, concatenate, each_moved
 from handpipe.metrics import Metrics
 from handpipe.muscles.body import Body
-from handpipe.muscles.contraction import contracted
+from handpipe.muscles.contraction import contracted, slack
 from handpipe.muscles.templates import Guess
 from handpipe.shapes.correspondence import Markers, fixed_markers
 from handpipe.shapes.fit import FindMarkers, ShapeFit, ShapeOptions, fit_shape
@@ -35,16 +36,22 @@ SEARCH = MarkerSettings.model_validate({"search": 2.0})
 TOUCHING, NEAR = 0.3, 0.5  # mm from a neighbour, where only edges so near are taken for one's own
 WITHIN = 0.3  # mm inside a bone that a muscle's boundary is still taken for its touching it
 SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)
+SEEN = 0.9  # share of its boundary that a fit finds in the image, with which no other guess is tried
+ALIKE = 0.3  # mm in the mean between guesses of which one is enough
 POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 
 
 @dataclass(frozen=True)
 class Extraction:
-    """A muscle in one pose: surface and mesh vertices (n, 3), and how they were found."""
+    """A muscle in one pose: surface and mesh vertices (n, 3), and how they were found.
+
+    seen: share of the places where neutral shows the boundary at which this image shows it on the surface.
+    """
 
     surface: Surface
     vertices: Array
     fit: ShapeFit
+    seen: float
 
     def metrics(self) -> Metrics:
         """The last step's figures, and the number of steps."""
@@ -55,6 +62,7 @@ class Extraction:
             "attachment_error_max": (last.attachment_max, "mm"),
             "strain_eigenvalue_min": (last.eigenvalue, "1"),
             "iterations": (float(len(self.fit.record)), "1"),
+            "boundary_seen": (self.seen, "1"),
         }
 
 
@@ -146,54 +154,75 @@ def extract_poses(
         log.info("%s: guessed from %s", pose, near or "neutral")
         moved, image = transforms[pose], volume(pose)
         there = Distance(concatenate([*each_moved(bones, moved).values()]))
-        x = {
-            m: _likeliest(b, bones, moved, (known[near][0], known[near][1][m]), image)
+        guesses = {
+            m: _guesses(b, bones, moved, (known[near][0], known[near][1][m]), image)
             for m, b in bodies.items()
         }
-        found[pose] = {}
+        x, found[pose] = {m: starts[0] for m, starts in guesses.items()}, {}
         for name, body in bodies.items():
-            others = [b.surface_at(x[m]) for m, b in bodies.items() if m != name]
-            placed = (points or {}).get((pose, name))
-            fitted = extract_pose(
+            fit = partial(
+                extract_pose,
                 body,
                 bones,
                 moved,
                 image,
-                start=x[name],
-                others=others,
+                others=[b.surface_at(x[m]) for m, b in bodies.items() if m != name],
                 posed_bones=there,
-                points=placed,
+                points=(points or {}).get((pose, name)),
                 landmarks=(landmarks or {}).get((pose, name)),
                 markers=markers,
                 options=options,
             )
+            fitted = _best(f"{name} in {pose}", guesses[name], fit)
             found[pose][name], x[name] = fitted, fitted.vertices
         known[pose] = moved, x
     return {pose: found[pose] for pose in transforms}
 
 
-def _likeliest(
+def _guesses(
     body: Body,
     bones: Mapping[str, Surface],
     moved: Mapping[str, RigidTransform],
     known: tuple[Mapping[str, RigidTransform], Array],
     image: Volume,
-) -> Array:
-    """Vertices (n, 3) of the guess that looks most like the muscle: moved with the bones, for several ways in
-    which a bend spreads over it, or contracted along its fibres.
+) -> list[Array]:
+    """Vertices (n, 3) of guesses, that which looks most like the muscle first: moved with the bones, for
+    several ways in which a bend spreads over it, elastic between them, or contracted along its fibres.
 
     A thin end that crosses a joint may lie wholly beside itself in one guess, where no boundary is its own.
     """
     guesses = body.followed(bones, moved, known, SPREADS)
     middle = guesses[len(SPREADS) // 2]
-    if len(body.attachments) > 1:
+    for held in (slack, contracted) if len(body.attachments) > 1 else ():
         try:
-            guesses.append(contracted(body, moved, middle))
+            guesses.append(held(body, moved, middle))
         except ConvergenceError as error:
-            log.info("no guess by contraction: %s", error)
+            log.info("no guess by %s: %s", held.__name__, error)
     level = estimate_muscle_level(image, body.surface_at(middle))
     strangeness = [np.abs(image.sample(body.surface_at(x).vertices) / level - 1) for x in guesses]
-    return guesses[int(np.argmin([np.mean(np.minimum(s, 1.0)) for s in strangeness]))]
+    order = np.argsort([np.mean(np.minimum(s, 1.0)) for s in strangeness], kind="stable")
+    chosen: list[Array] = []
+    for x in (guesses[i] for i in order):
+        if all(np.linalg.norm(x - other, axis=1).mean() > ALIKE for other in chosen):
+            chosen.append(x)
+    return chosen
+
+
+def _best(name: str, starts: Sequence[Array], fit: Callable[..., Extraction]) -> Extraction:
+    """The first fit of which nearly all boundary is seen, else that of which most is.
+
+    Among muscles that touch all is of one brightness: a wrong guess looks right, its boundary does not.
+    """
+    best: Extraction | None = None
+    for number, start in enumerate(starts):
+        found = fit(start=start)
+        log.info("%s: guess %d of %d, %.2f of its boundary seen", name, number + 1, len(starts), found.seen)
+        if best is None or found.seen > best.seen:
+            best = found
+        if best.seen >= SEEN:
+            break
+    assert best is not None
+    return best
 
 
 def _apart(
@@ -230,7 +259,9 @@ def _extract(
         options=options,
     )
     surface = body.surface_at(fit.vertices)
-    return Extraction(surface, fit.vertices, fit)
+    shown = find(surface).vertices
+    seen = 1.0 if shown is None else len(shown) / max(int(body.visible.sum()), 1)
+    return Extraction(surface, fit.vertices, fit, seen)
 
 
 def image_markers(
