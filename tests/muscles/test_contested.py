@@ -34,6 +34,14 @@ def test_a_bone_goes_on_holding_a_muscle_that_is_inside_another():
     assert depth[found].min() >= depth[others].max()
 
 
+def test_nothing_need_be_held():
+    bodies = {"one": spindle(), "same": spindle((0.2, 0.0, 0.0))}
+    body = uncontested(bodies, least=0)["one"]
+    surface = Distance(bodies["same"].surface)
+    assert 0 < len(body.held) < len(bodies["one"].held)
+    assert surface.signed(body.surface.vertices[body.held])[0].min() > FREE
+
+
 def test_a_muscle_without_neighbours_keeps_its_attachments():
     body = spindle()
     found = uncontested({"alone": body})["alone"].attachments

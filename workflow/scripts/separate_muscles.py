@@ -3,8 +3,11 @@
 from common import stage
 
 with stage(snakemake) as log:
+    from dataclasses import replace
+
     from handpipe import artifacts
     from handpipe.mesh.surface import each_moved
+    from handpipe.muscles.contested import uncontested
     from handpipe.muscles.separation import separate
     from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
@@ -15,6 +18,8 @@ with stage(snakemake) as log:
     bones = Rig.load(snakemake.input.rig).surfaces
     transforms = read_registration(snakemake.input.registration, bones)
     surfaces = {n: b.seated(b.surface.moved(shapes[n]["vertices"]), transforms) for n, b in bodies.items()}
-    found = separate(surfaces, each_moved(bones, transforms), held={n: b.held for n, b in bodies.items()})
+    # Where a muscle swells over a neighbour's attachment, that one has to give way here.
+    free = uncontested({n: replace(b, surface=surfaces[n]) for n, b in bodies.items()}, least=0)
+    found = separate(surfaces, each_moved(bones, transforms), held={n: b.held for n, b in free.items()})
     log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
     found.save(snakemake.output[0], [*snakemake.input])
