@@ -113,12 +113,10 @@ def fit_pose_strains(
 def _result(
     rest: TetMesh, stretch: StretchField, x: Array, gamma: float, distances: Array, objectives: list[float]
 ) -> PoseStrains:
-    f = np.stack([stretch.deformation(v) for v in x])
-    inverted = int((np.linalg.det(f) <= 0).sum())
+    inverted = sum(stretch.inverted(v) for v in x)
     if inverted:
-        raise ConvergenceError(
-            "Strains over poses", f"{inverted} tets of {f.shape[0] * f.shape[1]} are inverted"
-        )
+        total = len(x) * len(rest.tets)
+        raise ConvergenceError("Strains over poses", f"{inverted} tets of {total} are inverted")
     strains = np.stack([plasticity.exp(stretch(v)) for v in x])
     values = plasticity.eigenvalues(strains.reshape(-1, 6))
     bounds = float(values.min()), float(values.max())
@@ -179,8 +177,12 @@ class _Block:
         return (jacobian.T @ by_strain.ravel()).reshape(-1, 3) + by_place
 
     def step(self, x: Array, field_: Array) -> tuple[Array, float]:
-        """A Gauss-Newton step by the factor at hand, halved until the objective falls; and the decrease."""
-        before = self.value(x, field_)
+        """A Gauss-Newton step by the factor at hand, halved until the objective falls and no further tet is
+        inside out; and the decrease.
+
+        To be flat costs without bound, but a step can pass beyond that.
+        """
+        before, inverted = self.value(x, field_), self.stretch.inverted(x)
         gradient = self.gradient(x, field_)
         direction = -self.factor.solve(gradient.ravel()).reshape(-1, 3)
         slope = 2 * float((gradient * direction).sum())
@@ -188,7 +190,7 @@ class _Block:
         while size > 1e-3:
             trial = x + size * direction
             after = self.value(trial, field_)
-            if after <= before + 0.1 * size * slope:
+            if after <= before + 0.1 * size * slope and self.stretch.inverted(trial) <= inverted:
                 return trial, before - after
             size *= 0.5
         return x, 0.0

@@ -65,6 +65,10 @@ class StretchField:
         """Deformation gradients (m, 3, 3) at vertices (n, 3)."""
         return (self.gradient @ x.ravel()).reshape(-1, 3, 3)
 
+    def inverted(self, x: Array) -> int:
+        """Number of tets that are inside out at vertices (n, 3)."""
+        return int((np.linalg.det(self.deformation(x)) <= 0).sum())
+
     def linearise(self, x: Array) -> tuple[Array, sparse.csr_matrix]:
         """log U (m, 6) and its Jacobian (6 m, 3 n) at vertices (n, 3)."""
         value, derivative = log_stretch(self.deformation(x))
