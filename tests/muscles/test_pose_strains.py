@@ -121,3 +121,17 @@ def test_what_touches_a_neighbour_is_not_smoothed_into_it():
         )
 
     assert off(touching) < 0.05 < off(None)
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_no_tet_turns_inside_out_however_its_surface_is_pulled(mirrored):
+    """A plate whose surface is asked to be its mirror image, or one corner to lie beyond its far end."""
+    rest = box((6, 2, 1), (12.0, 4.0, 1.0))
+    w = surface_of(rest)
+    target = w @ rest.vertices
+    if mirrored:
+        target = target * [1, 1, -1] + [0, 0, 1]
+    else:
+        target[(target == target.max(axis=0)).all(axis=1)] -= [6, 2, 3]
+    fit = fit_pose_strains(rest, w, [target], np.array([[0.5]]), [rest.vertices])
+    assert rest.moved(fit.vertices[0]).volumes().min() > 0
