@@ -55,6 +55,17 @@ def test_a_place_without_a_tube_has_no_confidence(bent) -> None:
     assert sections.confidence.max() < 0.2
 
 
+def test_a_strip_of_muscle_is_no_tendon() -> None:
+    def intensity(points):
+        return np.where(to_tube(points) < 0, 0.45, 0.9)
+
+    guess = course(np.linspace(0.1, 0.65, 25)) + np.array([0.3, -0.4, 0.5])
+    strip = voxelised(intensity, (-1, -5, -5), (19, 14, 5))
+    sections = darkness_centre(strip, guess, tangents_of(guess), 1.7)
+    assert sections.confidence.max() < 0.05
+    np.testing.assert_allclose(sections.centres, guess, atol=0.2)
+
+
 def test_surface_is_closed_and_below_the_voxel_size(bent) -> None:
     surface = tube_surface(bent, course(np.linspace(0.1, 0.65, 30)), 1.7)
     sides = surface.vertices[:-2]

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 RAYS = 24  # around a section
 STEP = 0.1  # mm along a ray
 CONTRAST = 0.2  # least rise at the tube's edge, as a part of the bright tissue's level
+DARK = 0.4  # of that level: what is as bright is no tendon, but muscle
 STIFFNESS = 1.0
 
 
@@ -99,7 +100,8 @@ def darkness_centre(
 
     The edge on each ray is where the intensity is half-way to the tissue outside, so that fat on one side and
     muscle on the other do not pull the centre. Rays that enter a bone are left out, since cortical bone is as
-    dark as the tube. Sections whose edge is not seen keep their points and have confidence 0.
+    dark as the tube, and those that find nothing darker than muscle. Sections whose edge is not seen keep
+    their points and have confidence 0.
     """
     frames = parallel_frames(tangents)
     centres, radii, seen = points.copy(), np.full(len(points), radius), np.zeros(len(points))
@@ -127,16 +129,17 @@ def _ray_edges(
     if bones is not None:
         signed = bones.signed(samples[:, :, ::4].reshape(-1, 3))[0].reshape(*values.shape[:2], -1)
         free = np.repeat(signed > 0.2, 4, axis=2)[:, :, : len(offsets)]
-    edge, rise = _first_rise(values, offsets, CONTRAST * bright)
+    edge, rise, dark = _first_rise(values, offsets, CONTRAST * bright)
     before = offsets[None, None] <= edge[..., None] + 0.3
     hidden = (before & ~free).any(axis=2)
     confidence = np.clip(rise / (2 * CONTRAST * bright), 0, 1) * ~hidden
+    confidence *= np.clip((DARK - dark / bright) / (0.25 * DARK), 0, 1)
     confidence *= np.exp(-((np.maximum(np.abs(edge - radius) - 0.6 * radius, 0) / (0.3 * radius)) ** 2))
     return edge, confidence, (plane, world)
 
 
-def _first_rise(values: Array, offsets: Array, contrast: float) -> tuple[Array, Array]:
-    """Along the last axis: where intensity first rises half-way to the next maximum, and by how much.
+def _first_rise(values: Array, offsets: Array, contrast: float) -> tuple[Array, Array, Array]:
+    """Along the last axis: where intensity first rises half-way to the next maximum, by how much, from what.
 
     The rise is 0 where it never exceeds `contrast`.
     """
@@ -155,7 +158,7 @@ def _first_rise(values: Array, offsets: Array, contrast: float) -> tuple[Array, 
     low = np.take_along_axis(values, q[..., None] - 1, axis=2)[..., 0]
     high = np.take_along_axis(values, q[..., None], axis=2)[..., 0]
     part = np.clip((half - low) / np.where(high > low, high - low, 1), 0, 1)
-    return offsets[q - 1] + part * (offsets[1] - offsets[0]), np.where(found, top - dark, 0.0)
+    return offsets[q - 1] + part * (offsets[1] - offsets[0]), np.where(found, top - dark, 0.0), dark
 
 
 def _fit_circles(edge: Array, confidence: Array, plane: Array, radius: float) -> tuple[Array, Array, Array]:
