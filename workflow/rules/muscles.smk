@@ -94,7 +94,7 @@ rule extract_muscle_shapes:
     threads: 1
     resources:
         mem_mb=2000,
-        runtime=30,
+        runtime=60,
     params:
         dataset=dataset_digest,
     message:
@@ -118,7 +118,7 @@ rule separate_muscles:
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=10,
+        runtime=60,
     message:
         "{wildcards.subject}: separate the muscles of {wildcards.pose}"
     script:
