@@ -50,6 +50,16 @@ def test_halves_of_a_hinge_blend_to_half_its_angle(degrees):
     np.testing.assert_allclose(moved, _bent(half)["right"](points), atol=1e-12)
 
 
+def test_joints_of_a_finger_may_together_turn_by_more_than_half_a_turn():
+    # Three bones on one hinge, turned by 0, 110 and 220 degrees: half-way between the last two it is 165.
+    turns = [_bent(degrees)["right"] for degrees in (0.0, 110.0, 220.0)]
+    points = np.random.default_rng(2).normal(size=(20, 3))
+    weights = np.tile([0.02, 0.49, 0.49], (20, 1))
+    moved = blend(points, weights, dict(zip("abc", turns, strict=True)))
+    off = np.linalg.norm(moved - _bent(165.0)["right"](points), axis=1)
+    assert off.max() < 0.1 * np.linalg.norm(points, axis=1).max()
+
+
 def test_weights_sum_to_one_and_favour_the_nearest_bone():
     bones = _bones()
     points = np.random.default_rng(3).uniform([-20, -8, -8], [20, 8, 8], (200, 3))

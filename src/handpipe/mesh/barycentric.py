@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 def barycentric_weights(points: Array, corners: Array) -> Array:
@@ -16,3 +18,10 @@ def barycentric_weights(points: Array, corners: Array) -> Array:
     wa = np.einsum("ni,ni->n", np.cross(c - b, points - b), normal) / squared
     wb = np.einsum("ni,ni->n", np.cross(a - c, points - c), normal) / squared
     return np.stack([wa, wb, 1 - wa - wb], axis=1)
+
+
+def barycentric_matrix(places: Array, corners: IntArray, vertices: Array) -> sparse.csr_matrix:
+    """Matrix (k, n) by which vertices (n, 3) make up places (k, 3) in triangles of corners (k, 3)."""
+    weights = barycentric_weights(places, vertices[corners])
+    starts = 3 * np.arange(len(corners) + 1)
+    return sparse.csr_matrix((weights.ravel(), corners.ravel(), starts), shape=(len(corners), len(vertices)))

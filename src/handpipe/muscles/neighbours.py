@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from handpipe.mesh.barycentric import barycentric_weights
+from handpipe.mesh.barycentric import barycentric_matrix
 from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.surface import Surface
 
@@ -62,10 +62,7 @@ def pairs(a: Surface, b: Distance, near: float) -> Pairs:
     gap, triangles, closest, normals = b.signed(a.vertices[ids])
     astray = (gap < 0) & (np.einsum("ni,ni->n", a.vertex_normals()[ids], normals) > 0)
     chosen = np.flatnonzero((gap < near) & ~astray)
-    corners = other.triangles[triangles[chosen]]
-    weights = barycentric_weights(closest[chosen], other.vertices[corners])
-    shape, starts = (len(chosen), len(other.vertices)), 3 * np.arange(len(chosen) + 1)
-    feet = sparse.csr_matrix((weights.ravel(), corners.ravel(), starts), shape=shape)
+    feet = barycentric_matrix(closest[chosen], other.triangles[triangles[chosen]], other.vertices)
     return Pairs(ids[chosen], feet, normals[chosen], gap[chosen], np.zeros(len(chosen)))
 
 

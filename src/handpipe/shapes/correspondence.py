@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from handpipe.mesh.barycentric import barycentric_weights
+from handpipe.mesh.barycentric import barycentric_matrix
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 
@@ -57,11 +57,8 @@ class Correspondence:
         """
         if markers.vertices is None:
             _, triangles, closest = Distance(surface).closest(markers.points)
-            corners = surface.triangles[triangles]
-            weights = barycentric_weights(closest, surface.vertices[corners])
-            starts = 3 * np.arange(len(corners) + 1)
-            shape = (len(corners), len(surface.vertices))
-            matrix = sparse.csr_matrix((weights.ravel(), corners.ravel(), starts), shape=shape) @ embedding
+            feet = barycentric_matrix(closest, surface.triangles[triangles], surface.vertices)
+            matrix = feet @ embedding
             normals = surface.triangle_normals()[triangles]
         else:
             matrix = embedding[markers.vertices]

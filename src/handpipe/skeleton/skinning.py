@@ -55,12 +55,15 @@ def _dual_quaternion(transform: RigidTransform) -> tuple[Array, Array]:
 def blend(points: Array, weights: Array, transforms: Mapping[str, RigidTransform]) -> Array:
     """Points (n, 3) moved by dual-quaternion blends of transforms, weights (n, n_transforms).
 
-    Dual quaternions turn about joints without the collapse of linear blends (Kavan et al. 2008).
+    Dual quaternions turn about joints without the collapse of linear blends (Kavan et al. 2008). Of the two
+    that mean one motion, each point takes those on the side of its own bone's: a finger's joints together
+    turn by more than half a turn, the joint next to the point does not.
     """
     parts = [_dual_quaternion(t) for t in transforms.values()]
     real, dual = (np.stack(p) for p in zip(*parts, strict=True))
-    signs = np.where(real @ real[0] < 0, -1.0, 1.0)[:, None]
-    r, d = weights @ (signs * real), weights @ (signs * dual)
+    sides = np.where(real @ real.T < 0, -1.0, 1.0)
+    signed = weights * sides[weights.argmax(axis=1)]
+    r, d = signed @ real, signed @ dual
     norm = np.linalg.norm(r, axis=1, keepdims=True)
     r, d = r / norm, d / norm
     translation = 2.0 * (r[:, 3:] * d[:, :3] - d[:, 3:] * r[:, :3] + np.cross(r[:, :3], d[:, :3]))
