@@ -60,6 +60,7 @@ def test_a_bent_frame_gives_skin_and_mesh():
     assert set(shapes) == {"skin", "fat_mesh"}
     assert shapes["skin"].figures["contact_unsettled"] == 0
     assert shapes["skin"].figures["contact_motion"] < CONTACTS.settled
+    assert shapes["skin"].figures["skin_overlap"] == 0
     np.testing.assert_allclose(shapes["skin"].vertices, bent["core"](tissue.skin.vertices), atol=1e-5)
     corrected = layer.solve(Frame("bent", {}, bent), below(bent["core"](below()["bones"]["core"].rest)))
     tip = tissue.rigid["tip"].vertices

@@ -5,6 +5,7 @@ from __future__ import annotations
 import igl
 import numpy as np
 
+from handpipe.mesh.implicit import Grid, isosurface, remesh
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 
@@ -26,6 +27,16 @@ def box(size: tuple[float, float, float] = (4.0, 3.0, 2.0)) -> Surface:
     corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * np.array(size)
     quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
     return Surface(corners, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
+
+
+def fork(radius: float, apart: float, edge: float, length: float = 20.0) -> Surface:
+    """Two round prongs along x, their axes `apart` mm to either side of the middle, on a plate 3 mm thick."""
+    wide = apart + radius
+    grid = Grid.around(np.array([[-4, -wide, -radius], [length + radius, wide, radius]]), 1.0, 0.5)
+    x, y, z = grid.points().T
+    prongs = np.hypot(np.hypot(np.abs(y) - apart, z), np.maximum(x - length, np.minimum(x, 0))) - radius
+    plate = np.max([np.abs(x + 1) - 3, np.abs(y) - wide, np.abs(z) - 1.5], axis=0)
+    return remesh(isosurface(np.minimum(prongs, plate), grid), edge)
 
 
 def box_tets(n: int = 3, seed: int = 0) -> TetMesh:

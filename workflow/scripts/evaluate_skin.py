@@ -44,6 +44,7 @@ with stage(snakemake):
                 figures[f"{prefix}{role}_error_{statistic}"] = figures[f"skin_{total}_{model}_{statistic}"]
     for model, prefix in PREFIXES.items():
         figures |= contact_figures(contacts[model], prefix)
+        figures[f"{prefix}overlap_max"] = (max(f["skin_overlap"] for f in contacts[model]), "mm")
     metrics.write(snakemake.output.metrics, figures)
     artifacts.write_text(snakemake.output.table, json.dumps(rows, indent=2))
     values = [

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from handpipe import artifacts
 from handpipe.fat.nails import from_vector
+from handpipe.fat.skin_contact import overlap
 from handpipe.fat.tissue import Tissue
 from handpipe.fem import plasticity
 from handpipe.layers import Frame, Shape, Shapes
@@ -74,17 +75,20 @@ class TissueLayer:
         return transforms
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """Skin surface and tissue tets at equilibrium; the skin's figures tell how its contact settled.
+        """Skin surface and tissue tets at equilibrium.
 
-        Raises `ConvergenceError` where there is none."""
+        The skin's figures tell how its contact settled, and how deep (mm) it lies in itself.
+
+        Raises `ConvergenceError` where there is none.
+        """
         tissue, bones = self.tissue, frame.bones
         start = tissue.pose(bones)
         settled = tissue.solve(below, self.rigid(bones), self.plastic_strains(bones), start)
         x = settled.x
+        skin = tissue.skin.moved(tissue.skin_matrix @ x)
+        figures = {**settled.figures, "skin_overlap": overlap(tissue.skin, skin)}
         return {
-            "skin": Shape(
-                tissue.skin.vertices, tissue.skin_matrix @ x, tissue.skin.triangles, figures=settled.figures
-            ),
+            "skin": Shape(tissue.skin.vertices, skin.vertices, skin.triangles, figures=figures),
             self.name + "_mesh": Shape(
                 tissue.mesh.vertices, x, tissue.mesh.tets, {"occupancy": tissue.occupancy}
             ),

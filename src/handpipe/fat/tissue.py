@@ -16,6 +16,7 @@ from handpipe import artifacts
 from handpipe.errors import ConvergenceError
 from handpipe.fat.constraints import InnerPoints
 from handpipe.fat.skin import Rigid
+from handpipe.fat.skin_contact import skin_on_skin
 from handpipe.fem import equilibrium
 from handpipe.fem.constraints import Attachment, Contact, Sliding
 from handpipe.fem.elastic import Elastic
@@ -23,10 +24,12 @@ from handpipe.fem.equilibrium import Options
 from handpipe.fem.materials import Material
 from handpipe.fem.plasticity import polar
 from handpipe.fem.potential import Potential
+from handpipe.fem.surface_sliding import SurfaceSliding
 from handpipe.layers import Region, Shapes
+from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.operators import gradient_operator, mass_lumped
-from handpipe.mesh.planes import touching_planes
+from handpipe.mesh.planes import astray, touching_planes
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
@@ -118,25 +121,36 @@ class Tissue:
     ) -> list[Potential]:
         """What holds the tissue in a frame, at a share of its full stiffness.
 
-        Sliding and contact planes (000 section 6) touch the bodies where the inner points of x (n, 3) are
-        closest.
+        Contact planes (000 section 6) touch the bodies where the inner points of x (n, 3) are closest. What
+        slides does so on the surface itself, whose facets' planes would hand it to and fro; a point that is
+        astray in a thin body has a plane on its own side.
         rigid: transform from neutral of each rigid part of the skin.
         """
         inner, unit = self.inner, share * self.settings.stiffness
+        matrix, stiffness = self.inner_matrix, unit * inner.area
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
         touching = ~fixed & ~sliding
-        stiffness, matrix = unit * inner.area, self.inner_matrix
-        planes, normals = touching_planes(matrix @ x, self.sides(x), inner.body, inner.surfaces(below))
+        surfaces = inner.surfaces(below)
+        sides = self.sides(x)
+        planes, normals = touching_planes(matrix @ x, sides, inner.body, surfaces)
         potentials: list[Potential] = [
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
-            Sliding(matrix[sliding], planes[sliding], normals[sliding], stiffness[sliding]),
             Contact(matrix[touching], planes[touching], normals[touching], stiffness[touching]),
         ]
-        area = mass_lumped(self.skin.vertices, self.skin.triangles)
+        for index in np.unique(inner.body[sliding]):
+            ids = np.flatnonzero(sliding & (inner.body == index))
+            distance = Distance(surfaces[index])
+            signed, _, _, facing = distance.signed(matrix[ids] @ x)
+            lost = astray(signed, facing, sides[ids])
+            on, off = ids[~lost], ids[lost]
+            potentials.append(SurfaceSliding(matrix[on], distance, stiffness[on]))
+            potentials.append(Sliding(matrix[off], planes[off], normals[off], stiffness[off]))
+        stiffness = unit * mass_lumped(self.skin.vertices, self.skin.triangles)
         for name, part in self.rigid.items():
             target = rigid[name](self.skin.vertices[part.vertices])
-            potentials.append(Attachment(self.skin_matrix[part.vertices], target, unit * area[part.vertices]))
-        return potentials
+            potentials.append(Attachment(self.skin_matrix[part.vertices], target, stiffness[part.vertices]))
+        skin = self.skin.moved(self.skin_matrix @ x)
+        return [*potentials, *skin_on_skin(self.skin, skin, self.skin_matrix, stiffness)]
 
     def solve(
         self,
@@ -148,7 +162,7 @@ class Tissue:
     ) -> Settled:
         """Vertices (n, 3) at equilibrium under plastic strains (m, 6), from a start (n, 3).
 
-        The planes of sliding and contact are taken anew until the skin has settled.
+        Contact planes are taken anew until the skin has settled.
         Raises `ConvergenceError` where there is no equilibrium, or the skin does not come to rest.
         """
         elastic = self.elastic if strains is None else self.elastic.with_strains(strains)

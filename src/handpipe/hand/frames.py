@@ -16,6 +16,7 @@ LayerShapes = Mapping[str, Shapes]  # by the layer's name
 SimulatedFrame = tuple[Frame, LayerShapes]
 
 KIND = "frames"
+LENGTHS = {"contact_motion", "skin_overlap"}  # figures in mm
 
 
 def write_frames(
@@ -86,8 +87,8 @@ def _units(data: Mapping[str, Any]) -> dict[str, str]:
         for layer, shapes in frame["layers"].items():
             base = f"frames/{name}/layers/{layer}"
             units |= {f"{base}/{body}/vertices": "mm" for body in shapes}
-            moving = (body for body, shape in shapes.items() if "contact_motion" in shape["figures"])
-            units |= {f"{base}/{body}/figures/contact_motion": "mm" for body in moving}
+            figures = [(body, name) for body, shape in shapes.items() for name in shape["figures"]]
+            units |= {f"{base}/{body}/figures/{name}": "mm" for body, name in figures if name in LENGTHS}
     return units
 
 

@@ -30,18 +30,26 @@ def touching_planes(
     for index, surface in enumerate(surfaces):
         mine = body == index
         if mine.any():
-            places[mine], normals[mine] = _on_own_side(Distance(surface), points[mine], sides[mine])
+            places[mine], normals[mine] = _own_planes(Distance(surface), points[mine], sides[mine])
     return places, normals
 
 
-def _on_own_side(distance: Distance, points: Array, sides: Array) -> tuple[Array, Array]:
+def astray(signed: Array, normals: Array, sides: Array) -> NDArray[np.bool_]:
+    """Which points (k,) at signed distances (k,) are inside a body and closest to a side that is not theirs.
+
+    normals (k, 3) at the closest places, sides (k, 3): as in `touching_planes`.
+    """
+    return (signed < 0) & (np.einsum("ni,ni->n", normals, sides) < AGREE)
+
+
+def _own_planes(distance: Distance, points: Array, sides: Array) -> tuple[Array, Array]:
     signed, _, places, normals = distance.signed(points)
-    astray = np.flatnonzero((signed < 0) & (np.einsum("ni,ni->n", normals, sides) < AGREE))
-    places[astray], normals[astray] = points[astray], sides[astray]
+    lost = np.flatnonzero(astray(signed, normals, sides))
+    places[lost], normals[lost] = points[lost], sides[lost]
     for lift in LIFTS:
-        lifted = points[astray] + lift * sides[astray]
+        lifted = points[lost] + lift * sides[lost]
         height, _, place, normal = distance.signed(lifted)
-        found = (height > 0) & (np.einsum("ni,ni->n", normal, sides[astray]) > AGREE)
-        places[astray[found]], normals[astray[found]] = place[found], normal[found]
-        astray = astray[~found]
+        found = (height > 0) & (np.einsum("ni,ni->n", normal, sides[lost]) > AGREE)
+        places[lost[found]], normals[lost[found]] = place[found], normal[found]
+        lost = lost[~found]
     return places, normals

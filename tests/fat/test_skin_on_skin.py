@@ -1,0 +1,77 @@
+"""Two soft prongs pressed together by their bones: the skin rests on itself half-way between them."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from tests.mesh.shapes import fork
+
+from handpipe.fat.constraints import inner_points
+from handpipe.fat.mesh import tissue_mesh
+from handpipe.fat.skin import Rigid
+from handpipe.fat.tissue import Tissue
+from handpipe.layers import Shape
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.self_contact import self_contact
+from handpipe.mesh.surface import concatenate
+
+from .limb import capsule
+
+RADIUS, APART, CORE = 3.0, 5.0, 1.2
+SIDES = {"left": 1.0, "right": -1.0}
+
+
+def core(side):
+    surface = capsule(CORE, 0.8, length=13.0)
+    return surface.moved(surface.vertices + [12.5, side * APART, 0])
+
+
+def below(motions):
+    cores = {name: core(side) for name, side in SIDES.items()}
+    return {"bones": {n: Shape(s.vertices, motions[n](s.vertices), s.triangles) for n, s in cores.items()}}
+
+
+def together(distance):
+    """Motions of the bones, each by `distance` mm towards the other."""
+    return {n: RigidTransform(np.eye(3), np.array([0, -side * distance, 0])) for n, side in SIDES.items()}
+
+
+@cache
+def tissue():
+    skin, cores = fork(RADIUS, APART, edge=1.2), concatenate([core(side) for side in SIDES.values()])
+    mesh, occupancy = tissue_mesh(skin, cores, 1.8)
+    inner = inner_points(below(together(0)), ("bones",), cores, 0.1)
+    x, y, _ = mesh.vertices.T
+    along = np.clip((x - 2) / 4, 0, 1)
+    weights = np.stack([1 - along, along * (y > 0), along * (y <= 0)], axis=1)
+    base = Rigid("palm", np.flatnonzero(skin.vertices[:, 0] < -2))
+    return Tissue(mesh, occupancy, skin, inner, {"base": base}, ("palm", *SIDES), weights)
+
+
+def pressed(distance):
+    motions, body = together(distance), tissue()
+    still = RigidTransform.identity()
+    start = body.pose({"palm": still, **motions})
+    settled = body.solve(below(motions), {"base": still}, None, start)
+    assert settled.rests
+    return body.skin.moved(body.skin_matrix @ settled.x)
+
+
+def test_prongs_pressed_together_meet_half_way():
+    skin = pressed(2.8)  # round prongs would overlap by 1.6 mm
+    found = self_contact(skin, tissue().skin, near=0.2, deep=6.0)
+    assert len(found.vertices) > 40
+    assert found.gaps.min() > -0.16  # a tenth of that: the springs give way
+    middle = skin.vertices[found.vertices, 1]
+    assert abs(middle.mean()) < 0.05 and np.abs(middle).max() < 0.3
+    sides = np.sign(tissue().skin.vertices[:, 1])
+    assert (sides * skin.vertices[:, 1])[
+        skin.vertices[:, 0] > 9
+    ].min() > -0.3  # none went through to the other side
+
+
+def test_prongs_that_do_not_meet_are_left_alone():
+    free = pressed(1.5)  # 1 mm apart
+    round_again = np.hypot(np.abs(free.vertices[:, 1]) - (APART - 1.5), free.vertices[:, 2])
+    shaft = (free.vertices[:, 0] > 9) & (free.vertices[:, 0] < 18)
+    assert round_again[shaft] == pytest.approx(RADIUS, abs=0.1)
