@@ -119,38 +119,50 @@ class Tissue:
         x: Array,
         share: float = 1.0,
     ) -> list[Potential]:
-        """What holds the tissue in a frame, at a share of its full stiffness.
+        """What holds the tissue in a frame where it lies at x (n, 3), at a share of its full stiffness.
 
-        Contact planes (000 section 6) touch the bodies where the inner points of x (n, 3) are closest. What
-        slides does so on the surface itself, whose facets' planes would hand it to and fro; a point that is
-        astray in a thin body has a plane on its own side.
         rigid: transform from neutral of each rigid part of the skin.
         """
-        inner, unit = self.inner, share * self.settings.stiffness
-        matrix, stiffness = self.inner_matrix, unit * inner.area
+        unit = share * self.settings.stiffness
+        return [*self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit)]
+
+    def _on_bodies(self, below: Mapping[str, Shapes], x: Array, unit: float) -> list[Potential]:
+        """The inner points, fixed, sliding or in contact (000 section 6).
+
+        Contact planes touch the bodies where points are closest. What slides does so on the surface itself,
+        whose facets' planes would hand it to and fro; a point that is astray in a thin body has a plane on
+        its own side.
+        """
+        inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
         touching = ~fixed & ~sliding
-        surfaces = inner.surfaces(below)
-        sides = self.sides(x)
-        planes, normals = touching_planes(matrix @ x, sides, inner.body, surfaces)
+        points, sides, surfaces = matrix @ x, self.sides(x), inner.surfaces(below)
+        planes, normals = touching_planes(points, sides, inner.body, surfaces)
         potentials: list[Potential] = [
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
             Contact(matrix[touching], planes[touching], normals[touching], stiffness[touching]),
         ]
-        for index in np.unique(inner.body[sliding]):
-            ids = np.flatnonzero(sliding & (inner.body == index))
-            distance = Distance(surfaces[index])
-            signed, _, _, facing = distance.signed(matrix[ids] @ x)
+        for body in np.unique(inner.body[sliding]):
+            ids = np.flatnonzero(sliding & (inner.body == body))
+            distance = Distance(surfaces[body])
+            signed, _, _, facing = distance.signed(points[ids])
             lost = astray(signed, facing, sides[ids])
             on, off = ids[~lost], ids[lost]
             potentials.append(SurfaceSliding(matrix[on], distance, stiffness[on]))
             potentials.append(Sliding(matrix[off], planes[off], normals[off], stiffness[off]))
-        stiffness = unit * mass_lumped(self.skin.vertices, self.skin.triangles)
-        for name, part in self.rigid.items():
-            target = rigid[name](self.skin.vertices[part.vertices])
-            potentials.append(Attachment(self.skin_matrix[part.vertices], target, stiffness[part.vertices]))
-        skin = self.skin.moved(self.skin_matrix @ x)
-        return [*potentials, *skin_on_skin(self.skin, skin, self.skin_matrix, stiffness)]
+        return potentials
+
+    def _on_skin(self, rigid: Mapping[str, RigidTransform], x: Array, unit: float) -> list[Potential]:
+        """Nails and the cut end go with their bones, and the skin is kept out of itself."""
+        skin, matrix = self.skin, self.skin_matrix
+        stiffness = unit * mass_lumped(skin.vertices, skin.triangles)
+        parts: list[Potential] = [
+            Attachment(
+                matrix[part.vertices], rigid[name](skin.vertices[part.vertices]), stiffness[part.vertices]
+            )
+            for name, part in self.rigid.items()
+        ]
+        return [*parts, *skin_on_skin(skin, skin.moved(matrix @ x), matrix, stiffness)]
 
     def solve(
         self,
