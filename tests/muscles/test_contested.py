@@ -1,9 +1,14 @@
 """Which vertices of overlapping muscles bones go on holding."""
 
 import numpy as np
+import pytest
 
+from handpipe.errors import ConvergenceError
 from handpipe.mesh.distance import Distance
-from handpipe.muscles.contested import FREE, LEAST, uncontested
+from handpipe.muscles import contested
+from handpipe.muscles.contested import FREE, LEAST, separate_posed, uncontested
+from handpipe.muscles.parting import Inseparable
+from handpipe.muscles.separation import Separation
 
 from .shapes import spindle
 
@@ -47,3 +52,27 @@ def test_a_muscle_without_neighbours_keeps_its_attachments():
     found = uncontested({"alone": body})["alone"].attachments
     for bone, ids in body.attachments.items():
         np.testing.assert_array_equal(found[bone], ids)
+
+
+def test_attachments_let_go_farther_out_where_muscles_cannot_be_parted(monkeypatch):
+    tried = []
+
+    def hardly(surfaces, bones, held):
+        tried.append(sum(map(len, held.values())))
+        if len(tried) < 3:
+            raise Inseparable("Separation of muscles", "one and two meet")
+        return Separation(dict(surfaces), 1.0, 0.0, 0)
+
+    monkeypatch.setattr(contested, "separate", hardly)
+    bodies = {"one": spindle(), "two": spindle((1.0, 0.5, 1.0))}
+    assert separate_posed(bodies, {}).penetration == 0.0
+    assert tried[0] > tried[1] >= tried[2]
+
+
+def test_what_cannot_be_parted_at_all_is_an_error(monkeypatch):
+    def never(surfaces, bones, held):
+        raise Inseparable("Separation of muscles", "one and two meet")
+
+    monkeypatch.setattr(contested, "separate", never)
+    with pytest.raises(ConvergenceError, match="one and two meet"):
+        separate_posed({"one": spindle()}, {})

@@ -7,8 +7,7 @@ with stage(snakemake) as log:
 
     from handpipe import artifacts
     from handpipe.mesh.surface import each_moved
-    from handpipe.muscles.contested import uncontested
-    from handpipe.muscles.separation import separate
+    from handpipe.muscles.contested import separate_posed
     from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
     from muscle_files import read_bodies
@@ -17,9 +16,10 @@ with stage(snakemake) as log:
     shapes = artifacts.read(snakemake.input.shapes, "muscle_shapes")[snakemake.wildcards.pose]
     bones = Rig.load(snakemake.input.rig).surfaces
     transforms = read_registration(snakemake.input.registration, bones)
-    surfaces = {n: b.seated(b.surface.moved(shapes[n]["vertices"]), transforms) for n, b in bodies.items()}
-    # Where a muscle swells over a neighbour's attachment, that one has to give way here.
-    free = uncontested({n: replace(b, surface=surfaces[n]) for n, b in bodies.items()}, least=0)
-    found = separate(surfaces, each_moved(bones, transforms), held={n: b.held for n, b in free.items()})
+    posed = {
+        n: replace(b, surface=b.seated(b.surface.moved(shapes[n]["vertices"]), transforms))
+        for n, b in bodies.items()
+    }
+    found = separate_posed(posed, each_moved(bones, transforms))
     log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
     found.save(snakemake.output[0], [*snakemake.input])

@@ -10,17 +10,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.mesh.distance import Distance
+from handpipe.mesh.surface import Surface
 from handpipe.muscles.body import Body
+from handpipe.muscles.parting import Inseparable
+from handpipe.muscles.separation import Separation, separate
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 FREE = 0.1  # mm out of every other muscle, at least, where a bone may hold one
+FARTHER = (FREE, 0.5, 1.0)  # mm, tried in turn: triangles at held vertices reach into the neighbour, too
 LEAST = 3  # vertices that each bone goes on holding
 
 
-def uncontested(bodies: Mapping[str, Body], least: int = LEAST) -> dict[str, Body]:
-    """The same bodies, no longer held where that is inside another one.
+def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> Separation:
+    """Muscles of a pose, their surfaces where they are there, parted from one another and from posed bones.
+
+    Where a muscle swells over a neighbour's attachment, that one has to give way here: it is let go as far
+    from the muscle as the two cannot be parted otherwise. Raises `ConvergenceError` as `separate` does.
+    """
+    *margins, widest = FARTHER
+    for margin in margins:
+        try:
+            return _separated(bodies, bones, margin)
+        except Inseparable as error:
+            log.warning(
+                "%s Attachments farther than %.1f mm from other muscles are let go next", error, margin
+            )
+    return _separated(bodies, bones, widest)
+
+
+def _separated(bodies: Mapping[str, Body], bones: Mapping[str, Surface], margin: float) -> Separation:
+    held = {name: body.held for name, body in uncontested(bodies, 0, margin).items()}
+    return separate({name: body.surface for name, body in bodies.items()}, bones, held=held)
+
+
+def uncontested(bodies: Mapping[str, Body], least: int = LEAST, margin: float = FREE) -> dict[str, Body]:
+    """The same bodies, no longer held where that is inside another one, or within a margin in mm of it.
 
     What holds a vertex there forbids that the two be parted. Each bone keeps `least` vertices, those that
     lie farthest out of the others, if more of its are inside.
@@ -30,7 +56,7 @@ def uncontested(bodies: Mapping[str, Body], least: int = LEAST) -> dict[str, Bod
     for name, body in bodies.items():
         others = [distance for other, distance in surfaces.items() if other != name]
         kept = {
-            bone: ids[_kept(_gaps(body.surface.vertices[ids], others), least)]
+            bone: ids[_kept(_gaps(body.surface.vertices[ids], others), least, margin)]
             for bone, ids in body.attachments.items()
         }
         dropped = len(body.held) - sum(map(len, kept.values()))
@@ -46,7 +72,7 @@ def _gaps(points: Array, others: list[Distance]) -> Array:
     return np.min([alone, *(other.signed(points)[0] for other in others)], axis=0)
 
 
-def _kept(gaps: Array, least: int) -> NDArray[np.int64]:
+def _kept(gaps: Array, least: int, margin: float) -> NDArray[np.int64]:
     order = np.argsort(-gaps, kind="stable")
-    count = max(int((gaps > FREE).sum()), min(least, len(gaps)))
+    count = max(int((gaps > margin).sum()), min(least, len(gaps)))
     return np.sort(order[:count])

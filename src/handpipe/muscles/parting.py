@@ -24,6 +24,10 @@ WIDER = 1.5  # times as far in every further round: bones reach through large tr
 ROUNDS = 60
 
 
+class Inseparable(ConvergenceError):
+    """Muscles meet however they are drawn in: what holds them is inside one another, or crosses."""
+
+
 def body_pairs(muscles: Sequence[Body], bones: Sequence[Body]) -> list[tuple[int, int]]:
     """Muscle and muscle, or muscle and bone: numbers in the list of both."""
     m, b = len(muscles), len(bones)
@@ -33,7 +37,7 @@ def body_pairs(muscles: Sequence[Body], bones: Sequence[Body]) -> list[tuple[int
 def parted(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None:
     """Vertices (n, 3) of each muscle at which nothing meets; None where that is so at rest.
 
-    Raises `ConvergenceError` naming a pair that meets however it is drawn in.
+    Raises `Inseparable` naming a pair that meets however it is drawn in.
     """
     bodies = [*muscles, *bones]
     starts = [_Start(b, bodies) for b in muscles]
@@ -52,7 +56,7 @@ def parted(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None
             at[i] = starts[i].vertices()
         open_pairs = [(i, j) for i, j in pairs if i in moved or j in moved]
     names = " and ".join(bodies[k].name for k in meeting[0])
-    raise ConvergenceError("Separation of muscles", f"{names} meet even when drawn in to threads")
+    raise Inseparable("Separation of muscles", f"{names} meet even when drawn in to threads")
 
 
 class _Start:

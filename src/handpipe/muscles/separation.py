@@ -85,8 +85,8 @@ def separate(
     given shapes that minimises thin-plate bending and size, reach^4 |lap u|^2 + |u|^2 integrated over the
     surfaces, with a barrier between them that no step crosses: surfaces that were apart never meet. Pressures
     keep volumes. held: vertex ids of each muscle that do not move and do not collide (attachments).
-    Surfaces that do not meet are handed back as they are. Raises `ConvergenceError` where bodies meet however
-    deflated, or volumes find no room.
+    Surfaces that do not meet are handed back as they are. Raises `Inseparable` where bodies meet however
+    deflated, `ConvergenceError` where volumes find no room.
     """
     options = options or SeparationOptions()
     nothing = np.zeros(0, dtype=np.int64)
