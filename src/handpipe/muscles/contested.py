@@ -34,9 +34,7 @@ def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> 
         try:
             return _separated(bodies, bones, margin)
         except Inseparable as error:
-            log.warning(
-                "%s Attachments farther than %.1f mm from other muscles are let go next", error, margin
-            )
+            log.warning("%s Attachments beyond %.1f mm of another muscle are let go next", error, margin)
     return _separated(bodies, bones, widest)
 
 
