@@ -121,3 +121,20 @@ def test_a_scan_that_already_fits_asks_for_no_strain():
     tissue = limb(Region.fixed)
     fit = fit_strains(tissue, below(), at_rest(), tissue.skin, tissue.mesh.vertices, FitSettings())
     assert np.abs(fit.log_strains).max() < 1e-6
+
+
+def test_no_tet_is_strained_by_much_in_one_iteration():
+    tissue = limb(Region.fixed)
+    scan = tissue.skin.moved(tissue.skin.vertices * [1.0, 1.5, 1.5])  # 3 mm outside of 4 mm of tissue
+    fits = [
+        fit_strains(
+            tissue, below(), at_rest(), scan, tissue.mesh.vertices, FitSettings(iterations=n, enough=0.0)
+        )
+        for n in (1, 6)
+    ]
+    once, often = (np.sqrt((fit.log_strains**2 @ [1.0, 2, 2, 1, 2, 1]).max()) for fit in fits)
+    largest = FitSettings().largest_change
+    assert once <= largest * (1 + 1e-9)
+    assert once > 0.9 * largest  # the scan asks for more, and
+    assert often > 2 * largest  # gets it in time
+    assert fits[1].record[-1]["mean_gap"] < 0.2 * fits[1].record[0]["mean_gap"]

@@ -34,6 +34,7 @@ from handpipe.settling import Limits
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
+SYMMETRIC = np.sqrt([1.0, 2, 2, 1, 2, 1])  # off-diagonal entries stand for two
 ON_THE_WAY = Limits(
     renewals=4, settled=0.01, gross=np.inf
 )  # shapes between which the search chooses may creep
@@ -51,6 +52,7 @@ class FitSettings:
     iterations: int = 10
     least_gain: float = 0.01  # relative decrease under which the fit has settled
     least_step: float = 0.1  # of the line search
+    largest_change: float = 0.3  # of a tet's log-strain (Frobenius norm) in one iteration
 
 
 @dataclass
@@ -167,7 +169,7 @@ def fit_strains(
         strain = strain_operator(mesh, now.x)
         held = tissue.held(below, rigid, now.x)
         step = _direction(strain, laplacian, now, tissue.skin_operator, held, settings)
-        change = (strain @ step.ravel()).reshape(-1, 6)
+        change = _bounded((strain @ step.ravel()).reshape(-1, 6), settings.largest_change)
         found, eta = _search(state, now, change, step, settings)
         if found is None:
             break
@@ -181,6 +183,16 @@ def fit_strains(
         if gain < settings.least_gain or record[-1]["mean_gap"] < settings.enough:
             break
     return FatFit(now.logs, now.x, record)
+
+
+def _bounded(change: Array, largest: float) -> Array:
+    """Log-strains (m, 6) cut down where they are large: there the linearised direction means nothing.
+
+    Where a thin layer is a multiple of its thickness away from the scan, it would ask for strains of several
+    hundred per cent, and leave them to the neighbouring poses.
+    """
+    norms = np.linalg.norm(change * SYMMETRIC, axis=1, keepdims=True)
+    return change * np.minimum(1.0, largest / np.maximum(norms, 1e-12))
 
 
 def _search(
