@@ -52,7 +52,7 @@ class FitSettings:
     iterations: int = 10
     least_gain: float = 0.01  # relative decrease under which the fit has settled
     least_step: float = 0.1  # of the line search
-    largest_change: float = 0.3  # of a tet's log-strain (Frobenius norm) in one iteration
+    largest_change: float = 0.5  # of a tet's log-strain (Frobenius norm) in one iteration
 
 
 @dataclass
