@@ -64,10 +64,8 @@ def test_prongs_pressed_together_meet_half_way():
     assert found.gaps.min() > -0.16  # a tenth of that: the springs give way
     middle = skin.vertices[found.vertices, 1]
     assert abs(middle.mean()) < 0.05 and np.abs(middle).max() < 0.3
-    sides = np.sign(tissue().skin.vertices[:, 1])
-    assert (sides * skin.vertices[:, 1])[
-        skin.vertices[:, 0] > 9
-    ].min() > -0.3  # none went through to the other side
+    own_side = np.sign(tissue().skin.vertices[:, 1]) * skin.vertices[:, 1]
+    assert own_side[skin.vertices[:, 0] > 9].min() > -0.3  # none went through to the other
 
 
 def test_prongs_that_do_not_meet_are_left_alone():

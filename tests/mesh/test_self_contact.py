@@ -18,7 +18,7 @@ def at_rest():
 
 
 def closed(shift):
-    """The fork at rest, and with both prongs moved moved to the middle; how far their axes are from it."""
+    """The fork at rest, and with both prongs moved to the middle; how far their axes are from it."""
     rest = at_rest()
     x, y, _ = rest.vertices.T
     moved = rest.vertices.copy()

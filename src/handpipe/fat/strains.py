@@ -34,7 +34,6 @@ from handpipe.settling import Limits
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
-SYMMETRIC = np.sqrt([1.0, 2, 2, 1, 2, 1])  # off-diagonal entries stand for two
 ON_THE_WAY = Limits(
     renewals=4, settled=0.01, gross=np.inf
 )  # shapes between which the search chooses may creep
@@ -191,8 +190,8 @@ def _bounded(change: Array, largest: float) -> Array:
     Where a thin layer is a multiple of its thickness away from the scan, it would ask for strains of several
     hundred per cent, and leave them to the neighbouring poses.
     """
-    norms = np.linalg.norm(change * SYMMETRIC, axis=1, keepdims=True)
-    return change * np.minimum(1.0, largest / np.maximum(norms, 1e-12))
+    norms = np.linalg.norm(plasticity.to_matrices(change), axis=(1, 2))
+    return change * np.minimum(1.0, largest / np.maximum(norms, 1e-12))[:, None]
 
 
 def _search(

@@ -135,12 +135,15 @@ class Tissue:
         """
         inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
-        touching = ~fixed & ~sliding
+        touching = np.flatnonzero(~fixed & ~sliding)
         points, sides, surfaces = matrix @ x, self.sides(x), inner.surfaces(below)
-        planes, normals = touching_planes(points, sides, inner.body, surfaces)
+
+        def planes(ids: IntArray) -> tuple[Array, Array]:
+            return touching_planes(points[ids], sides[ids], inner.body[ids], surfaces)
+
         potentials: list[Potential] = [
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
-            Contact(matrix[touching], planes[touching], normals[touching], stiffness[touching]),
+            Contact(matrix[touching], *planes(touching), stiffness[touching]),
         ]
         for body in np.unique(inner.body[sliding]):
             ids = np.flatnonzero(sliding & (inner.body == body))
@@ -149,7 +152,7 @@ class Tissue:
             lost = astray(signed, facing, sides[ids])
             on, off = ids[~lost], ids[lost]
             potentials.append(SurfaceSliding(matrix[on], distance, stiffness[on]))
-            potentials.append(Sliding(matrix[off], planes[off], normals[off], stiffness[off]))
+            potentials.append(Sliding(matrix[off], *planes(off), stiffness[off]))
         return potentials
 
     def _on_skin(self, rigid: Mapping[str, RigidTransform], x: Array, unit: float) -> list[Potential]:

@@ -41,13 +41,14 @@ def self_contact(surface: Surface, rest: Surface, near: float, deep: float) -> S
     """
     normals = surface.vertex_normals()
     beneath = surface.contains(surface.vertices + LIFT * normals)
-    vertices, triangles = _candidates(surface, rest, np.where(beneath, deep, near), normals)
+    reach = np.where(beneath, deep, near)
+    vertices, triangles = _candidates(surface, rest, reach, normals)
     corners = surface.vertices[surface.triangles[triangles]]
     places = trimesh.triangles.closest_point(corners, surface.vertices[vertices])
     offsets = surface.vertices[vertices] - places
     distances = np.linalg.norm(offsets, axis=1)
     above = np.einsum("ni,ni->n", offsets, surface.triangle_normals()[triangles]) > 0
-    known = (distances < np.where(beneath, deep, near)[vertices]) & (above != beneath[vertices])
+    known = (distances < reach[vertices]) & (above != beneath[vertices])
     kept = np.flatnonzero(known)
     order = kept[np.lexsort((distances[kept], vertices[kept]))]
     first = order[np.unique(vertices[order], return_index=True)[1]]
