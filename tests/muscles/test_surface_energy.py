@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.sparse.linalg import spsolve
 
+from handpipe.fem.equilibrium import solve
 from handpipe.mesh.surface import Surface
-from handpipe.muscles.surface_energy import Plate, Pressure, thin_plate, volume_gradient
+from handpipe.muscles.surface_energy import KeptVolumes, Plate, thin_plate, volume_gradient
 
 
 def ellipsoid() -> Surface:
@@ -31,10 +33,10 @@ def test_forces_are_derivatives_of_the_energies():
     x = surface.vertices + 0.1 * rng.normal(size=surface.vertices.shape)
     step = 1e-5 * rng.normal(size=x.shape)
     whole = [slice(0, len(x))]
-    for energy in (
-        Plate(thin_plate(surface, 2.0), surface.vertices),
-        Pressure([surface], whole, np.array([0.7])),
-    ):
+    volumes = KeptVolumes([surface], whole, np.array([2.0]), 0.01)
+    volumes.renew(x)
+    assert volumes.pressures[0] != 0
+    for energy in (Plate(thin_plate(surface, 2.0), surface.vertices), volumes):
         change = energy.value(x + step) - energy.value(x - step)
         assert 2 * np.vdot(energy.gradient(x), step) == pytest.approx(change, rel=1e-6)
 
@@ -44,3 +46,23 @@ def test_a_plate_resists_a_shift_by_its_area_alone():
     plate = Plate(thin_plate(surface, 5.0), surface.vertices)
     shift = np.array([0.3, 0.0, 0.4])
     assert plate.value(surface.vertices + shift) == pytest.approx(0.5 * surface.area() * 0.25, rel=1e-9)
+
+
+def test_pressures_bring_volumes_back_while_the_shape_is_found():
+    """Pressed flat between two planes, the body bulges sideways and keeps its volume."""
+    surface = ellipsoid()
+    stiffness = thin_plate(surface, 2.0)
+    plate = Plate(stiffness, surface.vertices)
+    compliance = np.vdot(volume_gradient(surface), spsolve(stiffness.tocsc(), volume_gradient(surface)))
+    volumes = KeptVolumes([surface], [slice(0, len(surface.vertices))], np.array([compliance]), 0.004)
+    x = surface.vertices.copy()
+    x[:, 2] = np.clip(x[:, 2], 2.5, 3.5)
+    pressed = np.zeros(x.shape, dtype=bool)
+    pressed[:, 2] = x[:, 2] != surface.vertices[:, 2]
+    empty = solve([plate], x, fixed=pressed).x
+    assert not volumes.kept(empty)
+    volumes.renew(empty)
+    found = solve([plate, volumes], empty, fixed=pressed)
+    assert found.record.converged and volumes.kept(found.x)
+    assert surface.moved(found.x).volume() == pytest.approx(surface.volume(), rel=0.004)
+    assert np.array_equal(found.x[pressed], x[pressed])

@@ -24,7 +24,7 @@ from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.overlap import Body, collision_filter, depth
 from handpipe.muscles.parting import body_pairs, parted
-from handpipe.muscles.surface_energy import Plate, Pressure, thin_plate, volume_gradient
+from handpipe.muscles.surface_energy import KeptVolumes, Plate, thin_plate, volume_gradient
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -33,11 +33,11 @@ log = logging.getLogger(__name__)
 
 KIND = "separated-muscles"
 STIFFNESS = 1.0  # mm of displacement whose pressure, by size alone, finds half the clearance
-SOFT = 8.0  # times the clearance, of the barrier behind which bodies grow
+SOFTER = (8.0, 4.0, 2.0)  # times the clearance, of the barriers behind which bodies grow first
+FILLED = 2.0  # times the clearance, at most, where pressures fill them: from farther off they are kept small
+LOOSE = 8.0  # times the tolerance, behind those
 HOLD = 1e2  # times a vertex's stiffness, by which held ones are pulled back to their places
-ROUNDS = 12  # in which pressures are sought
-STIFFEST = 0.2  # of a free surface's compliance, at least, that neighbours are taken to leave it
-RESERVE = 0.9  # of the volume's band that is used
+ROUNDS = 6  # of the last solve, where pressures are changed again
 
 
 @dataclass(frozen=True)
@@ -176,49 +176,27 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
         untangle=False,
         name="separation",
     )
+    loose = replace(settings, displacement_tolerance=LOOSE * options.tolerance, force_tolerance=1.0)
+    compliances = np.array([_compliance(s, k) for s, k in zip(surfaces, plates, strict=True)])
+    volumes = KeptVolumes(surfaces, scene.parts, compliances, options.volume)
+    x, iterations = start, 0
     # A barrier that is felt from afar lets bodies make way for one another before they touch.
-    soft = _Convex(scene.barrier(start, SOFT * options.clearance))
-    loose = replace(settings, displacement_tolerance=SOFT * options.tolerance, force_tolerance=1.0)
-    found = equilibrium.solve([plate, soft], start, options=loose)
-    x, iterations = found.x, found.record.iterations
-    volumes = _Volumes(surfaces, plates, options.volume)
-    for _ in range(ROUNDS):
-        forces: list[Potential] = [plate, Pressure(surfaces, scene.parts, volumes.pressures), barrier]
-        found = equilibrium.solve(forces, x, options=settings)
+    for times in SOFTER:
+        soft = _Convex(scene.barrier(x, times * options.clearance))
+        forces: list[Potential] = [plate, soft] if times > FILLED else [plate, soft, volumes]
+        found = equilibrium.solve(forces, x, options=loose)
         x, iterations = found.x, iterations + found.record.iterations
-        if volumes.kept([s.moved(x[p]).volume() for s, p in zip(surfaces, scene.parts, strict=True)]):
+    barrier = _Convex(scene.barrier(x, options.clearance))
+    for _ in range(ROUNDS):
+        found = equilibrium.solve([plate, barrier, volumes], x, options=settings)
+        x, iterations = found.x, iterations + found.record.iterations
+        log.info("separation: volumes changed by up to %.2f %%", 100 * np.abs(volumes.changes(x)).max())
+        if volumes.kept(x):
             return _seated(scene, rest, x, barrier.barrier), iterations
-    raise ConvergenceError(
-        "Separation of muscles",
-        f"volumes changed by up to {100 * volumes.largest:.1f} % after {iterations} iterations",
-    )
-
-
-class _Volumes:
-    """Pressures that bring volumes back into their band, by the secant method for each body."""
-
-    def __init__(self, surfaces: Sequence[Surface], plates: Sequence[sparse.csr_matrix], band: float) -> None:
-        self._rest, self._band = np.array([s.volume() for s in surfaces]), band
-        self._free = np.array([_compliance(s, k) for s, k in zip(surfaces, plates, strict=True)])
-        self._compliances = self._free.copy()
-        self._change, self._last = np.zeros(len(surfaces)), self._rest
-        self.pressures, self.largest = np.zeros(len(surfaces)), 0.0
-
-    def kept(self, volumes: Sequence[float]) -> bool:
-        """Whether all volumes are in their band; pressures are changed of those that are not."""
-        now = np.array(volumes)
-        relative = now / self._rest - 1
-        self.largest = float(np.abs(relative).max())
-        log.info("separation: volumes changed by up to %.2f %%", 100 * self.largest)
-        changed = self._change != 0
-        met = (now - self._last)[changed] / self._change[changed]
-        # Neighbours take away of the room that a free surface would have, but never all of it.
-        self._compliances[changed] = np.clip(met, STIFFEST * self._free[changed], self._free[changed])
-        target = np.clip(relative, -RESERVE * self._band, RESERVE * self._band)
-        outside = np.abs(relative) > self._band
-        self._change = np.where(outside, self._rest * (target - relative) / self._compliances, 0.0)
-        self._last, self.pressures = now, self.pressures + self._change
-        return not outside.any()
+        volumes.renew(x)
+    largest = 100 * np.abs(volumes.changes(x)).max()
+    problem = f"volumes changed by up to {largest:.1f} % after {iterations} iterations: {found.record.reason}"
+    raise ConvergenceError("Separation of muscles", problem)
 
 
 def _plate(body: Body, reach: float) -> sparse.csr_matrix:

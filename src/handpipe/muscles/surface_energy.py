@@ -1,4 +1,4 @@
-"""What a muscle's surface resists when it is pushed: a thin plate's bending and size; a pressure inside."""
+"""What a muscle's surface resists when it is pushed: a thin plate's bending and size; a change of volume."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
 from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
+
+CALM = 0.1  # mm that a body moves in a step at most, for its pressure to be changed
 
 
 def thin_plate(surface: Surface, reach: float) -> sparse.csr_matrix:
@@ -42,31 +44,64 @@ class Plate:
         return self._wide
 
 
-class Pressure:
-    """Energy -p V of the volume inside each closed surface; its second derivative is left out.
+class KeptVolumes:
+    """Energy -sum p V of the volumes V inside closed surfaces. Between Newton's steps the pressures p change
+    until volumes are in their band; its second derivative is left out.
 
-    bodies: each surface's vertices in x and its triangles on them. Pressures are small against the plate's
-    stiffness times radii of curvature, so that Newton's method without the second derivative still converges
-    by an order of magnitude in every step.
+    parts: each surface's vertices in x; compliances: change of its volume by its pressure where it is free,
+    in mm^3 per mm; band: relative change of a volume at most. A change of pressure is what a free surface
+    would need. Neighbours leave a surface a fifth and more of its compliance: so no change is too large, and
+    a few of them suffice. Pressures are small against the plate's stiffness times radii of curvature, so
+    that Newton's method without the second derivative converges by an order of magnitude in a step.
     """
 
-    def __init__(self, surfaces: Sequence[Surface], parts: Sequence[slice], pressures: Array) -> None:
-        self._bodies = list(zip(surfaces, parts, pressures, strict=True))
-        size = 3 * parts[-1].stop
-        self._zero = sparse.csr_matrix((size, size))
+    def __init__(
+        self, surfaces: Sequence[Surface], parts: Sequence[slice], compliances: Array, band: float
+    ) -> None:
+        self._bodies = list(zip(surfaces, parts, strict=True))
+        self._rest = np.array([s.volume() for s in surfaces])
+        self._compliances, self._band = compliances, band
+        self._zero = sparse.csr_matrix((3 * parts[-1].stop, 3 * parts[-1].stop))
+        self._last: Array | None = None
+        self.pressures = np.zeros(len(surfaces))
+
+    def changes(self, x: Array) -> Array:
+        """Relative changes (bodies,) of the volumes at x (n, 3)."""
+        return self._volumes(x) / self._rest - 1
+
+    def kept(self, x: Array) -> bool:
+        """Whether all volumes are in their band."""
+        return bool((np.abs(self.changes(x)) <= self._band).all())
 
     def value(self, x: Array) -> float:
-        return -sum(p * s.moved(x[part]).volume() for s, part, p in self._bodies if p != 0)
+        return -float(self.pressures @ self._volumes(x))
 
     def gradient(self, x: Array) -> Array:
         total = np.zeros_like(x)
-        for surface, part, pressure in self._bodies:
-            if pressure != 0:
-                total[part] = -pressure * volume_gradient(surface.moved(x[part]))
+        for (surface, part), pressure in zip(self._bodies, self.pressures, strict=True):
+            total[part] = -pressure * volume_gradient(surface.moved(x[part]))
         return total
 
     def hessian(self, x: Array, project: bool = False) -> sparse.csr_matrix:
         return self._zero
+
+    def refresh(self, x: Array) -> None:
+        """Change the pressures of bodies that nearly rest: others have not answered the last ones yet."""
+        if self._last is not None:
+            moved = np.linalg.norm(x - self._last, axis=1)
+            self.renew(x, np.array([moved[part].max() < CALM for _, part in self._bodies]))
+        self._last = x
+
+    def renew(self, x: Array, chosen: NDArray[np.bool_] | None = None) -> None:
+        """Change the pressures, all or of chosen (bodies,), whose volumes are beyond half their band."""
+        changes, half = self.changes(x), 0.5 * self._band
+        missing = self._rest * (np.clip(changes, -half, half) - changes)
+        if chosen is not None:
+            missing[~chosen] = 0.0
+        self.pressures = self.pressures + missing / self._compliances
+
+    def _volumes(self, x: Array) -> Array:
+        return np.array([surface.moved(x[part]).volume() for surface, part in self._bodies])
 
 
 def volume_gradient(surface: Surface) -> Array:
