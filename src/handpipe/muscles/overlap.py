@@ -53,9 +53,9 @@ class Body:
         return np.setdiff1d(np.arange(len(self.surface.vertices)), self.held)
 
 
-def collision_filter(bodies: Sequence[Body]) -> ipctk.CollisionFilter:
+def collision_filter(bodies: Sequence[Body], chosen: IntArray | None = None) -> ipctk.CollisionFilter:
     """Which copies of all bodies, one body after the other, may collide: not those of one body, not two fixed
-    ones, not a tied one with a tied or fixed one.
+    ones, not a tied one with a tied or fixed one. chosen: those copies (n,) alone.
     """
     counts = [len(b.copies[0]) for b in bodies]
     body = np.repeat(np.arange(len(bodies)), counts)
@@ -66,8 +66,9 @@ def collision_filter(bodies: Sequence[Body]) -> ipctk.CollisionFilter:
         ]
     )
     group = np.where(passive, 0, 1 + np.arange(len(passive)))
-    apart = ipctk.make_vertex_patches_filter(body.astype(np.int32))
-    return apart & ipctk.make_vertex_patches_filter(group.astype(np.int32))
+    of = slice(None) if chosen is None else chosen
+    apart = ipctk.make_vertex_patches_filter(body[of].astype(np.int32))
+    return apart & ipctk.make_vertex_patches_filter(group[of].astype(np.int32))
 
 
 def meet(a: Body, b: Body, xa: Array, xb: Array) -> bool:
@@ -78,9 +79,8 @@ def meet(a: Body, b: Body, xa: Array, xb: Array) -> bool:
     near_a, near_b = _in_box(xa, xb), _in_box(xb, xa)
     if not near_a.any() and not near_b.any() and not _boxes_cross(xa, xb):
         return False
-    mesh, copies = _pair_mesh(a, b)
     return (
-        ipctk.has_intersections(mesh, np.asfortranarray(np.concatenate([xa, xb])[copies]), ipctk.LBVH())
+        _cut(a, b, xa, xb)
         or _inside(xa[a.free], b.surface.moved(xb))
         or _inside(xb[_probes(b, xb, xa)], a.surface.moved(xa))
     )
@@ -94,15 +94,27 @@ def _in_box(points: Array, other: Array) -> NDArray[np.bool_]:
     return ((points >= other.min(axis=0)) & (points <= other.max(axis=0))).all(axis=1)
 
 
-def _pair_mesh(a: Body, b: Body) -> tuple[ipctk.CollisionMesh, IntArray]:
-    """Collision mesh of the copies of two bodies, and each copy's vertex of both."""
+def _cut(a: Body, b: Body, xa: Array, xb: Array) -> bool:
+    """Whether an edge of one cuts a triangle of the other, of the triangles in the box of both."""
     (of_a, triangles_a), (of_b, triangles_b) = a.copies, b.copies
-    copies = np.concatenate([of_a, of_b + len(a.surface.vertices)])
-    faces = np.concatenate([triangles_a, triangles_b + len(of_a)]).astype(np.int32)
-    rest = np.concatenate([a.surface.vertices, b.surface.vertices])[copies]
-    mesh = ipctk.CollisionMesh(np.asfortranarray(rest), ipctk.edges(faces), np.asfortranarray(faces))
-    mesh.can_collide = collision_filter([a, b])
-    return mesh, copies
+    xa, xb = xa[of_a], xb[of_b]
+    low, high = np.maximum(xa.min(axis=0), xb.min(axis=0)), np.minimum(xa.max(axis=0), xb.max(axis=0))
+    near_a, near_b = _reaching(xa, triangles_a, low, high), _reaching(xb, triangles_b, low, high)
+    if not len(near_a) or not len(near_b):
+        return False
+    chosen, faces = np.unique(np.concatenate([near_a, near_b + len(xa)]), return_inverse=True)
+    faces = faces.reshape(-1, 3).astype(np.int32)
+    at = np.asfortranarray(np.concatenate([xa, xb])[chosen])
+    mesh = ipctk.CollisionMesh(at, ipctk.edges(faces), np.asfortranarray(faces))
+    mesh.can_collide = collision_filter([a, b], chosen)
+    return bool(ipctk.has_intersections(mesh, at, ipctk.LBVH()))
+
+
+def _reaching(x: Array, triangles: IntArray, low: Array, high: Array) -> IntArray:
+    """Triangles (k, 3) whose boxes meet the box from low to high."""
+    corners = x[triangles]
+    meets = (corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)
+    return triangles[meets.all(axis=1)]
 
 
 def _probes(b: Body, xb: Array, xa: Array) -> IntArray:
