@@ -1,5 +1,7 @@
 """The shape in a pose where brightness alone misleads: a taut muscle against one that is as bright."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from handpipe.imaging.volume import Volume
@@ -63,3 +65,18 @@ def test_an_elastic_body_between_bones_that_move_alike_moves_as_they_do():
     bulged = body.mesh.vertices + [0, 0, 2.0] * np.cos(body.mesh.vertices[:, :1] / 10.0)
     x = slack(body, dict.fromkeys(body.attachments, motion), motion(bulged))
     np.testing.assert_allclose(x, motion(body.mesh.vertices), atol=1e-3)
+
+
+def test_an_end_beside_its_bone_stays_where_the_image_shows_it():
+    """Bone "a" goes 3 mm away from the spindle's end, which lies 3 mm off it; bone "b" holds the other."""
+    body, bones = spindle(), hinge_bones()
+    bones["b"] = rod([14.0, 0.0, 0.0], 6.0, 3.5)
+    moved = {"a": RigidTransform(np.eye(3), np.array([-3.0, 0.0, 0.0])), "b": RigidTransform.identity()}
+    held = body.on_bones(bones)
+    assert len(held.attachments["a"]) == 0 and len(held.attachments["b"]) > 3
+    visible = replace(body, visible=np.ones(len(body.surface.vertices), dtype=bool))
+    image = image_of(body.surface)
+    found = extraction.extract_pose(visible, bones, moved, image).surface
+    left = found.vertices[body.attachments["a"]]
+    assert np.abs(left - body.surface.vertices[body.attachments["a"]]).max() < 1.0
+    assert surface_errors(found, body.surface).mean() < 0.3

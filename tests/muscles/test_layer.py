@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 from tests.muscles.shapes import hinge, hinge_bones, spindle
 
-from handpipe.fem import plasticity
+from handpipe.fem import equilibrium, plasticity
+from handpipe.fem.constraints import Attachment
+from handpipe.fem.elastic import Elastic
 from handpipe.layers import Frame
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.layer import MuscleLayer
 from handpipe.muscles.muscle import Muscle
 from handpipe.muscles.pose_strains import PoseStrains
+from handpipe.shapes.fit import MUSCLE
 from handpipe.shapes.stretch import StretchField
 from handpipe.skeleton.layer import BoneLayer
 
@@ -32,9 +35,16 @@ def muscle(name: str, centre=(0.0, 0.0, 0.0)) -> Muscle:
     body = spindle(centre)
     poses = {"half": hinge(0.4), "full": hinge(0.8)}
     blends = [body.follow(hinge_bones(), t) for t in poses.values()]
-    rough = MuscleLayer([known_in(poses, blends, name, body)], contact=False)
-    shapes = [solve(rough, angle)[f"{name}_mesh"].vertices for angle in (0.4, 0.8)]
+    shapes = [seated(body, x, t) for x, t in zip(blends, poses.values(), strict=True)]
     return known_in(poses, shapes, name, body)
+
+
+def seated(body, x, transforms):
+    """The shape x with the body's ends on the bones."""
+    elastic = Elastic(body.mesh.vertices, body.mesh.tets, MUSCLE)
+    strained = elastic.with_strains(plasticity.exp(StretchField(body.mesh)(x)))
+    held = body.attached(transforms)
+    return equilibrium.solve([strained, Attachment(held.matrix, held.targets, 2000.0)], x).x
 
 
 def solve(layer: MuscleLayer, angle: float):
@@ -50,6 +60,24 @@ def test_examples_are_reproduced():
         assert (
             np.linalg.norm(shape.vertices - known.vertices[index], axis=1).max() < 0.08
         )  # springs hold the ends
+
+
+def test_an_end_that_leaves_its_bone_is_held_where_the_examples_have_it():
+    """A lumbrical springs from a tendon: the end next to bone "a" slides along it by 5 mm for each rad."""
+    body = spindle()
+    poses = {"half": hinge(0.4), "full": hinge(0.8)}
+    start = body.matrix[body.attachments["a"]]
+    shapes = []
+    for angle, transforms in zip((0.4, 0.8), poses.values(), strict=True):
+        x = body.follow(hinge_bones(), transforms)
+        shapes.append(x + (5.0 * angle * body.harmonic_weights()[:, :1]) * [-1.0, 0.0, 0.0])
+    layer = MuscleLayer([known_in(poses, shapes, "m", body)], contact=False)
+    rest = body.mesh.vertices
+    for angle, known in ((0.2, None), (0.4, shapes[0]), (0.6, None), (0.8, shapes[1])):
+        end = (start @ solve(layer, angle)["m_mesh"].vertices).mean(axis=0)
+        slid = (start @ (rest if known is None else known)).mean(axis=0)
+        expected = slid - [5.0 * angle, 0.0, 0.0] if known is None else slid
+        assert np.linalg.norm(end - expected) < (0.3 if known is None else 0.05)
 
 
 def test_between_examples_it_lies_between_them():

@@ -12,9 +12,9 @@ with stage(snakemake) as log:
     from handpipe.skeleton.rig import Rig
     from muscle_files import read_bodies
 
-    bodies = read_bodies(snakemake.input.neutral)
     shapes = artifacts.read(snakemake.input.shapes, "muscle_shapes")[snakemake.wildcards.pose]
     bones = Rig.load(snakemake.input.rig).surfaces
+    bodies = {n: b.on_bones(bones) for n, b in read_bodies(snakemake.input.neutral).items()}
     transforms = read_registration(snakemake.input.registration, bones)
     posed = {
         n: replace(b, surface=b.seated(b.surface.moved(shapes[n]["vertices"]), transforms))

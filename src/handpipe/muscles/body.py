@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from handpipe.fem.linear import factorise
+from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.operators import gradient_operator
@@ -24,6 +25,10 @@ from handpipe.skeleton.skinning import blend, bone_weights
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Transforms = Mapping[str, RigidTransform]
+
+ON_BONE = (
+    0.4  # mm from a bone, within which a vertex goes with it: measured, farther ones go ways of their own
+)
 
 
 @dataclass(frozen=True)
@@ -71,10 +76,26 @@ class Body:
         """Surface vertices (t,) that bones hold, bone by bone."""
         return np.concatenate([self.attachments[b] for b in self.attachments])
 
-    def targets(self, transforms: Transforms) -> Array:
-        """Where the bones hold these vertices, (t, 3)."""
-        moved = [transforms[b](self.surface.vertices[ids]) for b, ids in self.attachments.items()]
-        return np.concatenate(moved)
+    def on_bones(self, bones: Mapping[str, Surface]) -> Body:
+        """The same body, held only where it lies on its bones; bones: neutral surfaces.
+
+        A muscle springs from tendons and from fat as well, and such an end does not go with the bone it is
+        next to. As it is where fewer than three vertices would be held.
+        """
+        own = {
+            bone: ids[Distance(bones[bone]).signed(self.surface.vertices[ids])[0] < ON_BONE]
+            for bone, ids in self.attachments.items()
+        }
+        return replace(self, attachments=own) if sum(map(len, own.values())) >= 3 else self
+
+    def targets(self, transforms: Transforms, beside: Array | None = None) -> Array:
+        """Where the bones hold these vertices, (t, 3); beside (t, 3): offsets in the bones' frames."""
+        places = self.surface.vertices[self.held]
+        places = places if beside is None else places + beside
+        ends = np.cumsum([len(ids) for ids in self.attachments.values()])[:-1]
+        return np.concatenate(
+            [transforms[b](p) for b, p in zip(self.attachments, np.split(places, ends), strict=True)]
+        )
 
     def attached(self, transforms: Transforms) -> Attached:
         """The held vertices at the places where the bones take them."""

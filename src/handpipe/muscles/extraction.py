@@ -19,7 +19,7 @@ from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface, concatenate, each_moved
 from handpipe.metrics import Metrics
-from handpipe.muscles.body import Body
+from handpipe.muscles.body import ON_BONE, Body
 from handpipe.muscles.contraction import contracted, slack
 from handpipe.muscles.templates import Guess
 from handpipe.shapes.correspondence import Markers, fixed_markers
@@ -90,6 +90,8 @@ def extract_neutral(
         first, still, first.mesh.vertices, volume, points, markers, options, others, bones, landmarks
     )
     body = Body.of(extraction.surface, guess.attachments, edge, guess.landmarks)
+    if bones is not None:
+        body = replace(body, visible=body.visible | (bones.signed(body.surface.vertices)[0] >= ON_BONE))
     if points is None:
         found = image_markers(volume, body, markers, others, bones)(body.surface)
         assert found.vertices is not None
@@ -111,7 +113,7 @@ def extract_pose(
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> Extraction:
-    """The shape in an example pose, from the neutral body held by the moved bones.
+    """The shape in an example pose, from the neutral body held by the moved bones where it lies on them.
 
     bones: neutral bone surfaces; transforms: from neutral into the volume's frame; start: mesh vertices (n,
     3) of a better first guess, as simulated from poses already known; others: where the other muscles are
@@ -119,7 +121,8 @@ def extract_pose(
     """
     x = body.follow(bones, transforms) if start is None else start
     settings, how = markers or SEARCH, options or POSED
-    return _extract(body, transforms, x, volume, points, settings, how, others, posed_bones, landmarks)
+    held = body.on_bones(bones)
+    return _extract(held, transforms, x, volume, points, settings, how, others, posed_bones, landmarks)
 
 
 def extract_poses(

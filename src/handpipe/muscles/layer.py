@@ -103,7 +103,7 @@ class MuscleLayer:
 
     def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
         rows = [s[m.body.held] for s, m in zip(self.surfaces, self.muscles, strict=True)]
-        targets = np.concatenate([m.body.targets(bones) for m in self.muscles])
+        targets = np.concatenate([m.targets(bones) for m in self.muscles])
         return Attachment(sparse.vstack(rows, format="csr"), targets, self.options.spring)
 
     def _in_contact(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -107,6 +108,29 @@ class Muscle:
     def strains(self, bones: Mapping[str, RigidTransform]) -> Array:
         """Plastic strains (m, 6) in a pose (000 Eq. 2, in logarithms)."""
         return plasticity.exp(self.space.interpolate(self.logs, bones))
+
+    def targets(self, bones: Mapping[str, RigidTransform]) -> Array:
+        """Where held vertices (t, 3) are in a pose: at bones, and as far beside as between the examples.
+
+        What lies on a bone goes with it, and is beside it by no more than rounding.
+        """
+        return self.body.targets(bones, self.space.interpolate(self._beside, bones))
+
+    @cached_property
+    def _beside(self) -> Array:
+        """Offsets (N, t, 3) in mm of held vertices from neutral, in their bones' frames, in the examples."""
+        rest = self.body.surface.vertices
+        return np.stack(
+            [
+                np.concatenate(
+                    [
+                        bones[b].inverse()(self.body.embedding(x)[ids]) - rest[ids]
+                        for b, ids in self.body.attachments.items()
+                    ]
+                )
+                for x, bones in zip(self.vertices, self.bones, strict=True)
+            ]
+        )
 
     def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
         """Write the artifact."""
