@@ -68,15 +68,15 @@ def test_an_elastic_body_between_bones_that_move_alike_moves_as_they_do():
 
 
 def test_an_end_beside_its_bone_stays_where_the_image_shows_it():
-    """Bone "a" goes 3 mm away from the spindle's end, which lies 3 mm off it; bone "b" holds the other."""
+    """Bone "a" goes 1.5 mm away from the spindle's end, which lies 3 mm off it; bone "b" holds the other."""
     body, bones = spindle(), hinge_bones()
     bones["b"] = rod([14.0, 0.0, 0.0], 6.0, 3.5)
-    moved = {"a": RigidTransform(np.eye(3), np.array([-3.0, 0.0, 0.0])), "b": RigidTransform.identity()}
+    moved = {"a": RigidTransform(np.eye(3), np.array([-1.5, 0.0, 0.0])), "b": RigidTransform.identity()}
     held = body.on_bones(bones)
     assert len(held.attachments["a"]) == 0 and len(held.attachments["b"]) > 3
     visible = replace(body, visible=np.ones(len(body.surface.vertices), dtype=bool))
     image = image_of(body.surface)
     found = extraction.extract_pose(visible, bones, moved, image).surface
     left = found.vertices[body.attachments["a"]]
-    assert np.abs(left - body.surface.vertices[body.attachments["a"]]).max() < 1.0
+    assert np.abs(left - body.surface.vertices[body.attachments["a"]]).max() < 0.5
     assert surface_errors(found, body.surface).mean() < 0.3

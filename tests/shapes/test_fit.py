@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 from scipy import sparse
+from scipy.spatial.transform import Rotation
 from tests.muscles.shapes import box
 
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
 from handpipe.mesh.surface import Surface
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.correspondence import Correspondence, Markers
-from handpipe.shapes.fit import MUSCLE, Attached, ShapeOptions, _Problem, fit_shape
+from handpipe.shapes.fit import MUSCLE, ShapeOptions, _Problem, fit_shape
+from handpipe.shapes.holds import Holds
 from handpipe.shapes.smooth_strains import SmoothStrains
 
 
@@ -58,17 +61,44 @@ def test_the_fit_is_an_equilibrium_of_its_strains():
     assert [r.objective for r in fit.record][-1] < 0.2 * max(r.objective for r in fit.record)
 
 
-def test_predicted_motion_agrees_with_a_small_step():
+def halves(attached: Attached) -> tuple[Attached, list[sparse.csr_matrix]]:
+    """Half of the attached points, and the other half as a loose end."""
+    some = np.arange(len(attached.targets) // 2)
+    rest = np.arange(len(some), len(attached.targets))
+    return attached.chosen(some), [attached.matrix[rest]]
+
+
+@pytest.mark.parametrize("loose", [False, True])
+def test_predicted_motion_agrees_with_a_small_step(loose):
     mesh, attached, truth = grown()
-    problem = _Problem(mesh, attached, ShapeOptions(fields=(1, 4), spring=100.0))
+    attached, ends = halves(attached) if loose else (attached, [])
+    problem = _Problem(mesh, ShapeOptions(fields=(1, 4), spring=100.0))
     marks = Correspondence(sparse.identity(len(truth), format="csr"), truth, None)
-    state = problem.begin(mesh, truth)
-    direction, motion, slope = problem.direction(state, marks, 4)
+    state = problem.begin(mesh, truth, Holds.of(attached, ends, mesh.vertices))
+    direction, motions, motion, slope = problem.direction(state, marks, 4)
+    assert len(motions) == 6 * len(ends)
     size = 1e-3
-    trial = problem.at(state.coefficients + size * direction, state.x)
+    trial = problem.at(state.coefficients + size * direction, state.holds.moved(size * motions), state.x)
     assert (trial.x - state.x) / size == pytest.approx(motion, rel=0.02, abs=0.02 * np.abs(motion).max())
     change = problem.objective(trial, marks) - problem.objective(state, marks)
     assert change / size == pytest.approx(slope, rel=0.02)
+
+
+def test_a_body_whose_ends_are_all_loose_is_found_where_its_marks_are():
+    """Both ends are taken to be at rest; marks show the body turned by 10 degrees and 2 mm away."""
+    mesh, attached, _ = grown()
+    turn = Rotation.from_euler("z", 10, degrees=True)
+    truth = turn.apply(mesh.vertices) + [0.0, 2.0, 1.0]
+    held, ends = halves(attached)
+    outer = mesh.boundary_vertices()
+    surface = Surface(mesh.vertices, mesh.boundary_faces()[0])
+    marks = Markers(truth[outer], np.ones(len(outer)), outer)
+    embedding = sparse.identity(len(mesh.vertices), format="csr")
+    nothing = held.chosen(np.arange(0))
+    fit = fit_shape(mesh, surface, embedding, nothing, lambda s: marks, loose=[held.matrix, *ends])
+    assert np.linalg.norm(truth - mesh.vertices, axis=1).mean() > 2.0
+    assert np.linalg.norm(fit.vertices - truth, axis=1).mean() < 0.1
+    assert plasticity.eigenvalues(fit.strains) == pytest.approx(1.0, abs=0.1)
 
 
 def test_smooth_fields_are_eigenvectors_and_all_of_them_span_everything():

@@ -8,8 +8,8 @@ from tests.muscles.shapes import box
 from handpipe.errors import InputError
 from handpipe.fem import plasticity
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.correspondence import Correspondence
-from handpipe.shapes.fit import Attached
 from handpipe.shapes.gauss_newton import RIDGE, GaussNewton
 from handpipe.shapes.response import Response
 from handpipe.shapes.rigid_motions import LooseMotions

@@ -19,16 +19,15 @@ from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.fit import Attached
+from handpipe.shapes.attached import Attached
 from handpipe.skeleton.skinning import blend, bone_weights
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Transforms = Mapping[str, RigidTransform]
 
-ON_BONE = (
-    0.4  # mm from a bone, within which a vertex goes with it: measured, farther ones go ways of their own
-)
+ON_BONE = 0.4  # mm from a bone within which a vertex goes with it: farther ones go ways of their own
+FEWEST = 3  # vertices by which a bone holds an end
 
 
 @dataclass(frozen=True)
@@ -80,13 +79,13 @@ class Body:
         """The same body, held only where it lies on its bones; bones: neutral surfaces.
 
         A muscle springs from tendons and from fat as well, and such an end does not go with the bone it is
-        next to. As it is where fewer than three vertices would be held.
+        next to. An end of which fewer than `FEWEST` vertices lie on a bone is not held at all.
         """
-        own = {
-            bone: ids[Distance(bones[bone]).signed(self.surface.vertices[ids])[0] < ON_BONE]
-            for bone, ids in self.attachments.items()
-        }
-        return replace(self, attachments=own) if sum(map(len, own.values())) >= 3 else self
+        attachments = {}
+        for bone, ids in self.attachments.items():
+            near = Distance(bones[bone]).signed(self.surface.vertices[ids])[0] < ON_BONE
+            attachments[bone] = ids[near & (near.sum() >= FEWEST)]
+        return replace(self, attachments=attachments)
 
     def targets(self, transforms: Transforms, beside: Array | None = None) -> Array:
         """Where the bones hold these vertices, (t, 3); beside (t, 3): offsets in the bones' frames."""

@@ -7,10 +7,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from handpipe.errors import ConvergenceError
 from handpipe.imaging.markers import MarkerSettings, boundary_markers, estimate_muscle_level
@@ -21,6 +21,7 @@ from handpipe.mesh.surface import Surface, concatenate, each_moved
 from handpipe.metrics import Metrics
 from handpipe.muscles.body import ON_BONE, Body
 from handpipe.muscles.contraction import contracted, slack
+from handpipe.muscles.surroundings import carried_along
 from handpipe.muscles.templates import Guess
 from handpipe.shapes.correspondence import Markers, fixed_markers
 from handpipe.shapes.fit import FindMarkers, ShapeFit, ShapeOptions, fit_shape
@@ -37,6 +38,7 @@ TOUCHING, NEAR = 0.3, 0.5  # mm from a neighbour, where only edges so near are t
 WITHIN = 0.3  # mm inside a bone that a muscle's boundary is still taken for its touching it
 SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)
 SEEN = 0.9  # share of its boundary that a fit finds in the image, with which no other guess is tried
+TRUSTED = 0.5  # share with which a fit tells where those around it have gone
 ALIKE = 0.3  # mm in the mean between guesses of which one is enough
 POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 
@@ -115,14 +117,16 @@ def extract_pose(
 ) -> Extraction:
     """The shape in an example pose, from the neutral body held by the moved bones where it lies on them.
 
-    bones: neutral bone surfaces; transforms: from neutral into the volume's frame; start: mesh vertices (n,
-    3) of a better first guess, as simulated from poses already known; others: where the other muscles are
-    about in this pose; posed_bones: distance from all bones there.
+    An end that lies on no bone is held where it is found. bones: neutral bone surfaces; transforms: from
+    neutral into the volume's frame; start: mesh vertices (n, 3) of a better first guess, as simulated from
+    poses already known; others: where the other muscles are about in this pose; posed_bones: distance from
+    all bones there.
     """
     x = body.follow(bones, transforms) if start is None else start
     settings, how = markers or SEARCH, options or POSED
     held = body.on_bones(bones)
-    return _extract(held, transforms, x, volume, points, settings, how, others, posed_bones, landmarks)
+    loose = [body.matrix[ids] for bone, ids in body.attachments.items() if not len(held.attachments[bone])]
+    return _extract(held, transforms, x, volume, points, settings, how, others, posed_bones, landmarks, loose)
 
 
 def extract_poses(
@@ -156,29 +160,23 @@ def extract_poses(
         _, pose, near = min(left)
         log.info("%s: guessed from %s", pose, near or "neutral")
         moved, image = transforms[pose], volume(pose)
-        there = Distance(concatenate([*each_moved(bones, moved).values()]))
         guesses = {
             m: _guesses(b, bones, moved, (known[near][0], known[near][1][m]), image)
             for m, b in bodies.items()
         }
-        x, found[pose] = {m: starts[0] for m, starts in guesses.items()}, {}
-        for name, body in bodies.items():
-            fit = partial(
-                extract_pose,
-                body,
-                bones,
-                moved,
-                image,
-                others=[b.surface_at(x[m]) for m, b in bodies.items() if m != name],
-                posed_bones=there,
-                points=(points or {}).get((pose, name)),
-                landmarks=(landmarks or {}).get((pose, name)),
-                markers=markers,
-                options=options,
-            )
-            fitted = _best(f"{name} in {pose}", guesses[name], fit)
-            found[pose][name], x[name] = fitted, fitted.vertices
-        known[pose] = moved, x
+        posed = _Pose(
+            pose,
+            bodies,
+            bones,
+            moved,
+            image,
+            points={m: given for (p, m), given in (points or {}).items() if p == pose},
+            landmarks={m: given for (p, m), given in (landmarks or {}).items() if p == pose},
+            markers=markers,
+            options=options,
+        )
+        found[pose] = posed.fitted(guesses)
+        known[pose] = moved, {m: e.vertices for m, e in found[pose].items()}
     return {pose: found[pose] for pose in transforms}
 
 
@@ -211,21 +209,78 @@ def _guesses(
     return chosen
 
 
-def _best(name: str, starts: Sequence[Array], fit: Callable[..., Extraction]) -> Extraction:
-    """The first fit of which nearly all boundary is seen, else that of which most is.
+class _Pose:
+    """The muscles of one pose while they are fitted, one after the other."""
 
-    Among muscles that touch all is of one brightness: a wrong guess looks right, its boundary does not.
-    """
-    best: Extraction | None = None
-    for number, start in enumerate(starts):
-        found = fit(start=start)
-        log.info("%s: guess %d of %d, %.2f of its boundary seen", name, number + 1, len(starts), found.seen)
-        if best is None or found.seen > best.seen:
-            best = found
-        if best.seen >= SEEN:
-            break
-    assert best is not None
-    return best
+    def __init__(
+        self,
+        name: str,
+        bodies: Mapping[str, Body],
+        bones: Mapping[str, Surface],
+        transforms: Mapping[str, RigidTransform],
+        image: Volume,
+        *,
+        points: Mapping[str, Array],
+        landmarks: Mapping[str, Mapping[str, Array]],
+        markers: MarkerSettings | None,
+        options: ShapeOptions | None,
+    ) -> None:
+        self.name, self.bodies, self.bones, self.transforms, self.image = (
+            name,
+            bodies,
+            bones,
+            transforms,
+            image,
+        )
+        self.points, self.landmarks, self.markers, self.options = points, landmarks, markers, options
+        self.posed_bones = each_moved(bones, transforms)
+        self.there = Distance(concatenate([*self.posed_bones.values()]))
+        self.found: dict[str, Extraction] = {}
+
+    def fitted(self, guesses: Mapping[str, Sequence[Array]]) -> dict[str, Extraction]:
+        """All muscles: each from the guess of which most of its boundary is found, then, where that is not
+        nearly all, from where those around it have gone.
+
+        Among muscles that touch all is of one brightness: a wrong guess looks right, its boundary does not.
+        """
+        self.x = {m: starts[0] for m, starts in guesses.items()}
+        for name, starts in guesses.items():
+            for number, start in enumerate(starts):
+                self._try(name, start, f"guess {number + 1} of {len(starts)}")
+                if self.found[name].seen >= SEEN:
+                    break
+        for name in sorted(self.bodies, key=lambda m: -self.found[m].seen):
+            if self.found[name].seen < SEEN:
+                self._try(name, self._carried_along(name), "as those around it")
+        return self.found
+
+    def _try(self, name: str, start: Array, guess: str) -> None:
+        """Fit a muscle from a guess, and keep that where more of its boundary is seen than before."""
+        new = extract_pose(
+            self.bodies[name],
+            self.bones,
+            self.transforms,
+            self.image,
+            start=start,
+            others=[b.surface_at(self.x[m]) for m, b in self.bodies.items() if m != name],
+            posed_bones=self.there,
+            points=self.points.get(name),
+            landmarks=self.landmarks.get(name),
+            markers=self.markers,
+            options=self.options,
+        )
+        log.info("%s in %s: %s, %.2f of its boundary seen", name, self.name, guess, new.seen)
+        if name not in self.found or new.seen > self.found[name].seen:
+            self.found[name], self.x[name] = new, new.vertices
+
+    def _carried_along(self, name: str) -> Array:
+        """Mesh vertices (n, 3) of a muscle that moves as bones and well seen muscles around it."""
+        around = [m for m in self.bodies if m != name and self.found[m].seen >= TRUSTED]
+        rest = [*self.bones.values(), *(self.bodies[m].surface for m in around)]
+        posed = [*self.posed_bones.values(), *(self.found[m].surface for m in around)]
+        return carried_along(
+            self.bodies[name].mesh.vertices, concatenate(rest).vertices, concatenate(posed).vertices
+        )
 
 
 def _apart(
@@ -249,6 +304,7 @@ def _extract(
     others: Sequence[Surface],
     bones: Distance | None,
     landmarks: Mapping[str, Array] | None,
+    loose: Sequence[sparse.csr_matrix] = (),
 ) -> Extraction:
     find = image_markers(volume, body, markers, others, bones) if points is None else fixed_markers(points)
     fit = fit_shape(
@@ -257,6 +313,7 @@ def _extract(
         body.matrix,
         body.attached(transforms),
         find,
+        loose=loose,
         landmarks=body.landmarked(landmarks or {}),
         start=start,
         options=options,

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.metrics import Metrics
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.coarse_template import coarsened
-from handpipe.shapes.fit import Attached
 from handpipe.shapes.marks import NORMAL, TUKEY, BoundaryMarks
 from handpipe.shapes.predictions import Predictions, all_points
 from handpipe.shapes.remeshing import Given

@@ -28,7 +28,9 @@ from handpipe.fem.linear import SingularMatrix, factorise
 from handpipe.fem.materials import Material
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.correspondence import Correspondence, Markers
+from handpipe.shapes.holds import Holds
 from handpipe.shapes.smooth_strains import SmoothStrains
 from handpipe.shapes.stretch import COUNTS, StretchField
 
@@ -44,39 +46,14 @@ GUESSED = 0.4  # largest log-strain that is taken over from a guess: a blend of 
 
 
 @dataclass(frozen=True)
-class Attached:
-    """Points of a tet mesh held at targets: matrix (t, n) of their weights, targets (t, 3) in mm."""
-
-    matrix: sparse.csr_matrix
-    targets: Array
-
-    @staticmethod
-    def vertices(ids: IntArray, targets: Array, count: int) -> Attached:
-        """Vertices with indices ids (t,) of a mesh with `count` vertices."""
-        t = len(ids)
-        return Attached(sparse.csr_matrix((np.ones(t), ids, np.arange(t + 1)), shape=(t, count)), targets)
-
-    def errors(self, x: Array) -> Array:
-        """Offsets (t, 3) from the targets."""
-        return self.matrix @ x - self.targets
-
-    def carried(self, carry: sparse.csr_matrix) -> Attached:
-        """The same points by the vertices of a mesh that `carry` (n, n1) takes to those of this one."""
-        return Attached((self.matrix @ carry).tocsr(), self.targets)
-
-    def chosen(self, numbers: IntArray) -> Attached:
-        """Those of numbers (k,)."""
-        return Attached(self.matrix[numbers], self.targets[numbers])
-
-
-@dataclass(frozen=True)
 class ShapeOptions:
     """alpha, beta: 1/mm^2, weights of markers and attachments against smoothness (003 Eq. 5.3: 1e9 and 1e8
     per m^2); spring: mN/mm of an attached point; fields: how many strain fields each stage may use;
     iterations: at most, in each stage; enough: mm of largest marker error that ends the search; progress:
     relative decrease of the objective below which a stage ends; tangential: share of a marker's error that
     counts along the surface; volume: weight of each tet's squared change of volume (log), strain: of its
-    squared departure from the guess's strains, for a body and a guess that are known well.
+    squared departure from the guess's strains, for a body and a guess that are known well; loose: 1/mm^2,
+    weight that keeps loose ends where the guess has them.
     """
 
     alpha: float = 0.1
@@ -89,6 +66,7 @@ class ShapeOptions:
     tangential: float = 0.05
     volume: float = 0.0
     strain: float = 0.0
+    loose: float = 1e-3
     material: Material = MUSCLE
 
 
@@ -126,6 +104,7 @@ def fit_shape(
     attached: Attached,
     find_markers: FindMarkers,
     *,
+    loose: Sequence[sparse.csr_matrix] = (),
     landmarks: Attached | None = None,
     start: Array | None = None,
     options: ShapeOptions | None = None,
@@ -135,12 +114,14 @@ def fit_shape(
     mesh: the body at rest; surface: its embedded surface at rest, carried by embedding (v, n); find_markers
     gives the image's boundary points near the present surface and is called before every step; landmarks:
     known places of points of the body, used before the markers and with them; start: vertices (n, 3) of a
-    first guess, whose strains the search begins with. Raises `ConvergenceError` where no equilibrium is found
-    at the start.
+    first guess, whose strains the search begins with; loose: matrices (t_i, n) of points of ends that are
+    held somewhere, each as a rigid body whose place is sought from the guess's on. Raises `ConvergenceError`
+    where no equilibrium is found at the start.
     """
     options = options or ShapeOptions()
-    problem = _Problem(mesh, attached, options)
-    state = problem.begin(mesh, mesh.vertices if start is None else start)
+    x = mesh.vertices if start is None else start
+    problem = _Problem(mesh, options)
+    state = problem.begin(mesh, x, Holds.of(attached, loose, x))
     record: list[Iteration] = []
     nothing = Correspondence.none(len(mesh.vertices))
     known = nothing if landmarks is None else Correspondence(landmarks.matrix, landmarks.targets, None)
@@ -160,37 +141,42 @@ def fit_shape(
 @dataclass(frozen=True)
 class _State:
     coefficients: Array  # (k, 6)
+    holds: Holds
     elastic: Elastic
     x: Array
 
 
 class _Problem:
-    def __init__(self, mesh: TetMesh, attached: Attached, options: ShapeOptions) -> None:
-        self.options, self.attached = options, attached
+    def __init__(self, mesh: TetMesh, options: ShapeOptions) -> None:
+        self.options = options
         self.basis = SmoothStrains.of(mesh.tets, max(options.fields))
         self.elastic = Elastic(mesh.vertices, mesh.tets, options.material)
         self.guess = np.zeros((self.basis.fields.shape[1], 6))
-        self.springs = Attachment(attached.matrix, attached.targets, options.spring)
 
-    def begin(self, mesh: TetMesh, x: Array) -> _State:
+    def begin(self, mesh: TetMesh, x: Array, holds: Holds) -> _State:
         """The equilibrium under the smoothest part of a guess's strains, without its extremes."""
         logs = np.clip(StretchField(mesh)(x), -GUESSED, GUESSED)
         coefficients = self.basis.project(logs)
         coefficients[SMOOTHEST:] = 0.0
         self.guess = coefficients
-        return self.at(coefficients, x)
+        return self.at(coefficients, holds, x)
 
-    def at(self, coefficients: Array, x: Array) -> _State:
+    def at(self, coefficients: Array, holds: Holds, x: Array) -> _State:
         """The equilibrium under strains, searched from x."""
         elastic = self.elastic.with_strains(plasticity.exp(self.basis(coefficients)))
-        return _State(coefficients, elastic, equilibrium.solve([elastic, self.springs], x).x)
+        found = equilibrium.solve([elastic, self.springs(holds)], x)
+        return _State(coefficients, holds, elastic, found.x)
+
+    def springs(self, holds: Holds) -> Attachment:
+        return Attachment(holds.matrix, holds.targets, self.options.spring)
 
     def objective(self, state: _State, markers: Correspondence) -> float:
         change = state.coefficients - self.guess
         prior = self.basis.roughness(state.coefficients, self.options.volume)
         prior += self.options.strain * float((change**2 @ COUNTS).sum())
         fit = self.options.alpha * markers.energy(state.x)
-        hold = self.options.beta * float((self.attached.errors(state.x) ** 2).sum())
+        hold = self.options.beta * float((state.holds.errors(state.x) ** 2).sum())
+        hold += self.options.loose * float((state.holds.departures() ** 2).sum())
         return 0.5 * (prior + fit + hold)
 
     def run(
@@ -222,11 +208,12 @@ class _Problem:
         """One Gauss-Newton step (003 Eq. 5.8) with the longest of the steps 1, 1/2, 1/4... that lowers the
         objective.
         """
-        direction, motion, slope = self.direction(state, markers, count)
+        direction, motions, motion, slope = self.direction(state, markers, count)
         step = 1.0
         while step >= 0.01:
             try:
-                trial = self.at(state.coefficients + step * direction, state.x + step * motion)
+                coefficients, holds = state.coefficients + step * direction, state.holds.moved(step * motions)
+                trial = self.at(coefficients, holds, state.x + step * motion)
             except ConvergenceError:
                 step *= 0.25
                 continue
@@ -235,34 +222,49 @@ class _Problem:
             step *= 0.5
         return state, 0.0
 
-    def direction(self, state: _State, markers: Correspondence, count: int) -> tuple[Array, Array, float]:
-        """Change of coefficients (k, 6), predicted change of x (n, 3), and the objective's slope along them.
+    def direction(
+        self, state: _State, markers: Correspondence, count: int
+    ) -> tuple[Array, Array, Array, float]:
+        """Change of coefficients (k, 6), motions of loose ends (6 e,), predicted change of x (n, 3), and the
+        objective's slope along them.
 
         x follows the strains by J = -K^-1 d(gradient)/dS (003 Eq. 5.10), kept only on the span of `count`
-        fields.
+        fields, and loose ends by their springs.
         """
-        basis, o = self.basis.first(count), self.options
+        basis, holds, o = self.basis.first(count), state.holds, self.options
         chain = plasticity.per_tet_operator(plasticity.exp_derivative(self.basis(state.coefficients)))
         forces = basis.times((state.elastic.strain_jacobian(state.x) @ chain).tocsr())
-        follow = -self.tangent(state).solve(forces)
+        points, moved = sparse.kron(holds.matrix, sparse.eye(3), format="csr"), holds.by_motions()
+        follow = self.tangent(state).solve(np.hstack([-forces, o.spring * (points.T @ moved)]))
         rows, residuals = markers.rows(state.x)
-        springs = sparse.kron(self.attached.matrix, sparse.eye(3), format="csr")
-        z = np.vstack([np.sqrt(o.alpha) * (rows @ follow), np.sqrt(o.beta) * (springs @ follow)])
-        held = self.attached.errors(state.x).ravel()
-        errors = np.concatenate([np.sqrt(o.alpha) * residuals, np.sqrt(o.beta) * held])
+        strains = forces.shape[1]
+        targets = np.hstack([np.zeros((len(moved), strains)), moved])
+        z = np.vstack(
+            [
+                np.sqrt(o.alpha) * (rows @ follow),
+                np.sqrt(o.beta) * (points @ follow - targets),
+                np.sqrt(o.loose) * targets,
+            ]
+        )
+        held, gone = holds.errors(state.x).ravel(), holds.departures().ravel()
+        errors = np.concatenate(
+            [np.sqrt(o.alpha) * residuals, np.sqrt(o.beta) * held, np.sqrt(o.loose) * gone]
+        )
         prior = basis.prior(o.volume)
         near = o.strain * np.tile(COUNTS, count)
         away = (state.coefficients - self.guess)[:count].ravel()
-        gradient = z.T @ errors + prior @ state.coefficients[:count].ravel() + near * away
-        hessian = z.T @ z + prior + np.diag(near)
+        gradient, hessian = z.T @ errors, z.T @ z
+        gradient[:strains] += prior @ state.coefficients[:count].ravel() + near * away
+        hessian[:strains, :strains] += prior + np.diag(near)
         hessian[np.diag_indices_from(hessian)] += 1e-9 * np.trace(hessian) / len(hessian)
         solution = -np.linalg.solve(hessian, gradient)
         change = np.zeros_like(state.coefficients)
-        change[:count] = solution.reshape(-1, 6)
-        return change, (follow @ solution).reshape(-1, 3), float(gradient @ solution)
+        change[:count] = solution[:strains].reshape(-1, 6)
+        motion = (follow @ solution).reshape(-1, 3)
+        return change, solution[strains:], motion, float(gradient @ solution)
 
     def tangent(self, state: _State):  # type: ignore[no-untyped-def]
-        matrix = state.elastic.hessian(state.x) + self.springs.hessian(state.x)
+        matrix = state.elastic.hessian(state.x) + self.springs(state.holds).hessian(state.x)
         try:
             return factorise(matrix.tocsr(), positive=False)
         except SingularMatrix as error:
@@ -274,7 +276,7 @@ class _Problem:
         self, state: _State, stage: str, objective: float, step: float, markers: Correspondence, begin: float
     ) -> Iteration:
         errors = markers.distances(state.x)
-        attached = np.linalg.norm(self.attached.errors(state.x), axis=1)
+        attached = np.linalg.norm(state.holds.errors(state.x), axis=1)
         return Iteration(
             stage=stage,
             objective=objective,

@@ -17,8 +17,8 @@ from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.operators import mass_lumped
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.correspondence import Correspondence, Markers
-from handpipe.shapes.fit import Attached
 
 Array = NDArray[np.float64]
 

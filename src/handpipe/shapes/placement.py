@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.fit import Attached
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.marks import BoundaryMarks
 from handpipe.shapes.rigid_motions import LooseMotions
 from handpipe.shapes.straight import direction, on_line

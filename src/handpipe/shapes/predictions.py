@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.shapes.fit import Attached
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.gauss_newton import GaussNewton
 from handpipe.shapes.marks import with_landmarks
 from handpipe.shapes.rigid_motions import LooseMotions

@@ -25,9 +25,9 @@ from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.carried import Carried
 from handpipe.shapes.correspondence import Correspondence
-from handpipe.shapes.fit import Attached
 from handpipe.shapes.image_marks import ImageMarks
 from handpipe.shapes.marks import BoundaryMarks, with_landmarks
 from handpipe.shapes.search import EARLY, FindMarks, Record, Search, Settings, State

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from handpipe import __version__, artifacts
 from handpipe.errors import InputError
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.fit import Attached
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.remeshing import Given, OnMesh
 from handpipe.shapes.search import Record, State
 from handpipe.shapes.stages import Position

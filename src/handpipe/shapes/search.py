@@ -24,8 +24,9 @@ from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.correspondence import Correspondence
-from handpipe.shapes.fit import MUSCLE, Attached
+from handpipe.shapes.fit import MUSCLE
 from handpipe.shapes.gauss_newton import RIDGE, GaussNewton, Rows, Step
 from handpipe.shapes.response import Response
 from handpipe.shapes.rigid_motions import LooseMotions
