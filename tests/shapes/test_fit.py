@@ -75,13 +75,13 @@ def test_predicted_motion_agrees_with_a_small_step(loose):
     problem = _Problem(mesh, ShapeOptions(fields=(1, 4), spring=100.0))
     marks = Correspondence(sparse.identity(len(truth), format="csr"), truth, None)
     state = problem.begin(mesh, truth, Holds.of(attached, ends, mesh.vertices))
-    direction, motions, motion, slope = problem.direction(state, marks, 4)
-    assert len(motions) == 6 * len(ends)
+    found = problem.direction(state, marks, 4)
+    assert len(found.ends) == 6 * len(ends)
     size = 1e-3
-    trial = problem.at(state.coefficients + size * direction, state.holds.moved(size * motions), state.x)
-    assert (trial.x - state.x) / size == pytest.approx(motion, rel=0.02, abs=0.02 * np.abs(motion).max())
+    trial = problem.changed(state, found, size)
+    assert (trial.x - state.x) / size == pytest.approx(found.x, rel=0.02, abs=0.02 * np.abs(found.x).max())
     change = problem.objective(trial, marks) - problem.objective(state, marks)
-    assert change / size == pytest.approx(slope, rel=0.02)
+    assert change / size == pytest.approx(found.slope, rel=0.02)
 
 
 def test_a_body_whose_ends_are_all_loose_is_found_where_its_marks_are():

@@ -146,6 +146,16 @@ class _State:
     x: Array
 
 
+@dataclass(frozen=True)
+class _Change:
+    """Of coefficients (k, 6), loose ends (6 e,) and x (n, 3), with the objective's slope along it."""
+
+    strains: Array
+    ends: Array
+    x: Array
+    slope: float
+
+
 class _Problem:
     def __init__(self, mesh: TetMesh, options: ShapeOptions) -> None:
         self.options = options
@@ -208,60 +218,64 @@ class _Problem:
         """One Gauss-Newton step (003 Eq. 5.8) with the longest of the steps 1, 1/2, 1/4... that lowers the
         objective.
         """
-        direction, motions, motion, slope = self.direction(state, markers, count)
+        change = self.direction(state, markers, count)
         step = 1.0
         while step >= 0.01:
             try:
-                coefficients, holds = state.coefficients + step * direction, state.holds.moved(step * motions)
-                trial = self.at(coefficients, holds, state.x + step * motion)
+                trial = self.changed(state, change, step)
             except ConvergenceError:
                 step *= 0.25
                 continue
-            if self.objective(trial, markers) <= before + 0.1 * step * slope:
+            if self.objective(trial, markers) <= before + 0.1 * step * change.slope:
                 return trial, step
             step *= 0.5
         return state, 0.0
 
-    def direction(
-        self, state: _State, markers: Correspondence, count: int
-    ) -> tuple[Array, Array, Array, float]:
-        """Change of coefficients (k, 6), motions of loose ends (6 e,), predicted change of x (n, 3), and the
-        objective's slope along them.
+    def changed(self, state: _State, change: _Change, step: float) -> _State:
+        """The equilibrium after a step."""
+        coefficients, holds = (
+            state.coefficients + step * change.strains,
+            state.holds.moved(step * change.ends),
+        )
+        return self.at(coefficients, holds, state.x + step * change.x)
 
-        x follows the strains by J = -K^-1 d(gradient)/dS (003 Eq. 5.10), kept only on the span of `count`
-        fields, and loose ends by their springs.
-        """
-        basis, holds, o = self.basis.first(count), state.holds, self.options
-        chain = plasticity.per_tet_operator(plasticity.exp_derivative(self.basis(state.coefficients)))
-        forces = basis.times((state.elastic.strain_jacobian(state.x) @ chain).tocsr())
-        points, moved = sparse.kron(holds.matrix, sparse.eye(3), format="csr"), holds.by_motions()
-        follow = self.tangent(state).solve(np.hstack([-forces, o.spring * (points.T @ moved)]))
+    def direction(self, state: _State, markers: Correspondence, count: int) -> _Change:
+        """The Gauss-Newton step in `count` fields and the motions of loose ends."""
+        holds, o = state.holds, self.options
+        x_by, targets_by = self.derivatives(state, count)
         rows, residuals = markers.rows(state.x)
-        strains = forces.shape[1]
-        targets = np.hstack([np.zeros((len(moved), strains)), moved])
-        z = np.vstack(
-            [
-                np.sqrt(o.alpha) * (rows @ follow),
-                np.sqrt(o.beta) * (points @ follow - targets),
-                np.sqrt(o.loose) * targets,
-            ]
+        terms = (
+            (o.alpha, rows @ x_by, residuals),
+            (o.beta, holds.wide @ x_by - targets_by, holds.errors(state.x).ravel()),
+            (o.loose, targets_by, holds.departures().ravel()),
         )
-        held, gone = holds.errors(state.x).ravel(), holds.departures().ravel()
-        errors = np.concatenate(
-            [np.sqrt(o.alpha) * residuals, np.sqrt(o.beta) * held, np.sqrt(o.loose) * gone]
-        )
-        prior = basis.prior(o.volume)
-        near = o.strain * np.tile(COUNTS, count)
+        gradient = np.sum([weight * (by.T @ error) for weight, by, error in terms], axis=0)
+        hessian = np.sum([weight * (by.T @ by) for weight, by, _ in terms], axis=0)
+        prior, near = self.basis.first(count).prior(o.volume), o.strain * np.tile(COUNTS, count)
+        strains = len(prior)
         away = (state.coefficients - self.guess)[:count].ravel()
-        gradient, hessian = z.T @ errors, z.T @ z
         gradient[:strains] += prior @ state.coefficients[:count].ravel() + near * away
         hessian[:strains, :strains] += prior + np.diag(near)
         hessian[np.diag_indices_from(hessian)] += 1e-9 * np.trace(hessian) / len(hessian)
         solution = -np.linalg.solve(hessian, gradient)
         change = np.zeros_like(state.coefficients)
         change[:count] = solution[:strains].reshape(-1, 6)
-        motion = (follow @ solution).reshape(-1, 3)
-        return change, solution[strains:], motion, float(gradient @ solution)
+        x = (x_by @ solution).reshape(-1, 3)
+        return _Change(change, solution[strains:], x, float(gradient @ solution))
+
+    def derivatives(self, state: _State, count: int) -> tuple[Array, Array]:
+        """Derivatives of x (3 n, u) and of the holds' targets (3 t, u) by the unknowns: coefficients of
+        `count` fields, then motions of loose ends.
+
+        x follows the strains by J = -K^-1 d(gradient)/dS (003 Eq. 5.10), and loose ends by their springs.
+        """
+        holds = state.holds
+        chain = plasticity.per_tet_operator(plasticity.exp_derivative(self.basis(state.coefficients)))
+        forces = self.basis.first(count).times((state.elastic.strain_jacobian(state.x) @ chain).tocsr())
+        moved = holds.by_motions()
+        pulls = self.options.spring * (holds.wide.T @ moved)
+        x_by = self.tangent(state).solve(np.hstack([-forces, pulls]))
+        return x_by, np.hstack([np.zeros((len(moved), forces.shape[1])), moved])
 
     def tangent(self, state: _State):  # type: ignore[no-untyped-def]
         matrix = state.elastic.hessian(state.x) + self.springs(state.holds).hessian(state.x)

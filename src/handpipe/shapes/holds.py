@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,11 @@ class Holds:
         starts = np.cumsum([len(attached.targets), *(end.shape[0] for end in loose)])
         ends = tuple(np.arange(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True))
         return Holds(matrix, targets, targets, ends)
+
+    @cached_property
+    def wide(self) -> sparse.csr_matrix:
+        """Matrix (3 t, 3 n) of the same weights for each coordinate."""
+        return sparse.kron(self.matrix, sparse.eye(3), format="csr")
 
     def errors(self, x: Array) -> Array:
         """Offsets (t, 3) from the targets."""
