@@ -21,6 +21,8 @@ from handpipe.skeleton.prior import Weighing
 
 Array = NDArray[np.float64]
 TOLERANCE = 1e-13
+ORDERS = ((0, 1), (1, 0))
+SAME = 1e-6  # relative, of what two fits lack; 1e-6 rad where they lack nothing
 HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is below 0.01 degrees
 
 
@@ -98,9 +100,7 @@ def fit_axes(rotations: Array, axis_hints: Array, weighing: Weighing | None = No
     weighing = weighing or Weighing.plain(len(q))
     if len(hints) == 1:
         return Axes(_signed(_fit_one_axis(q, hints[0], weighing)[None], hints), (0,))
-    fits = [(_fit_two_axes(q, hints[list(order)], weighing), order) for order in ((0, 1), (1, 0))]
-    (found, _), order = min(fits, key=lambda fit: fit[0][1])
-    return Axes(_signed(found[np.argsort(order)], hints), order)
+    return _better([(*_fit_two_axes(q, hints[list(order)], weighing), order) for order in ORDERS], hints)
 
 
 def fit_oblique_axes(rotations: Array, axis_hints: Array, weighing: Weighing | None = None) -> Axes:
@@ -112,12 +112,19 @@ def fit_oblique_axes(rotations: Array, axis_hints: Array, weighing: Weighing | N
     hints = np.array([h / np.linalg.norm(h) for h in np.asarray(axis_hints, float)])
     weighing = weighing or Weighing.plain(len(q))
     start = fit_axes(rotations, hints, weighing)
-    fits = []
-    for order in ((0, 1), (1, 0)):
-        pair, lack = _refine_pair(q, start.directions[list(order)], hints[list(order)], weighing)
-        fits.append((lack, order, pair))
-    _, order, found = min(fits, key=lambda fit: fit[0])
-    return Axes(_signed(found[np.argsort(order)], hints), order)
+    starts = [(start.directions[list(order)], hints[list(order)], order) for order in ORDERS]
+    return _better([(*_refine_pair(q, at, near, weighing), order) for at, near, order in starts], hints)
+
+
+def _better(fits: Sequence[tuple[Array, float, tuple[int, int]]], hints: Array) -> Axes:
+    """Of axes (2, 3) as they turn, what they lack, and their order: those that lack less.
+
+    Both orders may find one pair of axes under either name: then those nearer to the hints (2, 3).
+    """
+    least = min(lack for _, lack, _ in fits)
+    alike = [(f[np.argsort(o)], o) for f, lack, o in fits if lack <= (1 + SAME) * least + SAME**2]
+    found, order = max(alike, key=lambda fit: np.abs((fit[0] * hints).sum(axis=1)).sum())
+    return Axes(_signed(found, hints), order)
 
 
 def three_axes(axis_hints: Array) -> Axes:
