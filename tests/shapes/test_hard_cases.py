@@ -16,6 +16,8 @@ EDGE = 4.0  # mm
 FACETS = 0.1, 0.5  # mm by which the mean and the largest distance may be more than with small tets
 # A right point at a tip may be left out with the wrong ones: said, and the shape is still near.
 GENEROUS = ("attachment-off-8", "outliers-5", "outliers-20")
+# One mark in a hundred at the disc's rim may be called far from the others (docs/hard-cases-shapes.md).
+WARY = ("flat",)
 SETTLED = [name for name, case in CASES.items() if not case.bars.unsettled]
 
 
@@ -28,7 +30,8 @@ def coarse(name: str) -> Row:
 @pytest.mark.parametrize("name", SETTLED)
 def test_hard_cases_are_met(name: str) -> None:
     row = coarse(name)
-    assert row.verdict == GOOD or (name in GENEROUS and row.verdict == NOTICED), row
+    allowed = {GOOD} | ({NOTICED} if name in GENEROUS else set()) | ({ALARM} if name in WARY else set())
+    assert row.verdict in allowed, row
     assert row.mean < CASES[name].bars.mean + FACETS[0]
 
 
