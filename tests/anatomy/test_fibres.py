@@ -179,3 +179,16 @@ def test_attachment_out_of_reach_is_named() -> None:
     )
     with pytest.raises(InputError, match="origin.*reach"):
         fibres(mesh, far)
+
+
+@pytest.mark.parametrize("reach", [1.5, 2.001])  # of nothing, and of the nearest vertex alone
+def test_an_end_hardly_in_reach_is_a_patch_and_not_a_hinge(reach: float) -> None:
+    mesh, _, muscle = pennate_muscle("flow")
+    lowest = mesh.vertices[mesh.vertices[:, 2].argmin()]
+    place = lowest - [0, 0, 2.0]
+    beside = PlacedMuscle(
+        muscle.curves, (PlacedAttachment(place[None], reach),), muscle.insertions, None, None, "flow"
+    )
+    held = mesh.vertices[fibres(mesh, beside).origin]
+    assert np.linalg.matrix_rank(held - held.mean(axis=0), tol=1e-6) >= 2
+    assert np.linalg.norm(held - place, axis=1).max() <= 2.0 + mesh.edge_length()

@@ -37,6 +37,7 @@ ALIGNMENT = 5.0  # alpha of Eq. 17, with both terms weighted by volume
 TINY = 1e-9  # of a matrix's mean diagonal, against parts that nothing holds
 STILL = 1e-6  # of the fastest flow, below which there is none
 LEAKAGE = 0.02  # conductivity across the curves' directions over that along them
+FEWEST = 3  # vertices that hold an end from turning
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,23 +89,25 @@ def _nearest_tangents(points: Array, muscle: PlacedMuscle) -> Array:
 def _ends(
     mesh: TetMesh, attachments: Sequence[PlacedAttachment], candidates: IntArray, source: str, end: str
 ) -> IntArray:
-    """The candidates within reach of any of the attachments; each attachment has at least its nearest
-    vertex.
+    """The candidates within reach of any of the attachments, of each its nearest at least; where these are
+    too few to hold the end from turning, also what is an edge farther off than the nearest.
     """
-    found = []
     edge = mesh.edge_length()  # the least gap that the mesh can show
+    found, wide = [], []
     for attachment in attachments:
         line = np.concatenate([attachment.points, attachment.points[-1:]])
         distance = closest_on_polyline(mesh.vertices[candidates], line)[3]
-        near = distance <= max(attachment.reach, distance.min())
-        if distance.min() > attachment.reach + edge:
+        nearest = distance.min()
+        if nearest > attachment.reach + edge:
             place = ", ".join(f"{c:.1f}" for c in attachment.points[0])
-            problem = f"the muscle ends {distance.min():.1f} mm from its {end} at ({place})"
+            problem = f"the muscle ends {nearest:.1f} mm from its {end} at ({place})"
             raise InputError(
                 source, end, problem, f"Raise `reach` ({attachment.reach:g} mm) or the tissue there"
             )
-        found.append(candidates[near])
-    return np.unique(np.concatenate(found))
+        found.append(candidates[distance <= max(attachment.reach, nearest)])
+        wide.append(candidates[distance <= nearest + edge])
+    ends = np.unique(np.concatenate(found))
+    return ends if len(ends) >= FEWEST else np.unique(np.concatenate([ends, *wide]))
 
 
 def gradient_fibres(

@@ -88,9 +88,8 @@ def extract_neutral(
     """
     first = Body.of(guess.surface, guess.attachments, edge, guess.landmarks)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
-    extraction = _extract(
-        first, still, first.mesh.vertices, volume, points, markers, options, others, bones, landmarks
-    )
+    find = image_markers(volume, first, markers, others, bones) if points is None else fixed_markers(points)
+    extraction = _extract(first, still, first.mesh.vertices, find, options, landmarks)
     body = Body.of(extraction.surface, guess.attachments, edge, guess.landmarks)
     if bones is not None:
         body = replace(body, visible=body.visible | (bones.signed(body.surface.vertices)[0] >= ON_BONE))
@@ -123,10 +122,13 @@ def extract_pose(
     all bones there.
     """
     x = body.follow(bones, transforms) if start is None else start
-    settings, how = markers or SEARCH, options or POSED
     held = body.on_bones(bones)
     loose = [body.matrix[ids] for bone, ids in body.attachments.items() if not len(held.attachments[bone])]
-    return _extract(held, transforms, x, volume, points, settings, how, others, posed_bones, landmarks, loose)
+    if points is None:
+        find = image_markers(volume, held, markers or SEARCH, others, posed_bones)
+    else:
+        find = fixed_markers(points)
+    return _extract(held, transforms, x, find, options or POSED, landmarks, loose)
 
 
 def extract_poses(
@@ -225,13 +227,8 @@ class _Pose:
         markers: MarkerSettings | None,
         options: ShapeOptions | None,
     ) -> None:
-        self.name, self.bodies, self.bones, self.transforms, self.image = (
-            name,
-            bodies,
-            bones,
-            transforms,
-            image,
-        )
+        self.name, self.bodies, self.image = name, bodies, image
+        self.bones, self.transforms = bones, transforms
         self.points, self.landmarks, self.markers, self.options = points, landmarks, markers, options
         self.posed_bones = each_moved(bones, transforms)
         self.there = Distance(concatenate([*self.posed_bones.values()]))
@@ -297,16 +294,11 @@ def _extract(
     body: Body,
     transforms: Mapping[str, RigidTransform],
     start: Array,
-    volume: Volume,
-    points: Array | None,
-    markers: MarkerSettings | None,
+    find: FindMarkers,
     options: ShapeOptions | None,
-    others: Sequence[Surface],
-    bones: Distance | None,
     landmarks: Mapping[str, Array] | None,
     loose: Sequence[sparse.csr_matrix] = (),
 ) -> Extraction:
-    find = image_markers(volume, body, markers, others, bones) if points is None else fixed_markers(points)
     fit = fit_shape(
         body.mesh,
         body.surface,
