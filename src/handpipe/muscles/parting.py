@@ -21,7 +21,9 @@ log = logging.getLogger(__name__)
 
 MARGIN = 0.05  # mm that a muscle is first kept out of a bone
 WIDER = 1.5  # times as far in every further round: bones reach through large triangles
+WIDEST = 2.0  # mm, at most
 ROUNDS = 60
+SHORT, STEPS = 0.05, 40  # mm outside of a bone that a vertex goes at once, and how often, on its way out
 
 
 class Inseparable(ConvergenceError):
@@ -73,7 +75,7 @@ class _Start:
         """Note that this muscle at x (n, 3) meets body j at `other` (m, 3)."""
         body = self._bodies[j]
         if body.fixed:
-            self._margins[j] = max(MARGIN, WIDER * self._margins[j])
+            self._margins[j] = min(max(MARGIN, WIDER * self._margins[j]), WIDEST)
             return
         gaps = Distance(body.surface.moved(other)).signed(x)[0]
         # Where edges alone cut the other body, those nearest to it.
@@ -93,6 +95,22 @@ class _Start:
         for j in map(int, np.flatnonzero(self._margins)):
             if j not in self._distances:
                 self._distances[j] = Distance(self._bodies[j].surface)
-            gaps, _, _, normals = self._distances[j].signed(x[free])
-            x[free] += np.maximum(self._margins[j] - gaps, 0.0)[:, None] * normals
+            x[free] = _kept_out(x[free], self._distances[j], self._margins[j])
         return x
+
+
+def _kept_out(points: Array, bone: Distance, margin: float) -> Array:
+    """Points (n, 3) moved out of a bone, to a margin in mm where there is room for it.
+
+    Outside of the bone they go in short steps: across a hollow a long one would lead into the wall beyond.
+    """
+    x, near = points.copy(), np.arange(len(points))
+    for _ in range(STEPS):
+        gaps, _, _, normals = bone.signed(x[near])
+        short = gaps < margin - 1e-9
+        near, gaps, normals = near[short], gaps[short], normals[short]
+        if not len(near):
+            break
+        steps = np.minimum(margin - gaps, np.maximum(-gaps, 0.0) + SHORT)
+        x[near] += steps[:, None] * normals
+    return x
