@@ -65,6 +65,25 @@ def test_a_saddle_is_left():
     assert np.linalg.eigvalsh(elastic.hessian(found.x).toarray()[~held][:, ~held])[0] > 0
 
 
+def test_a_saddle_is_left_with_small_elements_right_side_out():
+    """A tet of a pressed column is split close to its corner: its parts are a thousandth of its size."""
+    slender, tets = box((8.0, 0.5, 0.5), (32, 3, 3))
+    chosen = int(np.argmin(np.linalg.norm(slender[tets].mean(axis=1) - [4.0, 0.25, 0.25], axis=1)))
+    corners = tets[chosen]
+    shares = np.array([0.997, 0.001, 0.001, 0.001])
+    slender = np.vstack([slender, shares @ slender[corners]])
+    parts = np.tile(corners, (4, 1))
+    np.fill_diagonal(parts, len(slender) - 1)
+    tets = np.vstack([np.delete(tets, chosen, axis=0), parts])
+    ends = (slender[:, 0] < 1e-9) | (slender[:, 0] > 8 - 1e-9)
+    pressed = slender * [0.92, 1.0, 1.0]
+    elastic = Elastic(slender, tets, Material(6.0, 0.3))
+    options = Options(max_iterations=300, untangle=False)
+    found = solve([elastic], pressed, fixed=np.repeat(ends, 3), options=options)
+    assert found.record.escapes > 0 and found.record.tangles == 0
+    assert max(found.record.residuals) < 100 * found.record.residuals[0]
+
+
 def test_two_bodies_of_which_nothing_holds_one():
     vertices = np.concatenate([VERTICES, VERTICES + [0, 3, 0]])
     tets = np.concatenate([TETS, TETS + len(VERTICES)])

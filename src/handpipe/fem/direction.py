@@ -33,12 +33,15 @@ class Directions:
         self.convexified = False
         self._share = 0.0
 
-    def at(self, x: Array, gradient: Array, tolerance: float) -> Array | None:
-        """Descent direction (3n,) for the gradient (3n,) at x; None where nothing can be factorised."""
+    def at(self, x: Array, gradient: Array, tolerance: float, anew: bool = False) -> Array | None:
+        """Descent direction (3n,) for the gradient (3n,) at x; None where nothing can be factorised.
+
+        Where the plain Hessian was not positive definite it is not tried again at once, but `anew`.
+        """
         plain = self._timed("assembly", lambda: self.stiffness(x))
         force = -gradient[self.free]
         solution = None
-        if self._share < LEAST_BLEND:
+        if anew or self._share < LEAST_BLEND:
             solution = self._solve(plain, force, tolerance)
         self.convexified = solution is None
         if solution is None:

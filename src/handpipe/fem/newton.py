@@ -65,6 +65,8 @@ class Newton:
         systems = self._workspace.systems
         before = systems.factorisations, systems.cg_iterations
         self._run()
+        if self._left is not None and not self.record.converged and not self._lower():
+            self._return()
         self.record.factorisations = systems.factorisations - before[0]
         self.record.cg_iterations = systems.cg_iterations - before[1]
 
@@ -194,19 +196,17 @@ class Newton:
 
     def _leave(self) -> bool:
         """Leave a stationary point that is no minimum; False where it is one or where that failed."""
-        if self._left is not None:
-            x, value = self._left
-            if not self._value < value - 1e-9 * max(abs(value), self._scale * self._spacing()):
-                self.x, self._value = x, value
-                return False
+        if self._left is not None and not self._lower():
+            self._return()
+            return False
         if not self._directions.convexified or self.record.escapes >= MAX_ESCAPES:
+            return False
+        kick = self._soft_motion(self.record.escapes)
+        if kick is None:
             return False
         self._left = self.x, self._value
         self.record.escapes += 1
         self.record.converged = False
-        rng = np.random.default_rng(self.record.escapes)
-        kick = np.where(self._unknowns, rng.normal(size=self.x.size), 0.0).reshape(self.x.shape)
-        kick *= KICK * self._spacing() / _largest(kick)
         kick *= self.energy.max_step(self.x, kick)
         while not np.isfinite(self.energy.value(self.x + kick)):
             kick *= 0.5
@@ -214,6 +214,31 @@ class Newton:
         self._value = self.energy.value(self.x)
         log.info("%s: stationary without being a minimum, going on from nearby", self.options.name)
         return True
+
+    def _soft_motion(self, seed: int) -> Array | None:
+        """What random forces do (n, 3), to a tenth of the spacing; None at a minimum.
+
+        They move what is soft, and small elements as a whole: random motions of vertices would turn those
+        inside out. Where nothing is stiff the forces are taken for motions.
+        """
+        forces = np.where(self._unknowns, np.random.default_rng(seed).normal(size=self.x.size), 0.0)
+        motion = self._directions.at(self.x, forces, LOOSEST, anew=True)
+        if not self._directions.convexified:
+            return None
+        motion = forces if motion is None else motion
+        return (KICK * self._spacing() / _largest(motion) * motion).reshape(self.x.shape)
+
+    def _lower(self) -> bool:
+        """Whether the energy is below that of the stationary point that was left."""
+        assert self._left is not None
+        value = self._left[1]
+        return self._value < value - 1e-9 * max(abs(value), self._scale * self._spacing())
+
+    def _return(self) -> None:
+        """Back to the stationary point that was left."""
+        assert self._left is not None
+        self.x, self._value = self._left
+        self.record.converged, self.record.reason = True, "converged"
 
     def _spacing(self) -> float:
         """Mean distance of vertices in mm, from the box that they fill at rest."""
