@@ -58,6 +58,17 @@ def test_a_gross_motion_is_no_result():
         settle(lambda x: x + [0.0, 0.5, 0.0], START, LIMITS, "body")
 
 
+def test_an_error_names_what_moves_most():
+    with pytest.raises(ConvergenceError, match="most of all the second point"):
+        settle(
+            lambda x: x + [[0.0, 0.5, 0.0], [0.0, 0.7, 0.0]],
+            START,
+            LIMITS,
+            "body",
+            mover=lambda motion: ["the first point", "the second point"][int(np.argmax(motion[:, 1]))],
+        )
+
+
 def test_root_mean_square_is_that_of_lengths():
     motion = np.array([[3.0, 0.0, 4.0], [0.0, 1.0, 0.0]])
     settled = settle(lambda x: x + motion, START, Limits(1, 0.0, 9.0), "body", root_mean_square)

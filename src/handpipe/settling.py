@@ -64,21 +64,23 @@ def settle(
     limits: Limits,
     name: str,
     measure: Callable[[Array], float] = largest,
+    mover: Callable[[Array], str] | None = None,
 ) -> Settled:
     """The equilibrium (n, 3) whose contact planes were taken where it is itself: a fixed point.
 
     equilibrium: from positions (n, 3) where planes are taken to the equilibrium under them; x: where to
-    begin; measure: mm of a motion (n, 3). Planes that alternate between facets
-    would keep the shape in a cycle: where the motion does not die away, only a share of it is carried out
-    before planes are taken again. Of a shape that does not settle a warning is logged, and the equilibrium
-    of least motion is taken. Raises `ConvergenceError` where that is above `limits.gross`.
+    begin; measure: mm of a motion (n, 3); mover: names what a motion moves most. Planes that alternate
+    between facets would keep the shape in a cycle: where the motion does not die away, only a share of it is
+    carried out before planes are taken again. Of a shape that does not settle a warning is logged, and the
+    equilibrium of least motion is taken. Raises `ConvergenceError` where that is above `limits.gross`.
     """
     share, before = 1.0, np.inf
     best = Settled(x, 0, np.inf)
     for count in range(1, limits.renewals + 1):
         found = equilibrium(x)
         motion = measure(found - x)
-        log.info("%s: contact planes taken %d times, motion %.3f mm", name, count, motion)
+        moved = "" if mover is None else f", most of all {mover(found - x)}"
+        log.info("%s: contact planes taken %d times, motion %.3f mm%s", name, count, motion, moved)
         if motion < best.motion:
             best = Settled(found, count, motion)
         if motion < limits.settled:
@@ -87,7 +89,7 @@ def settle(
             share = max(0.5 * share, LEAST_SHARE)
         x, before = x + share * (found - x), motion
     if best.motion > limits.gross:
-        reason = f"it moves by {best.motion:.2f} mm at least in {count} renewals of its contact planes"
+        reason = f"it moves by {best.motion:.2f} mm at least in {count} renewals of its contact planes{moved}"
         raise ConvergenceError(name, reason)
     log.warning("%s: not settled, motion %.3f mm in %d renewals", name, best.motion, count)
     return replace(best, renewals=count, rests=False)

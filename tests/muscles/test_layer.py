@@ -1,5 +1,7 @@
 """Simulated muscles reproduce their examples, do not enter one another and keep their strains positive."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.muscles.shapes import hinge, hinge_bones, spindle
@@ -10,7 +12,7 @@ from handpipe.fem.elastic import Elastic
 from handpipe.layers import Frame
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-from handpipe.muscles.layer import MuscleLayer
+from handpipe.muscles.layer import MuscleLayer, SimulationOptions
 from handpipe.muscles.muscle import Muscle
 from handpipe.muscles.pose_strains import PoseStrains
 from handpipe.shapes.fit import MUSCLE
@@ -72,12 +74,29 @@ def test_an_end_that_leaves_its_bone_is_held_where_the_examples_have_it():
         x = body.follow(hinge_bones(), transforms)
         shapes.append(x + (5.0 * angle * body.harmonic_weights()[:, :1]) * [-1.0, 0.0, 0.0])
     layer = MuscleLayer([known_in(poses, shapes, "m", body)], contact=False)
+    assert not set(layer.muscles[0].firm) & set(body.attachments["a"])
     rest = body.mesh.vertices
     for angle, known in ((0.2, None), (0.4, shapes[0]), (0.6, None), (0.8, shapes[1])):
         end = (start @ solve(layer, angle)["m_mesh"].vertices).mean(axis=0)
         slid = (start @ (rest if known is None else known)).mean(axis=0)
         expected = slid - [5.0 * angle, 0.0, 0.0] if known is None else slid
         assert np.linalg.norm(end - expected) < (0.3 if known is None else 0.05)
+
+
+def test_an_end_beside_its_bone_is_not_pressed_to_where_there_is_no_room():
+    """Each vertex of end "a" is asked to a place of its own, up to 1.5 mm along; no muscle looks so."""
+    body, pose = spindle(), hinge(0.4)
+    known = known_in({"half": pose}, [body.follow(hinge_bones(), pose)], "m", body)
+    end = np.unique(body.matrix[body.attachments["a"]].indices)
+    asked = known.vertices.copy()
+    asked[1, end, 0] += np.random.default_rng(3).uniform(-1.5, 1.5, len(end))
+    known = replace(known, vertices=asked)
+
+    def worst(loose: float) -> float:
+        x = solve(MuscleLayer([known], SimulationOptions(loose=loose), contact=False), 0.4)["m_mesh"].vertices
+        return float(np.exp(StretchField(body.mesh)(x) - known.logs[1]).max())
+
+    assert worst(SimulationOptions().loose) < 2.0 < 2.4 < worst(SimulationOptions().spring)
 
 
 def test_between_examples_it_lies_between_them():

@@ -4,7 +4,7 @@ from manufactured import turn
 
 from handpipe import artifacts
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.pose_space import PoseSpace, pose_vector, reference_bone
+from handpipe.skeleton.pose_space import PoseSpace, felt_vector, pose_vector, reference_bone
 
 PARENTS = {"proximal": "metacarpal", "middle": "proximal"}
 BONES = ("metacarpal", "proximal", "middle")
@@ -136,3 +136,39 @@ def test_interpolated_values_and_round_trip(tmp_path):
 def test_unknown_interpolation_is_refused():
     with pytest.raises(ValueError, match="nearest"):
         PoseSpace(("a", "b"), "a", np.zeros((1, 3)), ("p",), "nearest")
+
+
+POINTS = {"a": np.array([[0.0, 0, 0], [0, 2, 0]]), "b": np.array([[10.0, 0, 0], [10, 2, 0]])}
+
+
+def turned(bone: str, angle: float, centre) -> dict[str, RigidTransform]:
+    rotation = turn([0.0, 0.0, angle])
+    still = {name: RigidTransform.identity() for name in POINTS}
+    return still | {bone: RigidTransform(rotation, np.array(centre) - rotation @ centre)}
+
+
+@pytest.mark.parametrize("lever", [2.0, 8.0])
+def test_a_rotation_is_felt_by_its_lever(lever):
+    """About (10 - lever, 1, 0) both points of b go on circles; all lie 26 ** 0.5 mm from their middle."""
+    felt = felt_vector(POINTS, "a", turned("b", 0.3, [10.0 - lever, 1.0, 0.0]))
+    arc = 2 * np.sin(0.15) * np.hypot(lever, 1.0)
+    assert np.linalg.norm(felt) == pytest.approx(arc * np.sqrt(2 / 4) / np.sqrt(26.0))
+
+
+def test_a_common_motion_is_not_felt():
+    motion = RigidTransform(turn([0.4, -0.2, 0.9]), np.array([3.0, -7.0, 2.0]))
+    bones = turned("b", 0.3, [4.0, 0.0, 0.0])
+    assert felt_vector(POINTS, "a", {n: motion @ t for n, t in bones.items()}) == pytest.approx(
+        felt_vector(POINTS, "a", bones)
+    )
+
+
+def test_a_felt_space_is_exact_at_its_examples_and_survives_its_artifact(tmp_path):
+    poses = {str(i): turned("b", 0.3 * i, [4.0, 0.0, 0.0]) for i in range(4)}
+    space = PoseSpace.build(["a", "b"], {"b": "a"}, poses, "rbf", POINTS)
+    for i, bones in enumerate(poses.values()):
+        assert space.weights(bones) == pytest.approx(np.eye(4)[i], abs=1e-6)
+    artifacts.write(tmp_path / "s.h5", {"pose_space": space.to_group()}, kind="test")
+    again = PoseSpace.from_group(artifacts.read(tmp_path / "s.h5", "test")["pose_space"])
+    between = turned("b", 0.5, [4.0, 0.0, 0.0])
+    assert again.weights(between) == pytest.approx(space.weights(between))

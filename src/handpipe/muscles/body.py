@@ -75,6 +75,12 @@ class Body:
         """Surface vertices (t,) that bones hold, bone by bone."""
         return np.concatenate([self.attachments[b] for b in self.attachments])
 
+    @property
+    def held_by_bone(self) -> dict[str, Array]:
+        """The neutral places (k, 3) of what each bone holds; none where no bone holds anything."""
+        places = {bone: self.surface.vertices[ids] for bone, ids in self.attachments.items()}
+        return places if len(self.held) else {}
+
     def on_bones(self, bones: Mapping[str, Surface]) -> Body:
         """The same body, held only where it lies on its bones; bones: neutral surfaces.
 

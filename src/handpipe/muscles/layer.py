@@ -28,19 +28,21 @@ from handpipe.shapes.fit import MUSCLE
 
 Array = NDArray[np.float64]
 
+BITE = 0.5  # mm of depth that one set of planes takes away at most: all at once, thin muscles are flung about
 GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, until planes are renewed
 
 
 @dataclass(frozen=True)
 class SimulationOptions:
-    """Stiffnesses in mN/mm of a point: spring of attachments, contact, sliding; near: mm within which
-    neighbours slide on one another; touch: mm within which they have contact planes; contacts: how often
-    planes are renewed. A vertex that moves by more than `touch` after that may be inside a neighbour without
-    a plane against it: that motion is gross.
+    """Stiffnesses in mN/mm of a point: spring of attachments to bones, loose ones of ends that soft tissue
+    holds, contact, sliding; near: mm within which neighbours slide on one another; touch: mm within which
+    they have contact planes; contacts: how often planes are renewed. A vertex that moves by more than `touch`
+    after that may be inside a neighbour without a plane against it: that motion is gross.
     """
 
     material: Material = MUSCLE
     spring: float = 2000.0
+    loose: float = 4.0
     contact: float = 500.0
     sliding: float = 4.0
     near: float = 1.0
@@ -72,7 +74,7 @@ class MuscleLayer:
         tets = [m.body.mesh.tets + a for m, a in zip(self.muscles, starts, strict=False)]
         self.elastic = Elastic(rest, np.concatenate(tets), self.options.material)
         self.surfaces = [self._lifted(m, i) for i, m in enumerate(self.muscles)]
-        free = [_without(s, m.body.held) for s, m in zip(self.surfaces, self.muscles, strict=True)]
+        free = [_without(s, m.firm) for s, m in zip(self.surfaces, self.muscles, strict=True)]
         self.unheld = sparse.vstack(free, format="csr")  # from all vertices to surfaces' that no bone holds
         neutral = {m.name: m.body.surface for m in self.muscles}
         self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
@@ -94,9 +96,8 @@ class MuscleLayer:
         elastic = self.elastic.with_strains(np.concatenate(strains))
         springs = self._attachments(frame.bones)
         x = np.concatenate([m.guess(bones, frame.bones) for m in self.muscles])
-        x = self._equilibrium([elastic, springs], x, frame.name)
         if not self.contact:
-            return self._shapes(x, strains, {})
+            return self._shapes(self._equilibrium([elastic, springs], x, frame.name), strains, {})
         posed = each_moved(bones, frame.bones)
         settled = self._in_contact([elastic, springs], x, posed, frame.name)
         return self._shapes(settled.x, strains, settled.figures)
@@ -104,7 +105,9 @@ class MuscleLayer:
     def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
         rows = [s[m.body.held] for s, m in zip(self.surfaces, self.muscles, strict=True)]
         targets = np.concatenate([m.targets(bones) for m in self.muscles])
-        return Attachment(sparse.vstack(rows, format="csr"), targets, self.options.spring)
+        loose = np.concatenate([m.loose for m in self.muscles])
+        stiffness = np.where(loose, self.options.loose, self.options.spring)
+        return Attachment(sparse.vstack(rows, format="csr"), targets, stiffness)
 
     def _in_contact(
         self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str
@@ -117,7 +120,12 @@ class MuscleLayer:
                 [*free, *self._bone_contacts(obstacles, x), *self._neighbours(x)], x, frame
             )
 
-        return settle(in_place, x, self.options.contacts, f"muscles of {frame}")
+        return settle(in_place, x, self.options.contacts, f"muscles of {frame}", mover=self._mover)
+
+    def _mover(self, motion: Array) -> str:
+        """The muscle that has the longest vector of a motion (N, 3)."""
+        worst = int(np.argmax((motion**2).sum(axis=1)))
+        return next(m.name for m, p in zip(self.muscles, self.parts, strict=True) if worst < p.stop)
 
     def _bone_contacts(self, bones: Sequence[Distance], x: Array) -> list[Potential]:
         """Surface vertices that no bone holds, and that are not far away, are kept out of every bone."""
@@ -140,7 +148,7 @@ class MuscleLayer:
         }
         distances = {name: Distance(surface) for name, surface in posed.items()}
         operators = {m.name: s for m, s in zip(self.muscles, self.surfaces, strict=True)}
-        held = {m.name: m.body.held for m in self.muscles}
+        held = {m.name: m.firm for m in self.muscles}
         for a in operators:
             for b in operators:
                 if a == b:
@@ -155,8 +163,10 @@ class MuscleLayer:
         return found
 
     def _contact(self, near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> Contact:
+        """Planes on the neighbour; deep vertices come out of it by `BITE` before planes are renewed."""
         apart = a[near.vertices] - near.feet @ b
-        return Contact(apart, np.zeros((len(near.vertices), 3)), near.normals, self.options.contact)
+        left = np.minimum(near.gaps + BITE, 0.0)[:, None] * near.normals
+        return Contact(apart, left, near.normals, self.options.contact)
 
     def _sliding(self, near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> Sliding:
         """Neighbours do not gape: the gap along the normal stays what it was in neutral."""

@@ -14,7 +14,7 @@ from handpipe import artifacts
 from handpipe.fem import plasticity
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-from handpipe.muscles.body import Body
+from handpipe.muscles.body import ON_BONE, Body
 from handpipe.muscles.neighbours import touching
 from handpipe.muscles.pose_strains import PoseStrains, StrainOptions, fit_pose_strains
 from handpipe.skeleton.pose_space import Interpolation, PoseSpace
@@ -60,9 +60,8 @@ class Muscle:
         """
         still = {bone: RigidTransform.identity() for bone in body.attachments}
         own = [{b: t[b] for b in body.attachments} for t in transforms.values()]
-        space = PoseSpace.build(
-            list(body.attachments), parents, {neutral: still, **transforms}, interpolation
-        )
+        poses = {neutral: still, **transforms}
+        space = PoseSpace.build(list(body.attachments), parents, poses, interpolation, body.held_by_bone)
         logs = np.stack([np.zeros((len(body.mesh.tets), 6)), *(plasticity.log(s) for s in fit.strains)])
         vertices = np.concatenate([body.mesh.vertices[None], fit.vertices])
         return Muscle(name, body, space, logs, vertices, (still, *own))
@@ -85,7 +84,7 @@ class Muscle:
         neighbours: other muscles and bones by pose, into which it is not to be smoothed. `transforms` holds
         the example poses, in the order of the result; held vertices of `surfaces` are seated.
         """
-        space = PoseSpace.build(list(body.attachments), parents, transforms)
+        space = PoseSpace.build(list(body.attachments), parents, transforms, points=body.held_by_bone)
         fit = fit_pose_strains(
             body.mesh,
             body.matrix,
@@ -117,6 +116,16 @@ class Muscle:
         return self.body.targets(bones, self.space.interpolate(self._beside, bones))
 
     @cached_property
+    def loose(self) -> NDArray[np.bool_]:
+        """Which held vertices (t,) leave their bones in an example: soft tissue holds them, not bone."""
+        return np.linalg.norm(self._beside, axis=2).max(axis=0) > ON_BONE
+
+    @property
+    def firm(self) -> NDArray[np.int64]:
+        """Surface vertices that go with a bone."""
+        return self.body.held[~self.loose]
+
+    @cached_property
     def _beside(self) -> Array:
         """Offsets (N, t, 3) in mm of held vertices from neutral, in their bones' frames, in the examples."""
         rest = self.body.surface.vertices
@@ -145,7 +154,7 @@ class Muscle:
             "examples/rotations": np.array([[b[n].rotation for n in names] for b in self.bones]),
             "examples/translations": np.array([[b[n].translation for n in names] for b in self.bones]),
         }
-        units = {"body/vertices": "mm", "body/mesh/vertices": "mm", "space/examples": "rad", "logs": "1"}
+        units = {"body/vertices": "mm", "body/mesh/vertices": "mm", "logs": "1"}
         units |= {"examples/vertices": "mm", "examples/translations": "mm"}
         artifacts.write(path, data, kind=KIND, units=units, inputs=inputs)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -13,8 +13,9 @@ from handpipe.mesh.rigid import RigidTransform
 
 Array = NDArray[np.float64]
 Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
-COINCIDENT = 1e-9  # rad; closer poses are one
-LINEAR_SPREAD = 0.1  # rad; examples that spread less in a direction say nothing of a slope along it
+COINCIDENT = 1e-9  # rad, or a share of the points' spread; closer poses are one
+# rad, or shares of the points' spread; examples that spread less in a direction tell no slope along it.
+LINEAR_SPREAD = 0.1
 
 
 def reference_bone(bones: Sequence[str], parents: Mapping[str, str]) -> str:
@@ -44,12 +45,29 @@ def pose_vector(bones: Sequence[str], reference: str, transforms: Mapping[str, R
     )
 
 
+def felt_vector(
+    points: Mapping[str, Array], reference: str, transforms: Mapping[str, RigidTransform]
+) -> Array:
+    """How far points (k, 3) of bones move (3 K,) relative to the reference bone, as shares of their spread.
+
+    Its norm is the root mean square of all K points: what an organ feels of a pose that is held at them. A
+    rotation counts by its lever, which differs by an order of magnitude between the joints that one muscle
+    passes. A common motion of all bones does not change the result.
+    """
+    undo = transforms[reference].inverse()
+    moved = np.concatenate([(undo @ transforms[b])(p) - p for b, p in points.items()])
+    rest = np.concatenate(list(points.values()))
+    spread = np.linalg.norm(rest - rest.mean(axis=0))
+    return moved.ravel() / spread
+
+
 @dataclass(frozen=True)
 class PoseSpace:
     """Example poses as pose vectors, and the weights that interpolate what is known in them.
 
-    bones: controlling bones; reference: the one that the others' rotations are relative to; examples
-    (N, d) in rad, d = 3 (len(bones) - 1); poses: names of the N examples. `interpolation`:
+    bones: controlling bones; reference: the one that the others' motions are relative to; examples
+    (N, d): rotation vectors in rad, d = 3 (len(bones) - 1), or, with `points` (k, 3) in mm of each bone in
+    neutral, what is felt there (`felt_vector`); poses: names of the N examples. `interpolation`:
     "inverse-distance" (Zheng 2022, Eq. 1) is positive and kinked at the examples; "inverse-square" is
     positive and smooth, but flat at the examples; "rbf" is linear radial basis functions with a linear
     part, which follow trends at the price of negative weights, for quantities that may be extrapolated,
@@ -61,6 +79,7 @@ class PoseSpace:
     examples: Array
     poses: tuple[str, ...]
     interpolation: Interpolation = "inverse-distance"
+    points: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.interpolation not in get_args(Interpolation):
@@ -72,14 +91,18 @@ class PoseSpace:
         parents: Mapping[str, str],
         transforms: Mapping[str, Mapping[str, RigidTransform]],
         interpolation: Interpolation = "inverse-distance",
+        points: Mapping[str, Array] | None = None,
     ) -> PoseSpace:
         """Pose space of transforms, pose -> bone -> transform from neutral; parents: bone -> parent bone."""
         reference = reference_bone(bones, parents)
-        examples = np.array([pose_vector(bones, reference, t) for t in transforms.values()])
-        return PoseSpace(tuple(bones), reference, examples, tuple(transforms), interpolation)
+        empty = PoseSpace(tuple(bones), reference, np.zeros((0, 0)), (), interpolation, dict(points or {}))
+        examples = np.array([empty.vector(t) for t in transforms.values()])
+        return replace(empty, examples=examples, poses=tuple(transforms))
 
     def vector(self, bones: Mapping[str, RigidTransform]) -> Array:
         """Pose vector (d,) of bone transforms from neutral."""
+        if self.points:
+            return felt_vector(self.points, self.reference, bones)
         return pose_vector(self.bones, self.reference, bones)
 
     def weights(self, bones: Mapping[str, RigidTransform]) -> Array:
@@ -132,6 +155,7 @@ class PoseSpace:
             "examples": self.examples,
             "poses": list(self.poses),
             "interpolation": self.interpolation,
+            **{f"points/{bone}": points for bone, points in self.points.items()},
         }
 
     @staticmethod
@@ -143,4 +167,5 @@ class PoseSpace:
             np.asarray(group["examples"], float),
             tuple(group["poses"]),
             group["interpolation"],
+            dict(group.get("points", {})),
         )
