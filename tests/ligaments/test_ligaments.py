@@ -4,24 +4,29 @@ import numpy as np
 import pytest
 from tests.muscles.shapes import hinge, hinge_bones, spindle
 
+from handpipe.errors import ConvergenceError
 from handpipe.layers import Frame
 from handpipe.ligaments.fitting import fit_ligament
 from handpipe.ligaments.layer import LigamentLayer
 from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.muscles.templates import Guess
 from handpipe.skeleton.layer import BoneLayer
 
 
-def layer() -> LigamentLayer:
+def layer(attachments=None) -> LigamentLayer:
     body = spindle()
-    return LigamentLayer(
-        [fit_ligament("l", Guess(body.surface, body.attachments), {"b": "a"}, "neutral", edge=2.5)]
-    )
+    guess = Guess(body.surface, attachments or body.attachments)
+    return LigamentLayer([fit_ligament("l", guess, {"b": "a"}, "neutral", edge=2.5)])
+
+
+def shapes(transforms, attachments=None):
+    frame = Frame("pose", {}, transforms)
+    return layer(attachments).solve(frame, {"bones": BoneLayer(hinge_bones()).solve(frame, {})})
 
 
 def solve(transforms):
-    frame = Frame("pose", {}, transforms)
-    return layer().solve(frame, {"bones": BoneLayer(hinge_bones()).solve(frame, {})})["l"]
+    return shapes(transforms)["l"]
 
 
 def test_moves_rigidly_with_both_bones():
@@ -43,3 +48,23 @@ def test_bones_that_part_stretch_it():
     assert np.ptp(shape.vertices[:, 0]) == pytest.approx(33.0, abs=0.3)
     middle = np.abs(shape.rest[:, 0]) < 4
     assert np.ptp(shape.vertices[middle, 1]) < np.ptp(shape.rest[middle, 1])
+
+
+def pressed(gap: float, distance: float):
+    """All that lies more than `gap` mm from the middle is held; the ends come `distance` mm nearer."""
+    x = spindle().surface.vertices[:, 0]
+    ends = {"a": np.flatnonzero(x < -gap), "b": np.flatnonzero(x > gap)}
+    nearer = RigidTransform(np.eye(3), np.array([-distance, 0, 0]))
+    return shapes({"a": RigidTransform.identity(), "b": nearer}, ends)
+
+
+def test_ends_pressed_into_one_another_give_way():
+    mesh = pressed(2.5, 6.0)["l_mesh"]
+    assert TetMesh(mesh.vertices, mesh.cells).volumes().min() > 0
+
+
+def test_ends_that_change_places_have_no_shape():
+    with pytest.raises(
+        ConvergenceError, match="Muscle l did not converge: its equilibrium has inverted tets"
+    ):
+        pressed(0.3, 6.0)

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
 
+from handpipe.errors import ConvergenceError
 from handpipe.fem.materials import Material
 from handpipe.layers import Frame, Shapes
 from handpipe.muscles.layer import MuscleLayer, SimulationOptions
 from handpipe.muscles.muscle import Muscle
 
+log = logging.getLogger(__name__)
+
 LIGAMENT = Material(200.0, 0.48)  # kPa; at 0.45 a clenched fist turns tets at their ends inside out
+
+# mN/mm of an attached point, one after the other: where the ends come so near to one another that a tet has
+# corners of both, the stiffest turn it inside out. The softest leave an end 0.5 mm off in a fist.
+SPRINGS = (20000.0, 5000.0, 2000.0)
 
 
 class LigamentLayer:
@@ -20,13 +28,23 @@ class LigamentLayer:
     name = "ligaments"
     needs: tuple[str, ...] = ("bones",)
 
-    def __init__(self, ligaments: Iterable[Muscle], options: SimulationOptions | None = None) -> None:
-        options = options or SimulationOptions(material=LIGAMENT, spring=20000.0)
-        self._alone = [MuscleLayer([ligament], options, contact=False) for ligament in ligaments]
+    def __init__(self, ligaments: Iterable[Muscle]) -> None:
+        self.ligaments = list(ligaments)
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """As `MuscleLayer.solve`: each ligament's surface, and its tetrahedra under `{ligament}_mesh`."""
         shapes: Shapes = {}
-        for layer in self._alone:
-            shapes |= layer.solve(frame, below)
+        for ligament in self.ligaments:
+            shapes |= _solved(ligament, frame, below)
         return shapes
+
+
+def _solved(ligament: Muscle, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+    """With the stiffest of `SPRINGS` under which no tet is inside out; `ConvergenceError` without one."""
+    *stiffer, last = (SimulationOptions(material=LIGAMENT, spring=spring) for spring in SPRINGS)
+    for options in stiffer:
+        try:
+            return MuscleLayer([ligament], options, contact=False).solve(frame, below)
+        except ConvergenceError as error:
+            log.warning("%s: %s Going on with softer attachments.", frame.name, error)
+    return MuscleLayer([ligament], last, contact=False).solve(frame, below)
