@@ -64,7 +64,5 @@ def test_ends_pressed_into_one_another_give_way():
 
 
 def test_ends_that_change_places_have_no_shape():
-    with pytest.raises(
-        ConvergenceError, match="Muscle l did not converge: .* inverted tets"
-    ):
+    with pytest.raises(ConvergenceError, match="Muscle l did not converge: .* inverted tets"):
         pressed(0.3, 6.0)
