@@ -28,6 +28,20 @@ def test_a_shape_that_can_rest_comes_to_its_fixed_point(rate):
     assert settled.figures["contact_unsettled"] == 0
 
 
+def test_a_long_way_in_equal_steps_is_gone_to_its_end():
+    """Contact that takes depth away bit by bit moves a shape by as much each time: that is no cycle."""
+
+    def bitten(x):
+        way = GOAL - x
+        lengths = np.linalg.norm(way, axis=1, keepdims=True)
+        return x + way * np.minimum(0.25 / np.maximum(lengths, 1e-12), 1.0)
+
+    settled = settle(bitten, START, LIMITS, "body")
+    farthest = np.linalg.norm(GOAL, axis=1).max()
+    assert settled.rests and settled.x == pytest.approx(GOAL)
+    assert settled.renewals == int(np.ceil(farthest / 0.25)) + 1
+
+
 def test_a_step_without_renewal_is_one_renewal():
     settled = settle(towards_goal(0.0), GOAL, LIMITS, "body")
     assert (settled.renewals, settled.motion) == (1, 0.0)

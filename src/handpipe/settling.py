@@ -70,11 +70,12 @@ def settle(
 
     equilibrium: from positions (n, 3) where planes are taken to the equilibrium under them; x: where to
     begin; measure: mm of a motion (n, 3); mover: names what a motion moves most. Planes that alternate
-    between facets would keep the shape in a cycle: where the motion does not die away, only a share of it is
-    carried out before planes are taken again. Of a shape that does not settle a warning is logged, and the
-    equilibrium of least motion is taken. Raises `ConvergenceError` where that is above `limits.gross`.
+    between facets would keep the shape in a cycle: where the motion turns back and does not die away, only a
+    share of it is carried out before planes are taken again; one that goes on is a long way. Of a shape that
+    does not settle a warning is logged, and the equilibrium of least motion is taken. Raises
+    `ConvergenceError` where that is above `limits.gross`.
     """
-    share, before = 1.0, np.inf
+    share, before, last = 1.0, np.inf, None
     best = Settled(x, 0, np.inf)
     for count in range(1, limits.renewals + 1):
         found = equilibrium(x)
@@ -85,9 +86,10 @@ def settle(
             best = Settled(found, count, motion)
         if motion < limits.settled:
             return best
+        back = last is not None and np.vdot(found - x, last) < 0
         if motion > CONTRACTING * before:
-            share = max(0.5 * share, LEAST_SHARE)
-        x, before = x + share * (found - x), motion
+            share = max(0.5 * share, LEAST_SHARE) if back else min(2 * share, 1.0)
+        x, before, last = x + share * (found - x), motion, found - x
     if best.motion > limits.gross:
         reason = f"it moves by {best.motion:.2f} mm at least in {count} renewals of its contact planes{moved}"
         raise ConvergenceError(name, reason)
