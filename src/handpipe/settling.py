@@ -75,21 +75,22 @@ def settle(
     does not settle a warning is logged, and the equilibrium of least motion is taken. Raises
     `ConvergenceError` where that is above `limits.gross`.
     """
-    share, before, last = 1.0, np.inf, None
+    share, before, last = 1.0, np.inf, np.zeros_like(x)
     best = Settled(x, 0, np.inf)
     for count in range(1, limits.renewals + 1):
         found = equilibrium(x)
-        motion = measure(found - x)
-        moved = "" if mover is None else f", most of all {mover(found - x)}"
+        step = found - x
+        motion = measure(step)
+        moved = "" if mover is None else f", most of all {mover(step)}"
         log.info("%s: contact planes taken %d times, motion %.3f mm%s", name, count, motion, moved)
         if motion < best.motion:
             best = Settled(found, count, motion)
         if motion < limits.settled:
             return best
-        back = last is not None and np.vdot(found - x, last) < 0
         if motion > CONTRACTING * before:
-            share = max(0.5 * share, LEAST_SHARE) if back else min(2 * share, 1.0)
-        x, before, last = x + share * (found - x), motion, found - x
+            turns_back = np.vdot(step, last) < 0
+            share = max(0.5 * share, LEAST_SHARE) if turns_back else min(2 * share, 1.0)
+        x, before, last = x + share * step, motion, step
     if best.motion > limits.gross:
         reason = f"it moves by {best.motion:.2f} mm at least in {count} renewals of its contact planes{moved}"
         raise ConvergenceError(name, reason)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from handpipe.fem.constraints import Contact, Sliding
+from handpipe.fem.constraints import Contact, Sliding, left_deep
 from handpipe.fem.potential import Potential
 from handpipe.mesh.self_contact import SelfContact, self_contact
 from handpipe.mesh.surface import Surface
@@ -31,7 +31,7 @@ def skin_on_skin(
     if len(found.vertices) == 0:
         return []
     apart, stiff = matrix[found.vertices] - found.feet @ matrix, stiffness[found.vertices]
-    left = np.minimum(found.gaps + BITE, 0.0)[:, None] * found.normals
+    left = left_deep(found.gaps, found.normals, BITE)
     return [Contact(apart, left, found.normals, stiff), *_sticking(found, apart, skin, stiff)]
 
 

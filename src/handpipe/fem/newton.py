@@ -65,8 +65,8 @@ class Newton:
         systems = self._workspace.systems
         before = systems.factorisations, systems.cg_iterations
         self._run()
-        if self._left is not None and not self.record.converged and not self._lower():
-            self._return()
+        if not self.record.converged:
+            self._returned()
         self.record.factorisations = systems.factorisations - before[0]
         self.record.cg_iterations = systems.cg_iterations - before[1]
 
@@ -196,8 +196,7 @@ class Newton:
 
     def _leave(self) -> bool:
         """Leave a stationary point that is no minimum; False where it is one or where that failed."""
-        if self._left is not None and not self._lower():
-            self._return()
+        if self._returned():
             return False
         if not self._directions.convexified or self.record.escapes >= MAX_ESCAPES:
             return False
@@ -228,17 +227,16 @@ class Newton:
         motion = forces if motion is None else motion
         return (KICK * self._spacing() / _largest(motion) * motion).reshape(self.x.shape)
 
-    def _lower(self) -> bool:
-        """Whether the energy is below that of the stationary point that was left."""
-        assert self._left is not None
-        value = self._left[1]
-        return self._value < value - 1e-9 * max(abs(value), self._scale * self._spacing())
-
-    def _return(self) -> None:
-        """Back to the stationary point that was left."""
-        assert self._left is not None
-        self.x, self._value = self._left
+    def _returned(self) -> bool:
+        """Go back to the stationary point that was left, if one was and this energy is no lower."""
+        if self._left is None:
+            return False
+        x, value = self._left
+        if self._value < value - 1e-9 * max(abs(value), self._scale * self._spacing()):
+            return False
+        self.x, self._value = x, value
         self.record.converged, self.record.reason = True, "converged"
+        return True
 
     def _spacing(self) -> float:
         """Mean distance of vertices in mm, from the box that they fill at rest."""

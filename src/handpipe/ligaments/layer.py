@@ -29,22 +29,23 @@ class LigamentLayer:
     needs: tuple[str, ...] = ("bones",)
 
     def __init__(self, ligaments: Iterable[Muscle]) -> None:
-        self.ligaments = list(ligaments)
+        options = SimulationOptions(material=LIGAMENT)
+        self._alone = [MuscleLayer([ligament], options, contact=False) for ligament in ligaments]
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """As `MuscleLayer.solve`: each ligament's surface, and its tetrahedra under `{ligament}_mesh`."""
         shapes: Shapes = {}
-        for ligament in self.ligaments:
-            shapes |= _solved(ligament, frame, below)
+        for layer in self._alone:
+            shapes |= _solved(layer, frame, below)
         return shapes
 
 
-def _solved(ligament: Muscle, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-    """With the stiffest of `SPRINGS` under which no tet is inside out; `ConvergenceError` without one."""
-    *stiffer, last = (SimulationOptions(material=LIGAMENT, spring=spring) for spring in SPRINGS)
-    for options in stiffer:
+def _solved(layer: MuscleLayer, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+    """On the stiffest of `SPRINGS` with which no tet is inside out; `ConvergenceError` without one."""
+    *stiffer, last = SPRINGS
+    for spring in stiffer:
         try:
-            return MuscleLayer([ligament], options, contact=False).solve(frame, below)
+            return layer.on_springs(spring).solve(frame, below)
         except ConvergenceError as error:
             log.warning("%s: %s Going on with softer attachments.", frame.name, error)
-    return MuscleLayer([ligament], last, contact=False).solve(frame, below)
+    return layer.on_springs(last).solve(frame, below)

@@ -4,8 +4,9 @@ section 4.1).
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from scipy import sparse
 
 from handpipe.errors import ConvergenceError
 from handpipe.fem import equilibrium
-from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact
+from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact, left_deep
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
@@ -78,6 +79,12 @@ class MuscleLayer:
         self.unheld = sparse.vstack(free, format="csr")  # from all vertices to surfaces' that no bone holds
         neutral = {m.name: m.body.surface for m in self.muscles}
         self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
+
+    def on_springs(self, stiffness: float) -> MuscleLayer:
+        """The same muscles held to their bones by springs of another stiffness in mN/mm."""
+        other = copy.copy(self)
+        other.options = replace(self.options, spring=stiffness)
+        return other
 
     def _lifted(self, muscle: Muscle, index: int) -> sparse.csr_matrix:
         """Matrix (v, N) from all vertices to one muscle's surface."""
@@ -165,7 +172,7 @@ class MuscleLayer:
     def _contact(self, near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> Contact:
         """Planes on the neighbour; deep vertices come out of it by `BITE` before planes are renewed."""
         apart = a[near.vertices] - near.feet @ b
-        left = np.minimum(near.gaps + BITE, 0.0)[:, None] * near.normals
+        left = left_deep(near.gaps, near.normals, BITE)
         return Contact(apart, left, near.normals, self.options.contact)
 
     def _sliding(self, near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> Sliding:
