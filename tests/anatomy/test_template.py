@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy import sparse
 from tests.anatomy.arm import THREE_MUSCLES, arm
 from tests.anatomy.meshes import require_closed_labels, require_conforming
 
 from handpipe.anatomy.curves import CurveFile
+from handpipe.anatomy.diffusion import Factorise, superlu
 from handpipe.anatomy.domain import Domain
 from handpipe.anatomy.template import Template, build_template
 from handpipe.errors import InputError
@@ -24,8 +26,9 @@ def limb() -> Limb:
     return Domain.between(skin, bones, 5.0), skin, bones
 
 
-def built(limb: Limb, content: dict) -> Template:
-    return build_template(CurveFile.model_validate(content), limb[0], limb[2], source="arm.yaml")
+def built(limb: Limb, content: dict, factorise: Factorise = superlu) -> Template:
+    file = CurveFile.model_validate(content)
+    return build_template(file, limb[0], limb[2], factorise=factorise, source="arm.yaml")
 
 
 def three() -> dict:
@@ -87,6 +90,25 @@ def test_volumes_that_are_asked_for(limb: Limb) -> None:
     template = built(limb, content)
     require_fit(template, limb)
     np.testing.assert_allclose(template.volumes()[[1, 3]], 9000, rtol=0.0101)
+
+
+class Elsewhere:
+    """A factor on a machine that rounds otherwise: the last digits of its solutions are others."""
+
+    def __init__(self, matrix: sparse.csr_matrix) -> None:
+        self.factor = superlu(matrix)
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        x = self.factor.solve(b)
+        return x * (1 + 1e-14 * np.random.default_rng(1).standard_normal(x.shape))
+
+
+def test_another_machines_rounding_makes_the_same_mesh(limb: Limb) -> None:
+    content = three()
+    content["muscles"]["flexor"]["volume"] = 9000.0
+    here, there = (built(limb, content, factorise) for factorise in (superlu, Elsewhere))
+    assert np.array_equal(here.mesh.tets, there.mesh.tets)
+    assert np.array_equal(here.mesh.vertices, there.mesh.vertices)
 
 
 def test_muscle_of_three_heads_and_a_broad_origin(limb: Limb) -> None:

@@ -34,6 +34,7 @@ log = logging.getLogger(__name__)
 
 WEIGHT = 50.0  # alpha of Eq. 10 for a mm of curve
 SAMPLES = 8  # of a curve in the shortest way through a typical tet
+DECIMALS = 6  # of functions, which go to about 1: beyond them machines differ, and so would the cuts of tets
 
 
 class Factor(Protocol):
@@ -150,7 +151,7 @@ def diffuse(
             own = factorise(_block((stiffness(mesh, tensors) + constraints).tocsr(), free))
         values[free, column] = own.solve(right[name][free])
         log.info("muscle function %d of %d: %s", column, len(curves), name)
-    return Functions(("fat", *curves), values)
+    return Functions(("fat", *curves), np.round(values, DECIMALS))
 
 
 def _block(matrix: sparse.csr_matrix, free: IntArray) -> sparse.csr_matrix:

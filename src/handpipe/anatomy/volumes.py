@@ -19,6 +19,7 @@ ROUNDS = 25
 FIRST_POWER = 1.5  # volume goes like this power of the scale, to begin with
 POWERS = (0.3, 12.0)
 LONGEST_STEP = 0.5  # of the logarithm of a scale
+DECIMALS = 6  # of scales: beyond them machines differ, and each cut of the mesh makes more of it
 
 
 def meet_volumes(
@@ -39,11 +40,12 @@ def meet_volumes(
     power = np.full(len(targets), FIRST_POWER)
     before: tuple[Array, Array] | None = None
     for number in range(ROUNDS):
-        volume = np.log(np.maximum(volumes_of(np.exp(scale)), 1e-9))
+        scales: Array = np.round(np.exp(scale), DECIMALS)
+        volume = np.log(np.maximum(volumes_of(scales), 1e-9))
         lack = np.where(np.isfinite(targets), np.log(np.where(np.isfinite(targets), targets, 1)) - volume, 0)
         log.info("round %d: volumes off by %s", number, np.round(np.expm1(-lack[wanted]), 3))
         if np.abs(lack).max(initial=0) <= np.log1p(tolerance):
-            return np.exp(scale)
+            return scales
         if before is not None:
             change = scale - before[0]
             moved = np.abs(change) > 1e-4

@@ -157,6 +157,10 @@ class Body:
             found.append(self.fibres.with_tension(np.concatenate(tension)))
         return found
 
+    def energies(self, pose: Pose) -> list[Potential]:
+        """Energies in a pose, with contact where there is any."""
+        return self.potentials(pose) + ([self.barrier] if self.barrier is not None else [])
+
     def prescribed(self, pose: Pose, x: Array) -> Array:
         """Positions x (n, 3) with the nodes on bones where the pose has them."""
         out = x.copy()

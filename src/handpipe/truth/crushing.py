@@ -14,22 +14,25 @@ Array = NDArray[np.float64]
 
 CRUSHED = 0.3  # of its volume at rest: where the resistance begins
 STEEPEST = 0.02  # of that: below, it grows quadratically, so that a bad start has an energy
+LAST = (
+    2e-3  # the same where that does not hold: small tets beside a muscle's end are pressed by 3 MPa and more
+)
 
 
 class Crushing(DensityPotential):
     """Energy sum of V k b(J / 0.3) over points with J = det F < 0.3; b(s) = -(s - 1)^2 ln s, k in kPa.
 
-    Below s = 0.02 b goes on as its parabola there: twice continuous, and finite for a start that is inside
-    out, which stable laws alone would let stay so.
+    Below s = `steepest` b goes on as its parabola there: twice continuous, and finite for a start that is
+    inside out, which stable laws alone would let stay so.
     """
 
-    def __init__(self, elements: Elements, stiffness: float) -> None:
+    def __init__(self, elements: Elements, stiffness: float, steepest: float = STEEPEST) -> None:
         super().__init__(elements)
-        self.stiffness = stiffness
+        self.stiffness, self.steepest = stiffness, steepest
 
-    def stiffened(self, times: float) -> Crushing:
-        """The same resistance, so many times as stiff."""
-        return Crushing(self.elements, times * self.stiffness)
+    def to_the_end(self) -> Crushing:
+        """The same resistance, going on as the logarithm until almost nothing is left of an element."""
+        return Crushing(self.elements, self.stiffness, LAST)
 
     def densities(self, f: Array, points: slice) -> Array:
         return self.stiffness * self._barrier(np.linalg.det(f))[0]
@@ -56,11 +59,10 @@ class Crushing(DensityPotential):
         add_stiffness(self.elements, crushed, tangents, data)
         return self.elements.pattern.matrix(data)
 
-    @staticmethod
-    def _barrier(volume: Array) -> tuple[Array, Array, Array]:
+    def _barrier(self, volume: Array) -> tuple[Array, Array, Array]:
         """The function of J, its first and second derivative, each (p,)."""
         share = np.minimum(volume / CRUSHED, 1.0)
-        at = np.maximum(share, STEEPEST)
+        at = np.maximum(share, self.steepest)
         log, gap = np.log(at), at - 1.0
         value = -(gap**2) * log
         first = -2 * gap * log - gap**2 / at

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.errors import ConvergenceError
 from handpipe.fem.approach import approach
 from handpipe.fem.equilibrium import Equilibrium, Options, continuation, solve
-from handpipe.fem.potential import Potential
 from handpipe.fem.record import Record
 from handpipe.truth.body import Body, Pose
-from handpipe.truth.crushing import Crushing
+from handpipe.truth.uninverted import uninverted
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 log = logging.getLogger(__name__)
 
 REACH = 3.0  # of contact on the way, in activation distances: the skin is pushed along in longer rounds
-RESISTING = 10.0  # times as stiff as it is, on the way round an equilibrium that is inside out
 PASSING = 8  # iterations for a state on the way, which need not rest
 NO_OBSTACLE = np.zeros((0, 3))
 
@@ -44,11 +40,7 @@ def follow(
     options = options or Options(name="coupled body")
     start = body.rest if x is None else x
     way = _without_contact if body.barrier is None else _with_contact
-    found = way(body, motion, start, steps, options)
-    inverted = body.inverted(found.x)
-    if inverted:
-        raise ConvergenceError(options.name, f"{inverted} tets end inside out: refine, or move less")
-    return found
+    return uninverted(body, body.energies(motion(1.0)), way(body, motion, start, steps, options), options)
 
 
 def _without_contact(
@@ -86,25 +78,6 @@ def _with_contact(
         x = found.x
         record.add(found.record)
         log.info("%s: step %d of %d, gap %.3g mm", options.name, number + 1, steps, body.barrier.gap(x))
-    energies = [*body.potentials(motion(1.0)), body.barrier]
-    found = solve(energies, x, fixed=body.fixed, options=options)
+    found = solve(body.energies(motion(1.0)), x, fixed=body.fixed, options=options)
     record.add(found.record)
-    if body.inverted(found.x):
-        log.info("%s: ends inside out, coming to rest anew by way of a stiffer resistance", options.name)
-        found = _resisting(energies, x, body.fixed, options)
-        record.add(found.record)
     return Equilibrium(found.x, record)
-
-
-def _resisting(energies: Sequence[Potential], x: Array, fixed: Mask, options: Options) -> Equilibrium:
-    """The equilibrium reached from x (n, 3) by the one at which tissue resists crushing more.
-
-    A small element can be pushed past the resistance; from where it never was it does not get there.
-    """
-    harder = [p.stiffened(RESISTING) if isinstance(p, Crushing) else p for p in energies]
-    record = Record()
-    for forces in (harder, energies):
-        found = solve(forces, x, fixed=fixed, options=options)
-        record.add(found.record)
-        x = found.x
-    return Equilibrium(x, record)

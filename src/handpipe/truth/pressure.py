@@ -18,6 +18,7 @@ from handpipe.truth.body import Body, Pose
 from handpipe.truth.density import DensityPotential, semidefinite
 from handpipe.truth.determinant import cofactors, second_derivatives
 from handpipe.truth.elements import Elements
+from handpipe.truth.uninverted import uninverted
 from handpipe.truth.validation import volume_changes
 
 Array = NDArray[np.float64]
@@ -50,11 +51,12 @@ def with_volumes_kept(body: Body, pose: Pose, x: Array, options: Options | None 
     """The equilibrium of a pose in which each muscle's volume is within 0.2 % of that at rest.
 
     x (n, 3) is the equilibrium without. Pressures, one a muscle, are the volumes' Lagrange
-    multipliers, sought by the secant method. Raises `ConvergenceError` where volumes find no room.
+    multipliers, sought by the secant method. Raises `ConvergenceError` where volumes find no room, or tissue
+    stays inside out.
     """
     options = options or Options(name="volumes")
     tets = list(body.muscles.values())
-    potentials = body.potentials(pose) + ([body.barrier] if body.barrier is not None else [])
+    without = body.energies(pose)
     inside = body.elements.part(np.concatenate(tets))
     own = np.array([1.0 / body.solid.bulk_moduli()[t].mean() for t in tets])  # of relative volume, in 1/kPa
     compliance, pressures, record = own, np.zeros(len(tets)), Record(converged=True)
@@ -65,9 +67,9 @@ def with_volumes_kept(body: Body, pose: Pose, x: Array, options: Options | None 
             return Equilibrium(x, record)
         step = -change / compliance
         pressures = pressures + step
-        energies = [*potentials, Pressure(inside, np.repeat(pressures, list(map(len, tets))))]
+        energies = [*without, Pressure(inside, np.repeat(pressures, list(map(len, tets))))]
         named = replace(options, name=f"{options.name}, volumes {number + 1}")
-        found = solve(energies, x, fixed=body.fixed, options=named)
+        found = uninverted(body, energies, solve(energies, x, fixed=body.fixed, options=named), named)
         x = found.x
         record.add(found.record)
         before, change = change, _changes(body, x)

@@ -1,0 +1,56 @@
+"""A single tet pressed harder than its resistance bears before it is inside out."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from handpipe.errors import ConvergenceError
+from handpipe.fem.equilibrium import Options, solve
+from handpipe.fem.materials import Material
+from handpipe.fem.pull import Pull
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.truth import uninverted as module
+from handpipe.truth.body import CRUSH_STIFFNESS, Anatomy, Body, Pose
+from handpipe.truth.crushing import CRUSHED
+from handpipe.truth.uninverted import uninverted
+
+FORCE = 1500.0  # mN
+OPTIONS = Options(displacement_tolerance=1e-9, force_tolerance=1e-9, untangle=False)
+
+
+@pytest.fixture
+def pressed():
+    """The unit tet of fat, three corners on a bone, the fourth pressed through them."""
+    mesh = TetMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]]))
+    anatomy = Anatomy(mesh, np.zeros(1, dtype=int), ("fat",), {"bone": np.array([0, 1, 2])})
+    body = Body(anatomy, {"fat": Material(10.0, 0.3)}, order=1)
+    top = np.eye(4)[3:]
+    energies = [*body.energies(Pose({})), Pull(top, np.array([[0.0, 0.0, -FORCE]]))]
+    return body, energies, solve(energies, body.rest, fixed=body.fixed, options=OPTIONS)
+
+
+def test_what_ends_inside_out_comes_to_rest_the_right_way_out(pressed):
+    """Its height is det F, of which the logarithm's slope bears the force."""
+    body, energies, found = pressed
+    assert body.inverted(found.x)
+    height = uninverted(body, energies, found, OPTIONS).x[3, 2]
+
+    def force(j):
+        s = j / CRUSHED
+        slope = -2 * (s - 1) * np.log(s) - (s - 1) ** 2 / s
+        return -CRUSH_STIFFNESS / 6 / CRUSHED * slope - FORCE
+
+    assert height == pytest.approx(brentq(force, 1e-4, 0.3), rel=0.01)
+
+
+def test_what_is_the_right_way_out_is_not_touched(pressed):
+    body, energies, found = pressed
+    resting = solve(energies[:-1], body.rest, fixed=body.fixed, options=OPTIONS)
+    assert uninverted(body, energies[:-1], resting, OPTIONS) is resting
+
+
+def test_what_stays_inside_out_is_an_error(pressed, monkeypatch):
+    body, energies, found = pressed
+    monkeypatch.setattr(module, "solve", lambda *_, **__: found)
+    with pytest.raises(ConvergenceError, match="inside out"):
+        uninverted(body, energies, found, OPTIONS)
