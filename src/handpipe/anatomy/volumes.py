@@ -40,7 +40,7 @@ def meet_volumes(
     power = np.full(len(targets), FIRST_POWER)
     before: tuple[Array, Array] | None = None
     for number in range(ROUNDS):
-        scales: Array = np.round(np.exp(scale), DECIMALS)
+        scales = np.exp(scale).round(DECIMALS)
         volume = np.log(np.maximum(volumes_of(scales), 1e-9))
         lack = np.where(np.isfinite(targets), np.log(np.where(np.isfinite(targets), targets, 1)) - volume, 0)
         log.info("round %d: volumes off by %s", number, np.round(np.expm1(-lack[wanted]), 3))
