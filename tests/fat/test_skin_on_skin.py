@@ -48,11 +48,16 @@ def tissue():
     return Tissue(mesh, occupancy, skin, inner, {"base": base}, ("palm", *SIDES), weights)
 
 
+BASE = {"base": RigidTransform.identity()}
+
+
+def start(motions):
+    return tissue().pose({"palm": RigidTransform.identity(), **motions})
+
+
 def pressed(distance):
     motions, body = together(distance), tissue()
-    still = RigidTransform.identity()
-    start = body.pose({"palm": still, **motions})
-    settled = body.solve(below(motions), {"base": still}, None, start)
+    settled = body.solve(below(motions), BASE, None, start(motions))
     assert settled.rests
     return body.skin.moved(body.skin_matrix @ settled.x)
 
@@ -73,3 +78,22 @@ def test_prongs_that_do_not_meet_are_left_alone():
     round_again = np.hypot(np.abs(free.vertices[:, 1]) - (APART - 1.5), free.vertices[:, 2])
     shaft = (free.vertices[:, 0] > 9) & (free.vertices[:, 0] < 18)
     assert round_again[shaft] == pytest.approx(RADIUS, abs=0.1)
+
+
+def test_a_start_with_skin_deep_in_skin_is_opened():
+    """Blended prongs lie 1.6 mm in one another; from the opened start they rest where they do from there."""
+    motions, body = together(2.8), tissue()
+    blended = start(motions)
+    assert body.overlap(blended) > 1.2
+    opened = body.opened(below(motions), BASE, None, blended)
+    assert body.overlap(opened) < 0.3
+    settled = body.solve(below(motions), BASE, None, opened)
+    there = pressed(2.8).vertices
+    away = np.linalg.norm(body.skin_matrix @ settled.x - there, axis=1)
+    assert settled.rests and body.overlap(settled.x) < 0.16 and away.mean() < 0.05
+
+
+def test_a_start_with_its_skin_apart_is_taken_as_it_is():
+    motions = together(1.5)
+    x = start(motions)
+    assert tissue().opened(below(motions), BASE, None, x) is x

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from handpipe import artifacts
 from handpipe.fat.nails import from_vector
-from handpipe.fat.skin_contact import overlap
 from handpipe.fat.tissue import Tissue
 from handpipe.fem import plasticity
 from handpipe.layers import Frame, Shape, Shapes
@@ -82,11 +81,12 @@ class TissueLayer:
         Raises `ConvergenceError` where there is none.
         """
         tissue, bones = self.tissue, frame.bones
-        start = tissue.pose(bones)
-        settled = tissue.solve(below, self.rigid(bones), self.plastic_strains(bones), start)
+        rigid, strains = self.rigid(bones), self.plastic_strains(bones)
+        start = tissue.opened(below, rigid, strains, tissue.pose(bones))
+        settled = tissue.solve(below, rigid, strains, start)
         x = settled.x
         skin = tissue.skin.moved(tissue.skin_matrix @ x)
-        figures = {**settled.figures, "skin_overlap": overlap(tissue.skin, skin)}
+        figures = {**settled.figures, "skin_overlap": tissue.overlap(x)}
         return {
             "skin": Shape(tissue.skin.vertices, skin.vertices, skin.triangles, figures=figures),
             self.name + "_mesh": Shape(

@@ -162,7 +162,7 @@ def fit_strains(
         value = settings.smoothness * rough @ rough / m + weights @ offsets**2
         return State(logs, x, offsets, normals, weights, float(value))
 
-    now = state(np.zeros((m, 6)), start)
+    now = state(np.zeros((m, 6)), tissue.opened(below, rigid, None, start))
     record = [now.row(0.0)]
     for iteration in range(settings.iterations):
         strain = strain_operator(mesh, now.x)

@@ -16,7 +16,7 @@ from handpipe import artifacts
 from handpipe.errors import ConvergenceError
 from handpipe.fat.constraints import InnerPoints
 from handpipe.fat.skin import Rigid
-from handpipe.fat.skin_contact import skin_on_skin
+from handpipe.fat.skin_contact import overlap, skin_on_skin
 from handpipe.fem import equilibrium
 from handpipe.fem.constraints import Attachment, Contact, Sliding
 from handpipe.fem.elastic import Elastic
@@ -44,6 +44,8 @@ OPTIONS = Options(displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=Fa
 # Root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's noise;
 # gross is more than the mean error of any model of the skin: figures of such a shape would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
+CROWDED = 0.5  # mm of skin inside skin at the start from which the tissue is shrunk and grows again
+SIZES = (0.6, 0.75, 0.9)  # of its own, at which it rests on the way
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,31 @@ class Tissue:
             for name, part in self.rigid.items()
         ]
         return [*parts, *skin_on_skin(skin, skin.moved(matrix @ x), matrix, stiffness)]
+
+    def overlap(self, x: Array) -> float:
+        """Depth in mm, at most, of the skin in itself with the tissue at x (n, 3)."""
+        return overlap(self.skin, self.skin.moved(self.skin_matrix @ x))
+
+    def opened(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        strains: Array | None,
+        x: Array,
+    ) -> Array:
+        """A start (n, 3) with open creases, from x (n, 3): tissue smaller than it is draws back from them
+        and grows again.
+
+        Skin deep in other skin finds its way out only while there is room. Arguments as for `solve`; x itself
+        where its skin is hardly in itself. Raises `ConvergenceError`.
+        """
+        if self.overlap(x) < CROWDED:
+            return x
+        whole = self.elastic.strains if strains is None else strains
+        for size in SIZES:
+            x = self._solve(self.elastic.with_strains(size * whole), below, rigid, x)
+            log.info("soft tissue: at %.2f of its size, skin %.2f mm in itself", size, self.overlap(x))
+        return x
 
     def solve(
         self,
