@@ -96,7 +96,10 @@ class Body:
     def targets(self, transforms: Transforms, beside: Array | None = None) -> Array:
         """Where the bones hold these vertices, (t, 3); beside (t, 3): offsets in the bones' frames."""
         places = self.surface.vertices[self.held]
-        places = places if beside is None else places + beside
+        return self.carried(places if beside is None else places + beside, transforms)
+
+    def carried(self, places: Array, transforms: Transforms) -> Array:
+        """Places (t, 3) of held vertices, each moved as its bone is."""
         ends = np.cumsum([len(ids) for ids in self.attachments.values()])[:-1]
         return np.concatenate(
             [transforms[b](p) for b, p in zip(self.attachments, np.split(places, ends), strict=True)]

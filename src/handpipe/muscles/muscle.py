@@ -128,18 +128,12 @@ class Muscle:
     @cached_property
     def _beside(self) -> Array:
         """Offsets (N, t, 3) in mm of held vertices from neutral, in their bones' frames, in the examples."""
-        rest = self.body.surface.vertices
-        return np.stack(
-            [
-                np.concatenate(
-                    [
-                        bones[b].inverse()(self.body.embedding(x)[ids]) - rest[ids]
-                        for b, ids in self.body.attachments.items()
-                    ]
-                )
-                for x, bones in zip(self.vertices, self.bones, strict=True)
-            ]
-        )
+        body, held = self.body, self.body.held
+        back = [{bone: motion.inverse() for bone, motion in bones.items()} for bones in self.bones]
+        places = [
+            body.carried(body.embedding(x)[held], bones) for x, bones in zip(self.vertices, back, strict=True)
+        ]
+        return np.stack(places) - body.surface.vertices[held]
 
     def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
         """Write the artifact."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -61,6 +61,17 @@ def felt_vector(
     return moved.ravel() / spread
 
 
+def _vector(
+    bones: Sequence[str],
+    reference: str,
+    points: Mapping[str, Array],
+    transforms: Mapping[str, RigidTransform],
+) -> Array:
+    if points:
+        return felt_vector(points, reference, transforms)
+    return pose_vector(bones, reference, transforms)
+
+
 @dataclass(frozen=True)
 class PoseSpace:
     """Example poses as pose vectors, and the weights that interpolate what is known in them.
@@ -94,16 +105,13 @@ class PoseSpace:
         points: Mapping[str, Array] | None = None,
     ) -> PoseSpace:
         """Pose space of transforms, pose -> bone -> transform from neutral; parents: bone -> parent bone."""
-        reference = reference_bone(bones, parents)
-        empty = PoseSpace(tuple(bones), reference, np.zeros((0, 0)), (), interpolation, dict(points or {}))
-        examples = np.array([empty.vector(t) for t in transforms.values()])
-        return replace(empty, examples=examples, poses=tuple(transforms))
+        reference, points = reference_bone(bones, parents), dict(points or {})
+        examples = np.array([_vector(bones, reference, points, t) for t in transforms.values()])
+        return PoseSpace(tuple(bones), reference, examples, tuple(transforms), interpolation, points)
 
     def vector(self, bones: Mapping[str, RigidTransform]) -> Array:
         """Pose vector (d,) of bone transforms from neutral."""
-        if self.points:
-            return felt_vector(self.points, self.reference, bones)
-        return pose_vector(self.bones, self.reference, bones)
+        return _vector(self.bones, self.reference, self.points, bones)
 
     def weights(self, bones: Mapping[str, RigidTransform]) -> Array:
         """Weights (N,) of the examples in a pose; they sum to one and are exact at the examples."""
