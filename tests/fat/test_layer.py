@@ -10,7 +10,7 @@ from handpipe.fat.tissue import CONTACTS
 from handpipe.fem import plasticity
 from handpipe.layers import Frame, Region
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.pose_space import PoseSpace
+from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
 
 from .limb import below, limb
 
@@ -23,10 +23,11 @@ def _bent(angle):
 
 
 def _strains(tissue):
-    space = PoseSpace.build(("root", "core"), {"core": "root"}, {"neutral": REST, "bent": _bent(0.5)})
+    poses = {"neutral": REST, "bent": _bent(0.5)}
+    spaces = LocalPoseSpaces.build(("root", "core"), {"core": "root"}, poses)
     logs = np.zeros((2, len(tissue.mesh.tets), 6))
     logs[1, :, 0] = 0.1
-    return FatStrains(space, logs, {"tip": np.stack([np.zeros(6), [0.1, 0, 0, 0, 0, 0.4]])})
+    return FatStrains(spaces, logs, {"tip": np.stack([np.zeros(6), [0.1, 0, 0, 0, 0, 0.4]])})
 
 
 def test_strains_and_nails_are_those_of_the_examples():
@@ -72,12 +73,14 @@ def test_a_bent_frame_gives_skin_and_mesh():
 def test_strains_survive_their_artifact(tmp_path, with_nails):
     strains = _strains(limb(Region.fixed))
     if not with_nails:
-        strains = FatStrains(strains.space, strains.log_strains, {})
+        strains = FatStrains(strains.spaces, strains.log_strains, {})
     strains.save(tmp_path / "strains.h5", [])
     again = FatStrains.load(tmp_path / "strains.h5")
     np.testing.assert_array_equal(again.log_strains, strains.log_strains)
     assert set(again.nails) == set(strains.nails)
     for name in strains.nails:
         np.testing.assert_array_equal(again.nails[name], strains.nails[name])
-    assert again.space.poses == strains.space.poses
-    np.testing.assert_array_equal(again.space.weights(_bent(0.2)), strains.space.weights(_bent(0.2)))
+    for bone, space in strains.spaces.spaces.items():
+        assert again.spaces.spaces[bone].poses == space.poses
+        weights = again.spaces.spaces[bone].weights(_bent(0.2))
+        np.testing.assert_array_equal(weights, space.weights(_bent(0.2)))

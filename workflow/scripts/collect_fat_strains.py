@@ -9,7 +9,7 @@ with stage(snakemake):
     from handpipe.config import load_dataset
     from handpipe.fat.layer import FatStrains
     from handpipe.mesh.rigid import RigidTransform
-    from handpipe.skeleton.pose_space import PoseSpace
+    from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
     from handpipe.skeleton.rig import Rig
 
     dataset = load_dataset(snakemake.input.dataset)
@@ -17,9 +17,9 @@ with stage(snakemake):
     fits = [artifacts.read(path, "fat_fit") for path in snakemake.input.poses]
     transforms = {dataset.neutral: dict.fromkeys(rig.bones, RigidTransform.identity())}
     transforms |= {pose: rig.bone_transforms(rig.poses[pose].angles) for pose in dataset.examples}
-    space = PoseSpace.build(rig.bones, rig.parents, transforms, snakemake.params.interpolation)
+    spaces = LocalPoseSpaces.build(rig.bones, rig.parents, transforms, snakemake.params.interpolation)
     logs = np.stack([np.zeros_like(fits[0]["log_strains"]), *(f["log_strains"] for f in fits)])
     nails = {
         name: np.stack([np.zeros(6), *(f["nails"][name] for f in fits)]) for name in fits[0].get("nails", {})
     }
-    FatStrains(space, logs, nails).save(snakemake.output[0], [*snakemake.input])
+    FatStrains(spaces, logs, nails).save(snakemake.output[0], [*snakemake.input])

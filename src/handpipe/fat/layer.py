@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from handpipe.fat.tissue import Tissue
 from handpipe.fem import plasticity
 from handpipe.layers import Frame, Shape, Shapes
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.pose_space import PoseSpace
+from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ Array = NDArray[np.float64]
 class FatStrains:
     """What varies with pose: log-strains (N, m, 6), nail corrections {nail: (N, 6)} at N example poses."""
 
-    space: PoseSpace
+    spaces: LocalPoseSpaces
     log_strains: Array
     nails: Mapping[str, Array]
 
@@ -34,15 +35,16 @@ class FatStrains:
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "fat_strains"; nails are rotation vectors (rad) and shifts (mm)."""
-        data = {"space": self.space.to_group(), "log_strains": self.log_strains, "nails": dict(self.nails)}
-        units = {"space/examples": "rad", "log_strains": "1", "nails": "rad, rad, rad, mm, mm, mm"}
+        data = {"spaces": self.spaces.to_group(), "log_strains": self.log_strains, "nails": dict(self.nails)}
+        units = {f"spaces/{bone}/examples": "rad" for bone in self.spaces.spaces}
+        units |= {"log_strains": "1", "nails": "rad, rad, rad, mm, mm, mm"}
         artifacts.write(path, data, kind="fat_strains", units=units, inputs=inputs)
 
     @staticmethod
     def load(path: str | Path) -> FatStrains:
         """Read what `save` wrote; raises `InputError` where the file is of another kind."""
         d = artifacts.read(path, "fat_strains")
-        return FatStrains(PoseSpace.from_group(d["space"]), d["log_strains"], d["nails"])
+        return FatStrains(LocalPoseSpaces.from_group(d["spaces"]), d["log_strains"], d["nails"])
 
 
 class TissueLayer:
@@ -60,7 +62,13 @@ class TissueLayer:
         """Strains (m, 6) of the fat in a pose, or None for none."""
         if self.strains is None:
             return None
-        return plasticity.exp(self.strains.space.interpolate(self.strains.log_strains, bones))
+        return plasticity.exp(self.strains.spaces.interpolate(self.strains.log_strains, self._near, bones))
+
+    @cached_property
+    def _near(self) -> dict[str, Array]:
+        """The share (m,) of each bone in the tissue's tets: of the blend that moves them."""
+        shares = self.tissue.weights[self.tissue.mesh.tets].mean(axis=1)
+        return dict(zip(self.tissue.bones, (shares / shares.sum(axis=1, keepdims=True)).T, strict=True))
 
     def rigid(self, bones: Mapping[str, RigidTransform]) -> dict[str, RigidTransform]:
         """Transforms of nails and the cut end in a pose."""
@@ -68,7 +76,7 @@ class TissueLayer:
         for name, part in self.tissue.rigid.items():
             correction = RigidTransform.identity()
             if self.strains is not None and name in self.strains.nails:
-                vector = self.strains.space.interpolate(self.strains.nails[name], bones)
+                vector = self.strains.spaces.spaces[part.bone].interpolate(self.strains.nails[name], bones)
                 correction = from_vector(vector, self.tissue.skin.vertices[part.vertices].mean(axis=0))
             transforms[name] = bones[part.bone] @ correction
         return transforms

@@ -1,0 +1,75 @@
+"""Pose spaces for what varies over a body: at each place the joints around it count, not the whole hand's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.skeleton.pose_space import Interpolation, PoseSpace
+
+Array = NDArray[np.float64]
+
+REACH = 2  # joints from a bone to those whose motions are felt around it
+
+
+@dataclass(frozen=True)
+class LocalPoseSpaces:
+    """One pose space a bone, all of the same example poses.
+
+    With one space of all bones, an example that opposes the thumb would change the little finger in every
+    pose that opposes it, whatever the little finger does.
+    """
+
+    spaces: Mapping[str, PoseSpace]
+
+    @staticmethod
+    def build(
+        bones: Sequence[str],
+        parents: Mapping[str, str],
+        transforms: Mapping[str, Mapping[str, RigidTransform]],
+        interpolation: Interpolation = "inverse-distance",
+        reach: int = REACH,
+    ) -> LocalPoseSpaces:
+        """Spaces of each bone and those that are no more than `reach` joints from it; others as
+        `PoseSpace.build`.
+        """
+        near = {a: [b for b in bones if _joints_between(a, b, parents) <= reach] for a in bones}
+        return LocalPoseSpaces(
+            {bone: PoseSpace.build(near[bone], parents, transforms, interpolation) for bone in bones}
+        )
+
+    def interpolate(
+        self, values: Array, near: Mapping[str, Array], bones: Mapping[str, RigidTransform]
+    ) -> Array:
+        """Values (m, ...) in a pose from those (N, m, ...) at the examples; near: the share (m,) of each bone
+        in a place, which sum to one.
+        """
+        weights = sum(np.outer(share, self.spaces[b].weights(bones)) for b, share in near.items())
+        return np.einsum("mn,nm...->m...", weights, values)
+
+    def to_group(self) -> dict[str, Any]:
+        """Content for an artifact's group."""
+        return {bone: space.to_group() for bone, space in self.spaces.items()}
+
+    @staticmethod
+    def from_group(group: Mapping[str, Any]) -> LocalPoseSpaces:
+        """What `to_group` gave, as an artifact returned it."""
+        return LocalPoseSpaces({bone: PoseSpace.from_group(space) for bone, space in group.items()})
+
+
+def _joints_between(one: str, other: str, parents: Mapping[str, str]) -> float:
+    """The number of joints on the way from a bone to another; infinite where no joints connect them."""
+    up, across = _ancestry(one, parents), _ancestry(other, parents)
+    return min((up.index(bone) + across.index(bone) for bone in up if bone in across), default=np.inf)
+
+
+def _ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
+    found = [bone]
+    while found[-1] in parents:
+        found.append(parents[found[-1]])
+    return found
