@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.pose_space import Interpolation, PoseSpace
+from handpipe.skeleton.pose_space import Interpolation, PoseSpace, ancestry
 
 Array = NDArray[np.float64]
 
@@ -64,12 +64,5 @@ class LocalPoseSpaces:
 
 def _joints_between(one: str, other: str, parents: Mapping[str, str]) -> float:
     """The number of joints on the way from a bone to another; infinite where no joints connect them."""
-    up, across = _ancestry(one, parents), _ancestry(other, parents)
+    up, across = ancestry(one, parents), ancestry(other, parents)
     return min((up.index(bone) + across.index(bone) for bone in up if bone in across), default=np.inf)
-
-
-def _ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
-    found = [bone]
-    while found[-1] in parents:
-        found.append(parents[found[-1]])
-    return found

@@ -18,20 +18,21 @@ COINCIDENT = 1e-9  # rad, or a share of the points' spread; closer poses are one
 LINEAR_SPREAD = 0.1
 
 
+def ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
+    """A bone, its parent, and so on to the root; parents: bone -> parent bone, without the root."""
+    found = [bone]
+    while found[-1] in parents:
+        found.append(parents[found[-1]])
+    return found
+
+
 def reference_bone(bones: Sequence[str], parents: Mapping[str, str]) -> str:
     """The controlling bone with most controlling descendants (Zheng 2022, section 4.3); the first of equals.
 
     parents: bone -> parent bone, without the root.
     """
 
-    def descends(bone: str, ancestor: str) -> bool:
-        while bone in parents:
-            bone = parents[bone]
-            if bone == ancestor:
-                return True
-        return False
-
-    return max(bones, key=lambda a: sum(descends(b, a) for b in bones))
+    return max(bones, key=lambda a: sum(a in ancestry(b, parents)[1:] for b in bones))
 
 
 def pose_vector(bones: Sequence[str], reference: str, transforms: Mapping[str, RigidTransform]) -> Array:

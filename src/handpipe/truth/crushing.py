@@ -14,9 +14,7 @@ Array = NDArray[np.float64]
 
 CRUSHED = 0.3  # of its volume at rest: where the resistance begins
 STEEPEST = 0.02  # of that: below, it grows quadratically, so that a bad start has an energy
-LAST = (
-    2e-3  # the same where that does not hold: small tets beside a muscle's end are pressed by 3 MPa and more
-)
+LAST = 2e-3  # the same where that does not hold: small tets at a muscle's end are pressed by over 3 MPa
 
 
 class Crushing(DensityPotential):

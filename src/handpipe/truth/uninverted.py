@@ -24,15 +24,15 @@ def uninverted(
     `ConvergenceError` where tissue stays inside out.
     """
     inverted = body.inverted(found.x)
-    if inverted:
-        log.info("%s: %d tets end inside out, resisting more", options.name, inverted)
-        harder = [p.to_the_end() if isinstance(p, Crushing) else p for p in energies]
-        again = solve(harder, found.x, fixed=body.fixed, options=options)
-        record = Record()
-        for part in (found.record, again.record):
-            record.add(part)
-        found = Equilibrium(again.x, record)
-        inverted = body.inverted(found.x)
+    if not inverted:
+        return found
+    log.info("%s: %d tets end inside out, resisting more", options.name, inverted)
+    harder = [p.to_the_end() if isinstance(p, Crushing) else p for p in energies]
+    again = solve(harder, found.x, fixed=body.fixed, options=options)
+    inverted = body.inverted(again.x)
     if inverted:
         raise ConvergenceError(options.name, f"{inverted} tets end inside out: refine, or move less")
-    return found
+    record = Record()
+    for part in (found.record, again.record):
+        record.add(part)
+    return Equilibrium(again.x, record)
