@@ -64,23 +64,38 @@ def test_examples_are_reproduced():
         )  # springs hold the ends
 
 
-def test_an_end_that_leaves_its_bone_is_held_where_the_examples_have_it():
-    """A lumbrical springs from a tendon: the end next to bone "a" slides along it by 5 mm for each rad."""
+SLIDING = 5.0  # mm for each rad
+
+
+def sliding() -> tuple[Muscle, list]:
+    """A muscle whose end next to bone "a" slides along it, as a lumbrical's on a tendon; its shapes."""
     body = spindle()
     poses = {"half": hinge(0.4), "full": hinge(0.8)}
-    start = body.matrix[body.attachments["a"]]
     shapes = []
     for angle, transforms in zip((0.4, 0.8), poses.values(), strict=True):
         x = body.follow(hinge_bones(), transforms)
-        shapes.append(x + (5.0 * angle * body.harmonic_weights()[:, :1]) * [-1.0, 0.0, 0.0])
-    layer = MuscleLayer([known_in(poses, shapes, "m", body)], contact=False)
-    assert not set(layer.muscles[0].firm) & set(body.attachments["a"])
-    rest = body.mesh.vertices
-    for angle, known in ((0.2, None), (0.4, shapes[0]), (0.6, None), (0.8, shapes[1])):
+        shapes.append(x + (SLIDING * angle * body.harmonic_weights()[:, :1]) * [-1.0, 0.0, 0.0])
+    return known_in(poses, shapes, "m", body), shapes
+
+
+def test_an_end_that_leaves_its_bone_is_held_where_the_examples_have_it():
+    known, shapes = sliding()
+    body, layer = known.body, MuscleLayer([known], contact=False)
+    assert not set(known.firm) & set(body.attachments["a"])
+    start, rest = body.matrix[body.attachments["a"]], body.mesh.vertices
+    for angle, shape in ((0.2, None), (0.4, shapes[0]), (0.6, None), (0.8, shapes[1])):
         end = (start @ solve(layer, angle)["m_mesh"].vertices).mean(axis=0)
-        slid = (start @ (rest if known is None else known)).mean(axis=0)
-        expected = slid - [5.0 * angle, 0.0, 0.0] if known is None else slid
-        assert np.linalg.norm(end - expected) < (0.3 if known is None else 0.05)
+        slid = (start @ (rest if shape is None else shape)).mean(axis=0)
+        expected = slid - [SLIDING * angle, 0.0, 0.0] if shape is None else slid
+        assert np.linalg.norm(end - expected) < (0.3 if shape is None else 0.05)
+
+
+def test_the_search_begins_between_the_examples():
+    known, shapes = sliding()
+    np.testing.assert_allclose(known.guess(hinge_bones(), hinge(0.8)), shapes[1], atol=1e-9)
+    start = known.body.matrix[known.body.attachments["a"]]
+    end = (start @ (known.guess(hinge_bones(), hinge(0.6)) - known.body.mesh.vertices)).mean(axis=0)
+    assert end[0] == pytest.approx(-0.6 * SLIDING, abs=0.1)
 
 
 def test_an_end_beside_its_bone_is_not_pressed_to_where_there_is_no_room():

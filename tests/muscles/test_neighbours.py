@@ -41,3 +41,18 @@ def test_held_vertices_and_far_ones_are_left_out():
     np.testing.assert_allclose(left.gaps, block.vertices[left.vertices, 2] - 1.0, atol=1e-9)
     feet = left.feet @ SHEET.vertices
     np.testing.assert_allclose(feet, block.vertices[left.vertices] * [1, 1, 0] + [0, 0, 1.0], atol=1e-9)
+
+
+def test_normals_turn_without_a_jump_from_facet_to_facet():
+    """Points every 0.1 degrees along an arc over a coarse ball, whose facets differ by 10 degrees."""
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=8.0)
+    angles = np.radians(np.arange(0.0, 90.0, 0.1))
+    directions = np.cos(angles)[:, None] * [0.6, 0.0, 0.8] + np.sin(angles)[:, None] * [0.0, 1.0, 0.0]
+    count = np.arange(len(angles))
+    arc = Surface(8.05 * directions, np.stack([count, np.roll(count, 1), np.roll(count, 2)], axis=1))
+    coarse = Surface(np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int64))
+    found = pairs(arc, Distance(coarse), 0.5)
+    assert np.array_equal(found.vertices, count)
+    turns = np.degrees(np.linalg.norm(np.diff(found.normals, axis=0), axis=1))
+    assert turns.max() < 0.3
+    assert np.einsum("ni,ni->n", found.normals, directions).min() > np.cos(np.radians(2))

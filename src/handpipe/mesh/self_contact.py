@@ -52,7 +52,7 @@ def self_contact(surface: Surface, rest: Surface, near: float, deep: float) -> S
     kept = np.flatnonzero(known)
     order = kept[np.lexsort((distances[kept], vertices[kept]))]
     first = order[np.unique(vertices[order], return_index=True)[1]]
-    return _at(surface, normals, vertices[first], triangles[first], places[first])
+    return _at(surface, vertices[first], triangles[first], places[first])
 
 
 def _candidates(surface: Surface, rest: Surface, reach: Array, normals: Array) -> tuple[IntArray, IntArray]:
@@ -70,11 +70,8 @@ def _candidates(surface: Surface, rest: Surface, reach: Array, normals: Array) -
     return vertices[chosen], triangles[chosen]
 
 
-def _at(
-    surface: Surface, normals: Array, vertices: IntArray, triangles: IntArray, places: Array
-) -> SelfContact:
+def _at(surface: Surface, vertices: IntArray, triangles: IntArray, places: Array) -> SelfContact:
     feet = barycentric_matrix(places, surface.triangles[triangles], surface.vertices)
-    smooth = feet @ normals
-    smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
-    gaps = np.einsum("ni,ni->n", surface.vertices[vertices] - places, smooth)
-    return SelfContact(vertices, feet, smooth, gaps)
+    normals = surface.smooth_normals(feet)
+    gaps = np.einsum("ni,ni->n", surface.vertices[vertices] - places, normals)
+    return SelfContact(vertices, feet, normals, gaps)

@@ -11,6 +11,7 @@ import igl
 import meshio
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from handpipe.artifacts import atomic
 from handpipe.errors import InputError
@@ -68,6 +69,12 @@ class Surface:
         angles = corner_angles(self.vertices, self.triangles)
         weighted = angles[:, :, None] * self.triangle_normals()[:, None, :]
         return _unit(sums_at(self.triangles.ravel(), weighted.reshape(-1, 3), len(self.vertices)))
+
+    def smooth_normals(self, feet: sparse.csr_matrix) -> Array:
+        """Unit normals (k, 3) at places that weights (k, n) of the vertices make up, between the vertices'
+        normals: along the surface they turn without a jump from facet to facet.
+        """
+        return _unit(feet @ self.vertex_normals())
 
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """Which points (n,) of (n, 3) are inside: about which the surface winds by more than a half.

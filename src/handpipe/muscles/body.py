@@ -28,6 +28,7 @@ Transforms = Mapping[str, RigidTransform]
 
 ON_BONE = 0.4  # mm from a bone within which a vertex goes with it: farther ones go ways of their own
 FEWEST = 3  # vertices by which a bone holds an end
+SPREAD = 0.5  # share of harmonic weights in a blend of bones' motions
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ class Body:
         bones: Mapping[str, Surface],
         transforms: Transforms,
         known: tuple[Transforms, Array] | None = None,
-        spread: float = 0.5,
+        spread: float = SPREAD,
     ) -> Array:
         """Mesh vertices (n, 3) moved by a smooth blend of the motions of the bones that hold the body.
 
@@ -142,21 +143,24 @@ class Body:
         length. `spread` is the share of the latter: measured, even shares are nearer to the truth than
         either.
         """
-        return self.followed(bones, transforms, known, [spread])[0]
+        return self.followed(bones, transforms, [known], [spread])[0]
 
     def followed(
         self,
         bones: Mapping[str, Surface],
         transforms: Transforms,
-        known: tuple[Transforms, Array] | None,
-        spreads: Sequence[float],
+        known: Sequence[tuple[Transforms, Array] | None],
+        spreads: Sequence[float] = (SPREAD,),
     ) -> list[Array]:
-        """What `follow` gives for each of several spreads."""
+        """What `follow` gives from each of several known poses, for each of several spreads."""
         own = {b: bones[b] for b in self.attachments}
         nearness, harmonic = bone_weights(self.mesh.vertices, own), self.harmonic_weights()
-        start = self.mesh.vertices if known is None else known[1]
-        motions = {b: transforms[b] if known is None else transforms[b] @ known[0][b].inverse() for b in own}
-        return [blend(start, (1 - spread) * nearness + spread * harmonic, motions) for spread in spreads]
+        still = {b: RigidTransform.identity() for b in own}, self.mesh.vertices
+        found = []
+        for there, start in (pose or still for pose in known):
+            motions = {b: transforms[b] @ there[b].inverse() for b in own}
+            found += [blend(start, (1 - s) * nearness + s * harmonic, motions) for s in spreads]
+        return found
 
     def harmonic_weights(self) -> Array:
         """Weights (n, bones), one at a bone's own attachment, harmonic in between, rows summing to one."""

@@ -194,7 +194,7 @@ def _guesses(
 
     A thin end that crosses a joint may lie wholly beside itself in one guess, where no boundary is its own.
     """
-    guesses = body.followed(bones, moved, known, SPREADS)
+    guesses = body.followed(bones, moved, [known], SPREADS)
     middle = guesses[len(SPREADS) // 2]
     for held in (slack, contracted) if len(body.attachments) > 1 else ():
         try:

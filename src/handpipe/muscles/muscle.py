@@ -98,11 +98,13 @@ class Muscle:
         return Muscle.of(name, body, parents, neutral, transforms, fit, interpolation), fit
 
     def guess(self, bones: Mapping[str, Surface], transforms: Mapping[str, RigidTransform]) -> Array:
-        """Mesh vertices (n, 3) of the most similar example, moved along with the bones; bones: neutral
-        surfaces.
+        """Mesh vertices (n, 3) of the examples, each moved along with the bones, interpolated over the poses;
+        bones: neutral surfaces.
+
+        From the nearest example alone, what lies between two would begin in its neighbours.
         """
-        nearest = int(np.argmin(np.linalg.norm(self.space.examples - self.space.vector(transforms), axis=1)))
-        return self.body.follow(bones, transforms, (self.bones[nearest], self.vertices[nearest]))
+        carried = self.body.followed(bones, transforms, list(zip(self.bones, self.vertices, strict=True)))
+        return self.space.interpolate(np.stack(carried), transforms)
 
     def strains(self, bones: Mapping[str, RigidTransform]) -> Array:
         """Plastic strains (m, 6) in a pose (000 Eq. 2, in logarithms)."""

@@ -56,14 +56,15 @@ def pairs(a: Surface, b: Distance, near: float) -> Pairs:
     """Vertices of a closer than `near` mm to a surface b or inside of it.
 
     Inside a thin body the closest face may be the far one, which a's surface does not face: it would pull the
-    vertex through. Such a vertex is left free.
+    vertex through. Such a vertex is left free. Normals are smooth: with those of facets a slender muscle that
+    slides from one facet to the next is thrown to and fro for ever.
     """
     ids, other = about(a.vertices, b.surface, near), b.surface
     gap, triangles, closest, normals = b.signed(a.vertices[ids])
     astray = (gap < 0) & (np.einsum("ni,ni->n", a.vertex_normals()[ids], normals) > 0)
     chosen = np.flatnonzero((gap < near) & ~astray)
     feet = barycentric_matrix(closest[chosen], other.triangles[triangles[chosen]], other.vertices)
-    return Pairs(ids[chosen], feet, normals[chosen], gap[chosen], np.zeros(len(chosen)))
+    return Pairs(ids[chosen], feet, other.smooth_normals(feet), gap[chosen], np.zeros(len(chosen)))
 
 
 def touching(surface: Surface, others: Iterable[Surface], near: float) -> IntArray:
