@@ -138,10 +138,10 @@ class Tissue:
         inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
         touching = np.flatnonzero(~fixed & ~sliding)
-        points, sides, surfaces = matrix @ x, self.sides(x), inner.surfaces(below)
+        points, sides, bodies = matrix @ x, self.sides(x), [Distance(s) for s in inner.surfaces(below)]
 
         def planes(ids: IntArray) -> tuple[Array, Array]:
-            return touching_planes(points[ids], sides[ids], inner.body[ids], surfaces)
+            return touching_planes(points[ids], sides[ids], inner.body[ids], bodies)
 
         potentials: list[Potential] = [
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
@@ -149,11 +149,10 @@ class Tissue:
         ]
         for body in np.unique(inner.body[sliding]):
             ids = np.flatnonzero(sliding & (inner.body == body))
-            distance = Distance(surfaces[body])
-            signed, _, _, facing = distance.signed(points[ids])
+            signed, _, _, facing = bodies[body].signed(points[ids])
             lost = astray(signed, facing, sides[ids])
             on, off = ids[~lost], ids[lost]
-            potentials.append(SurfaceSliding(matrix[on], distance, stiffness[on]))
+            potentials.append(SurfaceSliding(matrix[on], bodies[body], stiffness[on]))
             potentials.append(Sliding(matrix[off], *planes(off), stiffness[off]))
         return potentials
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -18,7 +17,7 @@ LIFTS = (0.5, 1.0, 2.0, 4.0)  # mm that a point inside a body is lifted towards 
 
 
 def touching_planes(
-    points: Array, sides: Array, body: IntArray, surfaces: Sequence[Surface]
+    points: Array, sides: Array, body: IntArray, bodies: Sequence[Distance]
 ) -> tuple[Array, Array]:
     """A plane's place and normal (k, 3) for each point (k, 3) on the surface of its own body (k,).
 
@@ -27,10 +26,10 @@ def touching_planes(
     through: there the place is sought on the point's own side, and a point that finds none is left free.
     """
     places, normals = np.empty_like(points), np.empty_like(points)
-    for index, surface in enumerate(surfaces):
+    for index, distance in enumerate(bodies):
         mine = body == index
         if mine.any():
-            places[mine], normals[mine] = _own_planes(Distance(surface), points[mine], sides[mine])
+            places[mine], normals[mine] = _own_planes(distance, points[mine], sides[mine])
     return places, normals
 
 
