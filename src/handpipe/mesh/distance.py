@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from handpipe.mesh.barycentric import barycentric_matrix
 from handpipe.mesh.surface import Surface, sums_at
 
 Array = NDArray[np.float64]
@@ -53,6 +54,14 @@ class Distance:
         queries = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         side = np.einsum("ij,ij->i", queries - closest, normals)
         return np.where(side < 0, -distances, distances), triangles, closest, normals
+
+    def smooth(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
+        """As `signed`, with normals between those of the vertices: planes through the closest points turn
+        without a jump where these go from facet to facet.
+        """
+        signed, triangles, closest, _ = self.signed(points)
+        feet = barycentric_matrix(closest, self.surface.triangles[triangles], self.surface.vertices)
+        return signed, triangles, closest, self.surface.smooth_normals(feet)
 
     def depths(self, points: Array) -> Array:
         """Depths (n,) in mm of points (n, 3) inside the surface, which may cut itself; 0 outside."""

@@ -24,6 +24,7 @@ def touching_planes(
     sides (k, 3): unit vectors out of the body on the side where the point belongs. In a body thinner than
     twice a point's depth, a tendon say, the closest place is on the far side and would pull the point
     through: there the place is sought on the point's own side, and a point that finds none is left free.
+    Normals are smooth, as between neighbouring muscles (`muscles.neighbours.pairs`).
     """
     places, normals = np.empty_like(points), np.empty_like(points)
     for index, distance in enumerate(bodies):
@@ -42,12 +43,12 @@ def astray(signed: Array, normals: Array, sides: Array) -> NDArray[np.bool_]:
 
 
 def _own_planes(distance: Distance, points: Array, sides: Array) -> tuple[Array, Array]:
-    signed, _, places, normals = distance.signed(points)
+    signed, _, places, normals = distance.smooth(points)
     lost = np.flatnonzero(astray(signed, normals, sides))
     places[lost], normals[lost] = points[lost], sides[lost]
     for lift in LIFTS:
         lifted = points[lost] + lift * sides[lost]
-        height, _, place, normal = distance.signed(lifted)
+        height, _, place, normal = distance.smooth(lifted)
         found = (height > 0) & (np.einsum("ni,ni->n", normal, sides[lost]) > AGREE)
         places[lost[found]], normals[lost[found]] = place[found], normal[found]
         lost = lost[~found]
