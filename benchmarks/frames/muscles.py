@@ -1,0 +1,85 @@
+"""The muscles' layer of a built subject, pose by pose."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.errors import ConvergenceError
+from handpipe.layers import Frame, Shapes
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.surface import Surface
+from handpipe.metrics import Metrics, summary
+from handpipe.muscles.layer import MuscleLayer, SimulationOptions
+from handpipe.muscles.muscle import Muscle
+from handpipe.skeleton.layer import BoneLayer
+from handpipe.skeleton.rig import Rig
+
+SETTLED = SimulationOptions().contacts.settled  # mm
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a pose came to: renewals of contact, motion left and deepest overlap in mm (infinite where there
+    is no result), seconds.
+    """
+
+    renewals: float
+    motion: float
+    overlap: float
+    seconds: float
+
+    @property
+    def failed(self) -> bool:
+        return not np.isfinite(self.motion)
+
+
+def simulated(subject: Path, rig: Rig, poses: Sequence[Mapping[str, float]]) -> list[Result]:
+    """Each pose (angles in rad) by the muscles in a subject's folder; prints a line a pose."""
+    muscles = [Muscle.load(path) for path in sorted(subject.glob("muscles/*/strains.h5"))]
+    known = zip(*(map(m.body.surface_at, m.vertices[1:]) for m in muscles), strict=True)
+    examples = [{m.name: s for m, s in zip(muscles, shapes, strict=True)} for shapes in known]
+    bones, layer = BoneLayer(rig.surfaces), MuscleLayer(muscles, examples=examples)
+    results = []
+    for number, angles in enumerate(poses):
+        frame = Frame(f"pose {number}", angles, rig.bone_transforms(angles))
+        results.append(_result(layer, frame, {"bones": bones.solve(frame, {}), "tendons": {}}))
+        print(f"{frame.name} of {len(poses)}: {results[-1]}", flush=True)
+    return results
+
+
+def _result(layer: MuscleLayer, frame: Frame, below: Mapping[str, Shapes]) -> Result:
+    start = time.perf_counter()
+    try:
+        shapes = layer.solve(frame, below)
+    except ConvergenceError as error:
+        print(error)
+        return Result(layer.options.contacts.renewals, np.inf, np.inf, time.perf_counter() - start)
+    seconds, told = time.perf_counter() - start, shapes[layer.muscles[0].name].figures
+    return Result(told["contact_renewals"], told["contact_motion"], _overlap(layer, shapes), seconds)
+
+
+def _overlap(layer: MuscleLayer, shapes: Shapes) -> float:
+    """Depth in mm at most of a muscle's vertex that no bone holds in another muscle."""
+    surfaces = {m.name: Surface(shapes[m.name].vertices, shapes[m.name].cells) for m in layer.muscles}
+    distances = {name: Distance(surface) for name, surface in surfaces.items()}
+    free = {m.name: np.delete(surfaces[m.name].vertices, m.firm, axis=0) for m in layer.muscles}
+    return max(-float(distances[b].signed(free[a])[0].min()) for a, b in permutations(surfaces, 2))
+
+
+def figures(results: Sequence[Result]) -> Metrics:
+    """Counts of poses, and what those that have a result took."""
+    done = [r for r in results if not r.failed]
+    found: Metrics = {
+        "poses": (float(len(results)), "1"),
+        "poses_failed": (float(len(results) - len(done)), "1"),
+        "poses_at_rest": (float(sum(r.motion < SETTLED for r in done)), "1"),
+    }
+    for name, unit in (("renewals", "1"), ("motion", "mm"), ("overlap", "mm"), ("seconds", "s")):
+        found |= summary(name, [getattr(r, name) for r in done], unit) if done else {}
+    return found
