@@ -64,11 +64,15 @@ class Surface:
         """Unit normals (k, 3); zero for a triangle without area."""
         return _unit(self._area_vectors())
 
-    def vertex_normals(self) -> Array:
-        """Unit normals (n, 3), triangle normals weighted by their angle at the vertex."""
+    @cached_property
+    def _vertex_normals(self) -> Array:
         angles = corner_angles(self.vertices, self.triangles)
         weighted = angles[:, :, None] * self.triangle_normals()[:, None, :]
         return _unit(sums_at(self.triangles.ravel(), weighted.reshape(-1, 3), len(self.vertices)))
+
+    def vertex_normals(self) -> Array:
+        """Unit normals (n, 3), triangle normals weighted by their angle at the vertex."""
+        return self._vertex_normals
 
     def smooth_normals(self, feet: sparse.csr_matrix) -> Array:
         """Unit normals (k, 3) at places that weights (k, n) of the vertices make up, between the vertices'

@@ -7,6 +7,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from handpipe.settling import Limits, Settled, settle
 from handpipe.shapes.fit import MUSCLE
 
 Array = NDArray[np.float64]
+Planes = tuple[sparse.csr_matrix, Array, Array]  # what is apart (c, N), by places and normals (c, 3)
 
 BITE = 0.5  # mm of depth that one set of planes takes away at most: all at once, thin muscles are flung about
 GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, until planes are renewed
@@ -149,36 +151,29 @@ class MuscleLayer:
 
         Vertices that a bone holds go with it and push nobody, as in stage 2.
         """
-        found: list[Potential] = []
         posed = {
             m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, self.surfaces, strict=True)
         }
         distances = {name: Distance(surface) for name, surface in posed.items()}
         operators = {m.name: s for m, s in zip(self.muscles, self.surfaces, strict=True)}
         held = {m.name: m.firm for m in self.muscles}
-        for a in operators:
-            for b in operators:
-                if a == b:
-                    continue
-                near = pairs(posed[a], distances[b], self.options.near).without(held[a])
-                if len(near.vertices) == 0:
-                    continue
-                found.append(self._contact(near.within(self.options.touch), operators[a], operators[b]))
-                slides = near.only(self.slides.get((a, b)))
-                if len(slides.vertices):
-                    found.append(self._sliding(slides, operators[a], operators[b]))
-        return found
-
-    def _contact(self, near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> Contact:
-        """Planes on the neighbour; deep vertices come out of it by `BITE` before planes are renewed."""
-        apart = a[near.vertices] - near.feet @ b
-        left = left_deep(near.gaps, near.normals, BITE)
-        return Contact(apart, left, near.normals, self.options.contact)
-
-    def _sliding(self, near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> Sliding:
-        """Neighbours do not gape: the gap along the normal stays what it was in neutral."""
-        apart = a[near.vertices] - near.feet @ b
-        return Sliding(apart, near.rest[:, None] * near.normals, near.normals, self.options.sliding)
+        touching: list[Planes] = []
+        sliding: list[Planes] = []
+        for a, b in permutations(operators, 2):
+            near = pairs(posed[a], distances[b], self.options.near).without(held[a])
+            if len(near.vertices) == 0:
+                continue
+            touch, slide = near.within(self.options.touch), near.only(self.slides.get((a, b)))
+            # Deep vertices come out of the neighbour by `BITE` before planes are renewed.
+            left = left_deep(touch.gaps, touch.normals, BITE)
+            touching.append((_apart(touch, operators[a], operators[b]), left, touch.normals))
+            # Neighbours do not gape: the gap along the normal stays what it was in the known poses.
+            kept = slide.rest[:, None] * slide.normals
+            sliding.append((_apart(slide, operators[a], operators[b]), kept, slide.normals))
+        return [
+            *_stacked(Contact, touching, self.options.contact),
+            *_stacked(Sliding, sliding, self.options.sliding),
+        ]
 
     def _equilibrium(self, potentials: Sequence[Potential], x: Array, frame: str) -> Array:
         options = equilibrium.Options(
@@ -198,6 +193,20 @@ class MuscleLayer:
             )
             shapes[f"{muscle.name}_mesh"] = Shape(body.mesh.vertices, own, body.mesh.tets, {"strain": strain})
         return shapes
+
+
+def _apart(near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sparse.csr_matrix:
+    """Matrix (c, N) from all vertices to vectors from places of the neighbour to the vertices near them."""
+    return a[near.vertices] - near.feet @ b
+
+
+def _stacked(kind: type[Sliding], planes: Sequence[Planes], stiffness: float) -> list[Potential]:
+    """One potential of the planes of all pairs: a hundred small ones cost more than their sums."""
+    if not planes:
+        return []
+    apart, places, normals = zip(*planes, strict=True)
+    stack = sparse.vstack(apart, format="csr")
+    return [kind(stack, np.concatenate(places), np.concatenate(normals), stiffness)]
 
 
 def _without(matrix: sparse.csr_matrix, rows: NDArray[np.int64]) -> sparse.csr_matrix:
