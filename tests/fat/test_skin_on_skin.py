@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from tests.mesh.shapes import fork
 
+from handpipe.errors import ConvergenceError
 from handpipe.fat.constraints import inner_points
 from handpipe.fat.mesh import tissue_mesh
 from handpipe.fat.skin import Rigid
-from handpipe.fat.tissue import Tissue
+from handpipe.fat.tissue import SIZES, Tissue
 from handpipe.layers import Shape
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.self_contact import self_contact
@@ -97,3 +98,18 @@ def test_a_start_with_its_skin_apart_is_taken_as_it_is():
     motions = together(1.5)
     x = start(motions)
     assert tissue().opened(below(motions), BASE, None, x) is x
+
+
+def test_a_size_without_equilibrium_is_passed_over(monkeypatch):
+    """The first size fails, as 0.6 does in a fist: from 0.75 on it opens all the same."""
+    motions, body, sizes = together(2.8), tissue(), []
+
+    def failing_first(self, *arguments, solved=Tissue._solve):
+        sizes.append(arguments)
+        if len(sizes) == 1:
+            raise ConvergenceError("soft tissue", "no equilibrium")
+        return solved(self, *arguments)
+
+    monkeypatch.setattr(Tissue, "_solve", failing_first)
+    opened = body.opened(below(motions), BASE, None, start(motions))
+    assert len(sizes) == len(SIZES) and body.overlap(opened) < 0.3

@@ -183,14 +183,18 @@ class Tissue:
         and grows again.
 
         Skin deep in other skin finds its way out only while there is room. Arguments as for `solve`; x itself
-        where its skin is hardly in itself. Raises `ConvergenceError`.
+        where its skin is hardly in itself. A size at which no equilibrium is found is passed over.
         """
         if self.overlap(x) < CROWDED:
             return x
         whole = self.elastic.strains if strains is None else strains
         for size in SIZES:
-            x = self._solve(self.elastic.with_strains(size * whole), below, rigid, x)
-            log.info("soft tissue: at %.2f of its size, skin %.2f mm in itself", size, self.overlap(x))
+            try:
+                x = self._solve(self.elastic.with_strains(size * whole), below, rigid, x)
+            except ConvergenceError as error:
+                log.warning("soft tissue: no equilibrium at %.2f of its size: %s", size, error)
+            else:
+                log.info("soft tissue: at %.2f of its size, skin %.2f mm in itself", size, self.overlap(x))
         return x
 
     def solve(
