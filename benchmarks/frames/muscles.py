@@ -15,7 +15,7 @@ from handpipe.layers import Frame, Shapes
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.metrics import Metrics, summary
-from handpipe.muscles.layer import MuscleLayer, SimulationOptions
+from handpipe.muscles.layer import MuscleLayer, SimulationOptions, known_surfaces
 from handpipe.muscles.muscle import Muscle
 from handpipe.skeleton.layer import BoneLayer
 from handpipe.skeleton.rig import Rig
@@ -42,9 +42,7 @@ class Result:
 def simulated(subject: Path, rig: Rig, poses: Sequence[Mapping[str, float]]) -> list[Result]:
     """Each pose (angles in rad) by the muscles in a subject's folder; prints a line a pose."""
     muscles = [Muscle.load(path) for path in sorted(subject.glob("muscles/*/strains.h5"))]
-    known = zip(*(map(m.body.surface_at, m.vertices[1:]) for m in muscles), strict=True)
-    examples = [{m.name: s for m, s in zip(muscles, shapes, strict=True)} for shapes in known]
-    bones, layer = BoneLayer(rig.surfaces), MuscleLayer(muscles, examples=examples)
+    bones, layer = BoneLayer(rig.surfaces), MuscleLayer(muscles, examples=known_surfaces(muscles))
     results = []
     for number, angles in enumerate(poses):
         frame = Frame(f"pose {number}", angles, rig.bone_transforms(angles))
@@ -69,7 +67,7 @@ def _overlap(layer: MuscleLayer, shapes: Shapes) -> float:
     surfaces = {m.name: Surface(shapes[m.name].vertices, shapes[m.name].cells) for m in layer.muscles}
     distances = {name: Distance(surface) for name, surface in surfaces.items()}
     free = {m.name: np.delete(surfaces[m.name].vertices, m.firm, axis=0) for m in layer.muscles}
-    return max(-float(distances[b].signed(free[a])[0].min()) for a, b in permutations(surfaces, 2))
+    return max(float(distances[b].depths(free[a]).max()) for a, b in permutations(surfaces, 2))
 
 
 def figures(results: Sequence[Result]) -> Metrics:

@@ -6,24 +6,22 @@ Columns: the skin, the organs from the palm and from the back, the scan's distan
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from handpipe.config import load_dataset
 from handpipe.evaluation import pictures
 from handpipe.evaluation.render import Camera, Image
+from handpipe.evaluation.report import ALONG, DORSAL
 from handpipe.hand.frames import read_frames
 from handpipe.mesh.surface import read_surface
 from handpipe.skeleton.rig import Rig
 
 SIZE = (360, 360)  # pixels of a picture
 LARGEST = 1.0  # mm, yellow
-ALONG, _, DORSAL = np.eye(3)  # distal, radial, dorsal in the neutral frame
-TITLES = ("", "from the palm", "from the back", f"scan to skin, 0 to {LARGEST:g} mm")
+TITLES = ("from the palm", "from the back", f"scan to skin, 0 to {LARGEST:g} mm")
 
 
 def row(subject: str, pose: str, rig: Rig) -> list[Image]:
@@ -38,7 +36,6 @@ def row(subject: str, pose: str, rig: Rig) -> list[Image]:
     scanned = scanned.moved(rig.poses[pose].root.inverse()(scanned.vertices))
     drawn = pictures.bodies(layers, skin_opacity=1.0)
     palm, back = (Camera.fit(drawn, side * DORSAL, ALONG, SIZE) for side in (1.0, -1.0))
-    back = replace(back, height=palm.height)
     return [
         pictures.outer_picture(layers, palm, SIZE),
         pictures.inner_picture(layers, palm, SIZE),
@@ -52,7 +49,7 @@ def sheet(subject: str, poses: list[str]) -> Figure:
     rig = Rig.load(Path("results") / subject / "rig.h5")
     figure = Figure(figsize=(4 * 2.5, len(poses) * 2.6), layout="constrained")
     for axes, pose in zip(figure.subplots(len(poses), 4, squeeze=False), poses, strict=True):
-        for ax, image, title in zip(axes, row(subject, pose, rig), (pose, *TITLES[1:]), strict=True):
+        for ax, image, title in zip(axes, row(subject, pose, rig), (pose, *TITLES), strict=True):
             ax.imshow(image)
             ax.set_title(title, fontsize=8)
             ax.set_axis_off()

@@ -8,7 +8,7 @@ from handpipe.fat.layer import FatStrains, TissueLayer
 from handpipe.fat.tissue import Tissue
 from handpipe.layers import Frame
 from handpipe.ligaments.layer import LigamentLayer
-from handpipe.muscles.layer import MuscleLayer
+from handpipe.muscles.layer import MuscleLayer, known_surfaces
 from handpipe.muscles.muscle import Muscle
 from handpipe.skeleton.layer import BoneLayer
 from handpipe.tendons.layer import TendonLayer
@@ -34,9 +34,7 @@ def layers_of(names, rig, dataset, base):
             made.append(TendonLayer(members("tendons", Tendon, "{}/hooks.h5", dataset.tendons)))
         elif name == "muscles" and dataset.muscles:
             muscles = members("muscles", Muscle, "{}/strains.h5", dataset.muscles)
-            known = zip(*(map(m.body.surface_at, m.vertices[1:]) for m in muscles), strict=True)
-            examples = [dict(zip(dataset.muscles, surfaces, strict=True)) for surfaces in known]
-            made.append(MuscleLayer(muscles, examples=examples))
+            made.append(MuscleLayer(muscles, examples=known_surfaces(muscles)))
         elif name == "muscle_fascia" and dataset.muscles:
             made.append(FasciaLayer(Fascia.load(base / "fascia/muscle.h5"), "muscles"))
         elif name == "ligaments" and dataset.ligaments:

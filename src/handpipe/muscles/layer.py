@@ -195,6 +195,12 @@ class MuscleLayer:
         return shapes
 
 
+def known_surfaces(muscles: Sequence[Muscle]) -> list[dict[str, Surface]]:
+    """A layer's `examples`: the muscles' surfaces in each pose that they were learnt from but neutral."""
+    poses = zip(*(map(m.body.surface_at, m.vertices[1:]) for m in muscles), strict=True)
+    return [{m.name: s for m, s in zip(muscles, surfaces, strict=True)} for surfaces in poses]
+
+
 def _apart(near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sparse.csr_matrix:
     """Matrix (c, N) from all vertices to vectors from places of the neighbour to the vertices near them."""
     return a[near.vertices] - near.feet @ b
