@@ -1,6 +1,7 @@
 """Starts at which nothing meets, near those that were given."""
 
 import numpy as np
+import pytest
 import trimesh
 from tests.muscles.crossings import crossings, inside
 
@@ -34,3 +35,25 @@ def test_a_muscle_leaves_a_hollow_of_a_bone_by_its_mouth():
     assert crossings(moved, bone) == 0 and crossings(bone, moved) == 0
     assert not inside(moved.vertices, bone).any()
     assert np.linalg.norm(moved.vertices - tongue.vertices, axis=1).max() < 0.5  # the groove is 0.8 wide
+
+
+def bent_sheet(radius: float) -> Surface:
+    """A flat muscle of 16 by 8 by 1.6 mm, bent over an arc of a radius in mm; its hollow looks along z."""
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    x, y, z = (ball.vertices * [8.0, 4.0, 0.8]).T
+    arc = np.column_stack([(radius - z) * np.sin(x / radius), y, radius - (radius - z) * np.cos(x / radius)])
+    return Surface(arc, ball.faces)
+
+
+@pytest.mark.parametrize(("radius", "side"), [(6.0, 0.05), (6.0, 0.1), (9.0, 0.05)])
+def test_a_rod_through_the_hollow_of_a_bent_muscle_leaves_it_on_its_own_side(radius, side):
+    """Its middle lies `side` mm out of the sheet's: drawn in to threads both still meet."""
+    sheet, ball = bent_sheet(radius), trimesh.creation.icosphere(subdivisions=2)
+    rod = Surface(ball.vertices * [0.7, 7.0, 0.7] + [0.3, 0.0, side], ball.faces)
+    found = parted([Body("sheet", sheet, NOTHING), Body("rod", rod, NOTHING)], [])
+    assert found is not None
+    bent, straight = sheet.moved(found[0]), rod.moved(found[1])
+    assert crossings(bent, straight) == 0 and crossings(straight, bent) == 0
+    middle = np.abs(sheet.vertices[:, 0]) < 1
+    assert straight.vertices[:, 2].mean() > bent.vertices[middle, 2].mean()
+    assert np.linalg.norm(bent.vertices - sheet.vertices, axis=1).max() < 1.5  # straightened it moves by 3

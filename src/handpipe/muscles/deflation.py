@@ -44,9 +44,13 @@ class Deflation:
         self._shares, self._weights = np.zeros(len(radii)), np.zeros(len(radii))
         self._length = 0.0
 
+    def thin(self, meeting: IntArray) -> bool:
+        """Whether the body is drawn in to its medial surface at the vertices (k,)."""
+        return bool(self._shares[meeting].min() >= MOST)
+
     def step(self, meeting: IntArray) -> None:
         """Draw in round the vertices (k,) that meet another body."""
-        if self._shares[meeting].min() < MOST:
+        if not self.thin(meeting):
             self._shares = np.minimum(self._shares + STRIDE * self._spread(meeting, self._around), MOST)
         else:
             self._length = min(max(GROWTH * self._length, self._around), self._longest)
@@ -58,6 +62,13 @@ class Deflation:
         if self._length == 0.0:
             return x
         return x + self._weights[:, None] * (self._diffused(x, self._length) - x)
+
+    def pushed(self, vertices: IntArray, ways: Array) -> Array:
+        """Displacements (n, 3) that take vertices (k,) about their ways (k, 3) and fade from there."""
+        there, given = np.zeros((len(self._mass), 1)), np.zeros((len(self._mass), 3))
+        there[vertices], given[vertices] = 1.0, ways
+        there, given = self._diffused(there, self._around), self._diffused(given, self._around)
+        return self._spread(vertices, self._around)[:, None] * given / np.maximum(there, 1e-12)
 
     def _spread(self, vertices: IntArray, length: float) -> Array:
         """Field (n,) that is one at the vertices (k,) and fades from them over a length in mm."""

@@ -23,6 +23,8 @@ MARGIN = 0.05  # mm that a muscle is first kept out of a bone
 WIDER = 1.5  # times as far in every further round: bones reach through large triangles
 WIDEST = 2.0  # mm, at most
 ROUNDS = 60
+PUSHES = 5  # at two muscles that are thin, before they are smoothed farther
+SHALLOW = 0.3  # mm of depth, at most, where they are pushed: inside out, a thin muscle's depths mean nothing
 SHORT, STEPS = 0.05, 40  # mm outside of a bone that a vertex goes at once, and how often, on its way out
 
 
@@ -62,13 +64,18 @@ def parted(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None
 
 
 class _Start:
-    """One muscle on its way to where it meets no other body: drawn in from muscles, pushed out of bones."""
+    """One muscle on its way to where it meets no other body: drawn in from muscles, pushed out of bones.
+
+    Where it is thin and still meets a muscle both are pushed apart a few times before smoothing takes it
+    back: that straightens what is bent, and may lead it deeper into what lies in its bend.
+    """
 
     def __init__(self, body: Body, bodies: Sequence[Body]) -> None:
         self._body, self._bodies = body, bodies
         self._margins = np.zeros(len(bodies))  # mm by which it is kept out of a bone, zero if left alone
-        self._meeting: list[IntArray] = []
+        self._met: dict[int, Array] = {}  # vertices that meet muscles, and their ways (3,) out of them in mm
         self._deflation: Deflation | None = None
+        self._push, self._pushes = np.zeros_like(body.surface.vertices), 0
         self._distances: dict[int, Distance] = {}
 
     def give_way(self, j: int, x: Array, other: Array) -> None:
@@ -77,18 +84,19 @@ class _Start:
         if body.fixed:
             self._margins[j] = min(max(MARGIN, WIDER * self._margins[j]), WIDEST)
             return
-        gaps = Distance(body.surface.moved(other)).signed(x)[0]
+        gaps, _, _, normals = Distance(body.surface.moved(other)).signed(x)
         # Where edges alone cut the other body, those nearest to it.
         meeting = gaps < 0 if (gaps < 0).any() else gaps <= 1.5 * gaps.min()
-        self._meeting.append(np.flatnonzero(meeting))
+        ways = (MARGIN + 0.5 * np.maximum(-gaps, 0.0))[:, None] * normals
+        for i in map(int, np.flatnonzero(meeting)):
+            self._met[i] = self._met.get(i, 0.0) + ways[i]
 
     def vertices(self) -> Array:
         """Vertices (n, 3) after one more step away from what was met since the last one."""
-        if self._meeting:
-            self._deflation = self._deflation or Deflation(self._body.surface)
-            self._deflation.step(np.unique(np.concatenate(self._meeting)))
-            self._meeting = []
-        x = np.array(self._deflation.vertices() if self._deflation else self._body.surface.vertices)
+        if self._met:
+            self._give_way()
+        x = self._deflation.vertices() if self._deflation else self._body.surface.vertices
+        x = x + self._push
         # Held vertices stay: springs that pulled them back would drag free ones into other bodies.
         x[self._body.held] = self._body.surface.vertices[self._body.held]
         free = self._body.free
@@ -97,6 +105,19 @@ class _Start:
                 self._distances[j] = Distance(self._bodies[j].surface)
             x[free] = _kept_out(x[free], self._distances[j], self._margins[j])
         return x
+
+    def _give_way(self) -> None:
+        """Take a step away from the muscles that were met."""
+        self._deflation = self._deflation or Deflation(self._body.surface)
+        meeting, ways = np.array([*self._met]), np.array([*self._met.values()])
+        self._met = {}
+        shallow = np.linalg.norm(ways, axis=1).max() <= MARGIN + 0.5 * SHALLOW
+        if shallow and self._pushes < PUSHES and self._deflation.thin(meeting):
+            self._push = self._push + self._deflation.pushed(meeting, ways)
+            self._pushes += 1
+        else:
+            self._deflation.step(meeting)
+            self._pushes = 0
 
 
 def _kept_out(points: Array, bone: Distance, margin: float) -> Array:
