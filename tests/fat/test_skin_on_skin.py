@@ -101,7 +101,7 @@ def test_a_start_with_its_skin_apart_is_taken_as_it_is():
 
 
 def test_a_size_without_equilibrium_is_passed_over(monkeypatch):
-    """The first size fails, as 0.6 does in a fist: from 0.75 on it opens all the same."""
+    """The first size fails, as crushed tissue may in a fist: the next one opens most."""
     motions, body, sizes = together(2.8), tissue(), []
 
     def failing_first(self, *arguments, solved=Tissue._solve):
@@ -112,4 +112,4 @@ def test_a_size_without_equilibrium_is_passed_over(monkeypatch):
 
     monkeypatch.setattr(Tissue, "_solve", failing_first)
     opened = body.opened(below(motions), BASE, None, start(motions))
-    assert len(sizes) == len(SIZES) and body.overlap(opened) < 0.3
+    assert len(sizes) == len(SIZES) and body.overlap(opened) < 0.5 * body.overlap(start(motions))

@@ -45,7 +45,7 @@ OPTIONS = Options(displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=Fa
 # gross is more than the mean error of any model of the skin: figures of such a shape would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
 CROWDED = 0.5  # mm of skin inside skin at the start from which the tissue is shrunk and grows again
-SIZES = (0.6, 0.75, 0.9)  # of its own, at which it rests on the way
+SIZES = (0.75, 0.9)  # of its own, at which it rests on the way; at 0.6 thin places are crushed
 
 
 @dataclass(frozen=True)
