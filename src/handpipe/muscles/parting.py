@@ -51,7 +51,8 @@ def parted(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None
         meeting = [(i, j) for i, j in open_pairs if meet(bodies[i], bodies[j], at[i], at[j])]
         if not meeting:
             return at[: len(muscles)] if round_ else None
-        log.info("separation: %d pairs of bodies meet", len(meeting))
+        names = " and ".join(bodies[k].name for k in meeting[0])
+        log.info("separation: %d pairs of bodies meet, among them %s", len(meeting), names)
         both = [*meeting, *((j, i) for i, j in meeting if j < len(muscles))]
         for i, j in both:
             starts[i].give_way(j, at[i], at[j])
@@ -59,7 +60,6 @@ def parted(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None
         for i in moved:
             at[i] = starts[i].vertices()
         open_pairs = [(i, j) for i, j in pairs if i in moved or j in moved]
-    names = " and ".join(bodies[k].name for k in meeting[0])
     raise Inseparable("Separation of muscles", f"{names} meet even when drawn in to threads")
 
 
@@ -73,7 +73,8 @@ class _Start:
     def __init__(self, body: Body, bodies: Sequence[Body]) -> None:
         self._body, self._bodies = body, bodies
         self._margins = np.zeros(len(bodies))  # mm by which it is kept out of a bone, zero if left alone
-        self._met: dict[int, Array] = {}  # vertices that meet muscles, and their ways (3,) out of them in mm
+        self._meets = np.zeros(len(body.surface.vertices), dtype=bool)  # vertices that meet muscles
+        self._ways = np.zeros_like(body.surface.vertices)  # in mm out of those that they meet
         self._deflation: Deflation | None = None
         self._push, self._pushes = np.zeros_like(body.surface.vertices), 0
         self._distances: dict[int, Distance] = {}
@@ -87,13 +88,12 @@ class _Start:
         gaps, _, _, normals = Distance(body.surface.moved(other)).signed(x)
         # Where edges alone cut the other body, those nearest to it.
         meeting = gaps < 0 if (gaps < 0).any() else gaps <= 1.5 * gaps.min()
-        ways = (MARGIN + 0.5 * np.maximum(-gaps, 0.0))[:, None] * normals
-        for i in map(int, np.flatnonzero(meeting)):
-            self._met[i] = self._met.get(i, 0.0) + ways[i]
+        self._meets |= meeting
+        self._ways[meeting] += ((MARGIN + 0.5 * np.maximum(-gaps, 0.0))[:, None] * normals)[meeting]
 
     def vertices(self) -> Array:
         """Vertices (n, 3) after one more step away from what was met since the last one."""
-        if self._met:
+        if self._meets.any():
             self._give_way()
         x = self._deflation.vertices() if self._deflation else self._body.surface.vertices
         x = x + self._push
@@ -109,8 +109,9 @@ class _Start:
     def _give_way(self) -> None:
         """Take a step away from the muscles that were met."""
         self._deflation = self._deflation or Deflation(self._body.surface)
-        meeting, ways = np.array([*self._met]), np.array([*self._met.values()])
-        self._met = {}
+        meeting = np.flatnonzero(self._meets)
+        ways = self._ways[meeting]
+        self._meets[:], self._ways[:] = False, 0.0
         shallow = np.linalg.norm(ways, axis=1).max() <= MARGIN + 0.5 * SHALLOW
         if shallow and self._pushes < PUSHES and self._deflation.thin(meeting):
             self._push = self._push + self._deflation.pushed(meeting, ways)
