@@ -99,19 +99,28 @@ def test_the_search_begins_between_the_examples():
 
 
 def test_an_end_beside_its_bone_is_not_pressed_to_where_there_is_no_room():
-    """Each vertex of end "a" is asked to a place of its own, up to 1.5 mm along; no muscle looks so."""
+    """Each vertex of end "a" is asked to a place of its own, up to 1 mm along; no muscle looks so.
+
+    What that stretches depends on the few vertices that the mesh has there: four draws together.
+    """
     body, pose = spindle(), hinge(0.4)
     known = known_in({"half": pose}, [body.follow(hinge_bones(), pose)], "m", body)
     end = np.unique(body.matrix[body.attachments["a"]].indices)
-    asked = known.vertices.copy()
-    asked[1, end, 0] += np.random.default_rng(3).uniform(-1.5, 1.5, len(end))
-    known = replace(known, vertices=asked)
 
-    def worst(loose: float) -> float:
-        x = solve(MuscleLayer([known], SimulationOptions(loose=loose), contact=False), 0.4)["m_mesh"].vertices
-        return float(np.exp(StretchField(body.mesh)(x) - known.logs[1]).max())
+    def stretch(loose: float, seed: int) -> float:
+        asked = known.vertices.copy()
+        asked[1, end, 0] += np.random.default_rng(seed).uniform(-1.0, 1.0, len(end))
+        pulled = replace(known, vertices=asked)
+        x = solve(MuscleLayer([pulled], SimulationOptions(loose=loose), contact=False), 0.4)[
+            "m_mesh"
+        ].vertices
+        return float(np.exp(StretchField(body.mesh)(x) - pulled.logs[1]).max()) - 1.0
 
-    assert worst(SimulationOptions().loose) < 2.0 < 2.4 < worst(SimulationOptions().spring)
+    loose, firm = (
+        [stretch(k, seed) for seed in range(4)]
+        for k in (SimulationOptions().loose, SimulationOptions().spring)
+    )
+    assert all(a < b for a, b in zip(loose, firm, strict=True)) and sum(loose) < 0.85 * sum(firm)
 
 
 def test_between_examples_it_lies_between_them():
