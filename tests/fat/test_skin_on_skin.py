@@ -15,6 +15,7 @@ from handpipe.layers import Shape
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.self_contact import self_contact
 from handpipe.mesh.surface import concatenate
+from handpipe.settling import Settled
 
 from .limb import capsule
 
@@ -113,3 +114,18 @@ def test_a_size_without_equilibrium_is_passed_over(monkeypatch):
     monkeypatch.setattr(Tissue, "_solve", failing_first)
     opened = body.opened(below(motions), BASE, None, start(motions))
     assert len(sizes) == len(SIZES) and body.overlap(opened) < 0.5 * body.overlap(start(motions))
+
+
+def test_skin_that_gets_into_skin_on_the_way_is_opened(monkeypatch):
+    """The start has its skin apart; a first search that ends with it 1.6 mm in itself is not the last."""
+    motions, body, searches = together(2.8), tissue(), []
+    apart = start(together(1.5))
+    assert body.overlap(apart) == 0.0
+
+    def led_astray(self, *arguments, solved=Tissue.solve):
+        searches.append(arguments)
+        return Settled(start(motions), 1, 0.0) if len(searches) == 1 else solved(self, *arguments)
+
+    monkeypatch.setattr(Tissue, "solve", led_astray)
+    settled = body.at_rest(below(motions), BASE, None, apart)
+    assert len(searches) == 2 and settled.rests and body.overlap(settled.x) < 0.16

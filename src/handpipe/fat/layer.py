@@ -90,8 +90,7 @@ class TissueLayer:
         """
         tissue, bones = self.tissue, frame.bones
         rigid, strains = self.rigid(bones), self.plastic_strains(bones)
-        start = tissue.opened(below, rigid, strains, tissue.pose(bones))
-        settled = tissue.solve(below, rigid, strains, start)
+        settled = tissue.at_rest(below, rigid, strains, tissue.pose(bones))
         x = settled.x
         skin = tissue.skin.moved(tissue.skin_matrix @ x)
         figures = {**settled.figures, "skin_overlap": tissue.overlap(x)}

@@ -185,8 +185,16 @@ class Tissue:
         Skin deep in other skin finds its way out only while there is room. Arguments as for `solve`; x itself
         where its skin is hardly in itself. A size at which no equilibrium is found is passed over.
         """
-        if self.overlap(x) < CROWDED:
-            return x
+        return x if self.overlap(x) < CROWDED else self._grown_again(below, rigid, strains, x)
+
+    def _grown_again(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        strains: Array | None,
+        x: Array,
+    ) -> Array:
+        """Vertices (n, 3) from x (n, 3) by way of equilibria at `SIZES`."""
         whole = self.elastic.strains if strains is None else strains
         for size in SIZES:
             try:
@@ -196,6 +204,27 @@ class Tissue:
             else:
                 log.info("soft tissue: at %.2f of its size, skin %.2f mm in itself", size, self.overlap(x))
         return x
+
+    def at_rest(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        strains: Array | None,
+        start: Array,
+    ) -> Settled:
+        """As `solve`, from an opened start; once more by way of smaller sizes where skin that was apart at
+        the start (n, 3) has come to lie in other skin. Of the two that with less of it is taken.
+        """
+        found = self.solve(below, rigid, strains, self.opened(below, rigid, strains, start))
+        if self.overlap(start) >= CROWDED or self.overlap(found.x) < CROWDED:
+            return found
+        log.info("soft tissue: skin %.2f mm in itself, again with open creases", self.overlap(found.x))
+        try:
+            again = self.solve(below, rigid, strains, self._grown_again(below, rigid, strains, start))
+        except ConvergenceError as error:
+            log.warning("soft tissue: %s", error)
+            return found
+        return min(found, again, key=lambda settled: self.overlap(settled.x))
 
     def solve(
         self,
