@@ -111,9 +111,8 @@ def test_an_end_beside_its_bone_is_not_pressed_to_where_there_is_no_room():
         asked = known.vertices.copy()
         asked[1, end, 0] += np.random.default_rng(seed).uniform(-1.0, 1.0, len(end))
         pulled = replace(known, vertices=asked)
-        x = solve(MuscleLayer([pulled], SimulationOptions(loose=loose), contact=False), 0.4)[
-            "m_mesh"
-        ].vertices
+        layer = MuscleLayer([pulled], SimulationOptions(loose=loose), contact=False)
+        x = solve(layer, 0.4)["m_mesh"].vertices
         return float(np.exp(StretchField(body.mesh)(x) - pulled.logs[1]).max()) - 1.0
 
     loose, firm = (

@@ -44,7 +44,7 @@ OPTIONS = Options(displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=Fa
 # Root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's noise;
 # gross is more than the mean error of any model of the skin: figures of such a shape would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
-CROWDED = 0.5  # mm of skin inside skin at the start from which the tissue is shrunk and grows again
+CROWDED = 0.5  # mm of skin inside skin, at the start or the end, from which tissue is shrunk and grows again
 SIZES = (0.75, 0.9)  # of its own, at which it rests on the way; at 0.6 thin places are crushed
 
 
@@ -178,23 +178,17 @@ class Tissue:
         rigid: Mapping[str, RigidTransform],
         strains: Array | None,
         x: Array,
+        anyway: bool = False,
     ) -> Array:
         """A start (n, 3) with open creases, from x (n, 3): tissue smaller than it is draws back from them
         and grows again.
 
         Skin deep in other skin finds its way out only while there is room. Arguments as for `solve`; x itself
-        where its skin is hardly in itself. A size at which no equilibrium is found is passed over.
+        where its skin is hardly in itself, unless `anyway` says otherwise. A size at which no equilibrium is
+        found is passed over.
         """
-        return x if self.overlap(x) < CROWDED else self._grown_again(below, rigid, strains, x)
-
-    def _grown_again(
-        self,
-        below: Mapping[str, Shapes],
-        rigid: Mapping[str, RigidTransform],
-        strains: Array | None,
-        x: Array,
-    ) -> Array:
-        """Vertices (n, 3) from x (n, 3) by way of equilibria at `SIZES`."""
+        if not anyway and self.overlap(x) < CROWDED:
+            return x
         whole = self.elastic.strains if strains is None else strains
         for size in SIZES:
             try:
@@ -215,12 +209,13 @@ class Tissue:
         """As `solve`, from an opened start; once more by way of smaller sizes where skin that was apart at
         the start (n, 3) has come to lie in other skin. Of the two that with less of it is taken.
         """
-        found = self.solve(below, rigid, strains, self.opened(below, rigid, strains, start))
-        if self.overlap(start) >= CROWDED or self.overlap(found.x) < CROWDED:
+        opened = self.opened(below, rigid, strains, start)
+        found = self.solve(below, rigid, strains, opened)
+        if opened is not start or self.overlap(found.x) < CROWDED:
             return found
         log.info("soft tissue: skin %.2f mm in itself, again with open creases", self.overlap(found.x))
         try:
-            again = self.solve(below, rigid, strains, self._grown_again(below, rigid, strains, start))
+            again = self.solve(below, rigid, strains, self.opened(below, rigid, strains, start, anyway=True))
         except ConvergenceError as error:
             log.warning("soft tissue: %s", error)
             return found

@@ -65,22 +65,26 @@ class Deflation:
 
     def pushed(self, vertices: IntArray, ways: Array) -> Array:
         """Displacements (n, 3) that take vertices (k,) about their ways (k, 3) and fade from there."""
-        there, given = np.zeros((len(self._mass), 1)), np.zeros((len(self._mass), 3))
-        there[vertices], given[vertices] = 1.0, ways
-        there, given = self._diffused(there, self._around), self._diffused(given, self._around)
-        return self._spread(vertices, self._around)[:, None] * given / np.maximum(there, 1e-12)
+        fields = np.zeros((len(self._mass), 4))
+        fields[vertices] = np.column_stack([np.ones(len(vertices)), ways])
+        there, given = np.split(self._diffused(fields, self._around), [1], axis=1)
+        return _fading(there, vertices) * given / np.maximum(there, 1e-12)
 
     def _spread(self, vertices: IntArray, length: float) -> Array:
         """Field (n,) that is one at the vertices (k,) and fades from them over a length in mm."""
         field = np.zeros((len(self._mass), 1))
         field[vertices] = 1.0
-        field = self._diffused(field, length)[:, 0]
-        return np.clip(field / field[vertices].min(), 0.0, 1.0)
+        return _fading(self._diffused(field, length)[:, 0], vertices)
 
     def _diffused(self, x: Array, length: float) -> Array:
         """Fields (n, c) smoothed over a length in mm: one implicit step of the heat equation at rest."""
         matrix = sparse.diags(self._mass) + length**2 * self._laplacian
         return np.asarray(splu(matrix.tocsc()).solve(self._mass[:, None] * x))
+
+
+def _fading(field: Array, vertices: IntArray) -> Array:
+    """A diffused field scaled to be one at the vertices (k,)."""
+    return np.clip(field / field[vertices].min(), 0.0, 1.0)
 
 
 def inscribed_radii(surface: Surface) -> Array:

@@ -94,7 +94,7 @@ class _Start:
     def vertices(self) -> Array:
         """Vertices (n, 3) after one more step away from what was met since the last one."""
         if self._meets.any():
-            self._give_way()
+            self._step()
         x = self._deflation.vertices() if self._deflation else self._body.surface.vertices
         x = x + self._push
         # Held vertices stay: springs that pulled them back would drag free ones into other bodies.
@@ -106,7 +106,7 @@ class _Start:
             x[free] = _kept_out(x[free], self._distances[j], self._margins[j])
         return x
 
-    def _give_way(self) -> None:
+    def _step(self) -> None:
         """Take a step away from the muscles that were met."""
         self._deflation = self._deflation or Deflation(self._body.surface)
         meeting = np.flatnonzero(self._meets)
