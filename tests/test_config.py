@@ -62,7 +62,7 @@ def test_unknown_layer_is_refused(tmp_path):
 
 def test_scene_needs_exactly_what_its_layers_stand_on():
     assert Scene(layers=("bones", "skin"), frames="x.csv").needed == ["bones", "skin"]
-    assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "tendons", "muscles"]
+    assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "flesh", "tendons", "muscles"]
     assert Scene(layers=("fat", "skin"), frames="x.csv").needed == list(LAYERS)
 
 

@@ -220,6 +220,11 @@ class Dataset(Model):
     def heldout(self) -> list[str]:
         return self.poses_of(Role.heldout)
 
+    @property
+    def fleshed(self) -> bool:
+        """Whether one soft tissue between bones and skin can be made, which carries tendons."""
+        return self.poses[self.neutral].scan is not None
+
     def path(self, relative: Path) -> Path:
         """A path of this dataset, resolved."""
         return self.root / relative
@@ -229,7 +234,8 @@ class Dataset(Model):
 LAYERS: dict[str, tuple[str, ...]] = {
     "bones": (),
     "bone_fascia": ("bones",),
-    "tendons": ("bones",),
+    "flesh": ("bones",),
+    "tendons": ("bones", "flesh"),
     "muscles": ("bones", "tendons"),
     "muscle_fascia": ("bones", "muscles"),
     "ligaments": ("bones",),

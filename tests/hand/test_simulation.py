@@ -69,3 +69,15 @@ def test_progress_is_logged(caplog):
     with caplog.at_level(logging.INFO, logger="handpipe.hand.simulation"):
         simulate([_frame(0.0), _frame(1.0)], [_Shifted("bones", ())])
     assert "2 of 2 frames, 0 s left" in caplog.text
+
+
+def test_what_is_known_is_not_solved_again_and_aids_are_not_handed_on():
+    bones, flesh = _Shifted("bones", ()), _Shifted("flesh", ("bones",))
+    tendons = _Shifted("tendons", ("bones", "flesh"))
+    whole = simulate_frame(_frame(1.0), [bones, flesh, tendons])
+    assert list(whole) == ["bones", "tendons"]
+    known = {"flesh": flesh.solve(_frame(1.0), {"bones": whole["bones"]})}
+    solved = len(flesh.saw)
+    again = simulate_frame(_frame(1.0), [bones, flesh, tendons], known)
+    assert len(flesh.saw) == solved and set(again) == {"bones", "tendons"}
+    np.testing.assert_array_equal(again["tendons"]["body"].vertices, whole["tendons"]["body"].vertices)

@@ -10,13 +10,14 @@ import pytest
 from handpipe.layers import Frame
 from handpipe.tendons.energies import Bend, Hooks, Pull
 from handpipe.tendons.equilibrium import solve
-from handpipe.tendons.hooks import fit_weights
+from handpipe.tendons.hooks import Skinned, fit_weights
 from handpipe.tendons.layer import TendonLayer
 from handpipe.tendons.registration import centreline_errors
 from handpipe.tendons.rod import closest_on_rod, frames, length_change
 from handpipe.tendons.tendon import Tendon, build_tendon
 
 from .finger import BONES, PARENTS, RADIUS, bone_surfaces, course, pose, rest_tendon, true_rod
+from .flesh import pushed, pushed_rod
 
 EXAMPLES = {"neutral": (0.0, 0.0), "bent": (1.2, 0.4), "hooked": (0.2, 1.1), "fist": (1.5, 1.0)}
 
@@ -48,7 +49,8 @@ def test_weights_of_known_skinning_are_recovered() -> None:
 
 
 def test_weights_are_convex_and_of_two_bones(tendon: Tendon) -> None:
-    weights = tendon.hooks.weights
+    assert isinstance(tendon.hooks.carrier, Skinned)
+    weights = tendon.hooks.carrier.weights
     np.testing.assert_allclose(weights.sum(axis=1), 1.0)
     assert (weights >= 0).all() and ((weights > 0).sum(axis=1) <= 2).all()
 
@@ -65,7 +67,7 @@ def test_examples_are_met(tendon: Tendon, name: str) -> None:
 def test_corrections_are_exact_at_the_examples(tendon: Tendon) -> None:
     for n, angles in enumerate(EXAMPLES.values()):
         bones = pose(*angles)
-        expected = tendon.hooks.skinned(bones) + tendon.hooks.corrections[n]
+        expected = tendon.hooks.carrier(bones, None) + tendon.hooks.corrections[n]
         np.testing.assert_allclose(tendon.hooks.positions(bones, tendon.space), expected, atol=1e-12)
 
 
@@ -122,3 +124,70 @@ def test_a_free_rod_slides_through_its_own_hooks(tendon: Tendon) -> None:
         [Hooks(x[3:-3:3]), Pull(0.5 * tendon.rest.pull_direction), Bend(1.0, tendon.rest.length)], x
     )
     np.testing.assert_allclose(found.x, x, atol=1e-6)
+
+
+# --- hooks in the flesh
+
+PUSHES = {
+    "neutral": 0.0,
+    "bent": 0.0,
+    "hooked": 3.0,
+    "fist": 1.0,
+}  # mm sideways, by what is no bone of the tendon
+
+
+@pytest.fixture(scope="module")
+def fleshed() -> Tendon:
+    rest = rest_tendon()
+    rods = {name: pushed_rod(rest, *angles, PUSHES[name]) for name, angles in EXAMPLES.items()}
+    poses = {name: pose(*angles) for name, angles in EXAMPLES.items()}
+    flesh = {name: pushed(*angles, PUSHES[name]) for name, angles in EXAMPLES.items()}
+    return build_tendon("extensor", rest, RADIUS, bone_surfaces(), rods, poses, PARENTS, flesh)
+
+
+def test_flesh_that_is_pushed_pushes_the_tendon(fleshed: Tendon) -> None:
+    """The bones that the tendon passes are where an example has them; what pushes is not one of them."""
+    for push in (0.0, 4.0, -4.0):
+        bones, truth = pose(1.2, 0.4), pushed_rod(fleshed.rest, 1.2, 0.4, push)
+        found = fleshed.solve(bones, pushed(1.2, 0.4, push).vertices).x
+        errors = np.concatenate(centreline_errors(found, truth))
+        assert errors.mean() < 0.15 and errors.max() < 1.5
+    alone = build_tendon(
+        "extensor",
+        fleshed.rest,
+        RADIUS,
+        bone_surfaces(),
+        {name: pushed_rod(fleshed.rest, *angles, PUSHES[name]) for name, angles in EXAMPLES.items()},
+        {name: pose(*angles) for name, angles in EXAMPLES.items()},
+        PARENTS,
+    )
+    errors = np.concatenate(centreline_errors(alone.solve(bones).x, truth))
+    assert errors.max() > 3.0  # hooks on bones do not know
+
+
+@pytest.mark.parametrize("name", list(EXAMPLES))
+def test_examples_are_met_in_the_flesh(fleshed: Tendon, name: str) -> None:
+    angles, push = EXAMPLES[name], PUSHES[name]
+    found = fleshed.solve(pose(*angles), pushed(*angles, push).vertices)
+    errors = np.concatenate(centreline_errors(found.x, pushed_rod(fleshed.rest, *angles, push)))
+    assert errors.mean() < 0.1 and errors.max() < 1.5
+
+
+def test_a_common_motion_of_bones_and_flesh_moves_the_answer(fleshed: Tendon) -> None:
+    bones, flesh = pose(0.7, 0.5), pushed(0.7, 0.5, 2.0).vertices
+    moved = pose(0.3, 0.2)["distal"]
+    there = fleshed.solve({name: moved @ t for name, t in bones.items()}, moved(flesh)).x
+    np.testing.assert_allclose(there, moved(fleshed.solve(bones, flesh).x), atol=1e-6)
+
+
+def test_saved_and_loaded_hooks_lie_in_the_flesh(fleshed: Tendon, tmp_path: Path) -> None:
+    fleshed.save(tmp_path / "tendon.h5")
+    loaded = Tendon.load(tmp_path / "tendon.h5")
+    bones, flesh = pose(0.7, 0.5), pushed(0.7, 0.5, 2.0)
+    known = fleshed.solve(bones, flesh.vertices).x
+    np.testing.assert_array_equal(loaded.solve(bones, flesh.vertices).x, known)
+    layer = TendonLayer([loaded])
+    shapes = layer.solve(Frame("bent", {}, bones), {"flesh": {"flesh_mesh": flesh}})
+    np.testing.assert_array_equal(shapes["extensor_centreline"].vertices, known)
+    with pytest.raises(ValueError, match="lie in the flesh"):
+        layer.solve(Frame("bent", {}, bones), {})

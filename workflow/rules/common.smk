@@ -206,6 +206,19 @@ def in_poses(pattern, *roles):
     return files
 
 
+def in_flesh(*roles):
+    """Input function: the flesh in poses of the given roles, where it carries the tendons."""
+
+    def files(wildcards):
+        data = dataset(wildcards.subject)
+        poses = data.poses_of(*roles) if data.fleshed else []
+        return expand(
+            "results/{subject}/poses/{pose}/flesh.h5", pose=poses, allow_missing=True
+        )
+
+    return files
+
+
 def layer_files(subject, layers):
     """The artifacts that a simulation of the layers reads."""
     data = dataset(subject)
@@ -213,6 +226,7 @@ def layer_files(subject, layers):
     files = {
         "bones": [f"{base}/rig.h5"],
         "bone_fascia": [f"{base}/fascia/bone.h5"],
+        "flesh": [f"{base}/soft_tissue/mesh.h5"] if data.fleshed else [],
         "tendons": [f"{base}/tendons/{t}/hooks.h5" for t in data.tendons],
         "muscles": [f"{base}/muscles/{m}/strains.h5" for m in data.muscles],
         "muscle_fascia": [f"{base}/fascia/muscle.h5"] if data.muscles else [],

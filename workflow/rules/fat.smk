@@ -77,6 +77,11 @@ rule simulate_inner:
         rig="results/{subject}/rig.h5",
         dataset=ancient(of_dataset),
         layers=lambda w: layer_files(w.subject, INNER_LAYERS),
+        flesh=lambda w: (
+            "results/{subject}/poses/{pose}/flesh.h5"
+            if dataset(w.subject).fleshed
+            else []
+        ),
     output:
         "results/{subject}/poses/{pose}/inner.h5",
     log:

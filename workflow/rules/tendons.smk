@@ -52,6 +52,29 @@ rule register_tendon:
         "../scripts/register_tendon.py"
 
 
+rule simulate_flesh:
+    input:
+        dataset=ancient(of_dataset),
+        rig="results/{subject}/rig.h5",
+        layers=lambda w: layer_files(w.subject, ["bones", "flesh"]),
+    output:
+        "results/{subject}/poses/{pose}/flesh.h5",
+    log:
+        "results/{subject}/logs/simulate_flesh/{pose}.log",
+    benchmark:
+        "results/{subject}/benchmarks/simulate_flesh/{pose}.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        dataset=dataset_digest,
+    message:
+        "{wildcards.subject}: the flesh in {wildcards.pose}, which carries tendons"
+    script:
+        "../scripts/simulate_flesh.py"
+
+
 rule fit_hooks:
     input:
         dataset=ancient(of_dataset),
@@ -60,6 +83,7 @@ rule fit_hooks:
         poses=in_poses(
             "results/{subject}/tendons/{tendon}/poses/{pose}.h5", Role.example
         ),
+        flesh=in_flesh(Role.neutral, Role.example),
     output:
         "results/{subject}/tendons/{tendon}/hooks.h5",
     log:
@@ -87,6 +111,7 @@ rule evaluate_tendons:
             tendon=dataset(w.subject).tendons,
             allow_missing=True,
         ),
+        flesh=in_flesh(Role.example, Role.heldout),
     output:
         "results/{subject}/metrics/tendons.json",
     log:

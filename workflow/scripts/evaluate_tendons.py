@@ -12,15 +12,18 @@ with stage(snakemake):
     from handpipe.tendons.registration import centreline_errors
     from handpipe.tendons.rod import length_change
     from handpipe.tendons.tendon import Tendon
+    from layers import flesh_in_poses
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
     figures = stage_cost(snakemake, "extract_tendon", "register_tendon", "fit_hooks")
     errors, changes = {Role.example: [], Role.heldout: []}, []
+    poses = [*dataset.examples, *dataset.heldout]
+    flesh = {pose: shape.vertices for pose, shape in flesh_in_poses(snakemake.input.flesh).items()}
     for path in snakemake.input.tendons:
         tendon = Tendon.load(path)
-        for pose in [*dataset.examples, *dataset.heldout]:
-            x = tendon.solve(rig.bone_transforms(rig.poses[pose].angles)).x
+        for pose in poses:
+            x = tendon.solve(rig.bone_transforms(rig.poses[pose].angles), flesh.get(pose)).x
             changes.append(100 * length_change(x, tendon.rest.length))
             if dataset.truth is None:
                 continue

@@ -9,6 +9,7 @@ with stage(snakemake):
     from handpipe.skeleton.rig import Rig
     from handpipe.tendons.rest import RestTendon
     from handpipe.tendons.tendon import build_tendon
+    from layers import flesh_in_poses
 
     dataset = load_dataset(snakemake.input.dataset)
     name = snakemake.wildcards.tendon
@@ -23,5 +24,7 @@ with stage(snakemake):
         rods[pose] = rig.poses[pose].root.inverse()(artifacts.read(path, "posed_tendon")["x"])
         moved = rig.bone_transforms(rig.poses[pose].angles)
         poses[pose] = {b: moved[b] for b in bones}
-    tendon = build_tendon(name, rest, float(neutral["radii"].mean()), bones, rods, poses, rig.parents)
+    flesh = flesh_in_poses(snakemake.input.flesh)
+    radius = float(neutral["radii"].mean())
+    tendon = build_tendon(name, rest, radius, bones, rods, poses, rig.parents, flesh or None)
     tendon.save(snakemake.output[0], [*snakemake.input])

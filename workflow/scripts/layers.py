@@ -4,8 +4,10 @@ from pathlib import Path
 
 from handpipe.fascia.fascia import Fascia
 from handpipe.fascia.layer import FasciaLayer
+from handpipe.fat.flesh import FleshLayer
 from handpipe.fat.layer import FatStrains, TissueLayer
 from handpipe.fat.tissue import Tissue
+from handpipe.hand.frames import read_frames
 from handpipe.layers import Frame
 from handpipe.ligaments.layer import LigamentLayer
 from handpipe.muscles.layer import MuscleLayer, known_surfaces
@@ -30,6 +32,8 @@ def layers_of(names, rig, dataset, base):
             made.append(BoneLayer(rig.surfaces))
         elif name == "bone_fascia":
             made.append(FasciaLayer(Fascia.load(base / "fascia/bone.h5"), "bones"))
+        elif name == "flesh" and dataset.fleshed:
+            made.append(FleshLayer(Tissue.load(base / "soft_tissue/mesh.h5")))
         elif name == "tendons" and dataset.tendons:
             made.append(TendonLayer(members("tendons", Tendon, "{}/hooks.h5", dataset.tendons)))
         elif name == "muscles" and dataset.muscles:
@@ -56,6 +60,12 @@ def fat_layer(base, strains=True):
 def soft_tissue_layer(base):
     """One soft tissue around the bones (model m2 of 000 Table 4, 004)."""
     return TissueLayer("skin", ("bones",), Tissue.load(Path(base) / "soft_tissue/mesh.h5"))
+
+
+def flesh_in_poses(paths):
+    """The flesh's shape in scanned poses, by pose."""
+    frames = [read_frames(path)[0] for path in paths]
+    return {frame.name: layers["flesh"]["flesh_mesh"] for frame, layers in frames}
 
 
 def scanned_frame(rig, pose):

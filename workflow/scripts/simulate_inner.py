@@ -4,13 +4,14 @@ from common import stage
 
 with stage(snakemake):
     from handpipe.config import load_dataset
-    from handpipe.hand.frames import write_frames
-    from handpipe.hand.simulation import simulate
+    from handpipe.hand.frames import read_frames, write_frames
+    from handpipe.hand.simulation import simulate_frame
     from handpipe.skeleton.rig import Rig
     from layers import layers_of, scanned_frame
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
     layers = layers_of(snakemake.params.layers, rig, dataset, f"results/{snakemake.wildcards.subject}")
-    frames = simulate([scanned_frame(rig, snakemake.wildcards.pose)], layers)
-    write_frames(snakemake.output[0], frames, [*snakemake.input])
+    frame = scanned_frame(rig, snakemake.wildcards.pose)
+    known = read_frames(snakemake.input.flesh)[0][1] if snakemake.input.flesh else None
+    write_frames(snakemake.output[0], [(frame, simulate_frame(frame, layers, known))], [*snakemake.input])

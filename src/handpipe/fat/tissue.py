@@ -59,7 +59,10 @@ class TissueSettings:
 
 @dataclass(frozen=True)
 class Tissue:
-    """Mesh, occupancy (m,), neutral skin, inner points, rigid parts of skin, bone weights (n, n_bones)."""
+    """Mesh, occupancy (m,), neutral skin, inner points, rigid parts of skin, bone weights (n, n_bones).
+
+    skin_contact: whether the skin is kept out of itself.
+    """
 
     mesh: TetMesh
     occupancy: Array
@@ -69,6 +72,7 @@ class Tissue:
     bones: tuple[str, ...]
     weights: Array
     settings: TissueSettings = field(default_factory=TissueSettings)
+    skin_contact: bool = True
 
     @cached_property
     def elastic(self) -> Elastic:
@@ -157,7 +161,7 @@ class Tissue:
         return potentials
 
     def _on_skin(self, rigid: Mapping[str, RigidTransform], x: Array, unit: float) -> list[Potential]:
-        """Nails and the cut end go with their bones, and the skin is kept out of itself."""
+        """Nails and the cut end go with their bones, and the skin is kept out of itself if it is to be."""
         skin, matrix = self.skin, self.skin_matrix
         stiffness = unit * mass_lumped(skin.vertices, skin.triangles)
         parts: list[Potential] = [
@@ -166,6 +170,8 @@ class Tissue:
             )
             for name, part in self.rigid.items()
         ]
+        if not self.skin_contact:
+            return parts
         return [*parts, *skin_on_skin(skin, skin.moved(matrix @ x), matrix, stiffness)]
 
     def overlap(self, x: Array) -> float:

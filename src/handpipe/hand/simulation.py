@@ -4,26 +4,33 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from handpipe.layers import Frame, Layer, Shapes
 
 log = logging.getLogger(__name__)
 
+AIDS = ("flesh",)  # layers that others need and that are no organs
 
-def simulate_frame(frame: Frame, layers: Sequence[Layer]) -> dict[str, Shapes]:
-    """Shapes by layer name, each layer from those below it.
 
-    Raises `ConvergenceError` from the layer that finds no equilibrium.
+def simulate_frame(
+    frame: Frame, layers: Sequence[Layer], known: Mapping[str, Shapes] | None = None
+) -> dict[str, Shapes]:
+    """Shapes of organs by layer name, each layer from those below it.
+
+    known: layers that are simulated already. Raises `ConvergenceError` from the layer that finds no
+    equilibrium.
     """
-    shapes: dict[str, Shapes] = {}
+    shapes: dict[str, Shapes] = dict(known or {})
     for layer in layers:
+        if layer.name in shapes:
+            continue
         start = time.perf_counter()
         shapes[layer.name] = layer.solve(
             frame, {name: shapes[name] for name in layer.needs if name in shapes}
         )
         log.info("frame %s: %s in %.1f s", frame.name, layer.name, time.perf_counter() - start)
-    return shapes
+    return {name: found for name, found in shapes.items() if name not in AIDS}
 
 
 def simulate(frames: Iterable[Frame], layers: Sequence[Layer]) -> list[tuple[Frame, dict[str, Shapes]]]:

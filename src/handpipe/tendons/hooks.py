@@ -1,4 +1,6 @@
-"""Hooks: points that a tendon slides through, carried by bones with pose-space corrections (sec. 5.4)."""
+"""Hooks: points that a tendon slides through, carried by the flesh or by bones, with pose-space corrections
+(sec. 5.4).
+"""
 
 from __future__ import annotations
 
@@ -10,11 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.mesh.distance import Distance
+from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.tendons.rod import Array, arc_length, closest_on_rod, point_at, unit
 
 Bones = Mapping[str, RigidTransform]
+IntArray = NDArray[np.int64]
 
 
 class Interpolation(Protocol):
@@ -26,29 +31,60 @@ class Interpolation(Protocol):
 
 
 @dataclass(frozen=True)
-class HookSet:
-    """rest (k, 3) on the neutral rod; weights (k, n_bones) in the order of `bones`; corrections (N, k, 3).
-
-    In mm, all in the frame of the base bone, the last of `bones`.
-    """
+class Skinned:
+    """Points rest (k, 3) that bones carry by linear blend skinning; weights (k, n_bones), in their order."""
 
     bones: tuple[str, ...]
     rest: Array
     weights: Array
+
+    def __call__(self, bones: Bones, flesh: Array | None) -> Array:
+        """Positions (k, 3); the flesh is not asked."""
+        moved = np.stack([bones[name](self.rest) for name in self.bones])
+        return np.einsum("kb,bkj->kj", self.weights, moved)
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """Points that the flesh carries: what bones push aside, an opposed thumb's ball, pushes tendons, too."""
+
+    embedding: Embedding
+
+    def __call__(self, bones: Bones, flesh: Array | None) -> Array:
+        """Positions (k, 3) in the flesh, whose vertices are (n, 3)."""
+        if flesh is None:
+            raise ValueError("these hooks lie in the flesh; its vertices are not given")
+        return self.embedding(flesh)
+
+
+@dataclass(frozen=True)
+class HookSet:
+    """What carries k hooks, and corrections (N, k, 3) at N example poses.
+
+    In mm, all in the frame of the base bone, the last that the tendon passes.
+    """
+
+    carrier: Skinned | Embedded
     corrections: Array
 
-    def skinned(self, bones: Bones) -> Array:
-        """Positions (k, 3) by linear blend skinning alone."""
-        return _skinned(self.rest, self.weights, [bones[name] for name in self.bones])
+    def positions(self, bones: Bones, space: Interpolation, flesh: Array | None = None) -> Array:
+        """Positions (k, 3) with the interpolated corrections; bones and flesh (n, 3) relative to the base."""
+        return self.carrier(bones, flesh) + space.interpolate(self.corrections, bones)
 
-    def positions(self, bones: Bones, space: Interpolation) -> Array:
-        """Positions (k, 3) with the interpolated corrections; `bones` relative to the base bone."""
-        return self.skinned(bones) + space.interpolate(self.corrections, bones)
+    def to_group(self) -> dict[str, Array | IntArray]:
+        """Content for an artifact's group."""
+        carrier = self.carrier
+        if isinstance(carrier, Skinned):
+            return {"rest": carrier.rest, "weights": carrier.weights, "corrections": self.corrections}
+        embedding = carrier.embedding
+        return {"cells": embedding.cells, "weights": embedding.weights, "corrections": self.corrections}
 
-
-def _skinned(points: Array, weights: Array, transforms: Sequence[RigidTransform]) -> Array:
-    moved = np.stack([t(points) for t in transforms])
-    return np.einsum("kb,bkj->kj", weights, moved)
+    @staticmethod
+    def from_group(group: Mapping[str, NDArray], bones: tuple[str, ...]) -> HookSet:
+        """What `to_group` gave, as an artifact returned it; the bones that the tendon passes."""
+        if "cells" in group:
+            return HookSet(Embedded(Embedding(group["cells"], group["weights"])), group["corrections"])
+        return HookSet(Skinned(bones, group["rest"], group["weights"]), group["corrections"])
 
 
 def sample_hooks(
@@ -122,25 +158,42 @@ def fit_hooks(
     order: tuple[str, ...],
     rods: Sequence[Array],
     poses: Sequence[Bones],
+    mesh: TetMesh | None = None,
+    flesh: Sequence[Array | None] = (),
 ) -> HookSet:
-    """Hooks of a tendon from its rods (Q+1, 3) in the example poses, N_s = 2 closest bones each (sec. 5.4).
+    """Hooks of a tendon from its rods (Q+1, 3) in the example poses.
 
-    `rods` and `poses` relative to the base bone, the last of `order`. A correction is the vector from the
-    skinned hook to the closest point of the pose's rod.
+    The neutral flesh `mesh` carries them, with vertices `flesh` (n, 3) in each pose; without one, the
+    N_s = 2 closest bones of each (sec. 5.4). All relative to the base bone, the last of `order`. A correction
+    is the vector from the carried hook to the closest point of the pose's rod.
     """
-    surfaces = {name: neutral_bones[name] for name in order}
-    points = sample_hooks(rest, surfaces)
-    by_pose = [[pose[name] for name in order] for pose in poses]
-    weights = np.zeros((len(points), len(order)))
-    if len(order) == 1 or not poses:
-        weights[np.arange(len(points)), np.argmin(bone_distances(points, surfaces), axis=1)] = 1.0
+    points = sample_hooks(rest, {name: neutral_bones[name] for name in order})
+    carrier: Skinned | Embedded
+    if mesh is None:
+        carrier, flesh = _skinned(points, neutral_bones, order, rods, poses), [None] * len(poses)
     else:
-        pair = np.argsort(bone_distances(points, surfaces), axis=1)[:, :2]
-        share = fit_weights(points, pair, rods, by_pose)
-        weights[np.arange(len(points)), pair[:, 0]] = share
-        weights[np.arange(len(points)), pair[:, 1]] = 1.0 - share
+        carrier = Embedded(Embedding.of(points, mesh))
     corrections = np.zeros((len(poses), len(points), 3))
-    for n, (rod, transforms) in enumerate(zip(rods, by_pose, strict=True)):
-        skinned = _skinned(points, weights, transforms)
-        corrections[n] = closest_points(skinned, past_end(rod)) - skinned
-    return HookSet(order, points, weights, corrections)
+    for n, (rod, bones, around) in enumerate(zip(rods, poses, flesh, strict=True)):
+        carried = carrier(bones, around)
+        corrections[n] = closest_points(carried, past_end(rod)) - carried
+    return HookSet(carrier, corrections)
+
+
+def _skinned(
+    points: Array,
+    neutral_bones: Mapping[str, Surface],
+    order: tuple[str, ...],
+    rods: Sequence[Array],
+    poses: Sequence[Bones],
+) -> Skinned:
+    distances = bone_distances(points, {name: neutral_bones[name] for name in order})
+    k, weights = np.arange(len(points)), np.zeros((len(points), len(order)))
+    if len(order) == 1 or not poses:
+        weights[k, np.argmin(distances, axis=1)] = 1.0
+    else:
+        pair = np.argsort(distances, axis=1)[:, :2]
+        share = fit_weights(points, pair, rods, [[pose[name] for name in order] for pose in poses])
+        weights[k, pair[:, 0]] = share
+        weights[k, pair[:, 1]] = 1.0 - share
+    return Skinned(order, points, weights)

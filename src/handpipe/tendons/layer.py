@@ -14,7 +14,7 @@ class TendonLayer:
     """Tendons of loaded artifacts. Frames do not depend on one another."""
 
     name = "tendons"
-    needs: tuple[str, ...] = ("bones", "bone_fascia")
+    needs: tuple[str, ...] = ("bones", "bone_fascia", "flesh")
 
     def __init__(self, tendons: Iterable[Tendon]) -> None:
         self.tendons = {t.name: t for t in tendons}
@@ -23,12 +23,13 @@ class TendonLayer:
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """For each tendon its surface, and its rod under `{tendon}_centreline` with segments as cells.
 
-        The rod's field "tension" (Q,) is in the unit of the pull (mN if that is). Hooks follow the bones
-        alone, so that `below` is not read. Raises `ConvergenceError`.
+        The rod's field "tension" (Q,) is in the unit of the pull (mN if that is). Hooks follow the flesh, of
+        which `below` has the mesh, or the bones alone. Raises `ConvergenceError`.
         """
         shapes: Shapes = {}
+        flesh = below["flesh"]["flesh_mesh"].vertices if "flesh" in below else None
         for name, tendon in self.tendons.items():
-            found = tendon.solve(frame.bones)
+            found = tendon.solve(frame.bones, flesh)
             surface = tendon.surface(found.x, frame.bones)
             shapes[name] = Shape(self._rest[name], surface.vertices, surface.triangles)
             n = len(found.x)

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from handpipe import artifacts
 from handpipe.errors import ConvergenceError
+from handpipe.layers import Shape
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
+from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.skeleton.pose_space import PoseSpace
 from handpipe.tendons.energies import Bend, Hooks
 from handpipe.tendons.equilibrium import Equilibrium, solve
@@ -41,16 +44,18 @@ class Tendon:
     space: PoseSpace
     starts: Array
 
-    def solve(self, bones: Bones, start: Array | None = None) -> Equilibrium:
+    def solve(self, bones: Bones, flesh: Array | None = None, *, start: Array | None = None) -> Equilibrium:
         """Static equilibrium (Eq. 4-12) for bone transforms from neutral; the rod x (Q+1, 3) in their frame.
 
-        `start` (Q+1, 3) is another rod to start from. Raises `ConvergenceError`.
+        flesh (n, 3): vertices of the soft tissue that carries the hooks, where one does. `start` (Q+1, 3) is
+        another rod to start from. Raises `ConvergenceError`.
         """
         base = bones[self.rest.bones[-1]]
         relative = relative_to(
             {name: bones[name] for name in {*self.rest.bones, *self.space.bones}}, self.rest.bones[-1]
         )
-        hooks = Hooks(self.hooks.positions(relative, self.space))
+        around = None if flesh is None else base.inverse()(flesh)
+        hooks = Hooks(self.hooks.positions(relative, self.space, around))
         bend = Bend(PULL * BEND_LENGTH**2, self.rest.length)
         x = self._start(relative) if start is None else base.inverse()(start)
         try:
@@ -75,7 +80,7 @@ class Tendon:
     def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
         """Write the artifact of kind "tendon"."""
         tube, hooks = self.rest.tube, self.hooks
-        data = {
+        data: dict[str, Any] = {
             "name": self.name,
             "radius": self.radius,
             "bones": list(self.rest.bones),
@@ -86,17 +91,14 @@ class Tendon:
                 "weights": tube.weights,
                 "local": tube.local,
             },
-            "hooks": {"rest": hooks.rest, "weights": hooks.weights, "corrections": hooks.corrections},
+            "hooks": hooks.to_group(),
             "starts": self.starts,
             "pose_space": self.space.to_group(),
         }
-        units = {
-            "radius": "mm",
-            "rod/x": "mm",
-            "tube/local": "mm",
-            "hooks/rest": "mm",
-            "hooks/corrections": "mm",
-        }
+        lengths = ["radius", "rod/x", "tube/local", "hooks/corrections"]
+        if "rest" in data["hooks"]:
+            lengths.append("hooks/rest")
+        units = dict.fromkeys(lengths, "mm")
         artifacts.write(path, data, kind="tendon", units=units, inputs=inputs)
 
     @staticmethod
@@ -111,7 +113,7 @@ class Tendon:
             str(data["name"]),
             rest,
             float(data["radius"]),
-            HookSet(bones, hooks["rest"], hooks["weights"], hooks["corrections"]),
+            HookSet.from_group(hooks, bones),
             space,
             data["starts"],
         )
@@ -125,33 +127,53 @@ def build_tendon(
     rods: Mapping[str, Array],
     poses: Mapping[str, Mapping[str, RigidTransform]],
     parents: Mapping[str, str],
+    flesh: Mapping[str, Shape] | None = None,
 ) -> Tendon:
     """Fit hooks to registered rods: pose name -> x (Q+1, 3), and pose name -> bone -> transform from neutral.
 
-    The neutral pose belongs in both, with the rest rod and identities: there corrections are zero.
-    `parents` is bone -> parent bone, for the pose space.
+    The neutral pose belongs in both, with the rest rod and identities.
+    `parents` is bone -> parent bone, for the pose space; flesh: the soft tissue in each pose, if it carries
+    the hooks.
     """
     base = rest.bones[-1]
     relative = {pose: relative_to(poses[pose], base) for pose in rods}
     local = {pose: poses[pose][base].inverse()(x) for pose, x in rods.items()}
     space = PoseSpace.build(rest.bones, parents, relative)
-    hooks = fit_hooks(rest.x, neutral_bones, rest.bones, list(local.values()), list(relative.values()))
+    mesh, around = None, dict.fromkeys(rods)
+    if flesh is not None:
+        shape = next(iter(flesh.values()))
+        mesh = TetMesh(shape.rest, shape.cells)
+        around = {pose: poses[pose][base].inverse()(flesh[pose].vertices) for pose in rods}
+    hooks = fit_hooks(
+        rest.x,
+        neutral_bones,
+        rest.bones,
+        list(local.values()),
+        list(relative.values()),
+        mesh,
+        list(around.values()),
+    )
     starts = np.stack([local[pose] - rest.skinned(bones) for pose, bones in relative.items()])
     tendon = Tendon(name, rest, radius, hooks, space, starts)
     for _ in range(CALIBRATIONS):
-        tendon = _calibrated(tendon, local, relative)
+        tendon = _calibrated(tendon, local, relative, around)
     return tendon
 
 
-def _calibrated(tendon: Tendon, rods: Mapping[str, Array], poses: Mapping[str, Bones]) -> Tendon:
+def _calibrated(
+    tendon: Tendon,
+    rods: Mapping[str, Array],
+    poses: Mapping[str, Bones],
+    flesh: Mapping[str, Array | None],
+) -> Tendon:
     """Move each example's corrections by what the simulated rod misses of the registered one at the hooks.
 
     Under its pull, the rod lies a little inside the curve of its hooks: Eq. 4 alone never meets the examples.
     """
     corrections = tendon.hooks.corrections.copy()
     for n, (pose, rod) in enumerate(rods.items()):
-        x = tendon.solve(poses[pose]).x
-        hooks = Hooks(tendon.hooks.positions(poses[pose], tendon.space))
+        x = tendon.solve(poses[pose], flesh[pose]).x
+        hooks = Hooks(tendon.hooks.positions(poses[pose], tendon.space, flesh[pose]))
         hooks.refresh(x)
         contact = hooks.contacts(x)
         miss = closest_points(contact, past_end(rod)) - contact

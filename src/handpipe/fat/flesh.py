@@ -1,0 +1,36 @@
+"""The flesh: one soft tissue on bones alone, which carries what lies in it before any organ is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from handpipe.fat.tissue import Tissue
+from handpipe.layers import Frame, Shape, Shapes
+from handpipe.settling import Limits
+
+# What lies within is wanted to a tenth of a millimetre, and not the skin.
+BRIEFLY = Limits(renewals=3, settled=0.05, gross=np.inf)
+
+
+class FleshLayer:
+    """How soft tissue moves with the bones, in seconds: uniform, and its skin passes through itself.
+
+    It is an aid of other layers, not an organ: nothing shows it.
+    """
+
+    name = "flesh"
+    needs: tuple[str, ...] = ("bones",)
+
+    def __init__(self, tissue: Tissue) -> None:
+        self.tissue = replace(tissue, skin_contact=False)
+
+    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """The tissue's tets at equilibrium. Raises `ConvergenceError` where there is none."""
+        tissue, bones = self.tissue, frame.bones
+        rigid = {name: bones[part.bone] for name, part in tissue.rigid.items()}
+        settled = tissue.solve(below, rigid, None, tissue.pose(bones), BRIEFLY)
+        rest = tissue.mesh.vertices
+        return {"flesh_mesh": Shape(rest, settled.x, tissue.mesh.tets, figures=settled.figures)}

@@ -1,0 +1,16 @@
+"""The flesh in one scanned pose, which carries the hooks of tendons."""
+
+from common import stage
+
+with stage(snakemake):
+    from handpipe.config import load_dataset
+    from handpipe.hand.frames import write_frames
+    from handpipe.skeleton.rig import Rig
+    from layers import layers_of, scanned_frame
+
+    rig = Rig.load(snakemake.input.rig)
+    frame = scanned_frame(rig, snakemake.wildcards.pose)
+    dataset = load_dataset(snakemake.input.dataset)
+    bones, flesh = layers_of(["bones", "flesh"], rig, dataset, f"results/{snakemake.wildcards.subject}")
+    below = {bones.name: bones.solve(frame, {})}
+    write_frames(snakemake.output[0], [(frame, {flesh.name: flesh.solve(frame, below)})], [*snakemake.input])
