@@ -1,4 +1,4 @@
-"""Hooks: points that a tendon slides through, carried by the flesh or by bones, with pose-space corrections
+"""Hooks: points that a tendon slides through, carried by bones or by the flesh, with pose-space corrections
 (sec. 5.4).
 """
 
@@ -6,11 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.layers import Shape
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.rigid import RigidTransform
@@ -31,60 +32,62 @@ class Interpolation(Protocol):
 
 
 @dataclass(frozen=True)
-class Skinned:
-    """Points rest (k, 3) that bones carry by linear blend skinning; weights (k, n_bones), in their order."""
+class InFlesh:
+    """Hooks (e,) that the flesh carries, and where they lie in its tets."""
 
-    bones: tuple[str, ...]
-    rest: Array
-    weights: Array
-
-    def __call__(self, bones: Bones, flesh: Array | None) -> Array:
-        """Positions (k, 3); the flesh is not asked."""
-        moved = np.stack([bones[name](self.rest) for name in self.bones])
-        return np.einsum("kb,bkj->kj", self.weights, moved)
-
-
-@dataclass(frozen=True)
-class Embedded:
-    """Points that the flesh carries: what bones push aside, an opposed thumb's ball, pushes tendons, too."""
-
+    hooks: IntArray
     embedding: Embedding
-
-    def __call__(self, bones: Bones, flesh: Array | None) -> Array:
-        """Positions (k, 3) in the flesh, whose vertices are (n, 3)."""
-        if flesh is None:
-            raise ValueError("these hooks lie in the flesh; its vertices are not given")
-        return self.embedding(flesh)
 
 
 @dataclass(frozen=True)
 class HookSet:
-    """What carries k hooks, and corrections (N, k, 3) at N example poses.
+    """rest (k, 3) on the neutral rod; weights (k, n_bones) in the order of `bones`; corrections (N, k, 3).
 
-    In mm, all in the frame of the base bone, the last that the tendon passes.
+    In mm, all in the frame of the base bone, the last of `bones`. Bones carry hooks by linear blend skinning,
+    but those `in_flesh`: what else pushes the flesh, an opposed thumb, pushes these.
     """
 
-    carrier: Skinned | Embedded
+    bones: tuple[str, ...]
+    rest: Array
+    weights: Array
     corrections: Array
+    in_flesh: InFlesh | None = None
+
+    def carried(self, bones: Bones, flesh: Array | None = None) -> Array:
+        """Positions (k, 3) without corrections; flesh (n, 3): vertices of its mesh, relative to the base."""
+        points = _skinned(self.rest, self.weights, [bones[name] for name in self.bones])
+        if self.in_flesh is not None:
+            if flesh is None:
+                raise ValueError("some hooks lie in the flesh; its vertices are not given")
+            points[self.in_flesh.hooks] = self.in_flesh.embedding(flesh)
+        return points
 
     def positions(self, bones: Bones, space: Interpolation, flesh: Array | None = None) -> Array:
-        """Positions (k, 3) with the interpolated corrections; bones and flesh (n, 3) relative to the base."""
-        return self.carrier(bones, flesh) + space.interpolate(self.corrections, bones)
+        """Positions (k, 3) with the interpolated corrections; bones and flesh relative to the base bone."""
+        return self.carried(bones, flesh) + space.interpolate(self.corrections, bones)
 
-    def to_group(self) -> dict[str, Array | IntArray]:
+    def to_group(self) -> dict[str, Any]:
         """Content for an artifact's group."""
-        carrier = self.carrier
-        if isinstance(carrier, Skinned):
-            return {"rest": carrier.rest, "weights": carrier.weights, "corrections": self.corrections}
-        embedding = carrier.embedding
-        return {"cells": embedding.cells, "weights": embedding.weights, "corrections": self.corrections}
+        group = {"rest": self.rest, "weights": self.weights, "corrections": self.corrections}
+        if self.in_flesh is None:
+            return group
+        embedding = self.in_flesh.embedding
+        inside = {"hooks": self.in_flesh.hooks, "cells": embedding.cells, "weights": embedding.weights}
+        return {**group, "flesh": inside}
 
     @staticmethod
-    def from_group(group: Mapping[str, NDArray], bones: tuple[str, ...]) -> HookSet:
+    def from_group(group: Mapping[str, Any], bones: tuple[str, ...]) -> HookSet:
         """What `to_group` gave, as an artifact returned it; the bones that the tendon passes."""
-        if "cells" in group:
-            return HookSet(Embedded(Embedding(group["cells"], group["weights"])), group["corrections"])
-        return HookSet(Skinned(bones, group["rest"], group["weights"]), group["corrections"])
+        in_flesh = None
+        if "flesh" in group:
+            inside = group["flesh"]
+            in_flesh = InFlesh(inside["hooks"], Embedding(inside["cells"], inside["weights"]))
+        return HookSet(bones, group["rest"], group["weights"], group["corrections"], in_flesh)
+
+
+def _skinned(points: Array, weights: Array, transforms: Sequence[RigidTransform]) -> Array:
+    moved = np.stack([t(points) for t in transforms])
+    return np.einsum("kb,bkj->kj", weights, moved)
 
 
 def sample_hooks(
@@ -158,42 +161,38 @@ def fit_hooks(
     order: tuple[str, ...],
     rods: Sequence[Array],
     poses: Sequence[Bones],
-    mesh: TetMesh | None = None,
-    flesh: Sequence[Array | None] = (),
+    flesh: Sequence[Shape] = (),
 ) -> HookSet:
-    """Hooks of a tendon from its rods (Q+1, 3) in the example poses.
+    """Hooks of a tendon from its rods (Q+1, 3) in the example poses, N_s = 2 closest bones each (sec. 5.4).
 
-    The neutral flesh `mesh` carries them, with vertices `flesh` (n, 3) in each pose; without one, the
-    N_s = 2 closest bones of each (sec. 5.4). All relative to the base bone, the last of `order`. A correction
-    is the vector from the carried hook to the closest point of the pose's rod.
+    `rods`, `poses` and the flesh in each pose relative to the base bone, the last of `order`. A correction is
+    the vector from the carried hook to the closest point of the pose's rod. Where there is flesh, it carries
+    the hooks that it needs to correct less than the bones do: pulleys hold a finger's tendons, not a palm's.
     """
-    points = sample_hooks(rest, {name: neutral_bones[name] for name in order})
-    carrier: Skinned | Embedded
-    if mesh is None:
-        carrier, flesh = _skinned(points, neutral_bones, order, rods, poses), [None] * len(poses)
-    else:
-        carrier = Embedded(Embedding.of(points, mesh))
-    corrections = np.zeros((len(poses), len(points), 3))
-    for n, (rod, bones, around) in enumerate(zip(rods, poses, flesh, strict=True)):
-        carried = carrier(bones, around)
-        corrections[n] = closest_points(carried, past_end(rod)) - carried
-    return HookSet(carrier, corrections)
-
-
-def _skinned(
-    points: Array,
-    neutral_bones: Mapping[str, Surface],
-    order: tuple[str, ...],
-    rods: Sequence[Array],
-    poses: Sequence[Bones],
-) -> Skinned:
-    distances = bone_distances(points, {name: neutral_bones[name] for name in order})
-    k, weights = np.arange(len(points)), np.zeros((len(points), len(order)))
+    surfaces = {name: neutral_bones[name] for name in order}
+    points = sample_hooks(rest, surfaces)
+    by_pose = [[pose[name] for name in order] for pose in poses]
+    weights = np.zeros((len(points), len(order)))
     if len(order) == 1 or not poses:
-        weights[k, np.argmin(distances, axis=1)] = 1.0
+        weights[np.arange(len(points)), np.argmin(bone_distances(points, surfaces), axis=1)] = 1.0
     else:
-        pair = np.argsort(distances, axis=1)[:, :2]
-        share = fit_weights(points, pair, rods, [[pose[name] for name in order] for pose in poses])
-        weights[k, pair[:, 0]] = share
-        weights[k, pair[:, 1]] = 1.0 - share
-    return Skinned(order, points, weights)
+        pair = np.argsort(bone_distances(points, surfaces), axis=1)[:, :2]
+        share = fit_weights(points, pair, rods, by_pose)
+        weights[np.arange(len(points)), pair[:, 0]] = share
+        weights[np.arange(len(points)), pair[:, 1]] = 1.0 - share
+    lines = [past_end(rod) for rod in rods]
+    on_bones = _missing([_skinned(points, weights, pose) for pose in by_pose], lines)
+    if not flesh:
+        return HookSet(order, points, weights, on_bones)
+    embedding = Embedding.of(points, TetMesh(flesh[0].rest, flesh[0].cells))
+    inside = _missing([embedding(shape.vertices) for shape in flesh], lines)
+    better = np.sum(inside**2, axis=(0, 2)) < np.sum(on_bones**2, axis=(0, 2))
+    chosen = np.flatnonzero(better)
+    in_flesh = InFlesh(chosen, Embedding(embedding.cells[chosen], embedding.weights[chosen]))
+    return HookSet(order, points, weights, np.where(better[:, None], inside, on_bones), in_flesh)
+
+
+def _missing(carried: Sequence[Array], lines: Sequence[Array]) -> Array:
+    """Vectors (N, k, 3) from points (k, 3) in N poses to the closest points of their rods."""
+    found = [closest_points(x, line) - x for x, line in zip(carried, lines, strict=True)]
+    return np.array(found).reshape(len(lines), -1, 3)

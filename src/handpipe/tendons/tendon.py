@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from handpipe.errors import ConvergenceError
 from handpipe.layers import Shape
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.skeleton.pose_space import PoseSpace
 from handpipe.tendons.energies import Bend, Hooks
 from handpipe.tendons.equilibrium import Equilibrium, solve
@@ -47,7 +45,7 @@ class Tendon:
     def solve(self, bones: Bones, flesh: Array | None = None, *, start: Array | None = None) -> Equilibrium:
         """Static equilibrium (Eq. 4-12) for bone transforms from neutral; the rod x (Q+1, 3) in their frame.
 
-        flesh (n, 3): vertices of the soft tissue that carries the hooks, where one does. `start` (Q+1, 3) is
+        flesh (n, 3): vertices of the soft tissue, where it carries hooks. `start` (Q+1, 3) is
         another rod to start from. Raises `ConvergenceError`.
         """
         base = bones[self.rest.bones[-1]]
@@ -80,7 +78,7 @@ class Tendon:
     def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
         """Write the artifact of kind "tendon"."""
         tube, hooks = self.rest.tube, self.hooks
-        data: dict[str, Any] = {
+        data = {
             "name": self.name,
             "radius": self.radius,
             "bones": list(self.rest.bones),
@@ -95,9 +93,7 @@ class Tendon:
             "starts": self.starts,
             "pose_space": self.space.to_group(),
         }
-        lengths = ["radius", "rod/x", "tube/local", "hooks/corrections"]
-        if "rest" in data["hooks"]:
-            lengths.append("hooks/rest")
+        lengths = ("radius", "rod/x", "tube/local", "hooks/rest", "hooks/corrections")
         units = dict.fromkeys(lengths, "mm")
         artifacts.write(path, data, kind="tendon", units=units, inputs=inputs)
 
@@ -132,27 +128,21 @@ def build_tendon(
     """Fit hooks to registered rods: pose name -> x (Q+1, 3), and pose name -> bone -> transform from neutral.
 
     The neutral pose belongs in both, with the rest rod and identities.
-    `parents` is bone -> parent bone, for the pose space; flesh: the soft tissue in each pose, if it carries
-    the hooks.
+    `parents` is bone -> parent bone, for the pose space; flesh: the soft tissue in each pose, if it may
+    carry hooks.
     """
     base = rest.bones[-1]
     relative = {pose: relative_to(poses[pose], base) for pose in rods}
     local = {pose: poses[pose][base].inverse()(x) for pose, x in rods.items()}
     space = PoseSpace.build(rest.bones, parents, relative)
-    mesh, around = None, dict.fromkeys(rods)
-    if flesh is not None:
-        shape = next(iter(flesh.values()))
-        mesh = TetMesh(shape.rest, shape.cells)
-        around = {pose: poses[pose][base].inverse()(flesh[pose].vertices) for pose in rods}
-    hooks = fit_hooks(
-        rest.x,
-        neutral_bones,
-        rest.bones,
-        list(local.values()),
-        list(relative.values()),
-        mesh,
-        list(around.values()),
-    )
+    flesh = flesh or {}
+    around = {
+        pose: replace(flesh[pose], vertices=poses[pose][base].inverse()(flesh[pose].vertices))
+        for pose in rods
+        if pose in flesh
+    }
+    given = (list(local.values()), list(relative.values()), list(around.values()))
+    hooks = fit_hooks(rest.x, neutral_bones, rest.bones, *given)
     starts = np.stack([local[pose] - rest.skinned(bones) for pose, bones in relative.items()])
     tendon = Tendon(name, rest, radius, hooks, space, starts)
     for _ in range(CALIBRATIONS):
@@ -164,7 +154,7 @@ def _calibrated(
     tendon: Tendon,
     rods: Mapping[str, Array],
     poses: Mapping[str, Bones],
-    flesh: Mapping[str, Array | None],
+    flesh: Mapping[str, Shape],
 ) -> Tendon:
     """Move each example's corrections by what the simulated rod misses of the registered one at the hooks.
 
@@ -172,8 +162,9 @@ def _calibrated(
     """
     corrections = tendon.hooks.corrections.copy()
     for n, (pose, rod) in enumerate(rods.items()):
-        x = tendon.solve(poses[pose], flesh[pose]).x
-        hooks = Hooks(tendon.hooks.positions(poses[pose], tendon.space, flesh[pose]))
+        around = flesh[pose].vertices if flesh else None
+        x = tendon.solve(poses[pose], around).x
+        hooks = Hooks(tendon.hooks.positions(poses[pose], tendon.space, around))
         hooks.refresh(x)
         contact = hooks.contacts(x)
         miss = closest_points(contact, past_end(rod)) - contact
