@@ -60,6 +60,13 @@ def test_unknown_layer_is_refused(tmp_path):
         load_scene(path)
 
 
+def test_an_aid_is_no_layer_to_ask_for():
+    with pytest.raises(
+        ValueError, match="'flesh' is not a layer; the layers are bones, bone_fascia, tendons"
+    ):
+        Scene(layers=("flesh",), frames="x.csv")
+
+
 def test_scene_needs_exactly_what_its_layers_stand_on():
     assert Scene(layers=("bones", "skin"), frames="x.csv").needed == ["bones", "skin"]
     assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "flesh", "tendons", "muscles"]

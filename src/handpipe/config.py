@@ -242,6 +242,9 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "fat": ("bones", "bone_fascia", "tendons", "muscle_fascia", "ligaments"),
     "skin": ("bones",),
 }
+AIDS = (
+    "flesh",
+)  # layers that others need and that are no organs: no scene asks for them, no output shows them
 
 
 class Scene(Model):
@@ -259,9 +262,10 @@ class Scene(Model):
 
     @model_validator(mode="after")
     def _known(self) -> Scene:
+        known = [layer for layer in LAYERS if layer not in AIDS]
         for layer in self.layers:
-            if layer not in LAYERS:
-                raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(LAYERS)}")
+            if layer not in known:
+                raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(known)}")
         return self
 
     @property

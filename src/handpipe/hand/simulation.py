@@ -6,11 +6,10 @@ import logging
 import time
 from collections.abc import Iterable, Mapping, Sequence
 
+from handpipe.config import AIDS
 from handpipe.layers import Frame, Layer, Shapes
 
 log = logging.getLogger(__name__)
-
-AIDS = ("flesh",)  # layers that others need and that are no organs
 
 
 def simulate_frame(
