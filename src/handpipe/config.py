@@ -242,9 +242,8 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "fat": ("bones", "bone_fascia", "tendons", "muscle_fascia", "ligaments"),
     "skin": ("bones",),
 }
-AIDS = (
-    "flesh",
-)  # layers that others need and that are no organs: no scene asks for them, no output shows them
+# Layers that others need and that are no organs: no scene asks for them, no output shows them.
+AIDS = ("flesh",)
 
 
 class Scene(Model):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handpipe.layers import Frame
+from handpipe.layers import Frame, Shape
 from handpipe.tendons.energies import Bend, Hooks, Pull
 from handpipe.tendons.equilibrium import solve
 from handpipe.tendons.hooks import fit_weights
@@ -127,21 +127,21 @@ def test_a_free_rod_slides_through_its_own_hooks(tendon: Tendon) -> None:
 
 # --- hooks in the flesh
 
-PUSHES = {
-    "neutral": 0.0,
-    "bent": 0.0,
-    "hooked": 3.0,
-    "fist": 1.0,
-}  # mm sideways, by what is no bone of the tendon
+# mm sideways, by what is no bone of the tendon
+PUSHES = {"neutral": 0.0, "bent": 0.0, "hooked": 3.0, "fist": 1.0}
+
+
+def of_pushed(flesh: dict[str, Shape] | None) -> Tendon:
+    """The tendon fitted to rods that are pushed in the examples, with flesh or without."""
+    rest = rest_tendon()
+    rods = {name: pushed_rod(rest, *angles, PUSHES[name]) for name, angles in EXAMPLES.items()}
+    poses = {name: pose(*angles) for name, angles in EXAMPLES.items()}
+    return build_tendon("extensor", rest, RADIUS, bone_surfaces(), rods, poses, PARENTS, flesh)
 
 
 @pytest.fixture(scope="module")
 def fleshed() -> Tendon:
-    rest = rest_tendon()
-    rods = {name: pushed_rod(rest, *angles, PUSHES[name]) for name, angles in EXAMPLES.items()}
-    poses = {name: pose(*angles) for name, angles in EXAMPLES.items()}
-    flesh = {name: pushed(*angles, PUSHES[name]) for name, angles in EXAMPLES.items()}
-    return build_tendon("extensor", rest, RADIUS, bone_surfaces(), rods, poses, PARENTS, flesh)
+    return of_pushed({name: pushed(*angles, PUSHES[name]) for name, angles in EXAMPLES.items()})
 
 
 def test_flesh_that_is_pushed_pushes_the_tendon(fleshed: Tendon) -> None:
@@ -151,16 +151,7 @@ def test_flesh_that_is_pushed_pushes_the_tendon(fleshed: Tendon) -> None:
         found = fleshed.solve(bones, pushed(1.2, 0.4, push).vertices).x
         errors = np.concatenate(centreline_errors(found, truth))
         assert errors.mean() < 0.15 and errors.max() < 1.5
-    alone = build_tendon(
-        "extensor",
-        fleshed.rest,
-        RADIUS,
-        bone_surfaces(),
-        {name: pushed_rod(fleshed.rest, *angles, PUSHES[name]) for name, angles in EXAMPLES.items()},
-        {name: pose(*angles) for name, angles in EXAMPLES.items()},
-        PARENTS,
-    )
-    errors = np.concatenate(centreline_errors(alone.solve(bones).x, truth))
+    errors = np.concatenate(centreline_errors(of_pushed(None).solve(bones).x, truth))
     assert errors.max() > 3.0  # hooks on bones do not know
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import yaml
 from snakemake.exceptions import WorkflowError
 
-from handpipe.config import COUPLED_HANDS, LAYERS, Role, load_dataset, load_scene
+from handpipe.config import AIDS, COUPLED_HANDS, LAYERS, Role, load_dataset, load_scene
 from handpipe.errors import HandpipeError
 from handpipe.hand.subject import joint_limits, named_files, require_files, require_scan
 from handpipe.skeleton.drivers.scene_frames import frame_names
@@ -209,14 +209,8 @@ def in_poses(pattern, *roles):
 def in_flesh(*roles):
     """Input function: the flesh in poses of the given roles, where it carries the tendons."""
 
-    def files(wildcards):
-        data = dataset(wildcards.subject)
-        poses = data.poses_of(*roles) if data.fleshed else []
-        return expand(
-            "results/{subject}/poses/{pose}/flesh.h5", pose=poses, allow_missing=True
-        )
-
-    return files
+    files = in_poses("results/{subject}/poses/{pose}/flesh.h5", *roles)
+    return lambda w: files(w) if dataset(w.subject).fleshed else []
 
 
 def layer_files(subject, layers):
@@ -237,7 +231,7 @@ def layer_files(subject, layers):
     return [path for layer in layers for path in files[layer]]
 
 
-INNER_LAYERS = [layer for layer in LAYERS if layer not in ("fat", "skin")]
+INNER_LAYERS = [layer for layer in LAYERS if layer not in (*AIDS, "fat", "skin")]
 
 
 @functools.cache
