@@ -26,10 +26,12 @@ from handpipe.datasets.phantom_hand_bones import FINGERS, WITH_ROOT
 from handpipe.datasets.posed import PosedAnatomy, clean_image, write_surface, write_truth
 from handpipe.datasets.posed_hand import Motion, volume_grid
 from handpipe.datasets.tubes import sweep
+from handpipe.datasets.varied_shapes import BONES, ORGANS, Variation
 from handpipe.errors import InputError
 from handpipe.fem.equilibrium import Options
+from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surface import Surface, concatenate
 from handpipe.metrics import Metrics
 from handpipe.truth import anatomy_file
 from handpipe.truth.body import Anatomy, Body, Pose
@@ -50,7 +52,6 @@ PATIENCE = 300  # iterations: a clenched fist comes to rest crease by crease
 CLICKS = 10  # points of a tendon that a person clicks
 RAYS = {"thumb": real_hand.RAYS[1], **{f"finger{i}": real_hand.RAYS[i][1:] for i in FINGERS}}
 WRIST = -22.0  # mm along the hand: scans end there
-SWOLLEN = 0.1  # mm that templates of muscles stand out from the truth
 TEMPLATE_WARP = templates.Warp(
     np.array([60.0, 15.0, -18.0]),
     scale=1.05,
@@ -236,17 +237,23 @@ def write_templates(
 ) -> None:
     """Write what a person brings: templates of another hand's shape, attachments, tendons' curves, nails.
 
-    marked: vertices of each muscle's and ligament's surface by bone (`marked_ends.py`).
+    The other hand is this one warped, and each of its bones, muscles and ligaments has a shape of its own
+    (`varied_shapes.py`). marked: vertices of each muscle's and ligament's surface by bone (`marked_ends.py`).
     """
     subject, rng = hand.subject, np.random.default_rng([dataset.seed, 3])
     for name, bone in dataset.bones.items():
         if bone.template is not None:
-            surface = subject.bones[name]
-            write_surface(dataset.path(bone.template), TEMPLATE_WARP(surface.vertices), surface.triangles)
+            surface, varied = subject.bones[name], Variation(dataset.seed, name, BONES)
+            write_surface(
+                dataset.path(bone.template), TEMPLATE_WARP(varied(surface.vertices)), surface.triangles
+            )
+    bones = Distance(concatenate([*subject.bones.values()]))
     for name, entry in {**dataset.muscles, **dataset.ligaments}.items():
-        organ = {**subject.muscles, **subject.ligaments}[name]
-        swollen = organ.surface.vertices + SWOLLEN * organ.surface.vertex_normals()
-        write_surface(dataset.path(entry.template), TEMPLATE_WARP(swollen), organ.surface.triangles)
+        surface = {**subject.muscles, **subject.ligaments}[name].surface
+        varied = Variation(dataset.seed, name, ORGANS, bones)
+        write_surface(
+            dataset.path(entry.template), TEMPLATE_WARP(varied(surface.vertices)), surface.triangles
+        )
         attachments = {bone: ids.tolist() for bone, ids in marked[name].items()}
         templates.write_attachments(dataset.path(entry.attachments), attachments)
     found = posed(hand, known_hand(dataset), dataset.neutral, neutral, dataset.seed)
