@@ -237,20 +237,20 @@ def write_templates(
 ) -> None:
     """Write what a person brings: templates of another hand's shape, attachments, tendons' curves, nails.
 
-    The other hand is this one warped, and each of its bones, muscles and ligaments has a shape of its own
-    (`varied_shapes.py`). marked: vertices of each muscle's and ligament's surface by bone (`marked_ends.py`).
+    The other hand is this one warped, each bone with a shape of its own, and what is between bones with
+    another one (`varied_shapes.py`). marked: vertices of each muscle's and ligament's surface by bone
+    (`marked_ends.py`).
     """
     subject, rng = hand.subject, np.random.default_rng([dataset.seed, 3])
     for name, bone in dataset.bones.items():
         if bone.template is not None:
-            surface, varied = subject.bones[name], Variation(dataset.seed, name, BONES)
+            surface, own = subject.bones[name], Variation(dataset.seed, name, BONES)
             write_surface(
-                dataset.path(bone.template), TEMPLATE_WARP(varied(surface.vertices)), surface.triangles
+                dataset.path(bone.template), TEMPLATE_WARP(own(surface.vertices)), surface.triangles
             )
-    bones = Distance(concatenate([*subject.bones.values()]))
+    varied = Variation(dataset.seed, "organs", ORGANS, Distance(concatenate([*subject.bones.values()])))
     for name, entry in {**dataset.muscles, **dataset.ligaments}.items():
         surface = {**subject.muscles, **subject.ligaments}[name].surface
-        varied = Variation(dataset.seed, name, ORGANS, bones)
         write_surface(
             dataset.path(entry.template), TEMPLATE_WARP(varied(surface.vertices)), surface.triangles
         )

@@ -1,5 +1,6 @@
-"""Shapes of another person: each organ moved and swollen by a smooth field of its own, which no map of the
-space between the bones explains.
+"""Shapes of another person: moved and swollen by a smooth field that no map by the bones explains.
+
+One field for all organs between the bones: in every person they fit to one another.
 """
 
 from __future__ import annotations
