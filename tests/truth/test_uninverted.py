@@ -54,3 +54,18 @@ def test_what_stays_inside_out_is_an_error(pressed, monkeypatch):
     monkeypatch.setattr(module, "solve", lambda *_, **__: found)
     with pytest.raises(ConvergenceError, match="inside out"):
         uninverted(body, energies, found, OPTIONS)
+
+
+def test_a_quadratic_tet_that_folds_beside_its_points_unfolds():
+    """The middle of a free edge is pulled through the tet: its points do not feel it."""
+    mesh = TetMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]]))
+    anatomy = Anatomy(mesh, np.zeros(1, dtype=int), ("fat",), {"bone": np.array([0, 1, 2])})
+    body = Body(anatomy, {"fat": Material(10.0, 0.3)})
+    middle = np.flatnonzero((body.rest == [0.0, 0.0, 0.5]).all(axis=1))
+    row = np.eye(len(body.rest))[middle]
+    energies = [*body.energies(Pose({})), Pull(row, np.array([[20.0, 20.0, 0.0]]))]
+    found = solve(energies, body.rest, fixed=body.fixed, options=OPTIONS)
+    assert (body.solid.volume_ratios(found.x) > 0).all() and body.folded(found.x).all()
+    unfolded = uninverted(body, energies, found, OPTIONS).x
+    assert body.inverted(unfolded) == 0
+    assert unfolded[middle, 0] > 0.1

@@ -1,6 +1,7 @@
 # The coupled hand: poses of one body of all tissues, and what a scanner, a person and a truth would give of it.
 
 TRUTH_ORDER = {"toy": 1, "full": 2}  # linear or quadratic tets
+TRUTH_MEMORY = {"toy": 4000, "full": 12000}  # MiB
 
 
 rule coupled_body:
@@ -41,7 +42,7 @@ rule coupled_pose:
         subject=COUPLED,
     threads: 1
     resources:
-        mem_mb=4000,
+        mem_mb=lambda w: TRUTH_MEMORY[config["truth"]],
         runtime=120,
     params:
         order=lambda w: TRUTH_ORDER[config["truth"]],
@@ -127,8 +128,8 @@ rule evaluate_truth:
         subject=COUPLED,
     threads: 1
     resources:
-        mem_mb=4000,
-        runtime=20,
+        mem_mb=lambda w: TRUTH_MEMORY[config["truth"]],
+        runtime=lambda w: {"toy": 20, "full": 120}[config["truth"]],
     params:
         order=lambda w: TRUTH_ORDER[config["truth"]],
     message:

@@ -28,7 +28,7 @@ from handpipe.datasets.posed_hand import Motion, volume_grid
 from handpipe.datasets.tubes import sweep
 from handpipe.datasets.varied_shapes import BONES, ORGANS, Variation
 from handpipe.errors import InputError
-from handpipe.fem.equilibrium import Options
+from handpipe.fem.equilibrium import Options, solve
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface, concatenate
@@ -39,6 +39,8 @@ from handpipe.truth.follow import follow
 from handpipe.truth.pressure import with_volumes_kept
 from handpipe.truth.submodel import refinement_error
 from handpipe.truth.surfaces import outer_faces
+from handpipe.truth.uninverted import uninverted
+from handpipe.truth.validation import difference
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -49,6 +51,8 @@ REST = "neutral"  # the pose whose angles are zero
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
 STEP = 6.0  # degrees of the joint that turns most: twice as much at once, and tissue starts inside out
 PATIENCE = 300  # iterations: a clenched fist comes to rest crease by crease
+SHORT = 1.0  # mm that a node of quadratic tets moves at most in an iteration
+AT_REST = Options(displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=PATIENCE, untangle=False)
 CLICKS = 10  # points of a tendon that a person clicks
 RAYS = {"thumb": real_hand.RAYS[1], **{f"finger{i}": real_hand.RAYS[i][1:] for i in FINGERS}}
 WRIST = -22.0  # mm along the hand: scans end there
@@ -100,18 +104,35 @@ def bones_at(motion: Motion, pose: str, share: float = 1.0, start: str = REST) -
 def settle(hand: HandBody, motion: Motion, pose: str, start: str = REST, x: Array | None = None) -> Array:
     """Equilibrium positions (n, 3) of a pose, followed from the pose `start` at x (n, 3), or from rest.
 
-    Raises `ConvergenceError` where there is none.
+    Quadratic tets begin where linear ones have come to rest. Raises `ConvergenceError` where there is none.
     """
+    if hand.quadratic:
+        return _refined(hand, motion, pose, start, x)
     steps = max(int(np.ceil(_widest(motion, pose, start) / STEP)), 2)
-    options = Options(
-        name=pose, displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=PATIENCE, untangle=False
-    )
+    options = replace(AT_REST, name=pose)
 
     def at(t: float) -> Pose:
         return hand.pose(bones_at(motion, pose, t, start))
 
     found = follow(hand.body, at, x, steps=steps, options=options)
     return with_volumes_kept(hand.body, at(1.0), found.x, options).x
+
+
+def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | None) -> Array:
+    """Positions (n, 3) of the nodes of quadratic tets, from those of the same hand's linear ones.
+
+    Some 345,000 nodes: linear systems are solved by two levels, of which the linear tets' is factorised. Bent
+    skin that linear tets hold smooth wrinkles on the way, so that steps are short.
+    """
+    body = hand.body
+    carry = body.elements.prolongation()
+    vertices = None if x is None else x[: carry.shape[1]]
+    coarse = settle(hand.linear(), motion, pose, start, vertices)
+    options = replace(AT_REST, name=f"{pose}, quadratic", coarse=carry, max_step=SHORT)
+    at = hand.pose(bones_at(motion, pose))
+    energies, begun = body.energies(at), body.prescribed(at, carry @ coarse)
+    found = uninverted(body, energies, solve(energies, begun, fixed=body.fixed, options=options), options)
+    return with_volumes_kept(body, at, found.x, options).x
 
 
 def _widest(motion: Motion, pose: str, start: str = REST) -> float:
@@ -139,18 +160,21 @@ def _least_bent(motion: Motion, poses: Iterable[str]) -> list[str]:
 def refinement_errors(
     hand: HandBody, motion: Motion, found: Mapping[str, Array]
 ) -> tuple[str, dict[str, Metrics]]:
-    """How far linear tets are from quadratic ones in the pose that bends least, ray by ray.
+    """How far linear tets are from quadratic ones in the pose that bends least.
 
-    The whole hand has too many nodes of quadratic tets for a factor; a finger, or the thumb with its
-    metacarpal and the muscles there, has not. Returns the pose's name, too.
+    Of a hand of quadratic tets in the whole. One of linear tets is told ray by ray, each cut out: a finger,
+    or the thumb with its metacarpal and the muscles there. Returns the pose's name, too.
     """
     [pose, *_], anatomy = _least_bent(motion, found), hand.body.anatomy
+    if hand.quadratic:
+        linear = hand.linear()
+        return pose, {"hand": difference(linear.body, settle(linear, motion, pose), hand.body, found[pose])}
     bones = hand.subject.bones
     owner = np.repeat(np.arange(len(bones)), [len(b.vertices) for b in bones.values()])
     tree = cKDTree(np.concatenate([b.vertices for b in bones.values()]))
     nearest = owner[tree.query(anatomy.mesh.vertices[anatomy.mesh.tets].mean(axis=1))[1]]
     options, errors = Options(name=pose, displacement_tolerance=1e-3, untangle=False), {}
-    x = found[pose][: len(anatomy.mesh.vertices)]  # nodes of quadratic tets begin with the vertices
+    x = found[pose]
     where = hand.pose(bones_at(motion, pose))
     for ray, names in RAYS.items():
         chosen = np.isin(nearest, [list(bones).index(name) for name in names])

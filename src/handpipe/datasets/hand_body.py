@@ -44,6 +44,15 @@ class HandBody:
         body = Body(anatomy, materials(anatomy), order=2 if order == 2 else 1, contact=CONTACT)
         return HandBody(body, subject)
 
+    @property
+    def quadratic(self) -> bool:
+        """Whether its tets are quadratic."""
+        return len(self.body.rest) > len(self.body.anatomy.mesh.vertices)
+
+    def linear(self) -> HandBody:
+        """The same hand of linear tets."""
+        return HandBody.of(self.body.anatomy, self.subject, 1)
+
     def pose(self, bones: Bones) -> Pose:
         """The bones in a position, and each muscle as tense as it is short."""
         return Pose(bones, {name: _tension(m, bones) for name, m in self.subject.muscles.items()})

@@ -49,7 +49,12 @@ def approach(
     brief = replace(options, allow_partial=True, max_iterations=RELAXATIONS)
     free = np.ones(x.size, dtype=bool) if fixed is None else ~np.asarray(fixed, dtype=bool).ravel()
     aim = x if target is None else target
-    x, idle, workspace, energy = np.array(x, dtype=float), 0, Workspace(x), Sum([*potentials, barrier])
+    x, idle, workspace, energy = (
+        np.array(x, dtype=float),
+        0,
+        Workspace(x, options.coarse),
+        Sum([*potentials, barrier]),
+    )
     for number in range(ROUNDS):
         motion = np.where(free.reshape(x.shape), 0.0, aim - x)
         step = _follow(energy, barrier, x, motion, vertices - barrier.obstacle, free, workspace)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -19,7 +20,9 @@ class Options:
     however long the step), the largest force that any potential puts on a vertex. `max_step` bounds a
     vertex's move in one iteration, in mm. `allow_partial`: hand back the best state instead of raising.
     `untangle`: try other ways where a minimum has tangles; without, the first minimum is taken as it is, as
-    befits bodies that constraints tangle anyway.
+    befits bodies that constraints tangle anyway. `coarse` (n, c) carries fields from the first c vertices to
+    all: with it linear systems are solved by two levels, where a factor of all unknowns would be too large,
+    and a step ends where the energy curves down (Steihaug 1983); then bound `max_step`, too.
     """
 
     displacement_tolerance: float = 1e-4
@@ -28,6 +31,7 @@ class Options:
     max_step: float = np.inf
     allow_partial: bool = False
     untangle: bool = True
+    coarse: sp.csr_matrix | None = None
     name: str = "equilibrium"
 
 

@@ -18,6 +18,7 @@ from handpipe.fem.conjugate_gradients import End, Iterations, conjugate_gradient
 from handpipe.fem.factor import Factor, FactorTooLarge, NotPositiveDefinite, SingularMatrix
 from handpipe.fem.linear import factorise
 from handpipe.fem.multigrid import Multigrid
+from handpipe.fem.two_level import TwoLevel
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
@@ -86,19 +87,25 @@ class SystemSequence:
 
     Where the factor would exceed `memory_limit` bytes (by default a share of the free memory, the one choice
     here that a machine's state has a say in: give it where bits matter), multigrid preconditions instead; it
-    needs the rest positions `rest` (n, 3) for their rigid modes.
+    needs the rest positions `rest` (n, 3) for their rigid modes. With `coarse` (n, c), the prolongation of
+    `TwoLevel`, that does from the beginning.
     """
 
     def __init__(
-        self, *, memory_limit: float | None = None, rest: Array | None = None, by_clock: bool = False
+        self,
+        *,
+        memory_limit: float | None = None,
+        rest: Array | None = None,
+        coarse: sp.csr_matrix | None = None,
+        by_clock: bool = False,
     ) -> None:
         self.work = LinearWork()
         self.residual = 0.0  # |b - A x| / |b| of the last solution
         self._limit = _default_limit() if memory_limit is None else memory_limit
-        self._rest, self._by_clock = rest, by_clock
+        self._rest, self._coarse, self._by_clock = rest, coarse, by_clock
         self._factor: Factor | None = None
         self._precondition: Callable[[Array], Array] = np.copy
-        self._too_large = False
+        self._too_large = coarse is not None
         self._ageing: Ageing | None = None  # None: there is no preconditioner
         self._free = np.zeros(0, dtype=bool)
 
@@ -132,13 +139,13 @@ class SystemSequence:
             except FactorTooLarge as error:
                 log.info("multigrid instead of a factor: %s", error)
                 self._too_large, self._factor = True, None
-        return self._by_new_multigrid(matrix, b, tolerance)
+        return self._by_new_levels(matrix, b, tolerance)
 
     def _meet(self, matrix: sp.csr_matrix, free: NDArray | None) -> None:
         """Forget preconditioners of other unknowns; an old one of another pattern still serves."""
         mask = _mask(free, matrix.shape[0], 0 if self._rest is None else self._rest.size)
         if not np.array_equal(mask, self._free):
-            self._free, self._ageing, self._too_large = mask, None, False
+            self._free, self._ageing, self._too_large = mask, None, self._coarse is not None
 
     def _by_old(self, matrix: sp.csr_matrix, b: Array, tolerance: float) -> Array | None:
         """Solution by the preconditioner at hand, None where it is too slow or a new one as cheap."""
@@ -182,12 +189,15 @@ class SystemSequence:
             return x
         return self._hand_on(self._iterate(matrix, b, tolerance, POLISHING), tolerance)
 
-    def _by_new_multigrid(self, matrix: sp.csr_matrix, b: Array, tolerance: float) -> Array:
+    def _by_new_levels(self, matrix: sp.csr_matrix, b: Array, tolerance: float) -> Array:
         if self._rest is None:
             raise InputError("system sequence", "rest", "is missing", "Multigrid needs the rest positions")
         self._ageing = None
         start = time.perf_counter()
-        self._precondition = Multigrid(matrix, self._free, self._rest)
+        if self._coarse is None:
+            self._precondition = Multigrid(matrix, self._free, self._rest)
+        else:
+            self._precondition = TwoLevel(matrix, self._free, self._coarse)
         self.work.multigrid_setups += 1
         self.work.seconds["factorise"] += time.perf_counter() - start
         found = self._iterate(matrix, b, tolerance, MULTIGRID_MOST)
@@ -202,6 +212,8 @@ class SystemSequence:
         found = conjugate_gradients(matrix, b, self._precondition, tolerance, most, foretell)
         self.work.seconds["solve"] += time.perf_counter() - start
         self.work.cg_iterations += found.count
+        if found.end is End.NEGATIVE_CURVATURE and self._coarse is not None and found.count > 1:
+            return found  # the directions before it are of descent (Steihaug 1983)
         if found.end is End.NEGATIVE_CURVATURE:
             raise NotPositiveDefinite("conjugate gradients met a direction of negative curvature")
         return found
@@ -212,7 +224,7 @@ class SystemSequence:
         if found.end is End.INDEFINITE_PRECONDITIONER:
             self._ageing = None
             raise NotPositiveDefinite("multigrid of the matrix is not positive definite")
-        if not found.residual <= LOOSE:
+        if found.end is not End.NEGATIVE_CURVATURE and not found.residual <= LOOSE:
             self._ageing = None
             raise SingularMatrix(f"{len(found.x)} unknowns: relative residual {found.residual:.1e}, {ILL}")
         if found.end is not End.CONVERGED:

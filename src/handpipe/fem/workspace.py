@@ -19,9 +19,9 @@ class Workspace:
     `held` tells that no rigid motion was found to be free.
     """
 
-    def __init__(self, rest: Array) -> None:
-        """rest (n, 3): positions at rest or near it."""
-        self.systems = SystemSequence(rest=rest)
+    def __init__(self, rest: Array, coarse: sp.csr_matrix | None = None) -> None:
+        """rest (n, 3): positions at rest or near it; coarse (n, c): as of `Options`."""
+        self.systems = SystemSequence(rest=rest, coarse=coarse)
         self.held = False
         self._block: FreeBlock | None = None
         self._free = np.zeros(0, dtype=bool)

@@ -31,6 +31,7 @@ IntArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 CRUSH_STIFFNESS = 10.0  # kPa
+LARGE = 150_000  # nodes, whose factor of 20 GiB would not fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +150,11 @@ class Body:
             held[nodes] = True
         return np.repeat(held, 3)
 
+    @property
+    def coarse(self) -> sp.csr_matrix | None:
+        """For `Options`: fields of linear tets, where there are too many nodes for a factor."""
+        return self.elements.prolongation() if len(self.rest) > LARGE else None
+
     def potentials(self, pose: Pose) -> list[Potential]:
         """Energies of the tissues in a pose, without contact."""
         found: list[Potential] = [self.solid, self.crushing, *self.strands.values()]
@@ -182,6 +188,19 @@ class Body:
         """Number of quadrature points, and of tets between nodes, that are inside out at x (n, 3)."""
         points = int((self.solid.volume_ratios(x) <= 0).sum())
         return points + int((self.cells.moved(x).volumes() <= 0).sum())
+
+    def folded(self, x: Array) -> Mask:
+        """Quadratic tets (m,) of which a tet between nodes is inside out at x (n, 3)."""
+        count = len(self.elements.cells)
+        if len(self.cells.tets) == count:
+            return np.zeros(count, dtype=bool)
+        return (self.cells.moved(x).volumes() <= 0).reshape(count, -1).any(axis=1)
+
+    def between_nodes(self, cells: Mask) -> Crushing:
+        """Resistance to the end against the crushing of the tets between the nodes of cells (m,)."""
+        chosen = np.repeat(cells, len(self.cells.tets) // len(cells))
+        elements = Elements.linear(TetMesh(self.rest, self.cells.tets[chosen]))
+        return Crushing(elements, CRUSH_STIFFNESS).to_the_end()
 
     def surface(self, region: str, x: Array) -> Surface:
         """The surface of a region's tets, straight between all nodes, at positions x (n, 3)."""

@@ -56,6 +56,15 @@ class Elements:
             mesh, middle.nodes, middle.cells, gradients, np.repeat(volumes[:, None] / 4, 4, axis=1)
         )
 
+    def prolongation(self) -> sp.csr_matrix:
+        """Matrix (n, v) that carries fields of linear tets, at the mesh's v vertices, to the nodes."""
+        count = len(self.mesh.vertices)
+        edges = Midpoints.of(self.mesh).edges if len(self.nodes) > count else np.zeros((0, 2), dtype=np.int64)
+        halves = np.full(2 * len(edges), 0.5)
+        rows = np.repeat(np.arange(len(edges)), 2)
+        middle = sp.csr_matrix((halves, (rows, edges.ravel())), shape=(len(edges), count))
+        return sp.vstack([sp.eye(count), middle], format="csr")
+
     def part(self, cells: IntArray) -> Elements:
         """Some of the cells, in the order of their numbers (p,); nodes stay."""
         return replace(

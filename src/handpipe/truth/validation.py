@@ -33,7 +33,9 @@ def patch_test(body: Body) -> float:
     outer[np.unique(body.cells.boundary_faces()[0])] = True  # skin, bones, and cavities where joints open
     noise = SHAKEN * _shortest_edges(body)[:, None] * np.random.default_rng(0).uniform(-1, 1, wanted.shape)
     start = np.where(outer[:, None], wanted, wanted + noise)
-    options = Options(displacement_tolerance=1e-9, force_tolerance=1e-10, name="patch test")
+    options = Options(
+        displacement_tolerance=1e-9, force_tolerance=1e-10, name="patch test", coarse=body.coarse
+    )
     found = solve([solid], start, fixed=np.repeat(outer, 3), options=options).x
     return float(np.linalg.norm(found - wanted, axis=1).max())
 

@@ -1,0 +1,115 @@
+"""Quadratic tets solved by two levels: a preconditioner that is one, and equilibria as by factors."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from numpy.testing import assert_allclose
+
+from handpipe.datasets import coupled_hand
+from handpipe.errors import InputError
+from handpipe.fem.conjugate_gradients import End, conjugate_gradients
+from handpipe.fem.linear import NotPositiveDefinite
+from handpipe.fem.potential import Sum
+from handpipe.fem.reduction import FreeBlock
+from handpipe.fem.system_sequence import SystemSequence
+from handpipe.fem.two_level import TwoLevel
+from handpipe.truth import toy
+from handpipe.truth.body import Body
+from handpipe.truth.follow import follow
+from handpipe.truth.pressure import with_volumes_kept
+
+POSE = toy.hinge(np.radians(25.0))
+
+
+@pytest.fixture(scope="module")
+def body() -> Body:
+    return Body(toy.finger(6.5), toy.MATERIALS)
+
+
+def system(body: Body) -> tuple[sp.csr_matrix, np.ndarray]:
+    """The Hessian's block of the unknowns at rest, and a force."""
+    free = ~body.fixed
+    matrix = FreeBlock(h := Sum(body.potentials(POSE)).hessian(body.rest), free).matrix(h)
+    return matrix, np.random.default_rng(0).normal(size=matrix.shape[0])
+
+
+def test_linear_fields_come_to_the_nodes(body):
+    matrix, offset = np.random.default_rng(1).normal(size=(3, 3)), [1.0, 2.0, 3.0]
+    at = body.anatomy.mesh.vertices @ matrix + offset
+    assert_allclose(body.elements.prolongation() @ at, body.rest @ matrix + offset, atol=1e-9)
+    linear = Body(body.anatomy, toy.MATERIALS, order=1).elements.prolongation()
+    assert abs(linear - sp.eye(len(at))).max() == 0
+
+
+def test_the_cycle_is_symmetric_and_positive(body):
+    matrix, _ = system(body)
+    cycle = TwoLevel(matrix, ~body.fixed, body.elements.prolongation())
+    a, b = np.random.default_rng(2).normal(size=(2, matrix.shape[0]))
+    assert a @ cycle(b) == pytest.approx(b @ cycle(a), rel=1e-9)
+    assert a @ cycle(a) > 0 and b @ cycle(b) > 0
+
+
+def test_iterations_do_not_grow_with_the_mesh(body):
+    """Without a coarse space they double with each halving of edges."""
+    counts = []
+    for one in (body, Body(body.anatomy.refined(), toy.MATERIALS)):
+        matrix, force = system(one)
+        cycle = TwoLevel(matrix, ~one.fixed, one.elements.prolongation())
+        found = conjugate_gradients(matrix, force, cycle, 1e-8, 400, False)
+        assert found.end is End.CONVERGED
+        assert_allclose(matrix @ found.x, force, atol=1e-6 * np.abs(force).max())
+        counts.append(found.count)
+    assert counts[1] < 1.4 * counts[0]
+
+
+def test_nodes_that_are_held_in_part_are_refused(body):
+    free = ~body.fixed
+    matrix, _ = system(body)
+    free[np.flatnonzero(free)[0]] = False
+    with pytest.raises(InputError, match="holds some nodes in some directions only"):
+        TwoLevel(matrix[1:, 1:], free, body.elements.prolongation())
+
+
+def test_where_the_energy_curves_down_a_step_ends_in_a_direction_of_descent(body):
+    """Without a coarse space such a matrix is refused; with it, what was found before is handed on."""
+    matrix, force = system(body)
+    soft = np.sort(sp.linalg.eigsh(matrix, 3, sigma=0, return_eigenvectors=False))
+    bent = sp.csr_matrix(matrix - 0.5 * (soft[0] + soft[1]) * sp.eye(len(force)))
+    systems = SystemSequence(rest=body.rest, coarse=body.elements.prolongation())
+    step = systems.solve(matrix, force, free=~body.fixed)
+    assert_allclose(matrix @ step, force, atol=2e-3 * np.linalg.norm(force))
+    step = systems.solve(bent, force, free=~body.fixed, tolerance=1e-10)
+    assert force @ step > 0
+    with pytest.raises(NotPositiveDefinite):
+        SystemSequence(rest=body.rest).solve(bent, force, free=~body.fixed)
+
+
+def test_a_hand_of_quadratic_tets_ends_where_it_does_when_followed_by_factors(body, monkeypatch):
+    """The toy in place of the hand: from rest in steps with a factor, and from linear tets by two levels."""
+
+    class Hand(SimpleNamespace):
+        quadratic = True
+
+        def pose(self, bones):
+            return bones
+
+        def linear(self):
+            return Hand(body=Body(body.anatomy, toy.MATERIALS, order=1), quadratic=False)
+
+    def bones_at(motion, pose, share=1.0, start="neutral"):
+        return toy.hinge(share * np.radians(25.0))
+
+    monkeypatch.setattr(coupled_hand, "bones_at", bones_at)
+    motion = SimpleNamespace(poses={"neutral": {"flexion": 0.0}, "bent": {"flexion": 25.0}})
+    found = coupled_hand.settle(Hand(body=body), motion, "bent")
+    options = coupled_hand.AT_REST
+    reached = follow(body, lambda t: bones_at(motion, "bent", t), steps=5, options=options).x
+    known = with_volumes_kept(body, POSE, reached, options).x
+    assert np.abs(found - known).max() < 5e-3
+    assert np.abs(known - body.rest).max() > 5.0
+    pose, errors = coupled_hand.refinement_errors(
+        Hand(body=body), motion, {"neutral": body.rest, "bent": found}
+    )
+    assert pose == "bent" and 0.05 < errors["hand"]["rms"][0] < errors["hand"]["max"][0] < 2.0
