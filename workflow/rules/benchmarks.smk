@@ -115,3 +115,23 @@ rule benchmark_truth:
         "what the coupled truth says of itself, on a toy finger"
     script:
         "../scripts/benchmark.py"
+
+
+rule benchmark_anatomy:
+    output:
+        "results/benchmarks/anatomy.json",
+    log:
+        "results/benchmarks/logs/benchmark_anatomy.log",
+    benchmark:
+        "results/benchmarks/jobs/benchmark_anatomy.tsv"
+    threads: 1
+    resources:
+        mem_mb=6000,
+        runtime=30,
+    params:
+        name="anatomy",
+        arguments=["../shared/data"],
+    message:
+        "upper envelopes of many functions; a real hand's template carried to another by feature points"
+    script:
+        "../scripts/benchmark.py"

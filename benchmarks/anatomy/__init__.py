@@ -1,0 +1,1 @@
+"""Figures of templates: upper envelopes of many functions, a hand carried to another by feature points."""

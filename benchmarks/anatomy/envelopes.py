@@ -1,0 +1,46 @@
+"""Upper envelopes of many functions on large meshes."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import skfem
+
+from handpipe.anatomy.envelope import upper_envelope
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.metrics import Metrics
+
+FUNCTIONS = 39  # as many as the largest model of 002 has
+SIDES = (24, 48)  # cells of six tets along a cube's edge
+
+
+def measure() -> Metrics:
+    """Processor seconds for functions about lines through a cut cube, and tets in and out."""
+    upper_envelope(*_field(2))  # compiled beforehand
+    found: Metrics = {}
+    for side in SIDES:
+        mesh, values = _field(side)
+        start = time.process_time()
+        envelope = upper_envelope(mesh, values)
+        name = f"envelope_{len(mesh.tets)}"
+        found[f"{name}_seconds"] = (time.process_time() - start, "s")
+        found[f"{name}_tets_out"] = (float(len(envelope.labels)), "1")
+    return found
+
+
+def _field(side: int) -> tuple[TetMesh, np.ndarray]:
+    """A cube's tets, and functions that fall off with the distance from random segments, as muscles' do."""
+    grid = skfem.MeshTet.init_tensor(*[np.linspace(0, 1, side + 1)] * 3)
+    tets, points, rng = grid.t.T.astype(np.int64), grid.p.T.copy(), np.random.default_rng(0)
+    turned = TetMesh(points, tets).volumes() < 0
+    tets[turned] = tets[turned][:, [0, 1, 3, 2]]
+    starts, ends = rng.random((2, FUNCTIONS, 3))
+    away = [-_from_segment(points, a, b) for a, b in zip(starts, ends, strict=True)]
+    return TetMesh(points, tets), np.column_stack(away)
+
+
+def _from_segment(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Distances (n,) of points (n, 3) from a segment."""
+    t = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+    return np.linalg.norm(points - a - t[:, None] * (b - a), axis=1)
