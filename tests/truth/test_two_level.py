@@ -14,7 +14,7 @@ from handpipe.fem.linear import NotPositiveDefinite
 from handpipe.fem.potential import Sum
 from handpipe.fem.reduction import FreeBlock
 from handpipe.fem.system_sequence import SystemSequence
-from handpipe.fem.two_level import TwoLevel
+from handpipe.fem.two_level import TwoLevel, with_nodes
 from handpipe.truth import toy
 from handpipe.truth.body import Body
 from handpipe.truth.follow import follow
@@ -62,6 +62,28 @@ def test_iterations_do_not_grow_with_the_mesh(body):
         assert_allclose(matrix @ found.x, force, atol=1e-6 * np.abs(force).max())
         counts.append(found.count)
     assert counts[1] < 1.4 * counts[0]
+
+
+def test_single_stiff_nodes_in_the_coarse_space_cost_nothing(body):
+    matrix, force = system(body)
+    free = ~body.fixed
+    stiff = np.flatnonzero(free.reshape(-1, 3)[:, 0])[-40:]
+    bent = np.random.default_rng(3).normal(size=(3 * len(stiff), 3 * len(stiff)))
+    numbers = (np.cumsum(free) - 1).reshape(-1, 3)[stiff].ravel()
+    spread = sp.csr_matrix(
+        (np.ones(len(numbers)), (numbers, np.arange(len(numbers)))), (matrix.shape[0], len(numbers))
+    )
+    matrix = sp.csr_matrix(matrix + 1e4 * spread @ sp.csr_matrix(bent @ bent.T) @ spread.T)
+    carry = body.elements.prolongation()
+    counts = [
+        conjugate_gradients(matrix, force, TwoLevel(matrix, free, p), 1e-6, 2000, False).count
+        for p in (carry, with_nodes(carry, stiff))
+    ]
+    easy = conjugate_gradients(
+        system(body)[0], force, TwoLevel(system(body)[0], free, carry), 1e-6, 2000, False
+    )
+    assert counts[1] < 1.1 * easy.count and counts[0] > 1.4 * easy.count
+    assert with_nodes(carry, np.arange(5)).shape == carry.shape
 
 
 def test_nodes_that_are_held_in_part_are_refused(body):

@@ -20,7 +20,7 @@ class Options:
     however long the step), the largest force that any potential puts on a vertex. `max_step` bounds a
     vertex's move in one iteration, in mm. `allow_partial`: hand back the best state instead of raising.
     `untangle`: try other ways where a minimum has tangles; without, the first minimum is taken as it is, as
-    befits bodies that constraints tangle anyway. `coarse` (n, c) carries fields from the first c vertices to
+    befits bodies that constraints tangle anyway. `coarse` (n, c) carries fields from c of the vertices to
     all: with it linear systems are solved by two levels, where a factor of all unknowns would be too large,
     and a step ends where the energy curves down (Steihaug 1983); then bound `max_step`, too.
     """

@@ -22,8 +22,8 @@ class TwoLevel:
     """
 
     def __init__(self, matrix: sp.csr_matrix, free: NDArray[np.bool_], prolongation: sp.csr_matrix) -> None:
-        """`free` is a mask (3n,) of N unknowns, three or none of each node; `prolongation` is (n, c), and the
-        first c nodes are the coarse ones.
+        """`free` is a mask (3n,) of N unknowns, three or none of each node; `prolongation` is (n, c), whose
+        columns have a one each at the first node that they carry most to, and are held where that is.
 
         Raises `NotPositiveDefinite` where the coarse matrix is not, hence neither the fine one.
         """
@@ -32,7 +32,8 @@ class TwoLevel:
             problem = "holds some nodes in some directions only"
             raise InputError("two levels", "free", problem, "Solve without a coarse space")
         nodes = ~held[:, 0]
-        among = prolongation[nodes][:, nodes[: prolongation.shape[1]]]
+        own = np.asarray(prolongation.tocsc().argmax(axis=0)).ravel()
+        among = prolongation[nodes][:, nodes[own]]
         self._carry = sp.kron(among, sp.eye(3), format="csr")
         self._gather = self._carry.T.tocsr()
         coarse = sp.csr_matrix(self._gather @ (matrix @ self._carry))
@@ -51,6 +52,19 @@ class TwoLevel:
 
     def _sweep(self, x: Array, r: Array, order: str) -> None:
         block_gauss_seidel(self._blocks, x, r, sweep=order, blocksize=3, Dinv=self._inverse)
+
+
+def with_nodes(prolongation: sp.csr_matrix, nodes: NDArray[np.int64]) -> sp.csr_matrix:
+    """The prolongation (n, c) with some nodes (k,) in the coarse space themselves, those that are not in it.
+
+    Where single nodes are held far more stiffly than others, smoothing takes for ever.
+    """
+    known = np.asarray(prolongation.tocsc().argmax(axis=0)).ravel()
+    new = np.setdiff1d(nodes, known)
+    ones = (np.ones(len(new)), (new, np.arange(len(new))))
+    return sp.hstack(
+        [prolongation, sp.csr_matrix(ones, shape=(prolongation.shape[0], len(new)))], format="csr"
+    )
 
 
 def _diagonal(blocks: sp.bsr_matrix) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from handpipe.errors import ConvergenceError
 from handpipe.fem.equilibrium import Equilibrium, Options, solve
 from handpipe.fem.potential import Potential
 from handpipe.fem.record import Record
+from handpipe.fem.two_level import with_nodes
 from handpipe.truth.body import Body
 from handpipe.truth.crushing import Crushing
 
@@ -35,6 +37,9 @@ def uninverted(
         log.info("%s: %d tets end inside out, resisting more", options.name, inverted)
         folded, tried = more, True
         between = [body.between_nodes(folded)] if folded.any() else []
+        if options.coarse is not None:
+            nodes = np.unique(body.elements.cells[folded])
+            options = replace(options, coarse=with_nodes(options.coarse, nodes))
         again = solve([*harder, *between], found.x, fixed=body.fixed, options=options)
         record = Record()
         for part in (found.record, again.record):
