@@ -156,6 +156,7 @@ rule evaluate_muscles:
     input:
         dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
+        templates="results/{subject}/templates.h5",
         muscles=of_muscles("results/{subject}/muscles/{muscle}/strains.h5"),
         separated=in_poses(
             "results/{subject}/muscle_separation/{pose}.h5", Role.example

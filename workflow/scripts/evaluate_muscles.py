@@ -19,6 +19,7 @@ with stage(snakemake):
     from handpipe.muscles.separation import load_surfaces
     from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
+    from muscle_files import read_guesses
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
@@ -49,24 +50,35 @@ with stage(snakemake):
     figures["strain_eigenvalue_min"] = (float(eigenvalues.min()), "1")
     figures["strain_eigenvalue_max"] = (float(eigenvalues.max()), "1")
 
+    def true_surfaces(pose):
+        """The truth's muscles in a pose, in its own frame."""
+        found = artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")["muscles"]
+        return {name: Surface(found[name]["vertices"], found[name]["triangles"]) for name in dataset.muscles}
+
+    if dataset.truth is not None:
+        true = true_surfaces(dataset.neutral)
+        placed = {n: g.surface for n, g in read_guesses(snakemake.input.templates, dataset.muscles).items()}
+        fitted = {m.name: m.body.surface for m in muscles}
+        for surfaces, name in ((placed, "template_error"), (fitted, "neutral_error")):
+            found = [symmetric_distance(surfaces[n], true[n]) for n in true]
+            figures |= metrics.summary(name, np.concatenate(found), "mm")
+
     errors, inverted, volumes, contacts = {Role.example: [], Role.heldout: []}, 0, [], []
     for path in snakemake.input.inner:
         [(frame, layers)] = read_frames(path)
         root = rig.poses[frame.name].root
         contacts.append(layers["muscles"][muscles[0].name].figures)
+        true = {} if dataset.truth is None else true_surfaces(frame.name)
         for muscle in muscles:
             tets = layers["muscles"][f"{muscle.name}_mesh"]
             ratios = TetMesh(tets.vertices, tets.cells).volumes()
             inverted += int((ratios <= 0).sum())
             volumes.append(abs(ratios.sum() / TetMesh(tets.rest, tets.cells).volumes().sum() - 1) * 100)
-            if dataset.truth is None:
+            if muscle.name not in true:
                 continue
             shape = layers["muscles"][muscle.name]
-            truth = artifacts.read(dataset.path(dataset.truth.folder) / f"{frame.name}.h5", "truth")[
-                "muscles"
-            ]
-            true = Surface(root.inverse()(truth[muscle.name]["vertices"]), truth[muscle.name]["triangles"])
-            found = symmetric_distance(Surface(shape.vertices, shape.cells), true)
+            there = true[muscle.name].moved(root.inverse()(true[muscle.name].vertices))
+            found = symmetric_distance(Surface(shape.vertices, shape.cells), there)
             errors[dataset.poses[frame.name].role].append(found)
     figures |= contact_figures(contacts)
     figures["inverted_tets"] = (inverted, "1")
