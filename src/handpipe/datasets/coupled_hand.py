@@ -131,8 +131,10 @@ def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | N
     options = replace(AT_REST, name=f"{pose}, quadratic", coarse=carry, max_step=SHORT)
     at = hand.pose(bones_at(motion, pose))
     energies, begun = body.energies(at), body.prescribed(at, carry @ coarse)
-    found = uninverted(body, energies, solve(energies, begun, fixed=body.fixed, options=options), options)
-    return with_volumes_kept(body, at, found.x, options).x
+    found = solve(energies, begun, fixed=body.fixed, options=options)
+    # Keeping volumes unfolds what it changes: first, since to unfold takes as long as all the rest.
+    kept = with_volumes_kept(body, at, found.x, options)
+    return uninverted(body, energies, kept, options).x
 
 
 def _widest(motion: Motion, pose: str, start: str = REST) -> float:

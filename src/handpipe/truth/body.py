@@ -194,7 +194,7 @@ class Body:
         count = len(self.elements.cells)
         if len(self.cells.tets) == count:
             return np.zeros(count, dtype=bool)
-        return (self.cells.moved(x).volumes() <= 0).reshape(count, -1).any(axis=1)
+        return np.asarray(self.cells.moved(x).volumes().reshape(count, -1).min(axis=1) <= 0)
 
     def between_nodes(self, cells: Mask) -> Crushing:
         """Resistance to the end against the crushing of the tets between the nodes of cells (m,)."""
