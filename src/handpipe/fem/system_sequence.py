@@ -125,7 +125,7 @@ class SystemSequence:
         `free` is a mask (3n,) or the indices of the unknowns; by default N = 3n. Raises `NotPositiveDefinite`
         where a factorisation or a direction of negative curvature shows it (conjugate gradients may converge
         without meeting one: then x is a direction of descent all the same), `SingularMatrix` where there is
-        no solution or none to a tenth.
+        no solution or none to a tenth. With a coarse space, x is what was found before such a direction.
         """
         self._meet(matrix, free)
         b = np.asarray(b, dtype=float)
@@ -224,7 +224,9 @@ class SystemSequence:
         if found.end is End.INDEFINITE_PRECONDITIONER:
             self._ageing = None
             raise NotPositiveDefinite("multigrid of the matrix is not positive definite")
-        if found.end is not End.NEGATIVE_CURVATURE and not found.residual <= LOOSE:
+        if found.end is End.NEGATIVE_CURVATURE:
+            return found.x
+        if not found.residual <= LOOSE:
             self._ageing = None
             raise SingularMatrix(f"{len(found.x)} unknowns: relative residual {found.residual:.1e}, {ILL}")
         if found.end is not End.CONVERGED:
