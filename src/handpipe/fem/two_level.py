@@ -32,8 +32,7 @@ class TwoLevel:
             problem = "holds some nodes in some directions only"
             raise InputError("two levels", "free", problem, "Solve without a coarse space")
         nodes = ~held[:, 0]
-        own = np.asarray(prolongation.tocsc().argmax(axis=0)).ravel()
-        among = prolongation[nodes][:, nodes[own]]
+        among = prolongation[nodes][:, nodes[_own_nodes(prolongation)]]
         self._carry = sp.kron(among, sp.eye(3), format="csr")
         self._gather = self._carry.T.tocsr()
         coarse = sp.csr_matrix(self._gather @ (matrix @ self._carry))
@@ -59,12 +58,16 @@ def with_nodes(prolongation: sp.csr_matrix, nodes: NDArray[np.int64]) -> sp.csr_
 
     Where single nodes are held far more stiffly than others, smoothing takes for ever.
     """
-    known = np.asarray(prolongation.tocsc().argmax(axis=0)).ravel()
-    new = np.setdiff1d(nodes, known)
+    new = np.setdiff1d(nodes, _own_nodes(prolongation))
     ones = (np.ones(len(new)), (new, np.arange(len(new))))
     return sp.hstack(
         [prolongation, sp.csr_matrix(ones, shape=(prolongation.shape[0], len(new)))], format="csr"
     )
+
+
+def _own_nodes(prolongation: sp.csr_matrix) -> NDArray[np.int64]:
+    """The node (c,) that each column carries most to, the first of several."""
+    return np.asarray(prolongation.tocsc().argmax(axis=0)).ravel()
 
 
 def _diagonal(blocks: sp.bsr_matrix) -> Array:
