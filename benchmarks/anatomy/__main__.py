@@ -30,7 +30,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         figures |= warps.measure(options.folder)
     else:
         log.warning("%s is absent: no figures of warps", options.folder)
-    options.output.parent.mkdir(parents=True, exist_ok=True)
     metrics.write(options.output, figures)
 
 

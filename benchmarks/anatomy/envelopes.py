@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 
 import numpy as np
-import skfem
 
+from benchmarks.fem.scenes import grid
 from handpipe.anatomy.envelope import upper_envelope
+from handpipe.datasets.implicit import round_cone
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.metrics import Metrics
 
@@ -31,16 +32,7 @@ def measure() -> Metrics:
 
 def _field(side: int) -> tuple[TetMesh, np.ndarray]:
     """A cube's tets, and functions that fall off with the distance from random segments, as muscles' do."""
-    grid = skfem.MeshTet.init_tensor(*[np.linspace(0, 1, side + 1)] * 3)
-    tets, points, rng = grid.t.T.astype(np.int64), grid.p.T.copy(), np.random.default_rng(0)
-    turned = TetMesh(points, tets).volumes() < 0
-    tets[turned] = tets[turned][:, [0, 1, 3, 2]]
-    starts, ends = rng.random((2, FUNCTIONS, 3))
-    away = [-_from_segment(points, a, b) for a, b in zip(starts, ends, strict=True)]
-    return TetMesh(points, tets), np.column_stack(away)
-
-
-def _from_segment(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Distances (n,) of points (n, 3) from a segment."""
-    t = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-    return np.linalg.norm(points - a - t[:, None] * (b - a), axis=1)
+    body = grid(*[np.linspace(0, 1, side + 1)] * 3)
+    starts, ends = np.random.default_rng(0).random((2, FUNCTIONS, 3))
+    away = [-round_cone(a, b, 0.0, 0.0)(body.vertices) for a, b in zip(starts, ends, strict=True)]
+    return TetMesh(body.vertices, body.tets), np.column_stack(away)
