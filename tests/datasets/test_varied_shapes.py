@@ -5,8 +5,8 @@ import pytest
 import trimesh
 from tests.fem.bodies import sphere
 
-from handpipe.anatomy.intersections import crossings
 from handpipe.datasets.varied_shapes import FADING, LENGTH, Variation
+from handpipe.mesh.crossings import crossings
 from handpipe.mesh.distance import Distance, surface_errors
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.templates import Warp

@@ -57,3 +57,25 @@ def test_a_rod_through_the_hollow_of_a_bent_muscle_leaves_it_on_its_own_side(rad
     middle = np.abs(sheet.vertices[:, 0]) < 1
     assert straight.vertices[:, 2].mean() > bent.vertices[middle, 2].mean()
     assert np.linalg.norm(bent.vertices - sheet.vertices, axis=1).max() < 1.5  # straightened it moves by 3
+
+
+def spiked_sheet(z: float, side: float, tip: float, at: float) -> Surface:
+    """A flat muscle of 16 by 8 by 1 mm at z, two of whose vertices stand out by `tip` mm to one side."""
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    x = ball.vertices * [8.0, 4.0, 0.5]
+    facing = np.flatnonzero(side * x[:, 2] > 0)
+    for place in ([at, 0.0], [3.0 - at, 1.0]):
+        nearest = facing[np.linalg.norm(x[facing, :2] - place, axis=1).argmin()]
+        x[nearest, 2] = side * tip
+    return Surface(x + [0.0, 0.0, z], ball.faces)
+
+
+@pytest.mark.parametrize(("apart", "tip", "aside"), [(1.2, 2.0, 0.1), (1.5, 2.5, 0.2), (1.1, 2.0, 0.3)])
+def test_corners_that_have_passed_one_another_go_back(apart, tip, aside):
+    """No vertex is in the other muscle: what leads out of that which is nearest leads the corners farther."""
+    below, above = spiked_sheet(0.0, 1.0, tip, 0.0), spiked_sheet(apart, -1.0, tip, aside)
+    found = parted([Body("below", below, NOTHING), Body("above", above, NOTHING)], [])
+    assert found is not None
+    one, other = below.moved(found[0]), above.moved(found[1])
+    assert crossings(one, other) == 0 and crossings(other, one) == 0
+    assert np.linalg.norm(one.vertices - below.vertices, axis=1).max() < tip

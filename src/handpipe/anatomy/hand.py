@@ -13,11 +13,11 @@ from pydantic import Field, model_validator
 from handpipe.anatomy.curves import CurveFile, MuscleCurves, Place, Positive, catmull_rom, locate, long_axis
 from handpipe.anatomy.diffusion import Factorise, superlu
 from handpipe.anatomy.domain import Domain
-from handpipe.anatomy.intersections import crossings
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateMuscle, TemplateTendon
 from handpipe.anatomy.template import Template, build_template
 from handpipe.config import Model, Name, Vector, load_yaml
 from handpipe.errors import InputError
+from handpipe.mesh.crossings import crossings
 from handpipe.mesh.curves import arclength, resample
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Locator

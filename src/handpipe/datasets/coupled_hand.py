@@ -14,7 +14,6 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from handpipe import artifacts
-from handpipe.anatomy.intersections import crossings
 from handpipe.anatomy.subject_template import SubjectTemplate
 from handpipe.anatomy.template import Template
 from handpipe.config import Dataset, Scanner
@@ -29,6 +28,7 @@ from handpipe.datasets.tubes import sweep
 from handpipe.datasets.varied_shapes import BONES, ORGANS, Variation
 from handpipe.errors import InputError
 from handpipe.fem.equilibrium import Options, solve
+from handpipe.mesh.crossings import crossings
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface, concatenate

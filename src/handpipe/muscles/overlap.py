@@ -10,8 +10,9 @@ import ipctk
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.mesh.crossings import crossings
 from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surface import Surface, concatenate
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -108,6 +109,24 @@ def _cut(a: Body, b: Body, xa: Array, xb: Array) -> bool:
     mesh = ipctk.CollisionMesh(at, ipctk.edges(faces), np.asfortranarray(faces))
     mesh.can_collide = collision_filter([a, b], chosen)
     return bool(ipctk.has_intersections(mesh, at, ipctk.LBVH()))
+
+
+def crossing(a: Body, b: Body, xa: Array, xb: Array) -> IntArray:
+    """Vertices (k,) of a whose edges or triangles, at xa (n, 3), cross those of b at xb (m, 3).
+
+    As in `meet`, what is tied on both sides does not count.
+    """
+    (of_a, triangles_a), (of_b, triangles_b) = a.copies, b.copies
+    both = concatenate([Surface(xa[of_a], triangles_a), Surface(xb[of_b], triangles_b)])
+    number = np.concatenate([of_a, of_b])
+    of_first = np.arange(len(number)) < len(of_a)
+    tied = np.concatenate([np.arange(len(of)) >= len(x) for of, x in ((of_a, xa), (of_b, xb))])
+    found = crossings(both)
+    ends, corners = both.edges()[found[:, 0]], both.triangles[found[:, 1]]
+    one, other = ends[:, 0], corners[:, 0]
+    meet_there = (of_first[one] != of_first[other]) & ~(tied[one] & tied[other])
+    met = np.concatenate([ends[meet_there].ravel(), corners[meet_there].ravel()])
+    return np.unique(number[met[of_first[met]]])
 
 
 def _reaching(x: Array, triangles: IntArray, low: Array, high: Array) -> IntArray:

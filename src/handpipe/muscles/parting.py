@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from handpipe.errors import ConvergenceError
 from handpipe.mesh.distance import Distance
 from handpipe.muscles.deflation import Deflation
-from handpipe.muscles.overlap import Body, meet
+from handpipe.muscles.overlap import Body, crossing, meet
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -67,7 +67,9 @@ class _Start:
     """One muscle on its way to where it meets no other body: drawn in from muscles, pushed out of bones.
 
     Where it is thin and still meets a muscle both are pushed apart a few times before smoothing takes it
-    back: that straightens what is bent, and may lead it deeper into what lies in its bend.
+    back: that straightens what is bent, and may lead it deeper into what lies in its bend. Where edges alone
+    cut, as corners do that are left behind and pass one another, pushes would lead them farther: they are
+    smoothed at once.
     """
 
     def __init__(self, body: Body, bodies: Sequence[Body]) -> None:
@@ -77,6 +79,7 @@ class _Start:
         self._ways = np.zeros_like(body.surface.vertices)  # in mm out of those that they meet
         self._deflation: Deflation | None = None
         self._push, self._pushes = np.zeros_like(body.surface.vertices), 0
+        self._astray = False  # whether edges alone cut a muscle: then no way out is known
         self._distances: dict[int, Distance] = {}
 
     def give_way(self, j: int, x: Array, other: Array) -> None:
@@ -86,8 +89,12 @@ class _Start:
             self._margins[j] = min(max(MARGIN, WIDER * self._margins[j]), WIDEST)
             return
         gaps, _, _, normals = Distance(body.surface.moved(other)).signed(x)
-        # Where edges alone cut the other body, those nearest to it.
-        meeting = gaps < 0 if (gaps < 0).any() else gaps <= 1.5 * gaps.min()
+        meeting = gaps < 0
+        if not meeting.any():
+            meeting[crossing(self._body, body, x, other)] = True
+            self._astray |= not self._body.surface.moved(x).contains(other).any()
+        if not meeting.any():
+            meeting = gaps <= 1.5 * gaps.min()
         self._meets |= meeting
         self._ways[meeting] += ((MARGIN + 0.5 * np.maximum(-gaps, 0.0))[:, None] * normals)[meeting]
 
@@ -113,7 +120,8 @@ class _Start:
         ways = self._ways[meeting]
         self._meets[:], self._ways[:] = False, 0.0
         shallow = np.linalg.norm(ways, axis=1).max() <= MARGIN + 0.5 * SHALLOW
-        if shallow and self._pushes < PUSHES and self._deflation.thin(meeting):
+        astray, self._astray = self._astray, False
+        if shallow and not astray and self._pushes < PUSHES and self._deflation.thin(meeting):
             self._push = self._push + self._deflation.pushed(meeting, ways)
             self._pushes += 1
         else:

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from handpipe.anatomy.intersections import crossings
+from handpipe.mesh.crossings import crossings
 from handpipe.mesh.surface import Surface, concatenate
 
 
