@@ -1,5 +1,6 @@
 """Quadratic tets solved by two levels: a preconditioner that is one, and equilibria as by factors."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,9 @@ from numpy.testing import assert_allclose
 
 from handpipe.datasets import coupled_hand
 from handpipe.errors import InputError
+from handpipe.fem import newton
 from handpipe.fem.conjugate_gradients import End, conjugate_gradients
+from handpipe.fem.equilibrium import solve
 from handpipe.fem.linear import NotPositiveDefinite
 from handpipe.fem.potential import Sum
 from handpipe.fem.reduction import FreeBlock
@@ -133,3 +136,17 @@ def test_a_hand_of_quadratic_tets_ends_where_it_does_when_followed_by_factors(bo
         Hand(body=body), motion, {"neutral": body.rest, "bent": found}
     )
     assert pose == "bent" and 0.05 < errors["hand"]["rms"][0] < errors["hand"]["max"][0] < 2.0
+
+
+def test_forces_at_rest_are_met_without_digits_that_nobody_asked_for(body, monkeypatch):
+    """Two levels pay for each digit of a linear system."""
+    linear, carry = Body(body.anatomy, toy.MATERIALS, order=1), body.elements.prolongation()
+    coarse = follow(linear, lambda t: toy.hinge(t * np.radians(25.0)), steps=5).x
+    start, found = body.prescribed(POSE, carry @ coarse), []
+    options = replace(coupled_hand.AT_REST, coarse=carry, max_step=1.0)
+    for spare in (newton.SPARE, 0.0):
+        monkeypatch.setattr(newton, "SPARE", spare)
+        found.append(solve(body.energies(POSE), start, fixed=body.fixed, options=options))
+    assert all(f.record.converged for f in found)
+    assert np.abs(found[0].x - found[1].x).max() < 1e-3
+    assert found[0].record.cg_iterations < found[1].record.cg_iterations

@@ -26,6 +26,7 @@ EPSILON = 1e-16
 RESTING = 5  # steps in a row below the tolerance that make a shape rest
 NEGLIGIBLE = 1e-3  # of a tolerance
 LOOSEST, TIGHTEST = 0.01, 1e-4  # relative error of the linear solves
+SPARE = 0.1  # of the forces at rest
 KICK = 0.1  # of the spacing of vertices, away from a stationary point that is no minimum
 MAX_ESCAPES = 5
 SMALL_STRAIN = 1e-3
@@ -157,11 +158,17 @@ class Newton:
         return residual
 
     def _forcing(self) -> float:
-        """Relative error allowed in the linear solve, small where the residual falls fast."""
-        residuals = self.record.residuals
+        """Relative error allowed in the linear solve, small where the residual falls fast.
+
+        Two levels pay for each digit: no more of them than bring forces to a tenth of those at rest.
+        """
+        residuals, tightest = self.record.residuals, TIGHTEST
         if len(residuals) < 2 or residuals[-2] == 0.0:
             return LOOSEST
-        return float(np.clip(0.5 * (residuals[-1] / residuals[-2]) ** 2, TIGHTEST, LOOSEST))
+        if self.options.coarse is not None and residuals[-1] > 0.0:
+            enough = SPARE * self.options.force_tolerance * self._scale / residuals[-1]
+            tightest = min(max(enough, TIGHTEST), LOOSEST)
+        return float(np.clip(0.5 * (residuals[-1] / residuals[-2]) ** 2, tightest, LOOSEST))
 
     def _rests(self, residual: float, length: float) -> bool:
         limit = self.options.force_tolerance * self._scale

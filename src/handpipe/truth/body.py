@@ -189,6 +189,10 @@ class Body:
         points = int((self.solid.volume_ratios(x) <= 0).sum())
         return points + int((self.cells.moved(x).volumes() <= 0).sum())
 
+    def crushed(self, x: Array) -> Mask:
+        """Elements (m,) of which a quadrature point is inside out at x (n, 3)."""
+        return np.asarray((self.solid.volume_ratios(x) <= 0).any(axis=1))
+
     def folded(self, x: Array) -> Mask:
         """Quadratic tets (m,) of which a tet between nodes is inside out at x (n, 3)."""
         count = len(self.elements.cells)
@@ -196,11 +200,15 @@ class Body:
             return np.zeros(count, dtype=bool)
         return np.asarray(self.cells.moved(x).volumes().reshape(count, -1).min(axis=1) <= 0)
 
-    def between_nodes(self, cells: Mask) -> Crushing:
-        """Resistance to the end against the crushing of the tets between the nodes of cells (m,)."""
-        chosen = np.repeat(cells, len(self.cells.tets) // len(cells))
-        elements = Elements.linear(TetMesh(self.rest, self.cells.tets[chosen]))
-        return Crushing(elements, CRUSH_STIFFNESS).to_the_end()
+    def between_nodes(self, cells: Mask, nodes: Mask | None = None) -> Crushing:
+        """Resistance to the end against the crushing of the tets between the nodes of cells (m,).
+
+        Of all nodes' positions, or of those of a mask (n,) that has the cells' among them.
+        """
+        chosen = self.cells.tets[np.repeat(cells, len(self.cells.tets) // len(cells))]
+        kept = np.ones(len(self.rest), dtype=bool) if nodes is None else nodes
+        mesh = TetMesh(self.rest[kept], (np.cumsum(kept) - 1)[chosen])
+        return Crushing(Elements.linear(mesh), CRUSH_STIFFNESS).to_the_end()
 
     def surface(self, region: str, x: Array) -> Surface:
         """The surface of a region's tets, straight between all nodes, at positions x (n, 3)."""
