@@ -47,7 +47,7 @@ class HandBody:
     @property
     def quadratic(self) -> bool:
         """Whether its tets are quadratic."""
-        return len(self.body.rest) > len(self.body.anatomy.mesh.vertices)
+        return self.body.order == 2
 
     def linear(self) -> HandBody:
         """The same hand of linear tets."""

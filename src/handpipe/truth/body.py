@@ -111,8 +111,8 @@ class Body:
 
     `materials` gives each region's; skin_faces (k, 3) are the triangles of nodes on the outer surface, of a
     quadratic face the four between its nodes; `on_bones` the nodes on each bone; `cells` the tets between
-    nodes, with `cell_labels`; `muscles` the tets of each. Raises `InputError` where a region has no material
-    or fibres do not fit.
+    nodes, with `cell_labels`; `muscles` the tets of each; `order` 2 or 1. Raises `InputError` where a region
+    has no material or fibres do not fit.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class Body:
         if missing:
             raise InputError("body", "materials", f"lacks {sorted(missing)}", "Give one for each region")
         self.anatomy = anatomy
-        mesh = anatomy.mesh
+        mesh, self.order = anatomy.mesh, order
         self.elements = Elements.quadratic(mesh) if order == 2 else Elements.linear(mesh)
         self.rest = self.elements.nodes
         constants = [(materials[r].young, materials[r].poisson) for r in anatomy.regions]
@@ -196,7 +196,7 @@ class Body:
     def folded(self, x: Array) -> Mask:
         """Quadratic tets (m,) of which a tet between nodes is inside out at x (n, 3)."""
         count = len(self.elements.cells)
-        if len(self.cells.tets) == count:
+        if self.order == 1:
             return np.zeros(count, dtype=bool)
         return np.asarray(self.cells.moved(x).volumes().reshape(count, -1).min(axis=1) <= 0)
 
