@@ -79,3 +79,21 @@ def test_corners_that_have_passed_one_another_go_back(apart, tip, aside):
     one, other = below.moved(found[0]), above.moved(found[1])
     assert crossings(one, other) == 0 and crossings(other, one) == 0
     assert np.linalg.norm(one.vertices - below.vertices, axis=1).max() < tip
+
+
+@pytest.mark.parametrize(("cleft", "deep", "aside"), [(0.2, 0.8, 0.0), (0.2, 1.2, 1.0), (0.4, 1.2, 0.0)])
+def test_a_muscle_over_the_cleft_between_two_bones_leaves_both(cleft, deep, aside):
+    """Out of one bone leads into the other: wider margins about both would throw it 2 to 4 mm off."""
+    block, ball = trimesh.creation.box(extents=[4.0, 12.0, 6.0]), trimesh.creation.icosphere(subdivisions=3)
+    bones = [
+        Body(f"bone {side}", Surface(block.vertices + [x, 0.0, -3.0], block.faces), NOTHING, fixed=True)
+        for side, x in (("left", -2.0 - 0.5 * cleft), ("right", 2.0 + 0.5 * cleft))
+    ]
+    muscle = Surface(ball.vertices * [2.5, 4.0, 1.5] + [aside, 0.0, 1.5 - deep], ball.faces)
+    found = parted([Body("muscle", muscle, NOTHING)], bones)
+    assert found is not None
+    moved = muscle.moved(found[0])
+    for bone in bones:
+        assert crossings(moved, bone.surface) == 0 and crossings(bone.surface, moved) == 0
+        assert not inside(moved.vertices, bone.surface).any()
+    assert np.linalg.norm(moved.vertices - muscle.vertices, axis=1).max() < deep + 1.0

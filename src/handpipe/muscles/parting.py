@@ -86,7 +86,7 @@ class _Start:
         """Note that this muscle at x (n, 3) meets body j at `other` (m, 3)."""
         body = self._bodies[j]
         if body.fixed:
-            self._margins[j] = min(max(MARGIN, WIDER * self._margins[j]), WIDEST)
+            self._leave(j, x)
             return
         gaps, _, _, normals = Distance(body.surface.moved(other)).signed(x)
         meeting = gaps < 0
@@ -98,6 +98,25 @@ class _Start:
         self._meets |= meeting
         self._ways[meeting] += ((MARGIN + 0.5 * np.maximum(-gaps, 0.0))[:, None] * normals)[meeting]
 
+    def _leave(self, j: int, x: Array) -> None:
+        """Note that this muscle at x (n, 3) meets bone j: it is to be kept farther out of it.
+
+        Where it has been pushed out and another bone has pushed it back there is no room between the two:
+        then it gives way as to a muscle.
+        """
+        inside = self._body.free[self._outside(j).signed(x[self._body.free])[0] < 0]
+        if self._margins[j] == 0.0 or not len(inside):
+            self._margins[j] = min(max(MARGIN, WIDER * self._margins[j]), WIDEST)
+            return
+        self._margins[self._margins > 0] = MARGIN
+        self._meets[inside] = self._astray = True
+
+    def _outside(self, j: int) -> Distance:
+        """The distance from bone j."""
+        if j not in self._distances:
+            self._distances[j] = Distance(self._bodies[j].surface)
+        return self._distances[j]
+
     def vertices(self) -> Array:
         """Vertices (n, 3) after one more step away from what was met since the last one."""
         if self._meets.any():
@@ -108,9 +127,7 @@ class _Start:
         x[self._body.held] = self._body.surface.vertices[self._body.held]
         free = self._body.free
         for j in map(int, np.flatnonzero(self._margins)):
-            if j not in self._distances:
-                self._distances[j] = Distance(self._bodies[j].surface)
-            x[free] = _kept_out(x[free], self._distances[j], self._margins[j])
+            x[free] = _kept_out(x[free], self._outside(j), self._margins[j])
         return x
 
     def _step(self) -> None:
