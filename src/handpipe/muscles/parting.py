@@ -88,8 +88,11 @@ class _Start:
         if body.fixed:
             self._leave(j, x)
             return
-        gaps, _, _, normals = Distance(body.surface.moved(other)).signed(x)
+        there = body.surface.moved(other)
+        gaps, _, _, normals = Distance(there).signed(x)
+        # Of a body that is inside out in places, normals alone say that what is far outside is deep in it.
         meeting = gaps < 0
+        meeting[meeting] = there.contains(x[meeting])
         if not meeting.any():
             meeting[crossing(self._body, body, x, other)] = True
             self._astray |= not self._body.surface.moved(x).contains(other).any()
