@@ -1,0 +1,90 @@
+"""Muscles' shapes of built poses, each muscle's moved by a field of its own, drawn in from one another."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe import artifacts
+from handpipe.datasets.varied_shapes import Variation
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.surface import Surface, concatenate, each_moved
+from handpipe.metrics import Metrics, summary
+from handpipe.muscles import contested, overlap
+from handpipe.muscles.body import Body
+from handpipe.muscles.parting import Inseparable, parted
+from handpipe.skeleton.bones import read_registration
+from handpipe.skeleton.rig import Rig
+
+NOTHING: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+Scene = tuple[dict[str, Body], dict[str, Surface]]  # muscles and bones in a pose
+
+
+@dataclass(frozen=True)
+class Result:
+    """The margin in mm beyond which attachments were let go (infinite where muscles were not parted), how far
+    the vertex went in mm that went farthest, seconds of processor.
+    """
+
+    margin: float
+    moved: float
+    seconds: float
+
+
+def scenes(subject: Path) -> Iterator[tuple[str, Scene]]:
+    """Each pose of a subject's folder that muscles were extracted from, before they are parted."""
+    rig = Rig.load(subject / "rig.h5")
+    groups = artifacts.read(subject / "muscles/neutral.h5", "muscle_bodies")
+    bodies = {name: Body.from_group(group).on_bones(rig.surfaces) for name, group in groups.items()}
+    for pose, shapes in artifacts.read(subject / "muscles/shapes.h5", "muscle_shapes").items():
+        to = read_registration(subject / f"registration/{pose}.h5", rig.surfaces)
+        posed = {
+            n: replace(b, surface=b.seated(b.surface.moved(shapes[n]["vertices"]), to))
+            for n, b in bodies.items()
+        }
+        yield pose, (posed, each_moved(rig.surfaces, to))
+
+
+def varied(scene: Scene, seed: int, size: float) -> Scene:
+    """The scene, each muscle moved by `size` mm (standard deviation of a component), nothing on bones."""
+    muscles, bones = scene
+    near = Distance(concatenate([*bones.values()]))
+    fields = {name: Variation(seed, name, size, near) for name in muscles}
+    return {
+        n: replace(b, surface=b.surface.moved(fields[n](b.surface.vertices))) for n, b in muscles.items()
+    }, bones
+
+
+def drawn_in(scene: Scene) -> Result:
+    """What it took to find places at which nothing meets, letting attachments go as the pipeline does."""
+    muscles, bones = scene
+    fixed = [overlap.Body(n, s, NOTHING, fixed=True) for n, s in bones.items()]
+    start = time.process_time()
+    for margin in contested.FARTHER:
+        held: Mapping[str, Body] = contested.uncontested(muscles, 0, margin)
+        bodies = [overlap.Body(n, b.surface, held[n].held) for n, b in muscles.items()]
+        try:
+            found = parted(bodies, fixed) or [b.surface.vertices for b in bodies]
+        except Inseparable:
+            continue
+        ways = [found_at - b.surface.vertices for found_at, b in zip(found, bodies, strict=True)]
+        moved = max(float(np.linalg.norm(way, axis=1).max()) for way in ways)
+        return Result(margin, moved, time.process_time() - start)
+    return Result(np.inf, np.inf, time.process_time() - start)
+
+
+def figures(results: list[Result]) -> Metrics:
+    """Counts of scenes, and how far muscles were moved where they were parted."""
+    done = [r for r in results if np.isfinite(r.moved)]
+    found: Metrics = {
+        "scenes": (float(len(results)), "1"),
+        "scenes_not_parted": (float(len(results) - len(done)), "1"),
+        "scenes_let_go": (float(sum(r.margin > contested.FREE for r in done)), "1"),
+    }
+    found |= summary("moved", [r.moved for r in done], "mm") if done else {}
+    return found | summary("seconds", [r.seconds for r in results], "s")
