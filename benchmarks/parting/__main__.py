@@ -19,7 +19,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="benchmarks.parting", description=__doc__)
     parser.add_argument("subject", type=Path, help="folder of results with rig.h5, registration/, muscles/")
     parser.add_argument("--count", type=int, default=4, help="draws a pose, the first of which is as it is")
-    parser.add_argument("--size", type=float, default=0.6, help="mm, standard deviation of a component")
+    parser.add_argument("--size", type=float, default=0.4, help="mm, standard deviation of a component")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON of the figures")
     options = parser.parse_args()
     logging.basicConfig(level=logging.ERROR, format="%(message)s")
