@@ -24,7 +24,8 @@ WIDER = 1.5  # times as far in every further round: bones reach through large tr
 WIDEST = 2.0  # mm, at most
 ROUNDS = 60
 PUSHES = 5  # at two muscles that are thin, before they are smoothed farther
-SHALLOW = 0.3  # mm of depth, at most, where they are pushed: inside out, a thin muscle's depths mean nothing
+DEEPEST = (0.3, 1.0)  # mm, at most, out of which they are pushed: the nearest way out of more may be wrong
+FAR = 8.0  # mm of a vertex: from farther muscles hardly grow back to their places
 SHORT, STEPS = 0.05, 40  # mm outside of a bone that a vertex goes at once, and how often, on its way out
 
 
@@ -41,10 +42,35 @@ def body_pairs(muscles: Sequence[Body], bones: Sequence[Body]) -> list[tuple[int
 def parted(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None:
     """Vertices (n, 3) of each muscle at which nothing meets; None where that is so at rest.
 
+    Where muscles go far for it, the nearer of two ways is taken: the second pushes out of greater depths.
     Raises `Inseparable` naming a pair that meets however it is drawn in.
     """
+    best, least, problem = None, np.inf, None
+    for deepest in DEEPEST:
+        try:
+            found = _drawn_in(muscles, bones, deepest)
+        except Inseparable as error:
+            log.info("%s Pushed out of greater depths next", error)
+            problem = error
+            continue
+        if found is None:
+            return None
+        ways = [x - body.surface.vertices for x, body in zip(found, muscles, strict=True)]
+        moved = max(float(np.linalg.norm(way, axis=1).max()) for way in ways)
+        log.info("separation: nothing meets once vertices have moved by %.1f mm at most", moved)
+        if moved < least:
+            best, least = found, moved
+        if least <= FAR:
+            break
+    if best is None and problem is not None:
+        raise problem
+    return best
+
+
+def _drawn_in(muscles: Sequence[Body], bones: Sequence[Body], deepest: float) -> list[Array] | None:
+    """As `parted`, by one way."""
     bodies = [*muscles, *bones]
-    starts = [_Start(b, bodies) for b in muscles]
+    starts = [_Start(b, bodies, deepest) for b in muscles]
     at = [b.surface.vertices for b in bodies]
     pairs = open_pairs = body_pairs(muscles, bones)
     for round_ in range(ROUNDS):
@@ -72,8 +98,8 @@ class _Start:
     smoothed at once.
     """
 
-    def __init__(self, body: Body, bodies: Sequence[Body]) -> None:
-        self._body, self._bodies = body, bodies
+    def __init__(self, body: Body, bodies: Sequence[Body], deepest: float) -> None:
+        self._body, self._bodies, self._deepest = body, bodies, deepest
         self._margins = np.zeros(len(bodies))  # mm by which it is kept out of a bone, zero if left alone
         self._meets = np.zeros(len(body.surface.vertices), dtype=bool)  # vertices that meet muscles
         self._ways = np.zeros_like(body.surface.vertices)  # in mm out of those that they meet
@@ -139,7 +165,7 @@ class _Start:
         meeting = np.flatnonzero(self._meets)
         ways = self._ways[meeting]
         self._meets[:], self._ways[:] = False, 0.0
-        shallow = np.linalg.norm(ways, axis=1).max() <= MARGIN + 0.5 * SHALLOW
+        shallow = np.linalg.norm(ways, axis=1).max() <= MARGIN + 0.5 * self._deepest
         astray, self._astray = self._astray, False
         if shallow and not astray and self._pushes < PUSHES and self._deflation.thin(meeting):
             self._push = self._push + self._deflation.pushed(meeting, ways)
