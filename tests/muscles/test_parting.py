@@ -97,3 +97,16 @@ def test_a_muscle_over_the_cleft_between_two_bones_leaves_both(cleft, deep, asid
         assert crossings(moved, bone.surface) == 0 and crossings(bone.surface, moved) == 0
         assert not inside(moved.vertices, bone.surface).any()
     assert np.linalg.norm(moved.vertices - muscle.vertices, axis=1).max() < deep + 1.0
+
+
+def test_a_rod_through_the_middle_of_a_sheet_is_pushed_out_of_it():
+    """Smoothed, both are threads that still meet: the way out of small depths alone finds no end."""
+    fine, coarse = (trimesh.creation.icosphere(subdivisions=n) for n in (4, 3))
+    sheet = Surface(fine.vertices * [18.0, 9.0, 2.5], fine.faces)
+    line = coarse.vertices * [14.0, 0.9, 0.9] + [0.0, 0.3, 0.2]
+    rod = Surface(line + 0.05 * line[:, :1] * [0.0, 0.0, 1.0], coarse.faces)  # it crosses the middle
+    found = parted([Body("sheet", sheet, NOTHING), Body("rod", rod, NOTHING)], [])
+    assert found is not None
+    one, other = sheet.moved(found[0]), rod.moved(found[1])
+    assert crossings(one, other) == 0 and crossings(other, one) == 0
+    assert not inside(other.vertices, one).any()
