@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from handpipe.metrics import Metrics, summary
 from handpipe.muscles import contested, overlap
 from handpipe.muscles.body import Body
 from handpipe.muscles.parting import Inseparable, parted
+from handpipe.settling import largest
 from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
 
@@ -65,17 +66,18 @@ def drawn_in(scene: Scene) -> Result:
     muscles, bones = scene
     fixed = [overlap.Body(n, s, NOTHING, fixed=True) for n, s in bones.items()]
     start = time.process_time()
-    for margin in contested.FARTHER:
-        held: Mapping[str, Body] = contested.uncontested(muscles, 0, margin)
+
+    def drawn_in_with(margin: float) -> Result:
+        held = contested.uncontested(muscles, 0, margin)
         bodies = [overlap.Body(n, b.surface, held[n].held) for n, b in muscles.items()]
-        try:
-            found = parted(bodies, fixed) or [b.surface.vertices for b in bodies]
-        except Inseparable:
-            continue
-        ways = [found_at - b.surface.vertices for found_at, b in zip(found, bodies, strict=True)]
-        moved = max(float(np.linalg.norm(way, axis=1).max()) for way in ways)
+        found = parted(bodies, fixed) or [b.surface.vertices for b in bodies]
+        moved = max(largest(x - b.surface.vertices) for x, b in zip(found, bodies, strict=True))
         return Result(margin, moved, time.process_time() - start)
-    return Result(np.inf, np.inf, time.process_time() - start)
+
+    try:
+        return contested.letting_go(drawn_in_with)
+    except Inseparable:
+        return Result(np.inf, np.inf, time.process_time() - start)
 
 
 def figures(results: list[Result]) -> Metrics:

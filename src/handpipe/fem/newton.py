@@ -162,13 +162,13 @@ class Newton:
 
         Two levels pay for each digit: no more of them than bring forces to a tenth of those at rest.
         """
-        residuals, tightest = self.record.residuals, TIGHTEST
+        residuals = self.record.residuals
         if len(residuals) < 2 or residuals[-2] == 0.0:
             return LOOSEST
+        error = 0.5 * (residuals[-1] / residuals[-2]) ** 2
         if self.options.coarse is not None and residuals[-1] > 0.0:
-            enough = SPARE * self.options.force_tolerance * self._scale / residuals[-1]
-            tightest = min(max(enough, TIGHTEST), LOOSEST)
-        return float(np.clip(0.5 * (residuals[-1] / residuals[-2]) ** 2, tightest, LOOSEST))
+            error = max(error, SPARE * self.options.force_tolerance * self._scale / residuals[-1])
+        return float(np.clip(error, TIGHTEST, LOOSEST))
 
     def _rests(self, residual: float, length: float) -> bool:
         limit = self.options.force_tolerance * self._scale

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from handpipe.muscles.parting import Inseparable
 from handpipe.muscles.separation import Separation, separate
 
 Array = NDArray[np.float64]
+Result = TypeVar("Result")
 log = logging.getLogger(__name__)
 
 FREE = 0.1  # mm out of every other muscle, at least, where a bone may hold one
@@ -29,13 +31,18 @@ def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> 
     Where a muscle swells over a neighbour's attachment, that one has to give way here: it is let go as far
     from the muscle as the two cannot be parted otherwise. Raises `ConvergenceError` as `separate` does.
     """
+    return letting_go(lambda margin: _separated(bodies, bones, margin))
+
+
+def letting_go(part: Callable[[float], Result]) -> Result:
+    """What `part` returns for the least margin in mm for which it does not raise `Inseparable`."""
     *margins, widest = FARTHER
     for margin in margins:
         try:
-            return _separated(bodies, bones, margin)
+            return part(margin)
         except Inseparable as error:
             log.warning("%s Attachments beyond %.1f mm of another muscle are let go next", error, margin)
-    return _separated(bodies, bones, widest)
+    return part(widest)
 
 
 def _separated(bodies: Mapping[str, Body], bones: Mapping[str, Surface], margin: float) -> Separation:

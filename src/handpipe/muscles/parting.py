@@ -13,6 +13,7 @@ from handpipe.errors import ConvergenceError
 from handpipe.mesh.distance import Distance
 from handpipe.muscles.deflation import Deflation
 from handpipe.muscles.overlap import Body, crossing, meet
+from handpipe.settling import largest
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -50,13 +51,12 @@ def parted(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None
         try:
             found = _drawn_in(muscles, bones, deepest)
         except Inseparable as error:
-            log.info("%s Pushed out of greater depths next", error)
+            log.info("separation: %s", error)
             problem = error
             continue
         if found is None:
             return None
-        ways = [x - body.surface.vertices for x, body in zip(found, muscles, strict=True)]
-        moved = max(float(np.linalg.norm(way, axis=1).max()) for way in ways)
+        moved = max(largest(x - body.surface.vertices) for x, body in zip(found, muscles, strict=True))
         log.info("separation: nothing meets once vertices have moved by %.1f mm at most", moved)
         if moved < least:
             best, least = found, moved
@@ -133,12 +133,13 @@ class _Start:
         Where it has been pushed out and another bone has pushed it back there is no room between the two:
         then it gives way as to a muscle.
         """
-        inside = self._body.free[self._outside(j).signed(x[self._body.free])[0] < 0]
-        if self._margins[j] == 0.0 or not len(inside):
+        free, been_out = self._body.free, self._margins[j] > 0.0
+        back = free[self._outside(j).signed(x[free])[0] < 0] if been_out else free[:0]
+        if not len(back):
             self._margins[j] = min(max(MARGIN, WIDER * self._margins[j]), WIDEST)
             return
         self._margins[self._margins > 0] = MARGIN
-        self._meets[inside] = self._astray = True
+        self._meets[back] = self._astray = True
 
     def _outside(self, j: int) -> Distance:
         """The distance from bone j."""
