@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.errors import ConvergenceError
+from handpipe.fat.flesh import FleshLayer
+from handpipe.fat.tissue import Tissue
 from handpipe.layers import Frame, Shapes
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
@@ -42,11 +44,14 @@ class Result:
 def simulated(subject: Path, rig: Rig, poses: Sequence[Mapping[str, float]]) -> list[Result]:
     """Each pose (angles in rad) by the muscles in a subject's folder; prints a line a pose."""
     muscles = [Muscle.load(path) for path in sorted(subject.glob("muscles/*/strains.h5"))]
-    bones, layer = BoneLayer(rig.surfaces), MuscleLayer(muscles, examples=known_surfaces(muscles))
+    bones, flesh = BoneLayer(rig.surfaces), FleshLayer(Tissue.load(subject / "soft_tissue/mesh.h5"))
+    layer = MuscleLayer(muscles, examples=known_surfaces(muscles))
     results = []
     for number, angles in enumerate(poses):
         frame = Frame(f"pose {number}", angles, rig.bone_transforms(angles))
-        results.append(_result(layer, frame, {"bones": bones.solve(frame, {}), "tendons": {}}))
+        below = {"bones": bones.solve(frame, {}), "tendons": {}}
+        below["flesh"] = flesh.solve(frame, below)
+        results.append(_result(layer, frame, below))
         print(f"{frame.name} of {len(poses)}: {results[-1]}", flush=True)
     return results
 

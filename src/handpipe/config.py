@@ -236,7 +236,7 @@ LAYERS: dict[str, tuple[str, ...]] = {
     "bone_fascia": ("bones",),
     "flesh": ("bones",),
     "tendons": ("bones", "flesh"),
-    "muscles": ("bones", "tendons"),
+    "muscles": ("bones", "flesh", "tendons"),
     "muscle_fascia": ("bones", "muscles"),
     "ligaments": ("bones",),
     "fat": ("bones", "bone_fascia", "tendons", "muscle_fascia", "ligaments"),

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.muscles.shapes import hinge, hinge_bones, spindle
+from tests.muscles.shapes import box, hinge, hinge_bones, spindle
 
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
-from handpipe.layers import Frame
+from handpipe.layers import Frame, Shape
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.layer import MuscleLayer, SimulationOptions
@@ -22,10 +22,11 @@ from handpipe.skeleton.layer import BoneLayer
 PARENTS = {"b": "a"}
 
 
-def known_in(poses, shapes, name: str, body) -> Muscle:
-    strains = np.stack([plasticity.exp(StretchField(body.mesh)(x)) for x in shapes])
-    fit = PoseStrains(np.stack(shapes), strains, 0.0, np.zeros(2), (0.0, 0.0))
-    return Muscle.of(name, body, PARENTS, "neutral", poses, fit)
+def known_in(poses, shapes, name: str, body, flesh=()) -> Muscle:
+    known = np.reshape(shapes, (-1, *body.mesh.vertices.shape))
+    strains = np.array([plasticity.exp(StretchField(body.mesh)(x)) for x in shapes])
+    fit = PoseStrains(known, strains.reshape(-1, len(body.mesh.tets), 6), 0.0, np.zeros(2), (0.0, 0.0))
+    return Muscle.of(name, body, PARENTS, "neutral", poses, fit, flesh=flesh)
 
 
 def muscle(name: str, centre=(0.0, 0.0, 0.0)) -> Muscle:
@@ -92,9 +93,9 @@ def test_an_end_that_leaves_its_bone_is_held_where_the_examples_have_it():
 
 def test_the_search_begins_between_the_examples():
     known, shapes = sliding()
-    np.testing.assert_allclose(known.guess(hinge_bones(), hinge(0.8)), shapes[1], atol=1e-9)
+    np.testing.assert_allclose(known.places(hinge_bones(), hinge(0.8)), shapes[1], atol=1e-9)
     start = known.body.matrix[known.body.attachments["a"]]
-    end = (start @ (known.guess(hinge_bones(), hinge(0.6)) - known.body.mesh.vertices)).mean(axis=0)
+    end = (start @ (known.places(hinge_bones(), hinge(0.6)) - known.body.mesh.vertices)).mean(axis=0)
     assert end[0] == pytest.approx(-0.6 * SLIDING, abs=0.1)
 
 
@@ -107,19 +108,65 @@ def test_an_end_beside_its_bone_is_not_pressed_to_where_there_is_no_room():
     known = known_in({"half": pose}, [body.follow(hinge_bones(), pose)], "m", body)
     end = np.unique(body.matrix[body.attachments["a"]].indices)
 
-    def stretch(loose: float, seed: int) -> float:
+    def stretch(bed: float, seed: int) -> float:
         asked = known.vertices.copy()
         asked[1, end, 0] += np.random.default_rng(seed).uniform(-1.0, 1.0, len(end))
         pulled = replace(known, vertices=asked)
-        layer = MuscleLayer([pulled], SimulationOptions(loose=loose), contact=False)
+        layer = MuscleLayer([pulled], SimulationOptions(bed=bed), contact=False)
         x = solve(layer, 0.4)["m_mesh"].vertices
         return float(np.exp(StretchField(body.mesh)(x) - pulled.logs[1]).max()) - 1.0
 
-    loose, firm = (
-        [stretch(k, seed) for seed in range(4)]
-        for k in (SimulationOptions().loose, SimulationOptions().spring)
-    )
-    assert all(a < b for a, b in zip(loose, firm, strict=True)) and sum(loose) < 0.85 * sum(firm)
+    soft, firm = ([stretch(k, seed) for seed in range(4)] for k in (SimulationOptions().bed, 2000.0))
+    assert all(a < b for a, b in zip(soft, firm, strict=True)) and sum(soft) < 0.85 * sum(firm)
+
+
+AROUND = box((12, 4, 4), (48.0, 16.0, 16.0))
+FLESH = AROUND.moved(AROUND.vertices - [24.0, 8.0, 8.0])  # from end to end of the muscle and about it
+
+
+def pushed(x, aside: float):
+    """Places (n, 3) pushed aside by so many mm in the middle, and not at the muscle's ends."""
+    return x + aside * np.cos(np.pi * np.clip(x[:, :1] / 30.0, -0.5, 0.5)) ** 2 * [0.0, 1.0, 0.0]
+
+
+def in_flesh(known: Muscle, pose, aside: float, bed: float = SimulationOptions().bed):
+    """The muscle's mesh vertices (n, 3) in flesh that is pushed aside, and where that takes them."""
+    frame, moved = Frame("pose", {}, pose), pushed(FLESH.vertices, aside)
+    below = {"bones": BoneLayer(hinge_bones()).solve(frame, {}), "tendons": {}}
+    below["flesh"] = {"flesh_mesh": Shape(FLESH.vertices, moved, FLESH.tets)}
+    layer = MuscleLayer([known], SimulationOptions(bed=bed), contact=False)
+    return layer.solve(frame, below)["m_mesh"].vertices, pushed(known.body.mesh.vertices, aside)
+
+
+def lain_in_flesh(too_long: float) -> Muscle:
+    """A muscle that is known in neutral alone, and thought longer by a share where the bones do not move."""
+    body = spindle()
+    plain = known_in({}, [], "m", body, [Shape(FLESH.vertices, FLESH.vertices, FLESH.tets)])
+    longer = np.tile(np.log1p(too_long) * np.array([1.0, 0, 0, 0, 0, 0]), (1, len(body.mesh.tets), 1))
+    return replace(plain, logs=longer)
+
+
+def test_flesh_takes_a_muscle_along_between_bones_that_do_not_move():
+    known, still = lain_in_flesh(0.02), hinge(0.0)
+    middle = np.abs(known.body.mesh.vertices[:, 0]) < 8.0
+    free, expected = in_flesh(known, still, 2.0, bed=0.0)
+    assert np.linalg.norm(free - expected, axis=1)[middle].mean() > 1.0
+    lying, expected = in_flesh(known, still, 2.0)
+    assert np.linalg.norm(lying - expected, axis=1)[middle].max() < 0.4
+
+
+def test_examples_are_reproduced_whatever_the_flesh_does_in_them():
+    body, pose = spindle(), hinge(0.4)
+    shape = seated(body, body.follow(hinge_bones(), pose), pose)
+    flesh = [Shape(FLESH.vertices, pushed(FLESH.vertices, aside), FLESH.tets) for aside in (0.3, -1.5)]
+    known = known_in({"half": pose}, [shape], "m", body, flesh)
+    for transforms, aside, expected in ((hinge(0.0), 0.3, body.mesh.vertices), (pose, -1.5, shape)):
+        assert np.linalg.norm(in_flesh(known, transforms, aside)[0] - expected, axis=1).max() < 0.08
+
+
+def test_a_muscle_that_lies_in_flesh_asks_for_it():
+    with pytest.raises(ValueError, match="flesh"):
+        solve(MuscleLayer([lain_in_flesh(0.0)], contact=False), 0.0)
 
 
 def test_between_examples_it_lies_between_them():
@@ -155,10 +202,19 @@ def test_artifact_round_trip(tmp_path):
     known = muscle("m")
     known.save(tmp_path / "m.h5")
     again = Muscle.load(tmp_path / "m.h5")
-    assert again.name == "m" and np.array_equal(again.body.held, known.body.held)
+    assert again.name == "m" and np.array_equal(again.body.held, known.body.held) and again.bed is None
     pose = hinge(0.7)
     assert again.strains(pose) == pytest.approx(known.strains(pose))
-    assert again.guess(hinge_bones(), pose) == pytest.approx(known.guess(hinge_bones(), pose))
+    assert again.places(hinge_bones(), pose) == pytest.approx(known.places(hinge_bones(), pose))
+
+
+def test_its_bed_goes_through_the_artifact(tmp_path):
+    known = lain_in_flesh(0.0)
+    known.save(tmp_path / "m.h5")
+    again = Muscle.load(tmp_path / "m.h5")
+    flesh = pushed(FLESH.vertices, 2.0)
+    places = [m.places(hinge_bones(), hinge(0.0), flesh) for m in (known, again)]
+    assert places[1] == pytest.approx(places[0])
 
 
 def test_a_muscle_is_fitted_to_surfaces_of_its_poses():

@@ -134,6 +134,7 @@ rule fit_muscle_strains:
         separated=in_poses(
             "results/{subject}/muscle_separation/{pose}.h5", Role.example
         ),
+        flesh=in_flesh(Role.neutral, Role.example),
     output:
         "results/{subject}/muscles/{muscle}/strains.h5",
     log:

@@ -9,6 +9,7 @@ with stage(snakemake) as log:
     from handpipe.muscles.muscle import Muscle
     from handpipe.muscles.separation import load_surfaces
     from handpipe.skeleton.rig import Rig
+    from layers import flesh_in_poses
     from muscle_files import read_bodies
 
     dataset = load_dataset(snakemake.input.dataset)
@@ -26,6 +27,7 @@ with stage(snakemake) as log:
         starts[pose] = back[pose](shapes[pose][name]["mesh_vertices"])
         bones = each_moved(rig.surfaces, transforms[pose])
         neighbours[pose] = [*separated.values(), *bones.values()]
+    flesh = flesh_in_poses(snakemake.input.flesh)
     muscle, fit = Muscle.fit(
         name,
         body,
@@ -36,6 +38,7 @@ with stage(snakemake) as log:
         starts,
         interpolation=dataset.muscle_interpolation,
         neighbours=neighbours,
+        flesh=[flesh[pose] for pose in (dataset.neutral, *dataset.examples) if flesh],
     )
     log.info(
         "gamma %.3g, eigenvalues %.2f to %.2f, %.3f mm", fit.gamma, *fit.eigenvalues, fit.distances.max()

@@ -29,7 +29,7 @@ class LigamentLayer:
     needs: tuple[str, ...] = ("bones",)
 
     def __init__(self, ligaments: Iterable[Muscle]) -> None:
-        options = SimulationOptions(material=LIGAMENT)
+        options = SimulationOptions(material=LIGAMENT, bed=0.0)
         self._alone = [MuscleLayer([ligament], options, contact=False) for ligament in ligaments]
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:

@@ -21,6 +21,7 @@ from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
 from handpipe.layers import Frame, Shape, Shapes
 from handpipe.mesh.distance import Distance, about
+from handpipe.mesh.operators import mass_lumped
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface, each_moved
 from handpipe.muscles.muscle import Muscle
@@ -37,15 +38,15 @@ GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, 
 
 @dataclass(frozen=True)
 class SimulationOptions:
-    """Stiffnesses in mN/mm of a point: spring of attachments to bones, loose ones of ends that soft tissue
-    holds, contact, sliding; near: mm within which neighbours slide on one another; touch: mm within which
-    they have contact planes; contacts: how often planes are renewed. A vertex that moves by more than `touch`
-    after that may be inside a neighbour without a plane against it: that motion is gross.
+    """Stiffnesses in mN/mm of a point: spring of attachments to bones, contact, sliding; bed: in mN/mm of
+    1 mm^2 of surface, that of 2 mm of fat; near: mm within which neighbours slide on one another; touch: mm
+    within which they have contact planes; contacts: how often planes are renewed. A vertex that moves by more
+    than `touch` after that may be inside a neighbour without a plane against it: that motion is gross.
     """
 
     material: Material = MUSCLE
     spring: float = 2000.0
-    loose: float = 4.0
+    bed: float = 0.5
     contact: float = 500.0
     sliding: float = 4.0
     near: float = 1.0
@@ -59,7 +60,7 @@ class MuscleLayer:
     """
 
     name = "muscles"
-    needs: tuple[str, ...] = ("bones", "tendons")
+    needs: tuple[str, ...] = ("bones", "flesh", "tendons")
 
     def __init__(
         self,
@@ -103,20 +104,29 @@ class MuscleLayer:
         bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
         strains = [m.strains(frame.bones) for m in self.muscles]
         elastic = self.elastic.with_strains(np.concatenate(strains))
-        springs = self._attachments(frame.bones)
-        x = np.concatenate([m.guess(bones, frame.bones) for m in self.muscles])
+        flesh = below["flesh"]["flesh_mesh"].vertices if "flesh" in below else None
+        x = np.concatenate([m.places(bones, frame.bones, flesh) for m in self.muscles])
+        held = [self._attachments(frame.bones), *self._bed(x)]
         if not self.contact:
-            return self._shapes(self._equilibrium([elastic, springs], x, frame.name), strains, {})
+            return self._shapes(self._equilibrium([elastic, *held], x, frame.name), strains, {})
         posed = each_moved(bones, frame.bones)
-        settled = self._in_contact([elastic, springs], x, posed, frame.name)
+        settled = self._in_contact([elastic, *held], x, posed, frame.name)
         return self._shapes(settled.x, strains, settled.figures)
 
     def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
-        rows = [s[m.body.held] for s, m in zip(self.surfaces, self.muscles, strict=True)]
+        rows = [s[m.firm] for s, m in zip(self.surfaces, self.muscles, strict=True)]
         targets = np.concatenate([m.targets(bones) for m in self.muscles])
-        loose = np.concatenate([m.loose for m in self.muscles])
-        stiffness = np.where(loose, self.options.loose, self.options.spring)
-        return Attachment(sparse.vstack(rows, format="csr"), targets, stiffness)
+        return Attachment(sparse.vstack(rows, format="csr"), targets, self.options.spring)
+
+    def _bed(self, places: Array) -> list[Potential]:
+        """What is around the muscles, softly: all of their surfaces that no bone holds stays near `places`
+        (N, 3).
+        """
+        if self.options.bed == 0.0:
+            return []
+        surfaces = [(m.body.surface, m.firm) for m in self.muscles]
+        areas = [np.delete(mass_lumped(s.vertices, s.triangles), firm) for s, firm in surfaces]
+        return [Attachment(self.unheld, self.unheld @ places, self.options.bed * np.concatenate(areas))]
 
     def _in_contact(
         self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str

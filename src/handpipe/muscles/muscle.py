@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from handpipe import artifacts
 from handpipe.fem import plasticity
+from handpipe.layers import Shape
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
+from handpipe.muscles.bed import Bed
 from handpipe.muscles.body import ON_BONE, Body
 from handpipe.muscles.neighbours import touching
 from handpipe.muscles.pose_strains import PoseStrains, StrainOptions, fit_pose_strains
@@ -32,7 +34,7 @@ class Muscle:
 
     Neutral is one of the examples, with logarithm zero. Logarithms are interpolated, so that every strain
     between the examples is positive definite whatever the weights are. vertices (N, n, 3) and bones are the
-    examples' mesh vertices and bone transforms: where the search for an equilibrium begins.
+    examples' mesh vertices and bone transforms; bed: the flesh that it lies in, where that is known.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Muscle:
     logs: Array
     vertices: Array
     bones: tuple[Mapping[str, RigidTransform], ...]
+    bed: Bed | None = None
 
     @staticmethod
     def of(
@@ -51,9 +54,10 @@ class Muscle:
         transforms: Mapping[str, Mapping[str, RigidTransform]],
         fit: PoseStrains,
         interpolation: Interpolation = "rbf",
+        flesh: Sequence[Shape] = (),
     ) -> Muscle:
         """From the strains of example poses, whose transforms are pose -> bone -> from neutral; parents: bone
-        -> parent.
+        -> parent; flesh: in neutral and in each of these poses.
 
         Radial functions with a linear part follow the trend between examples, where positive weights are
         flat: measured in held-out poses of a phantom, surfaces were two to four times nearer to the truth.
@@ -64,7 +68,8 @@ class Muscle:
         space = PoseSpace.build(list(body.attachments), parents, poses, interpolation, body.held_by_bone)
         logs = np.stack([np.zeros((len(body.mesh.tets), 6)), *(plasticity.log(s) for s in fit.strains)])
         vertices = np.concatenate([body.mesh.vertices[None], fit.vertices])
-        return Muscle(name, body, space, logs, vertices, (still, *own))
+        bed = Bed.of(vertices, flesh) if flesh else None
+        return Muscle(name, body, space, logs, vertices, (still, *own), bed)
 
     @staticmethod
     def fit(
@@ -78,11 +83,13 @@ class Muscle:
         options: StrainOptions | None = None,
         interpolation: Interpolation = "rbf",
         neighbours: Mapping[str, Sequence[Surface]] | None = None,
+        flesh: Sequence[Shape] = (),
     ) -> tuple[Muscle, PoseStrains]:
         """Stage 3: a muscle from its separated surfaces and stage 1's mesh vertices (n, 3), both by pose.
 
         neighbours: other muscles and bones by pose, into which it is not to be smoothed. `transforms` holds
-        the example poses, in the order of the result; held vertices of `surfaces` are seated.
+        the example poses, in the order of the result; held vertices of `surfaces` are seated. flesh: as `of`
+        has it.
         """
         space = PoseSpace.build(list(body.attachments), parents, transforms, points=body.held_by_bone)
         fit = fit_pose_strains(
@@ -95,14 +102,25 @@ class Muscle:
             [touching(surfaces[p], (neighbours or {}).get(p, ()), TOUCHING) for p in transforms],
             options,
         )
-        return Muscle.of(name, body, parents, neutral, transforms, fit, interpolation), fit
+        return Muscle.of(name, body, parents, neutral, transforms, fit, interpolation, flesh), fit
 
-    def guess(self, bones: Mapping[str, Surface], transforms: Mapping[str, RigidTransform]) -> Array:
-        """Mesh vertices (n, 3) of the examples, each moved along with the bones, interpolated over the poses;
-        bones: neutral surfaces.
+    def places(
+        self,
+        bones: Mapping[str, Surface],
+        transforms: Mapping[str, RigidTransform],
+        flesh: Array | None = None,
+    ) -> Array:
+        """Where what is around it takes the mesh vertices (n, 3) in a pose; bones: neutral surfaces; flesh:
+        the vertices of its mesh in the pose.
 
-        From the nearest example alone, what lies between two would begin in its neighbours.
+        That is where the flesh carries them, as far beside as between the examples; where no flesh is known,
+        the examples themselves, each moved along with the bones, interpolated over the poses. From the
+        nearest example alone, what lies between two would be in its neighbours.
         """
+        if self.bed is not None:
+            if flesh is None:
+                raise ValueError(f"muscle {self.name} lies in the flesh, whose vertices are not given")
+            return self.bed.embedding(flesh) + self.space.interpolate(self.bed.beside, transforms)
         carried = self.body.followed(bones, transforms, list(zip(self.bones, self.vertices, strict=True)))
         return self.space.interpolate(np.stack(carried), transforms)
 
@@ -110,22 +128,18 @@ class Muscle:
         """Plastic strains (m, 6) in a pose (000 Eq. 2, in logarithms)."""
         return plasticity.exp(self.space.interpolate(self.logs, bones))
 
-    def targets(self, bones: Mapping[str, RigidTransform]) -> Array:
-        """Where held vertices (t, 3) are in a pose: at bones, and as far beside as between the examples.
+    @cached_property
+    def firm(self) -> NDArray[np.int64]:
+        """Surface vertices that go with a bone; the other marked ones leave theirs in an example."""
+        return self.body.held[self._firm]
 
-        What lies on a bone goes with it, and is beside it by no more than rounding.
-        """
-        return self.body.targets(bones, self.space.interpolate(self._beside, bones))
+    def targets(self, bones: Mapping[str, RigidTransform]) -> Array:
+        """Where bones hold the firm vertices (f, 3) in a pose."""
+        return self.body.targets(bones)[self._firm]
 
     @cached_property
-    def loose(self) -> NDArray[np.bool_]:
-        """Which held vertices (t,) leave their bones in an example: soft tissue holds them, not bone."""
-        return np.linalg.norm(self._beside, axis=2).max(axis=0) > ON_BONE
-
-    @property
-    def firm(self) -> NDArray[np.int64]:
-        """Surface vertices that go with a bone."""
-        return self.body.held[~self.loose]
+    def _firm(self) -> NDArray[np.bool_]:
+        return np.linalg.norm(self._beside, axis=2).max(axis=0) <= ON_BONE
 
     @cached_property
     def _beside(self) -> Array:
@@ -150,8 +164,11 @@ class Muscle:
             "examples/rotations": np.array([[b[n].rotation for n in names] for b in self.bones]),
             "examples/translations": np.array([[b[n].translation for n in names] for b in self.bones]),
         }
+        if self.bed is not None:
+            data["bed"] = self.bed.to_group()
         units = {"body/vertices": "mm", "body/mesh/vertices": "mm", "logs": "1"}
         units |= {"examples/vertices": "mm", "examples/translations": "mm"}
+        units |= {} if self.bed is None else {"bed/beside": "mm"}
         artifacts.write(path, data, kind=KIND, units=units, inputs=inputs)
 
     @staticmethod
@@ -166,4 +183,5 @@ class Muscle:
         ]
         body, space = Body.from_group(data["body"]), PoseSpace.from_group(data["space"])
         body = replace(body, attachments={n: body.attachments[n] for n in names})
-        return Muscle(str(data["name"]), body, space, data["logs"], known["vertices"], tuple(bones))
+        bed = Bed.from_group(data["bed"]) if "bed" in data else None
+        return Muscle(str(data["name"]), body, space, data["logs"], known["vertices"], tuple(bones), bed)
