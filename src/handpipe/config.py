@@ -222,7 +222,7 @@ class Dataset(Model):
 
     @property
     def fleshed(self) -> bool:
-        """Whether one soft tissue between bones and skin can be made, which carries tendons."""
+        """Whether one soft tissue between bones and skin can be made, which carries tendons and muscles."""
         return self.poses[self.neutral].scan is not None
 
     def path(self, relative: Path) -> Path:

@@ -207,7 +207,7 @@ def in_poses(pattern, *roles):
 
 
 def in_flesh(*roles):
-    """Input function: the flesh in poses of the given roles, where it carries the tendons."""
+    """Input function: the flesh in poses of the given roles, where the subject has one."""
 
     files = in_poses("results/{subject}/poses/{pose}/flesh.h5", *roles)
     return lambda w: files(w) if dataset(w.subject).fleshed else []

@@ -70,7 +70,7 @@ rule simulate_flesh:
     params:
         dataset=dataset_digest,
     message:
-        "{wildcards.subject}: the flesh in {wildcards.pose}, which carries tendons"
+        "{wildcards.subject}: the flesh in {wildcards.pose}, which carries tendons and muscles"
     script:
         "../scripts/simulate_flesh.py"
 

@@ -1,4 +1,4 @@
-"""The flesh in one scanned pose, which carries the hooks of tendons."""
+"""The flesh in one scanned pose, which carries the hooks of tendons and the muscles."""
 
 from common import stage
 
