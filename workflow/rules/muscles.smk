@@ -83,6 +83,7 @@ rule extract_muscle_shapes:
             for p in dataset(w.subject).examples
         ],
         registrations=in_poses("results/{subject}/registration/{pose}.h5", Role.example),
+        flesh=in_flesh(Role.example),
         markers=all_of_muscles("markers"),
         landmarks=all_of_muscles("landmarks"),
     output:

@@ -3,6 +3,8 @@
 from common import stage
 
 with stage(snakemake):
+    from dataclasses import replace
+
     from handpipe import artifacts
     from handpipe.config import load_dataset
     from handpipe.imaging.markers import read_landmarks, read_markers
@@ -10,10 +12,12 @@ with stage(snakemake):
     from handpipe.muscles.extraction import extract_poses
     from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
+    from layers import flesh_in_poses
     from muscle_files import read_bodies
 
     dataset = load_dataset(snakemake.input.dataset)
-    bones = Rig.load(snakemake.input.rig).surfaces
+    rig = Rig.load(snakemake.input.rig)
+    bones = rig.surfaces
     transforms = {
         pose: read_registration(path, bones)
         for pose, path in zip(dataset.examples, snakemake.input.registrations, strict=True)
@@ -28,6 +32,10 @@ with stage(snakemake):
         for pose in dataset.examples
         for muscle, path in dataset.poses[pose].landmarks.items()
     }
+    flesh = {
+        pose: replace(shape, vertices=rig.poses[pose].root(shape.vertices))
+        for pose, shape in flesh_in_poses(snakemake.input.flesh).items()
+    }
     found = extract_poses(
         read_bodies(snakemake.input.neutral),
         bones,
@@ -35,6 +43,7 @@ with stage(snakemake):
         lambda pose: read_volume(dataset.path(dataset.poses[pose].volume)),
         points=placed,
         landmarks=known,
+        flesh=flesh or None,
     )
     data = {
         pose: {m: {"vertices": e.surface.vertices, "mesh_vertices": e.vertices} for m, e in muscles.items()}

@@ -15,9 +15,12 @@ from scipy import sparse
 from handpipe.errors import ConvergenceError
 from handpipe.imaging.markers import MarkerSettings, boundary_markers, estimate_muscle_level
 from handpipe.imaging.volume import Volume
+from handpipe.layers import Shape
 from handpipe.mesh.distance import Distance, about
+from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface, concatenate, each_moved
+from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.metrics import Metrics
 from handpipe.muscles.body import ON_BONE, Body
 from handpipe.muscles.contraction import contracted, slack
@@ -139,14 +142,16 @@ def extract_poses(
     *,
     points: Mapping[tuple[str, str], Array] | None = None,
     landmarks: Mapping[tuple[str, str], Mapping[str, Array]] | None = None,
+    flesh: Mapping[str, Shape] | None = None,
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> dict[str, dict[str, Extraction]]:
     """The shapes of all muscles in all example poses, pose -> muscle -> shape.
 
-    Each pose is guessed from the most similar one that is known already, and each muscle knows where its
-    neighbours are. transforms: pose -> bone -> from neutral; volume(pose) reads the image; points:
-    hand-placed markers, and landmarks by label, by (pose, muscle).
+    Each pose is guessed from the flesh that carries the muscles there, where that is known, and from the most
+    similar pose that is known already; each muscle knows where its neighbours are. transforms: pose -> bone
+    -> from neutral; volume(pose) reads the image; points: hand-placed markers, and landmarks by label, by
+    (pose, muscle); flesh: in each pose, in its volume's frame.
     """
     still = {b: RigidTransform.identity() for b in bones}
     known: dict[str, tuple[Mapping[str, RigidTransform], dict[str, Array]]] = {}
@@ -166,6 +171,11 @@ def extract_poses(
             m: _guesses(b, bones, moved, (known[near][0], known[near][1][m]), image)
             for m, b in bodies.items()
         }
+        if flesh is not None:
+            around = TetMesh(flesh[pose].rest, flesh[pose].cells)
+            for m, b in bodies.items():
+                carried = Embedding.of(b.mesh.vertices, around)(flesh[pose].vertices)
+                guesses[m] = _unlike([carried, *guesses[m]])
         posed = _Pose(
             pose,
             bodies,
@@ -204,8 +214,13 @@ def _guesses(
     level = estimate_muscle_level(image, body.surface_at(middle))
     strangeness = [np.abs(image.sample(body.surface_at(x).vertices) / level - 1) for x in guesses]
     order = np.argsort([np.mean(np.minimum(s, 1.0)) for s in strangeness], kind="stable")
+    return _unlike([guesses[i] for i in order])
+
+
+def _unlike(guesses: Sequence[Array]) -> list[Array]:
+    """Those guesses (n, 3) that are not nearly one before them."""
     chosen: list[Array] = []
-    for x in (guesses[i] for i in order):
+    for x in guesses:
         if all(np.linalg.norm(x - other, axis=1).mean() > ALIKE for other in chosen):
             chosen.append(x)
     return chosen

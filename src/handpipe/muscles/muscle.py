@@ -134,8 +134,8 @@ class Muscle:
         return self.body.held[self._firm]
 
     def targets(self, bones: Mapping[str, RigidTransform]) -> Array:
-        """Where bones hold the firm vertices (f, 3) in a pose: as far beside as between the examples, in which
-        muscles that were parted may have let go a little.
+        """Where bones hold the firm vertices (f, 3) in a pose: as far beside as between the examples, since
+        muscles that were parted have let go a little.
         """
         return self.body.targets(bones, self.space.interpolate(self._beside, bones))[self._firm]
 
