@@ -44,10 +44,7 @@ def scenes(subject: Path) -> Iterator[tuple[str, Scene]]:
     bodies = {name: Body.from_group(group).on_bones(rig.surfaces) for name, group in groups.items()}
     for pose, shapes in artifacts.read(subject / "muscles/shapes.h5", "muscle_shapes").items():
         to = read_registration(subject / f"registration/{pose}.h5", rig.surfaces)
-        posed = {
-            n: replace(b, surface=b.seated(b.surface.moved(shapes[n]["vertices"]), to))
-            for n, b in bodies.items()
-        }
+        posed = {n: b.posed(shapes[n]["vertices"], to) for n, b in bodies.items()}
         yield pose, (posed, each_moved(rig.surfaces, to))
 
 

@@ -16,7 +16,7 @@ with stage(snakemake):
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
-    figures = stage_cost(snakemake, "extract_tendon", "register_tendon", "fit_hooks")
+    figures = stage_cost(snakemake, "simulate_flesh", "extract_tendon", "register_tendon", "fit_hooks")
     errors, changes = {Role.example: [], Role.heldout: []}, []
     poses = [*dataset.examples, *dataset.heldout]
     flesh = {pose: shape.vertices for pose, shape in flesh_in_poses(snakemake.input.flesh).items()}

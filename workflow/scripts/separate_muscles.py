@@ -3,8 +3,6 @@
 from common import stage
 
 with stage(snakemake) as log:
-    from dataclasses import replace
-
     from handpipe import artifacts
     from handpipe.mesh.surface import each_moved
     from handpipe.muscles.contested import separate_posed
@@ -16,10 +14,7 @@ with stage(snakemake) as log:
     bones = Rig.load(snakemake.input.rig).surfaces
     bodies = {n: b.on_bones(bones) for n, b in read_bodies(snakemake.input.neutral).items()}
     transforms = read_registration(snakemake.input.registration, bones)
-    posed = {
-        n: replace(b, surface=b.seated(b.surface.moved(shapes[n]["vertices"]), transforms))
-        for n, b in bodies.items()
-    }
+    posed = {n: b.posed(shapes[n]["vertices"], transforms) for n, b in bodies.items()}
     found = separate_posed(posed, each_moved(bones, transforms))
     log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
     found.save(snakemake.output[0], [*snakemake.input])

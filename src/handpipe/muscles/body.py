@@ -124,6 +124,10 @@ class Body:
         vertices[self.held] = self.targets(transforms)
         return surface.moved(vertices)
 
+    def posed(self, vertices: Array, transforms: Transforms) -> Body:
+        """The body with its surface at vertices (v, 3) that were fitted in a pose, held ones on the bones."""
+        return replace(self, surface=self.seated(self.surface.moved(vertices), transforms))
+
     def surface_at(self, x: Array) -> Surface:
         """The surface carried by mesh vertices (n, 3)."""
         return self.surface.moved(self.embedding(x))
