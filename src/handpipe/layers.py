@@ -52,6 +52,11 @@ class Region(IntEnum):
 Shapes = dict[str, Shape]  # by the body's name: "distal2", "flexor", ...
 
 
+def flesh_in(below: Mapping[str, Shapes]) -> Array | None:
+    """Vertices (n, 3) of the flesh that carries what lies in it, where it has been simulated."""
+    return below["flesh"]["flesh_mesh"].vertices if "flesh" in below else None
+
+
 class Layer(Protocol):
     """A tissue of the simulation. `solve` is a static equilibrium: frames do not depend on one another."""
 

@@ -30,6 +30,12 @@ def box(cells=(6, 2, 2), size=(12.0, 4.0, 4.0)) -> TetMesh:
     return mesh
 
 
+def flesh_about(cells) -> TetMesh:
+    """A block of flesh from end to end of the spindle at rest and about it."""
+    block = box(cells, (48.0, 16.0, 16.0))
+    return block.moved(block.vertices - [24.0, 8.0, 8.0])
+
+
 def bent(x: np.ndarray, angle: float, thickening: float = 0.0) -> np.ndarray:
     """A beam along x bent by an angle over its length, and thickened in its middle."""
     length = x[:, 0].max()

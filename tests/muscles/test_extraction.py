@@ -12,11 +12,10 @@ from handpipe.mesh.surface import Surface
 from handpipe.muscles import extraction
 from handpipe.muscles.contraction import slack
 
-from .shapes import box, hinge, hinge_bones, rod, spindle
+from .shapes import flesh_about, hinge, hinge_bones, rod, spindle
 
 MUSCLE, FAT, VOXEL = 0.45, 1.0, 0.5
-BOX = box((6, 2, 2), (48.0, 16.0, 16.0))
-AROUND = BOX.moved(BOX.vertices - [24.0, 8.0, 8.0])  # flesh about the body at rest
+AROUND = flesh_about((6, 2, 2))
 
 
 def tautly(body, transforms):

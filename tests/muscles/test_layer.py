@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.muscles.shapes import box, hinge, hinge_bones, spindle
+from tests.muscles.shapes import flesh_about, hinge, hinge_bones, spindle
 
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.constraints import Attachment
@@ -22,7 +22,7 @@ from handpipe.skeleton.layer import BoneLayer
 PARENTS = {"b": "a"}
 
 
-def known_in(poses, shapes, name: str, body, flesh=()) -> Muscle:
+def known_in(poses, shapes, name: str, body, flesh=None) -> Muscle:
     known = np.reshape(shapes, (-1, *body.mesh.vertices.shape))
     strains = np.array([plasticity.exp(StretchField(body.mesh)(x)) for x in shapes])
     fit = PoseStrains(known, strains.reshape(-1, len(body.mesh.tets), 6), 0.0, np.zeros(2), (0.0, 0.0))
@@ -130,8 +130,7 @@ def test_an_end_beside_its_bone_is_not_pressed_to_where_there_is_no_room():
     assert all(a < b for a, b in zip(soft, firm, strict=True)) and sum(soft) < 0.85 * sum(firm)
 
 
-AROUND = box((12, 4, 4), (48.0, 16.0, 16.0))
-FLESH = AROUND.moved(AROUND.vertices - [24.0, 8.0, 8.0])  # from end to end of the muscle and about it
+FLESH = flesh_about((12, 4, 4))
 
 
 def pushed(x, aside: float):
@@ -151,7 +150,7 @@ def in_flesh(known: Muscle, pose, aside: float, bed: float = SimulationOptions()
 def lain_in_flesh(too_long: float) -> Muscle:
     """A muscle that is known in neutral alone, and thought longer by a share where the bones do not move."""
     body = spindle()
-    plain = known_in({}, [], "m", body, [Shape(FLESH.vertices, FLESH.vertices, FLESH.tets)])
+    plain = known_in({}, [], "m", body, {"neutral": Shape(FLESH.vertices, FLESH.vertices, FLESH.tets)})
     longer = np.tile(np.log1p(too_long) * np.array([1.0, 0, 0, 0, 0, 0]), (1, len(body.mesh.tets), 1))
     return replace(plain, logs=longer)
 
@@ -168,7 +167,10 @@ def test_flesh_takes_a_muscle_along_between_bones_that_do_not_move():
 def test_examples_are_reproduced_whatever_the_flesh_does_in_them():
     body, pose = spindle(), hinge(0.4)
     shape = seated(body, body.follow(hinge_bones(), pose), pose)
-    flesh = [Shape(FLESH.vertices, pushed(FLESH.vertices, aside), FLESH.tets) for aside in (0.3, -1.5)]
+    flesh = {
+        name: Shape(FLESH.vertices, pushed(FLESH.vertices, aside), FLESH.tets)
+        for name, aside in (("neutral", 0.3), ("half", -1.5))
+    }
     known = known_in({"half": pose}, [shape], "m", body, flesh)
     for transforms, aside, expected in ((hinge(0.0), 0.3, body.mesh.vertices), (pose, -1.5, shape)):
         assert np.linalg.norm(in_flesh(known, transforms, aside)[0] - expected, axis=1).max() < 0.08

@@ -43,7 +43,7 @@ with stage(snakemake):
         lambda pose: read_volume(dataset.path(dataset.poses[pose].volume)),
         points=placed,
         landmarks=known,
-        flesh=flesh or None,
+        flesh=flesh,
     )
     data = {
         pose: {m: {"vertices": e.surface.vertices, "mesh_vertices": e.vertices} for m, e in muscles.items()}

@@ -27,7 +27,6 @@ with stage(snakemake) as log:
         starts[pose] = back[pose](shapes[pose][name]["mesh_vertices"])
         bones = each_moved(rig.surfaces, transforms[pose])
         neighbours[pose] = [*separated.values(), *bones.values()]
-    flesh = flesh_in_poses(snakemake.input.flesh)
     muscle, fit = Muscle.fit(
         name,
         body,
@@ -38,7 +37,7 @@ with stage(snakemake) as log:
         starts,
         interpolation=dataset.muscle_interpolation,
         neighbours=neighbours,
-        flesh=[flesh[pose] for pose in (dataset.neutral, *dataset.examples) if flesh],
+        flesh=flesh_in_poses(snakemake.input.flesh),
     )
     log.info(
         "gamma %.3g, eigenvalues %.2f to %.2f, %.3f mm", fit.gamma, *fit.eigenvalues, fit.distances.max()

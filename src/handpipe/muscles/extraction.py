@@ -157,6 +157,7 @@ def extract_poses(
     known: dict[str, tuple[Mapping[str, RigidTransform], dict[str, Array]]] = {}
     known[""] = (still, {m: b.mesh.vertices for m, b in bodies.items()})
     found: dict[str, dict[str, Extraction]] = {}
+    embeddings = _in_flesh(bodies, next(iter(flesh.values()))) if flesh else {}
     while len(found) < len(transforms):
         left = [
             (_apart(transforms[p], known[q][0], bodies), p, q)
@@ -171,11 +172,9 @@ def extract_poses(
             m: _guesses(b, bones, moved, (known[near][0], known[near][1][m]), image)
             for m, b in bodies.items()
         }
-        if flesh is not None:
-            around = TetMesh(flesh[pose].rest, flesh[pose].cells)
-            for m, b in bodies.items():
-                carried = Embedding.of(b.mesh.vertices, around)(flesh[pose].vertices)
-                guesses[m] = _unlike([carried, *guesses[m]])
+        if flesh:
+            for m, embedding in embeddings.items():
+                guesses[m] = _unlike([embedding(flesh[pose].vertices), *guesses[m]])
         posed = _Pose(
             pose,
             bodies,
@@ -190,6 +189,12 @@ def extract_poses(
         found[pose] = posed.fitted(guesses)
         known[pose] = moved, {m: e.vertices for m, e in found[pose].items()}
     return {pose: found[pose] for pose in transforms}
+
+
+def _in_flesh(bodies: Mapping[str, Body], flesh: Shape) -> dict[str, Embedding]:
+    """Where the bodies' mesh vertices lie in the flesh's tets, which are the same in all poses."""
+    mesh = TetMesh(flesh.rest, flesh.cells)
+    return {m: Embedding.of(b.mesh.vertices, mesh) for m, b in bodies.items()}
 
 
 def _guesses(

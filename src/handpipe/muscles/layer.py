@@ -19,7 +19,7 @@ from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContac
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
-from handpipe.layers import Frame, Shape, Shapes
+from handpipe.layers import Frame, Shape, Shapes, flesh_in
 from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.operators import mass_lumped
 from handpipe.mesh.rigid import RigidTransform
@@ -104,7 +104,7 @@ class MuscleLayer:
         bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
         strains = [m.strains(frame.bones) for m in self.muscles]
         elastic = self.elastic.with_strains(np.concatenate(strains))
-        flesh = below["flesh"]["flesh_mesh"].vertices if "flesh" in below else None
+        flesh = flesh_in(below)
         x = np.concatenate([m.places(bones, frame.bones, flesh) for m in self.muscles])
         held = [self._attachments(frame.bones), *self._bed(x)]
         if not self.contact:

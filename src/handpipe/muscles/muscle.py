@@ -54,10 +54,10 @@ class Muscle:
         transforms: Mapping[str, Mapping[str, RigidTransform]],
         fit: PoseStrains,
         interpolation: Interpolation = "rbf",
-        flesh: Sequence[Shape] = (),
+        flesh: Mapping[str, Shape] | None = None,
     ) -> Muscle:
         """From the strains of example poses, whose transforms are pose -> bone -> from neutral; parents: bone
-        -> parent; flesh: in neutral and in each of these poses.
+        -> parent; flesh: in neutral and in each of these poses, if it is known.
 
         Radial functions with a linear part follow the trend between examples, where positive weights are
         flat: measured in held-out poses of a phantom, surfaces were two to four times nearer to the truth.
@@ -68,7 +68,7 @@ class Muscle:
         space = PoseSpace.build(list(body.attachments), parents, poses, interpolation, body.held_by_bone)
         logs = np.stack([np.zeros((len(body.mesh.tets), 6)), *(plasticity.log(s) for s in fit.strains)])
         vertices = np.concatenate([body.mesh.vertices[None], fit.vertices])
-        bed = Bed.of(vertices, flesh) if flesh else None
+        bed = Bed.of(vertices, [flesh[pose] for pose in poses]) if flesh else None
         return Muscle(name, body, space, logs, vertices, (still, *own), bed)
 
     @staticmethod
@@ -83,7 +83,7 @@ class Muscle:
         options: StrainOptions | None = None,
         interpolation: Interpolation = "rbf",
         neighbours: Mapping[str, Sequence[Surface]] | None = None,
-        flesh: Sequence[Shape] = (),
+        flesh: Mapping[str, Shape] | None = None,
     ) -> tuple[Muscle, PoseStrains]:
         """Stage 3: a muscle from its separated surfaces and stage 1's mesh vertices (n, 3), both by pose.
 

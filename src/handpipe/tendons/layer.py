@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from handpipe.layers import Frame, Shape, Shapes
+from handpipe.layers import Frame, Shape, Shapes, flesh_in
 from handpipe.tendons.tendon import Tendon
 
 
@@ -27,7 +27,7 @@ class TendonLayer:
         which `below` has the mesh, or the bones alone. Raises `ConvergenceError`.
         """
         shapes: Shapes = {}
-        flesh = below["flesh"]["flesh_mesh"].vertices if "flesh" in below else None
+        flesh = flesh_in(below)
         for name, tendon in self.tendons.items():
             found = tendon.solve(frame.bones, flesh)
             surface = tendon.surface(found.x, frame.bones)
