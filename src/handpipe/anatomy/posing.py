@@ -26,8 +26,10 @@ Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 # Standard deviations of how persons differ: of a feature point on its bone in mm, of an angle in rad, and of
-# the logarithm of a bone's length against the whole hand's. Held-out landmarks hardly depend on them.
-POINT, ANGLE, LENGTH = 2.0, np.radians(25.0), 0.08
+# the logarithms of the rays' size against the carpus's (whose height is 0.54 +- 0.03 of metacarpal III:
+# Youm et al. 1978) and of a bone's length against its rays'. Held-out landmarks hardly depend on the others.
+POINT, ANGLE, RAYS, LENGTH = 2.0, np.radians(25.0), 0.056, 0.05
+OF_RAYS = ("metacarpal", "proximal", "middle", "distal")
 SAMPLES = 40  # points a bone that carry its motion into the space around it
 SMOOTHING = 0.5
 
@@ -51,50 +53,56 @@ class Skeleton:
             Segment(joint, away_from(template.bones[joint.child], joint.centre)) for joint in template.joints
         ]
         self.with_root = tuple(b for b in template.bones if b not in children)
+        self.bases = {
+            joint.parent: self._base(joint)
+            for joint in template.joints
+            if joint.parent in self.with_root and joint.parent.startswith(OF_RAYS)
+        }
 
     def maps(
         self,
         root: Affine,
         angles: Mapping[str, float] | None = None,
         lengths: Mapping[str, float] | None = None,
+        rays: float = 1.0,
     ) -> dict[str, Affine]:
-        """Where each bone goes: the root's similarity, joints at angles in rad about their centres, and each
-        bone's length by its ratio against the root's scale; across, bones grow with the root.
+        """Where each bone goes: the root's similarity, joints at angles in rad about their centres, the size
+        of the bones of the rays against the root's scale, and each bone's length by its ratio against its
+        size across.
 
-        Bones that no joint carries and that have a ratio grow from their end at the carpus.
+        Bones of the rays that no joint carries grow from their end at the carpus.
         """
         angles, lengths = angles or {}, lengths or {}
         scale = float(np.cbrt(np.linalg.det(root.matrix)))
         turns: dict[str, Array] = {}
         found: dict[str, Affine] = {}
 
-        def affine(turn: Array, axis: Array, ratio: float, base: Array, to: Array) -> Affine:
-            stretch = scale * (np.eye(3) + (ratio - 1.0) * np.outer(axis, axis))
-            return Affine(turn @ stretch, to - turn @ stretch @ base)
+        def grown(bone: str, axis: Array, base: Array, to: Array) -> Affine:
+            size = scale * rays if bone.startswith(OF_RAYS) else scale
+            stretch = size * (np.eye(3) + (lengths.get(bone, 1.0) - 1.0) * np.outer(axis, axis))
+            return Affine(turns[bone] @ stretch, to - turns[bone] @ stretch @ base)
 
         for bone in self.with_root:
             found[bone], turns[bone] = root, root.matrix / scale
-            if bone in lengths:
-                base, axis = self.base(bone)
-                found[bone] = affine(turns[bone], axis, lengths[bone], base, root(base[None])[0])
+            if bone in self.bases:
+                base, axis = self.bases[bone]
+                found[bone] = grown(bone, axis, base, root(base[None])[0])
         for segment in self.segments:
             joint, turn = segment.joint, np.eye(3)
             for name, axis in zip(joint.angles, joint.axes, strict=True):
                 turn = Rotation.from_rotvec(angles.get(name, 0.0) * axis).as_matrix() @ turn
             turns[joint.child] = turns[joint.parent] @ turn
             to = found[joint.parent](joint.centre[None])[0]
-            ratio = lengths.get(joint.child, 1.0)
-            found[joint.child] = affine(turns[joint.child], segment.axis, ratio, joint.centre, to)
+            found[joint.child] = grown(joint.child, segment.axis, joint.centre, to)
         for bone, other in self.template.moves_with.items():
             found[bone] = found[other]
         return found
 
-    def base(self, bone: str) -> tuple[Array, Array]:
-        """The end (3,) of a bone away from the joint that it carries, and its unit axis (3,) from there."""
-        carried = [joint.centre for joint in self.template.joints if joint.parent == bone]
-        points, axis = self.template.bones[bone].vertices, -away_from(self.template.bones[bone], carried[0])
-        middle = points.mean(axis=0)
-        return middle + ((points - middle) @ axis).min() * axis, axis
+    def _base(self, joint: TemplateJoint) -> tuple[Array, Array]:
+        """The end (3,) of a joint's parent away from it, and the parent's unit axis (3,) from there."""
+        bone = self.template.bones[joint.parent]
+        axis, middle = -away_from(bone, joint.centre), bone.vertices.mean(axis=0)
+        return middle + ((bone.vertices - middle) @ axis).min() * axis, axis
 
     def owner(self, point: str) -> str | None:
         """The bone under a feature point; none for the skin between fingers."""
@@ -133,8 +141,10 @@ def farthest_points(points: Array, count: int) -> Array:
 def posed(template: SubjectTemplate, target: Points) -> Biharmonic:
     """The map that poses the template as the target feature points show, and sizes its bones.
 
-    The most probable similarity of the hand, angles and lengths of bones: squares of distances, of angles
-    from the template's and of lengths' differences weigh by `POINT`, `ANGLE` and `LENGTH`.
+    The most probable similarity of the hand, angles, size of the rays and lengths of their bones: squares of
+    distances, of angles from the template's and of differences in size and length weigh by `POINT`, `ANGLE`,
+    `RAYS` and `LENGTH`. No point lies between knuckles and wrist: that long fingers go with long metacarpals
+    tells where the carpus ends.
     """
     skeleton, source = Skeleton(template), template.feature_points
     names = [n for n in source if n in target and skeleton.owner(n) in template.bones]
@@ -144,21 +154,21 @@ def posed(template: SubjectTemplate, target: Points) -> Biharmonic:
     scale = float(np.cbrt(np.linalg.det(start.matrix)))
     turn = Rotation.from_matrix(start.matrix / scale).as_rotvec()
     angles = [a for joint in template.joints for a in joint.angles]
-    children = [joint.child for joint in template.joints]
+    sized = [*(joint.child for joint in template.joints), *skeleton.bases]
+    deviations = [RAYS] + [ANGLE] * len(angles) + [LENGTH] * len(sized)
 
     def maps(x: Array) -> dict[str, Affine]:
         root = Affine(np.exp(x[6]) * Rotation.from_rotvec(x[:3]).as_matrix(), x[3:6])
-        given = dict(zip(angles, x[7:], strict=False))
-        ratios = dict(zip(children, np.exp(x[7 + len(angles) :]), strict=True))
-        return skeleton.maps(root, given, ratios)
+        given = dict(zip(angles, x[8:], strict=False))
+        ratios = dict(zip(sized, np.exp(x[8 + len(angles) :]), strict=True))
+        return skeleton.maps(root, given, ratios, np.exp(x[7]))
 
     def residuals(x: Array) -> Array:
         found = maps(x)
         away = [found[bone](source[n][None])[0] - target[n] for n, bone in zip(names, owners, strict=True)]
-        prior = np.concatenate([x[7 : 7 + len(angles)] / ANGLE, x[7 + len(angles) :] / LENGTH])
-        return np.concatenate([np.ravel(away) / POINT / scale, prior])
+        return np.concatenate([np.ravel(away) / POINT / scale, x[7:] / deviations])
 
-    first = np.concatenate([turn, start.offset, [np.log(scale)], np.zeros(len(angles) + len(children))])
+    first = np.concatenate([turn, start.offset, [np.log(scale)], np.zeros(len(deviations))])
     best = least_squares(residuals, first, x_scale="jac", method="trf", xtol=1e-8, ftol=1e-8).x
     rest = np.linalg.norm(residuals(best)[: 3 * len(names)].reshape(-1, 3), axis=1) * POINT * scale
     log.info(
