@@ -27,6 +27,8 @@ AT_MOST = [
     ("muscles", "inverted_tets", 0, "1"),
     ("skin", "example_error_mean", 0.3, "mm"),
     ("skin", "heldout_error_mean", 0.8, "mm"),
+    ("skin", "true_example_error_mean", 0.1, "mm"),
+    ("skin", "true_heldout_error_mean", 0.2, "mm"),
 ]
 AT_LEAST = [("segmentation", "dice_mean", 0.95, "1"), ("segmentation", "dice_min", 0.90, "1")]
 
@@ -62,7 +64,7 @@ def test_full_rig_beats_the_partial_one_in_unseen_poses(measure: str, unit: str)
 
 
 @pytest.mark.parametrize("model", ["", "m1_", "m2_"])
-@pytest.mark.parametrize("role", ["example", "heldout"])
+@pytest.mark.parametrize("role", ["example", "heldout", "true_example", "true_heldout"])
 def test_skin_of_every_model_is_measured(model: str, role: str) -> None:
     median, worst = (figure("skin", f"{model}{role}_error_{kind}", "mm") for kind in ("median", "max"))
     assert 0 < median < worst

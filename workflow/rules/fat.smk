@@ -181,6 +181,7 @@ rule evaluate_skin:
     input:
         dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
+        skin="results/{subject}/skin.h5",
         scans=lambda w: [
             p
             for p in [

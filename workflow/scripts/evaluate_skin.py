@@ -1,6 +1,7 @@
-"""Distances from each scan to the simulated skins (000 Table 4)."""
+"""Distances from each scan to the simulated skins (000 Table 4), and from these to the true skin."""
 
 import json
+from itertools import product
 
 from common import stage
 from figures import contact_figures, stage_cost
@@ -15,33 +16,44 @@ with stage(snakemake):
     from handpipe.config import load_dataset
     from handpipe.evaluation.surfaces import surface_distance
     from handpipe.evaluation.table import skin_metrics, skin_rows
+    from handpipe.fat.skin import Skin
     from handpipe.hand.frames import read_frames
     from handpipe.mesh.surface import Surface, read_surface
     from handpipe.skeleton.rig import Rig
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
-    errors, contacts = {}, {}
+    rigid = Skin.load(snakemake.input.skin).rigid
+    cut = rigid["cut_end"].vertices if "cut_end" in rigid else []
+    errors, true_errors, contacts = {}, {}, {}
     for path, scan_path in zip(snakemake.input.skins, snakemake.input.scans, strict=True):
         [(frame, models)] = read_frames(path)
-        points = rig.poses[frame.name].root.inverse()(read_surface(scan_path).vertices)
-        errors[frame.name] = {
-            model: surface_distance(points, Surface(shapes["skin"].vertices, shapes["skin"].cells))
-            for model, shapes in models.items()
-        }
+        home = rig.poses[frame.name].root.inverse()
+        points = home(read_surface(scan_path).vertices)
+        skins = {n: Surface(shapes["skin"].vertices, shapes["skin"].cells) for n, shapes in models.items()}
+        errors[frame.name] = {model: surface_distance(points, skin) for model, skin in skins.items()}
+        if dataset.truth is not None:
+            known = artifacts.read(dataset.path(dataset.truth.folder) / f"{frame.name}.h5", "truth")["skin"]
+            true = Surface(home(known["vertices"]), known["triangles"])
+            true_errors[frame.name] = {
+                model: surface_distance(np.delete(skin.vertices, cut, axis=0), true)
+                for model, skin in skins.items()
+            }
         for model, shapes in models.items():
             contacts.setdefault(model, []).append(shapes["skin"].figures)
-    rows = skin_rows(errors, {pose: dataset.poses[pose].role.value for pose in errors})
+    role_of = {pose: dataset.poses[pose].role.value for pose in errors}
+    rows = skin_rows(errors, role_of)
     figures = stage_cost(
         snakemake, "make_skin", "mesh_fat", "fit_fat_strains", "collect_fat_strains", "simulate_skin"
     )
     figures |= skin_metrics(rows)
-    roles = {dataset.poses[pose].role.value for pose in errors}
-    for role in roles:
-        total = role if len(roles) > 1 else "all"
-        for model, prefix in PREFIXES.items():
+    roles = set(role_of.values())
+    for kind, found in (("", errors), ("true_", true_errors)):
+        totals = {row["pose"]: row for row in skin_rows(found, role_of)}
+        for role, (model, prefix) in product(roles if found else (), PREFIXES.items()):
+            total = totals[role if len(roles) > 1 else "all"]
             for statistic in ("mean", "median", "max"):
-                figures[f"{prefix}{role}_error_{statistic}"] = figures[f"skin_{total}_{model}_{statistic}"]
+                figures[f"{prefix}{kind}{role}_error_{statistic}"] = (total[f"{model}_{statistic}"], "mm")
     for model, prefix in PREFIXES.items():
         figures |= contact_figures(contacts[model], prefix)
         figures[f"{prefix}overlap_max"] = (max(f["skin_overlap"] for f in contacts[model]), "mm")
