@@ -24,6 +24,8 @@ class ActiveFibres(DensityPotential):
     The energy is convex in F, hence the exact tangent is semidefinite already.
     """
 
+    by_point = ("_directions", "_tension")
+
     def __init__(self, elements: Elements, directions: Array, tension: ArrayLike) -> None:
         super().__init__(elements)
         count, points = elements.volumes.shape

@@ -19,7 +19,7 @@ from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth.active import ActiveFibres
 from handpipe.truth.balls import ball_means
-from handpipe.truth.crushing import Crushing
+from handpipe.truth.crushing import CRUSHED, STEEPEST, Crushing
 from handpipe.truth.elements import Elements
 from handpipe.truth.refinement import Midpoints, refine
 from handpipe.truth.solid import Solid
@@ -190,25 +190,21 @@ class Body:
         return points + int((self.cells.moved(x).volumes() <= 0).sum())
 
     def crushed(self, x: Array) -> Mask:
-        """Elements (m,) of which a quadrature point is inside out at x (n, 3)."""
-        return np.asarray((self.solid.volume_ratios(x) <= 0).any(axis=1))
+        """Elements (m,) of which a quadrature point has less left at x (n, 3) than resists as a logarithm."""
+        return np.asarray((self.solid.volume_ratios(x) <= STEEPEST * CRUSHED).any(axis=1))
 
-    def folded(self, x: Array) -> Mask:
-        """Quadratic tets (m,) of which a tet between nodes is inside out at x (n, 3)."""
+    def folded(self, x: Array, left: float = 0.0) -> Mask:
+        """Quadratic tets (m,) of which a tet between nodes has this share left at x (n, 3), or is inside out."""
         count = len(self.elements.cells)
         if self.order == 1:
             return np.zeros(count, dtype=bool)
-        return np.asarray(self.cells.moved(x).volumes().reshape(count, -1).min(axis=1) <= 0)
+        shares = self.cells.moved(x).volumes() / self.cells.volumes()
+        return np.asarray(shares.reshape(count, -1).min(axis=1) <= left)
 
-    def between_nodes(self, cells: Mask, nodes: Mask | None = None) -> Crushing:
-        """Resistance to the end against the crushing of the tets between the nodes of cells (m,).
-
-        Of all nodes' positions, or of those of a mask (n,) that has the cells' among them.
-        """
+    def between_nodes(self, cells: Mask) -> Crushing:
+        """Resistance to the end against the crushing of the tets between the nodes of cells (m,)."""
         chosen = self.cells.tets[np.repeat(cells, len(self.cells.tets) // len(cells))]
-        kept = np.ones(len(self.rest), dtype=bool) if nodes is None else nodes
-        mesh = TetMesh(self.rest[kept], (np.cumsum(kept) - 1)[chosen])
-        return Crushing(Elements.linear(mesh), CRUSH_STIFFNESS).to_the_end()
+        return Crushing(Elements.linear(TetMesh(self.rest, chosen)), CRUSH_STIFFNESS).to_the_end()
 
     def surface(self, region: str, x: Array) -> Surface:
         """The surface of a region's tets, straight between all nodes, at positions x (n, 3)."""

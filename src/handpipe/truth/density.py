@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+from typing import ClassVar, Self
+
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
@@ -12,6 +15,7 @@ from handpipe.truth.elements import Elements
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Int32Array = NDArray[np.int32]
+Mask = NDArray[np.bool_]
 
 CHUNK = 2_000  # cells whose (9, 9) tangents are held at a time
 
@@ -20,13 +24,27 @@ class DensityPotential:
     """Energy sum over points of V psi(F), in microjoules.
 
     A subclass gives `densities`, `stresses` and `tangents` of deformation gradients (p, 3, 3) at the points
-    of a slice of all points, which are numbered by cells.
+    of a slice of all points, which are numbered by cells, and names the attributes that have a row a point.
     """
+
+    by_point: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, elements: Elements) -> None:
         self.elements = elements
         self.vertices = elements.nodes
         self._points = elements.volumes.shape[1]
+
+    def about(self, moving: Mask, nodes: Mask) -> Self:
+        """The energy of the cells that have one of the nodes `moving` (n,), of the positions of `nodes` (n,).
+
+        Of the whole body's nodes (n,); `nodes` are to have all of these cells'.
+        """
+        cells = self.elements.touching(moving)
+        other = copy.copy(self)
+        DensityPotential.__init__(other, self.elements.among(cells, nodes))
+        for name in self.by_point:
+            setattr(other, name, getattr(self, name)[np.repeat(cells, self._points)])
+        return other
 
     def densities(self, f: Array, points: slice) -> Array:
         """Energy densities (p,) in kPa."""

@@ -17,6 +17,7 @@ from handpipe.truth.refinement import Midpoints
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 # Four points exact for quadratic polynomials (Hammer and Stroud 1956), as barycentric coordinates.
 NEAR, FAR = (5 + 3 * np.sqrt(5)) / 20, (5 - np.sqrt(5)) / 20
@@ -73,6 +74,23 @@ class Elements:
             gradients=self.gradients[cells],
             volumes=self.volumes[cells],
         )
+
+    def nodes_of(self, cells: Mask) -> Mask:
+        """The nodes (n,) of some cells (m,)."""
+        nodes = np.zeros(len(self.nodes), dtype=bool)
+        nodes[self.cells[cells]] = True
+        return nodes
+
+    def touching(self, nodes: Mask) -> Mask:
+        """The cells (m,) that have one of some nodes (n,)."""
+        return np.asarray(nodes[self.cells].any(axis=1))
+
+    def among(self, cells: Mask, nodes: Mask) -> Elements:
+        """Some of the cells (m,), of the nodes of a mask (n,) that has all of theirs, in their order."""
+        number, corners = np.cumsum(nodes) - 1, nodes[: len(self.mesh.vertices)]
+        used = number[self.cells[cells]]
+        mesh = TetMesh(self.mesh.vertices[corners], used[:, :4])
+        return Elements(mesh, self.nodes[nodes], used, self.gradients[cells], self.volumes[cells])
 
     @cached_property
     def pattern(self) -> Pattern:

@@ -32,6 +32,8 @@ COMPLIANCES = (0.1, 1.5)  # of the material's own, between which what surrounds 
 class Pressure(DensityPotential):
     """Energy -sum of V p (det F - 1): a pressure p in kPa at every point of a cell, one a cell (m,)."""
 
+    by_point = ("_pressures",)
+
     def __init__(self, elements: Elements, pressures: Array) -> None:
         super().__init__(elements)
         self._pressures = np.repeat(pressures, self._points)

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 class Solid(DensityPotential):
     """Energy sum of V psi(F) of a material with one set of constants, or one a cell."""
 
+    by_point = ("_mu", "_lam")
+
     def __init__(self, elements: Elements, material: Material) -> None:
         super().__init__(elements)
         self._model = MODELS[material.model]

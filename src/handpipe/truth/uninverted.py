@@ -17,11 +17,13 @@ from handpipe.fem.record import Record
 from handpipe.fem.two_level import with_nodes
 from handpipe.truth.body import Body
 from handpipe.truth.crushing import Crushing
+from handpipe.truth.density import DensityPotential
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 log = logging.getLogger(__name__)
 
+NEARLY = 0.1  # of its volume at rest: a tet between nodes that has less left folds where its neighbours turn
 RINGS = 2  # of elements about those inside out, which turn before all else moves
 
 
@@ -38,7 +40,7 @@ def uninverted(
     folded, tried = np.zeros(len(body.anatomy.mesh.tets), dtype=bool), False
     harder = [p.to_the_end() if isinstance(p, Crushing) else p for p in energies]
     while inverted := body.inverted(found.x):
-        more = folded | body.folded(found.x)
+        more = folded | body.folded(found.x, NEARLY)
         if tried and (more == folded).all():
             raise ConvergenceError(options.name, f"{inverted} tets end inside out: refine, or move less")
         log.info("%s: %d tets end inside out, resisting more", options.name, inverted)
@@ -48,7 +50,7 @@ def uninverted(
             nodes = np.unique(body.elements.cells[folded])
             options = replace(options, coarse=with_nodes(options.coarse, nodes))
         resisting = [*harder, *between]
-        start = _turned(body, energies, folded | body.crushed(found.x), found.x, options)
+        start = _turned(body, resisting, folded | body.crushed(found.x), found.x, options)
         if Sum(resisting).value(start) > Sum(resisting).value(found.x):
             start = found.x
         again = solve(resisting, start, fixed=body.fixed, options=options)
@@ -60,21 +62,24 @@ def uninverted(
 
 
 def _turned(body: Body, energies: Sequence[Potential], wrong: Mask, x: Array, options: Options) -> Array:
-    """Positions (n, 3), near x, at which some elements (m,) resist and all but their surroundings stays:
-    these with their energies for small moves.
+    """Positions (n, 3) at which some elements (m,) and those about them rest, while all other nodes stay.
+
+    What is no tissue, contact above all, acts as for small moves from x.
     """
-    near = _about(body, wrong)
-    local: list[Potential] = [Expansion(energies, x, near), body.between_nodes(wrong, near)]
+    moving = _about(body, wrong)
+    nodes = body.elements.nodes_of(body.elements.touching(moving))
+    tissue: list[Potential] = [p.about(moving, nodes) for p in energies if isinstance(p, DensityPotential)]
+    others = [p for p in energies if not isinstance(p, DensityPotential)]
+    fixed = body.fixed | np.repeat(~moving, 3)
     options = replace(options, name=f"{options.name}, in places", coarse=None, allow_partial=True)
+    local = [*tissue, Expansion(others, x, nodes)] if others else tissue
     out = x.copy()
-    out[near] = solve(local, x[near], fixed=body.fixed[np.repeat(near, 3)], options=options).x
+    out[nodes] = solve(local, x[nodes], fixed=fixed[np.repeat(nodes, 3)], options=options).x
     return out
 
 
 def _about(body: Body, cells: Mask) -> Mask:
     """The nodes (n,) of some cells (m,) and of those around them."""
-    nodes = np.zeros(len(body.rest), dtype=bool)
-    for _ in range(1 + RINGS):
-        nodes[body.elements.cells[cells]] = True
-        cells = np.asarray(nodes[body.elements.cells].any(axis=1))
-    return nodes
+    for _ in range(RINGS):
+        cells = body.elements.touching(body.elements.nodes_of(cells))
+    return body.elements.nodes_of(cells)
