@@ -194,7 +194,7 @@ class Body:
         return np.asarray((self.solid.volume_ratios(x) <= STEEPEST * CRUSHED).any(axis=1))
 
     def folded(self, x: Array, left: float = 0.0) -> Mask:
-        """Quadratic tets (m,) of which a tet between nodes has this share left at x (n, 3), or is inside out."""
+        """Quadratic tets (m,) of which a tet between nodes has this share left at x (n, 3), or less."""
         count = len(self.elements.cells)
         if self.order == 1:
             return np.zeros(count, dtype=bool)
