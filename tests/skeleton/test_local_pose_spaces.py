@@ -44,6 +44,26 @@ def test_each_finger_follows_its_own_joints(spaces):
     assert half[0] == pytest.approx(also[0], abs=1e-9) and 0.3 < half[0, 0] < 1.7
 
 
+def test_a_place_does_not_follow_a_joint_farther_off_where_nearer_ones_tell():
+    """A hook: its base straight, its end bent as in the fist. At the tip that is the fist; at the palm it is the
+    open hand."""
+
+    def finger(base, end):
+        angles = {"palm": 0.0, "index1": base, "index2": base + end, "index3": base + 1.5 * end}
+        return {
+            b: RigidTransform(Rotation.from_rotvec([0, a, 0]).as_matrix(), np.zeros(3))
+            for b, a in angles.items()
+        }
+
+    poses = {"open": finger(0.0, 0.0), "fist": finger(1.2, 1.2), "flat": finger(0.9, 0.1)}
+    bones = ("palm", "index1", "index2", "index3")
+    spaces = LocalPoseSpaces.build(bones, {b: PARENTS[b] for b in bones[1:]}, poses, "rbf")
+    values = np.array([[[0.0]] * 2, [[1.0]] * 2, [[0.0]] * 2])
+    near = {"index3": np.array([1.0, 0.0]), "palm": np.array([0.0, 1.0])}
+    tip, palm = spaces.interpolate(values, near, finger(0.0, 1.2))[:, 0]
+    assert tip == pytest.approx(1.0, abs=1e-9) and palm == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_place_between_bones_has_a_share_of_each(spaces):
     near = {"index3": np.array([0.25]), "little2": np.array([0.75])}
     values = np.array([[[0.0]], [[4.0]], [[8.0]]])

@@ -14,7 +14,8 @@ from handpipe.skeleton.pose_space import Interpolation, PoseSpace, ancestry
 
 Array = NDArray[np.float64]
 
-REACH = 2  # joints from a bone to those whose motions are felt around it
+REACHES = (1, 2)  # joints from a bone to those whose motions are felt around it: the first that will do
+APART = 0.05  # rad: examples nearer to one another are not told apart
 
 
 @dataclass(frozen=True)
@@ -33,15 +34,20 @@ class LocalPoseSpaces:
         parents: Mapping[str, str],
         transforms: Mapping[str, Mapping[str, RigidTransform]],
         interpolation: Interpolation = "inverse-distance",
-        reach: int = REACH,
     ) -> LocalPoseSpaces:
-        """Spaces of each bone and those that are no more than `reach` joints from it; others as
-        `PoseSpace.build`.
+        """Spaces of each bone and its neighbours at joints, and of those two joints away where these alone do
+        not tell the examples apart; arguments as of `PoseSpace.build`.
         """
-        near = {a: [b for b in bones if _joints_between(a, b, parents) <= reach] for a in bones}
-        return LocalPoseSpaces(
-            {bone: PoseSpace.build(near[bone], parents, transforms, interpolation) for bone in bones}
-        )
+
+        def space(bone: str) -> PoseSpace:
+            for reach in REACHES:
+                near = [other for other in bones if _joints_between(bone, other, parents) <= reach]
+                found = PoseSpace.build(near, parents, transforms, interpolation)
+                if found.apart() > APART:
+                    break
+            return found
+
+        return LocalPoseSpaces({bone: space(bone) for bone in bones})
 
     def interpolate(
         self, values: Array, near: Mapping[str, Array], bones: Mapping[str, RigidTransform]

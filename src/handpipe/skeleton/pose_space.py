@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
 
 from handpipe.mesh.rigid import RigidTransform
 
@@ -109,6 +110,10 @@ class PoseSpace:
         reference, points = reference_bone(bones, parents), dict(points or {})
         examples = np.array([_vector(bones, reference, points, t) for t in transforms.values()])
         return PoseSpace(tuple(bones), reference, examples, tuple(transforms), interpolation, points)
+
+    def apart(self) -> float:
+        """The distance of the two examples that are nearest to one another; infinite of a single one."""
+        return float(pdist(self.examples).min(initial=np.inf))
 
     def vector(self, bones: Mapping[str, RigidTransform]) -> Array:
         """Pose vector (d,) of bone transforms from neutral."""
