@@ -45,7 +45,7 @@ def test_each_finger_follows_its_own_joints(spaces):
 
 
 def test_a_place_does_not_follow_a_joint_farther_off_where_nearer_ones_tell():
-    """A hook: its base straight, its end bent as in the fist. At the tip that is the fist; at the palm it is the
+    """A hook: its base straight, its end bent as in the fist. At the tip that is the fist, at the palm the
     open hand."""
 
     def finger(base, end):
