@@ -61,6 +61,23 @@ KINDS = ["solid", "active", "strands", "two-sided", "crushing", "cable", "pressu
 
 
 @pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("kind", ["solid", "active", "crushing", "pressure"])
+def test_the_energy_about_some_nodes_pulls_them_as_the_whole_does(kind, order):
+    potential, nodes = _potential(kind, order)
+    elements, x = potential.elements, _state(nodes, "crushed" if kind == "crushing" else "deformed")
+    moving = np.linalg.norm(nodes - nodes[0], axis=1) < 0.6
+    kept = elements.nodes_of(elements.touching(moving))
+    assert 0 < moving.sum() < kept.sum() < len(nodes)
+    part = potential.about(moving, kept)
+    pull = potential.gradient(x)[moving]
+    assert np.abs(pull).max() > 0
+    np.testing.assert_allclose(part.gradient(x[kept])[moving[kept]], pull, atol=1e-12)
+    rows = np.repeat(moving, 3)
+    whole = potential.hessian(x)[rows][:, np.repeat(kept, 3)].toarray()
+    np.testing.assert_allclose(part.hessian(x[kept])[np.repeat(moving[kept], 3)].toarray(), whole, atol=1e-11)
+
+
+@pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("state", ["deformed", "flattened", "inverted"])
 def test_derivatives_agree_with_differences(kind, order, state):
