@@ -67,7 +67,24 @@ def test_corrections_are_exact_at_the_examples(tendon: Tendon) -> None:
     for n, angles in enumerate(EXAMPLES.values()):
         bones = pose(*angles)
         expected = tendon.hooks.carried(bones) + tendon.hooks.corrections[n]
-        np.testing.assert_allclose(tendon.hooks.positions(bones, tendon.space), expected, atol=1e-12)
+        np.testing.assert_allclose(tendon.hook_positions(bones), expected, atol=1e-12)
+
+
+def test_a_hook_follows_the_joints_next_to_it() -> None:
+    """The example that bends the near joint moves the hooks at the base, whatever the far joint does."""
+    rest = rest_tendon()
+    angles = {"neutral": (0.0, 0.0), "tip": (0.0, 1.1), "base": (1.1, 0.0)}
+    rods = {name: true_rod(rest, *a) for name, a in angles.items()}
+    rods["base"] = rods["base"] + [0.0, 0.0, 0.5]
+    tendon = build_tendon(
+        "extensor", rest, RADIUS, bone_surfaces(), rods, {n: pose(*a) for n, a in angles.items()}, PARENTS
+    )
+    at_base = rest.skinning[closest_on_rod(tendon.hooks.rest, rest.x)[0]][:, -1] > 0.999
+    both, base = (
+        tendon.hook_positions(p) - tendon.hooks.carried(p) for p in (pose(1.1, 1.1), pose(1.1, 0.0))
+    )
+    assert at_base.any()
+    np.testing.assert_allclose(both[at_base], base[at_base], atol=1e-3)
 
 
 def test_between_the_examples_it_slides_by_the_moment_arm(tendon: Tendon) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +21,6 @@ from handpipe.tendons.rod import Array, arc_length, closest_on_rod, point_at, un
 
 Bones = Mapping[str, RigidTransform]
 IntArray = NDArray[np.int64]
-
-
-class Interpolation(Protocol):
-    """What hooks need of a pose space."""
-
-    def interpolate(self, values: NDArray, bones: Bones) -> NDArray:
-        """Values (N, ...) at the N example poses, interpolated at a pose (...)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -61,10 +53,6 @@ class HookSet:
                 raise ValueError("some hooks lie in the flesh; its vertices are not given")
             points[self.in_flesh.hooks] = self.in_flesh.embedding(flesh)
         return points
-
-    def positions(self, bones: Bones, space: Interpolation, flesh: Array | None = None) -> Array:
-        """Positions (k, 3) with the interpolated corrections; bones and flesh relative to the base bone."""
-        return self.carried(bones, flesh) + space.interpolate(self.corrections, bones)
 
     def to_group(self) -> dict[str, Any]:
         """Content for an artifact's group."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,14 @@ from handpipe.errors import ConvergenceError
 from handpipe.layers import Shape
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
+from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
 from handpipe.skeleton.pose_space import PoseSpace
 from handpipe.tendons.energies import Bend, Hooks
 from handpipe.tendons.equilibrium import Equilibrium, solve
 from handpipe.tendons.hooks import HookSet, closest_points, fit_hooks, past_end
 from handpipe.tendons.motion import Bones, relative_to
 from handpipe.tendons.rest import PULL, RestTendon
-from handpipe.tendons.rod import Array, frames, lay
+from handpipe.tendons.rod import Array, closest_on_rod, frames, lay, point_at
 from handpipe.tendons.tube import Tube
 
 BEND_LENGTH = 2.0  # mm over which the rod rounds the kink at a hook
@@ -28,17 +30,19 @@ CALIBRATIONS = 6
 
 @dataclass(frozen=True)
 class Tendon:
-    """name, rest tendon, radius in mm, hooks, and the pose space of their corrections.
+    """name, rest tendon, radius in mm, hooks, and the pose spaces of their corrections: a hook follows the
+    joints next to it.
 
     starts (N, Q+1, 3): from the skinned rest rod to the example rods, in the frame of the base bone. Solves
-    start from their interpolation, near their answer, where sharply bent joints would have other equilibria
-    nearby.
+    start from their interpolation, in the `space` of all bones, near their answer, where sharply bent joints
+    would have other equilibria nearby.
     """
 
     name: str
     rest: RestTendon
     radius: float
     hooks: HookSet
+    spaces: LocalPoseSpaces
     space: PoseSpace
     starts: Array
 
@@ -53,7 +57,7 @@ class Tendon:
             {name: bones[name] for name in {*self.rest.bones, *self.space.bones}}, self.rest.bones[-1]
         )
         around = None if flesh is None else base.inverse()(flesh)
-        hooks = Hooks(self.hooks.positions(relative, self.space, around))
+        hooks = Hooks(self.hook_positions(relative, around))
         bend = Bend(PULL * BEND_LENGTH**2, self.rest.length)
         x = self._start(relative) if start is None else base.inverse()(start)
         try:
@@ -61,6 +65,17 @@ class Tendon:
         except ConvergenceError as error:
             raise ConvergenceError(f"Tendon {self.name}", str(error)) from error
         return replace(found, x=base(found.x))
+
+    def hook_positions(self, bones: Bones, flesh: Array | None = None) -> Array:
+        """Positions (k, 3) of the hooks with their corrections; bones and flesh relative to the base bone."""
+        corrections = self.spaces.interpolate(self.hooks.corrections, self._near, bones)
+        return self.hooks.carried(bones, flesh) + corrections
+
+    @cached_property
+    def _near(self) -> dict[str, Array]:
+        """The share (k,) of each bone at the hooks: that of the rod, which is smooth along it."""
+        segment, t, _ = closest_on_rod(self.hooks.rest, self.rest.x)
+        return dict(zip(self.rest.bones, point_at(self.rest.skinning, segment, t).T, strict=True))
 
     def _start(self, bones: Bones) -> Array:
         curve = self.rest.skinned(bones) + self.space.interpolate(self.starts, bones)
@@ -92,6 +107,7 @@ class Tendon:
             "hooks": hooks.to_group(),
             "starts": self.starts,
             "pose_space": self.space.to_group(),
+            "pose_spaces": self.spaces.to_group(),
         }
         lengths = ("radius", "rod/x", "tube/local", "hooks/rest", "hooks/corrections")
         units = dict.fromkeys(lengths, "mm")
@@ -104,13 +120,13 @@ class Tendon:
         bones = tuple(str(b) for b in data["bones"])
         rod, tube, hooks = data["rod"], data["tube"], data["hooks"]
         rest = RestTendon(rod["x"], Tube(**tube), rod["normal"], bones, rod["skinning"])
-        space = PoseSpace.from_group(data["pose_space"])
         return Tendon(
             str(data["name"]),
             rest,
             float(data["radius"]),
             HookSet.from_group(hooks, bones),
-            space,
+            LocalPoseSpaces.from_group(data.get("pose_spaces", dict.fromkeys(bones, data["pose_space"]))),
+            PoseSpace.from_group(data["pose_space"]),
             data["starts"],
         )
 
@@ -128,13 +144,14 @@ def build_tendon(
     """Fit hooks to registered rods: pose name -> x (Q+1, 3), and pose name -> bone -> transform from neutral.
 
     The neutral pose belongs in both, with the rest rod and identities.
-    `parents` is bone -> parent bone, for the pose space; flesh: the soft tissue in each pose, if it may
+    `parents` is bone -> parent bone, for the pose spaces; flesh: the soft tissue in each pose, if it may
     carry hooks.
     """
     base = rest.bones[-1]
     relative = {pose: relative_to(poses[pose], base) for pose in rods}
     local = {pose: poses[pose][base].inverse()(x) for pose, x in rods.items()}
     space = PoseSpace.build(rest.bones, parents, relative)
+    spaces = LocalPoseSpaces.build(rest.bones, parents, relative)
     flesh = flesh or {}
     around = {
         pose: replace(flesh[pose], vertices=poses[pose][base].inverse()(flesh[pose].vertices))
@@ -144,7 +161,7 @@ def build_tendon(
     given = (list(local.values()), list(relative.values()), list(around.values()))
     hooks = fit_hooks(rest.x, neutral_bones, rest.bones, *given)
     starts = np.stack([local[pose] - rest.skinned(bones) for pose, bones in relative.items()])
-    tendon = Tendon(name, rest, radius, hooks, space, starts)
+    tendon = Tendon(name, rest, radius, hooks, spaces, space, starts)
     for _ in range(CALIBRATIONS):
         tendon = _calibrated(tendon, local, relative, around)
     return tendon
@@ -164,7 +181,7 @@ def _calibrated(
     for n, (pose, rod) in enumerate(rods.items()):
         around = flesh[pose].vertices if flesh else None
         x = tendon.solve(poses[pose], around).x
-        hooks = Hooks(tendon.hooks.positions(poses[pose], tendon.space, around))
+        hooks = Hooks(tendon.hook_positions(poses[pose], around))
         hooks.refresh(x)
         contact = hooks.contacts(x)
         miss = closest_points(contact, past_end(rod)) - contact
