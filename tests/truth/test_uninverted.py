@@ -53,7 +53,7 @@ def test_what_is_the_right_way_out_is_not_touched(pressed):
 def test_what_stays_inside_out_is_an_error(pressed, monkeypatch):
     body, energies, found = pressed
     monkeypatch.setattr(module, "solve", lambda *_, **__: found)
-    with pytest.raises(ConvergenceError, match="inside out"):
+    with pytest.raises(ConvergenceError, match=r"inside out, first at \(.*\) in fat"):
         uninverted(body, energies, found, OPTIONS)
 
 

@@ -42,7 +42,8 @@ def uninverted(
     while inverted := body.inverted(found.x):
         more = folded | body.folded(found.x, NEARLY)
         if tried and (more == folded).all():
-            raise ConvergenceError(options.name, f"{inverted} tets end inside out: refine, or move less")
+            problem = f"{inverted} tets end inside out, {_place(body, found.x)}: refine, or move less"
+            raise ConvergenceError(options.name, problem)
         log.info("%s: %d tets end inside out, resisting more", options.name, inverted)
         folded, tried = more, True
         between = [body.between_nodes(folded)] if folded.any() else []
@@ -76,6 +77,14 @@ def _turned(body: Body, energies: Sequence[Potential], wrong: Mask, x: Array, op
     out = x.copy()
     out[nodes] = solve(local, x[nodes], fixed=fixed[np.repeat(nodes, 3)], options=options).x
     return out
+
+
+def _place(body: Body, x: Array) -> str:
+    """Where the first element is that is inside out at x (n, 3), and in what."""
+    crushed = (body.solid.volume_ratios(x) <= 0).any(axis=1)
+    cell = int(np.flatnonzero(crushed | body.folded(x))[0])
+    at = ", ".join(f"{c:.1f}" for c in x[body.elements.cells[cell]].mean(axis=0))
+    return f"first at ({at}) in {body.anatomy.regions[body.anatomy.labels[cell]]}"
 
 
 def _about(body: Body, cells: Mask) -> Mask:
