@@ -44,6 +44,15 @@ def test_what_ends_inside_out_comes_to_rest_the_right_way_out(pressed):
     assert height == pytest.approx(brentq(force, 1e-4, 0.3), rel=0.01)
 
 
+def test_what_is_pressed_harder_than_the_first_resistance_bears_resists_further(pressed):
+    """Where the logarithm ends at 2e-3 it bears 5.6 N, so that 20 N need more than one try."""
+    body, energies, _ = pressed
+    harder = [*energies[:-1], Pull(np.eye(4)[3:], np.array([[0.0, 0.0, -20_000.0]]))]
+    found = solve(harder, body.rest, fixed=body.fixed, options=OPTIONS)
+    assert body.inverted(found.x)
+    assert uninverted(body, harder, found, OPTIONS).x[3, 2] > 0
+
+
 def test_what_is_the_right_way_out_is_not_touched(pressed):
     body, energies, found = pressed
     resting = solve(energies[:-1], body.rest, fixed=body.fixed, options=OPTIONS)

@@ -19,7 +19,7 @@ from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth.active import ActiveFibres
 from handpipe.truth.balls import ball_means
-from handpipe.truth.crushing import CRUSHED, STEEPEST, Crushing
+from handpipe.truth.crushing import CRUSHED, LAST, STEEPEST, Crushing
 from handpipe.truth.elements import Elements
 from handpipe.truth.refinement import Midpoints, refine
 from handpipe.truth.solid import Solid
@@ -201,10 +201,10 @@ class Body:
         shares = self.cells.moved(x).volumes() / self.cells.volumes()
         return np.asarray(shares.reshape(count, -1).min(axis=1) <= left)
 
-    def between_nodes(self, cells: Mask) -> Crushing:
-        """Resistance to the end against the crushing of the tets between the nodes of cells (m,)."""
+    def between_nodes(self, cells: Mask, last: float = LAST) -> Crushing:
+        """Resistance to the end, `last`, against the crushing of the tets between the nodes of cells (m,)."""
         chosen = self.cells.tets[np.repeat(cells, len(self.cells.tets) // len(cells))]
-        return Crushing(Elements.linear(TetMesh(self.rest, chosen)), CRUSH_STIFFNESS).to_the_end()
+        return Crushing(Elements.linear(TetMesh(self.rest, chosen)), CRUSH_STIFFNESS).to_the_end(last)
 
     def surface(self, region: str, x: Array) -> Surface:
         """The surface of a region's tets, straight between all nodes, at positions x (n, 3)."""

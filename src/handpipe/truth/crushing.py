@@ -28,9 +28,9 @@ class Crushing(DensityPotential):
         super().__init__(elements)
         self.stiffness, self.steepest = stiffness, steepest
 
-    def to_the_end(self) -> Crushing:
+    def to_the_end(self, last: float = LAST) -> Crushing:
         """The same resistance, going on as the logarithm until almost nothing is left of an element."""
-        return Crushing(self.elements, self.stiffness, LAST)
+        return Crushing(self.elements, self.stiffness, last)
 
     def densities(self, f: Array, points: slice) -> Array:
         return self.stiffness * self._barrier(np.linalg.det(f))[0]

@@ -16,7 +16,7 @@ from handpipe.fem.potential import Potential, Sum
 from handpipe.fem.record import Record
 from handpipe.fem.two_level import with_nodes
 from handpipe.truth.body import Body
-from handpipe.truth.crushing import Crushing
+from handpipe.truth.crushing import LAST, Crushing
 from handpipe.truth.density import DensityPotential
 
 Array = NDArray[np.float64]
@@ -24,6 +24,7 @@ Mask = NDArray[np.bool_]
 log = logging.getLogger(__name__)
 
 NEARLY = 0.1  # of its volume at rest: a tet between nodes that has less left folds where its neighbours turn
+FURTHER, LEAST = 0.1, 1e-5  # how much further what stays inside out resists, each time, and at most
 RINGS = 2  # of elements about those inside out, which turn before all else moves
 
 
@@ -33,20 +34,23 @@ def uninverted(
     """An equilibrium of the energies as it is, or, where tissue is inside out, the one beside it that is not.
 
     There the resistance against crushing goes on to the end, and the body comes to rest anew. The points of a
-    small quadratic tet do not feel that it folds beside them: the tets between its nodes resist, too.
+    small quadratic tet do not feel that it folds beside them: the tets between its nodes resist, too. What is
+    pressed from both sides may stay inside out by a hair, and resists further then.
     What turns takes many short steps, so that it turns first, with its surroundings alone.
     Raises `ConvergenceError` where tissue stays inside out.
     """
-    folded, tried = np.zeros(len(body.anatomy.mesh.tets), dtype=bool), False
-    harder = [p.to_the_end() if isinstance(p, Crushing) else p for p in energies]
+    folded, tried, last = np.zeros(len(body.anatomy.mesh.tets), dtype=bool), False, LAST
     while inverted := body.inverted(found.x):
         more = folded | body.folded(found.x, NEARLY)
         if tried and (more == folded).all():
+            last *= FURTHER
+        if last < LEAST:
             problem = f"{inverted} tets end inside out, {_place(body, found.x)}: refine, or move less"
             raise ConvergenceError(options.name, problem)
         log.info("%s: %d tets end inside out, resisting more", options.name, inverted)
         folded, tried = more, True
-        between = [body.between_nodes(folded)] if folded.any() else []
+        harder = [p.to_the_end(last) if isinstance(p, Crushing) else p for p in energies]
+        between = [body.between_nodes(folded, last)] if folded.any() else []
         if options.coarse is not None:
             nodes = np.unique(body.elements.cells[folded])
             options = replace(options, coarse=with_nodes(options.coarse, nodes))
