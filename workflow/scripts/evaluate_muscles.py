@@ -8,7 +8,7 @@ with stage(snakemake):
 
     import numpy as np
 
-    from handpipe import artifacts, metrics
+    from handpipe import metrics
     from handpipe.config import Role, load_dataset
     from handpipe.evaluation.surfaces import penetration, symmetric_distance
     from handpipe.fem import plasticity
@@ -20,6 +20,7 @@ with stage(snakemake):
     from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
     from muscle_files import read_guesses
+    from truth import true_pose
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
@@ -52,7 +53,7 @@ with stage(snakemake):
 
     def true_surfaces(pose):
         """The truth's muscles in a pose, in its own frame."""
-        found = artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")["muscles"]
+        found = true_pose(dataset, pose)["muscles"]
         return {name: Surface(found[name]["vertices"], found[name]["triangles"]) for name in dataset.muscles}
 
     if dataset.truth is not None:

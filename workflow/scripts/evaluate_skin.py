@@ -20,6 +20,7 @@ with stage(snakemake):
     from handpipe.hand.frames import read_frames
     from handpipe.mesh.surface import Surface, read_surface
     from handpipe.skeleton.rig import Rig
+    from truth import true_pose
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
@@ -33,7 +34,7 @@ with stage(snakemake):
         skins = {n: Surface(shapes["skin"].vertices, shapes["skin"].cells) for n, shapes in models.items()}
         errors[frame.name] = {model: surface_distance(points, skin) for model, skin in skins.items()}
         if dataset.truth is not None:
-            known = artifacts.read(dataset.path(dataset.truth.folder) / f"{frame.name}.h5", "truth")["skin"]
+            known = true_pose(dataset, frame.name)["skin"]
             true = Surface(home(known["vertices"]), known["triangles"])
             true_errors[frame.name] = {
                 model: surface_distance(np.delete(skin.vertices, cut, axis=0), true)
@@ -48,8 +49,8 @@ with stage(snakemake):
     )
     figures |= skin_metrics(rows)
     roles = set(role_of.values())
-    for kind, found in (("", errors), ("true_", true_errors)):
-        totals = {row["pose"]: row for row in skin_rows(found, role_of)}
+    for kind, found in (("", rows), ("true_", skin_rows(true_errors, role_of))):
+        totals = {row["pose"]: row for row in found}
         for role, (model, prefix) in product(roles if found else (), PREFIXES.items()):
             total = totals[role if len(roles) > 1 else "all"]
             for statistic in ("mean", "median", "max"):

@@ -6,13 +6,14 @@ from figures import stage_cost
 with stage(snakemake):
     import numpy as np
 
-    from handpipe import artifacts, metrics
+    from handpipe import metrics
     from handpipe.config import Role, load_dataset
     from handpipe.skeleton.rig import Rig
     from handpipe.tendons.registration import centreline_errors
     from handpipe.tendons.rod import length_change
     from handpipe.tendons.tendon import Tendon
     from layers import flesh_in_poses
+    from truth import true_pose
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
@@ -27,8 +28,8 @@ with stage(snakemake):
             changes.append(100 * length_change(x, tendon.rest.length))
             if dataset.truth is None:
                 continue
-            truth = artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")["tendons"]
-            line = rig.poses[pose].root.inverse()(truth[tendon.name]["centreline"])
+            true = true_pose(dataset, pose)["tendons"][tendon.name]
+            line = rig.poses[pose].root.inverse()(true["centreline"])
             errors[dataset.poses[pose].role].append(np.concatenate(centreline_errors(x, line)))
     figures["length_change_max"] = (float(np.max(changes)), "%")
     if errors[Role.example]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from common import stage
 
 with stage(snakemake):
-    from handpipe import artifacts, metrics
+    from handpipe import metrics
     from handpipe.config import load_dataset
     from handpipe.evaluation.build import read_jobs
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
@@ -14,6 +14,7 @@ with stage(snakemake):
     from handpipe.imaging.volume import read_volume
     from handpipe.mesh.surface import Surface, read_surface
     from handpipe.skeleton.rig import Rig
+    from truth import true_pose
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
@@ -24,7 +25,7 @@ with stage(snakemake):
         """True surfaces by tissue, where the subject has a truth."""
         if dataset.truth is None:
             return {}
-        data = artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")
+        data = true_pose(dataset, pose)
         found = {kind: [*data.get(kind, {}).values()] for kind in ("bones", "muscles", "ligaments")}
         found["skin"] = [data["skin"]]
         return {

@@ -1,4 +1,4 @@
-"""Bones' transforms against the truth of a generated subject."""
+"""The truth of a generated subject, and bones' transforms against it."""
 
 import numpy as np
 
@@ -6,9 +6,14 @@ from handpipe import artifacts
 from handpipe.mesh.rigid import RigidTransform
 
 
+def true_pose(dataset, pose):
+    """All that is true in a pose, in its own frame (kind "truth")."""
+    return artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")
+
+
 def bone_errors(dataset, pose, found, centroids):
     """Angles in deg and distances of centroids in mm between found and true transforms, a bone each."""
-    truth = artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")["bones"]
+    truth = true_pose(dataset, pose)["bones"]
     rotations, translations = [], []
     for bone, centroid in centroids.items():
         true = RigidTransform(truth[bone]["rotation"], truth[bone]["translation"])

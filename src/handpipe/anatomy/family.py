@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.anatomy.bony_points import away_from
-from handpipe.anatomy.posing import Skeleton
+from handpipe.anatomy.posing import OF_RAYS, Skeleton
 from handpipe.anatomy.subject_template import SubjectTemplate, warped
 from handpipe.anatomy.warp import require_invertible
 from handpipe.errors import InputError
@@ -22,7 +22,7 @@ from handpipe.muscles.templates import Affine
 
 Array = NDArray[np.float64]
 
-KINDS = {4: ("metacarpal", "proximal", "middle", "distal"), 3: ("metacarpal", "proximal", "distal")}
+KINDS = {4: OF_RAYS, 3: ("metacarpal", "proximal", "distal")}
 RAYS = {
     1: (49.0, 32.0, 22.0),
     2: (66.0, 40.0, 22.0, 16.0),

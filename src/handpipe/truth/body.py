@@ -19,7 +19,7 @@ from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth.active import ActiveFibres
 from handpipe.truth.balls import ball_means
-from handpipe.truth.crushing import CRUSHED, LAST, STEEPEST, Crushing
+from handpipe.truth.crushing import LAST, Crushing
 from handpipe.truth.elements import Elements
 from handpipe.truth.refinement import Midpoints, refine
 from handpipe.truth.solid import Solid
@@ -189,12 +189,12 @@ class Body:
         points = int((self.solid.volume_ratios(x) <= 0).sum())
         return points + int((self.cells.moved(x).volumes() <= 0).sum())
 
-    def crushed(self, x: Array) -> Mask:
-        """Elements (m,) of which a quadrature point has less left at x (n, 3) than resists as a logarithm."""
-        return np.asarray((self.solid.volume_ratios(x) <= STEEPEST * CRUSHED).any(axis=1))
+    def crushed(self, x: Array, left: float = 0.0) -> Mask:
+        """Elements (m,) of which a quadrature point has this share left at x (n, 3), or is inside out."""
+        return np.asarray((self.solid.volume_ratios(x) <= left).any(axis=1))
 
     def folded(self, x: Array, left: float = 0.0) -> Mask:
-        """Quadratic tets (m,) of which a tet between nodes has this share left at x (n, 3), or less."""
+        """Quadratic tets (m,) of which a tet between nodes has this share left at x (n, 3), or folds."""
         count = len(self.elements.cells)
         if self.order == 1:
             return np.zeros(count, dtype=bool)

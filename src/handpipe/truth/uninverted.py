@@ -16,7 +16,7 @@ from handpipe.fem.potential import Potential, Sum
 from handpipe.fem.record import Record
 from handpipe.fem.two_level import with_nodes
 from handpipe.truth.body import Body
-from handpipe.truth.crushing import LAST, Crushing
+from handpipe.truth.crushing import CRUSHED, LAST, STEEPEST, Crushing
 from handpipe.truth.density import DensityPotential
 
 Array = NDArray[np.float64]
@@ -55,7 +55,8 @@ def uninverted(
             nodes = np.unique(body.elements.cells[folded])
             options = replace(options, coarse=with_nodes(options.coarse, nodes))
         resisting = [*harder, *between]
-        start = _turned(body, resisting, folded | body.crushed(found.x), found.x, options)
+        wrong = folded | body.crushed(found.x, STEEPEST * CRUSHED)  # beyond which the resistance is another
+        start = _turned(body, resisting, wrong, found.x, options)
         if Sum(resisting).value(start) > Sum(resisting).value(found.x):
             start = found.x
         again = solve(resisting, start, fixed=body.fixed, options=options)
@@ -85,8 +86,7 @@ def _turned(body: Body, energies: Sequence[Potential], wrong: Mask, x: Array, op
 
 def _place(body: Body, x: Array) -> str:
     """Where the first element is that is inside out at x (n, 3), and in what."""
-    crushed = (body.solid.volume_ratios(x) <= 0).any(axis=1)
-    cell = int(np.flatnonzero(crushed | body.folded(x))[0])
+    cell = int(np.flatnonzero(body.crushed(x) | body.folded(x))[0])
     at = ", ".join(f"{c:.1f}" for c in x[body.elements.cells[cell]].mean(axis=0))
     return f"first at ({at}) in {body.anatomy.regions[body.anatomy.labels[cell]]}"
 
