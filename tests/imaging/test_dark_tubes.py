@@ -66,6 +66,15 @@ def test_a_strip_of_muscle_is_no_tendon() -> None:
     np.testing.assert_allclose(sections.centres, guess, atol=0.2)
 
 
+def test_a_bright_strand_in_a_dark_sheath_is_no_tendon() -> None:
+    def intensity(points):
+        return np.where(np.abs(to_tube(points) + 0.4) < 0.4, 0.08, 0.9)
+
+    guess = course(np.linspace(0.1, 0.65, 25))
+    sheath = voxelised(intensity, (-1, -5, -5), (19, 14, 5))
+    assert darkness_centre(sheath, guess, tangents_of(guess), 1.5).confidence.max() == 0.0
+
+
 def test_surface_is_closed_and_below_the_voxel_size(bent) -> None:
     surface = tube_surface(bent, course(np.linspace(0.1, 0.65, 30)), 1.7)
     sides = surface.vertices[:-2]

@@ -101,30 +101,38 @@ def darkness_centre(
     The edge on each ray is where the intensity is half-way to the tissue outside, so that fat on one side and
     muscle on the other do not pull the centre. Rays that enter a bone are left out, since cortical bone is as
     dark as the tube, and those that find nothing darker than muscle. Sections whose edge is not seen keep
-    their points and have confidence 0.
+    their points and have confidence 0; so have those whose centre is no darker than muscle.
     """
     frames = parallel_frames(tangents)
     centres, radii, seen = points.copy(), np.full(len(points), radius), np.zeros(len(points))
+    bright = 1.0
     for _ in range(iterations):
-        edge, confidence, directions = _ray_edges(volume, centres, frames, radius, bones)
+        edge, confidence, directions, bright = _ray_edges(volume, centres, frames, radius, bones)
         shift, radii, seen = _fit_circles(edge, confidence, directions[0], radius)
         size = np.linalg.norm(shift, axis=1, keepdims=True)
         shift *= np.minimum(1, radius / np.maximum(size, 1e-12))
         centres = centres + shift[:, :1] * frames[0] + shift[:, 1:] * frames[1]
-    return Sections(centres, radii, seen)
+    return Sections(centres, radii, seen * _darkness(volume.sample(centres) / bright))
+
+
+def _darkness(level: Array) -> Array:
+    """1 for what is as dark as a tube, 0 for what is as bright as muscle, by its part of the bright level."""
+    return np.clip((DARK - level) / (0.25 * DARK), 0, 1)
 
 
 def _ray_edges(
     volume: Volume, centres: Array, frames: tuple[Array, Array], radius: float, bones: Distance | None
-) -> tuple[Array, Array, tuple[Array, Array]]:
-    """Distance (n, RAYS) of the tube's edge along rays, its confidence, the rays' plane and world course."""
+) -> tuple[Array, Array, tuple[Array, Array], float]:
+    """Distance (n, RAYS) of the tube's edge along rays, its confidence, the rays' plane and world course,
+    and the bright tissue's level.
+    """
     angle = 2 * np.pi * np.arange(RAYS) / RAYS
     plane = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     world = plane[:, 0, None] * frames[0][:, None] + plane[:, 1, None] * frames[1][:, None]
     offsets = np.arange(0, 2 * radius + 1.2, STEP)
     samples = centres[:, None, None] + offsets[:, None] * world[:, :, None]
     values = volume.sample(samples)
-    bright = np.percentile(values, 95)
+    bright = float(np.percentile(values, 95))
     free = np.ones(values.shape, bool)
     if bones is not None:
         signed = bones.signed(samples[:, :, ::4].reshape(-1, 3))[0].reshape(*values.shape[:2], -1)
@@ -133,9 +141,9 @@ def _ray_edges(
     before = offsets[None, None] <= edge[..., None] + 0.3
     hidden = (before & ~free).any(axis=2)
     confidence = np.clip(rise / (2 * CONTRAST * bright), 0, 1) * ~hidden
-    confidence *= np.clip((DARK - dark / bright) / (0.25 * DARK), 0, 1)
+    confidence *= _darkness(dark / bright)
     confidence *= np.exp(-((np.maximum(np.abs(edge - radius) - 0.6 * radius, 0) / (0.3 * radius)) ** 2))
-    return edge, confidence, (plane, world)
+    return edge, confidence, (plane, world), bright
 
 
 def _first_rise(values: Array, offsets: Array, contrast: float) -> tuple[Array, Array, Array]:
@@ -188,7 +196,7 @@ def tube_surface(volume: Volume, centreline: Array, radius: float, bones: Distan
     The edge's distance from the centreline is a smooth field of place and angle, held by the edges seen.
     """
     frames = parallel_frames(tangents_of(centreline))
-    edge, confidence, (_, world) = _ray_edges(volume, centreline, frames, radius, bones)
+    edge, confidence, (_, world), _ = _ray_edges(volume, centreline, frames, radius, bones)
     n = len(centreline)
     measured = np.r_[edge.ravel(), np.full(edge.size, radius)]
     weights = np.r_[confidence.ravel(), np.full(edge.size, 0.02)]

@@ -17,6 +17,7 @@ from handpipe.tendons.rod import Array, resample, tangents
 SPACING = 1.2  # mm, length of a segment
 SMOOTHING = 2.5  # mm; wiggles of the centres shorter than this are noise
 ROUNDS = 8
+CLEARANCE = 0.5  # of the radius that a tendon's centre keeps from bone at least
 
 
 @dataclass(frozen=True)
@@ -70,9 +71,15 @@ def _through_centres(x: Array, found: tubes.Sections, spacing: float) -> Array:
 
 
 def centre_finder(volume: Volume, radius: float, bones: Distance | None = None) -> Callable:
-    """`find_centres(points, tangents) -> (centres, confidence)` of one image, for `registration.register`."""
+    """`find_centres(points, tangents) -> (centres, confidence)` of one image, for `registration.register`.
+
+    Points in or on bone are moved out of it first: rays from within a bone see no tendon.
+    """
 
     def find(points: Array, along: Array) -> tuple[Array, Array]:
+        if bones is not None:
+            outside, _, _, normals = bones.signed(points)
+            points = points + np.maximum(CLEARANCE * radius - outside, 0.0)[:, None] * normals
         found = tubes.darkness_centre(volume, points, along, radius, bones, iterations=1)
         inside = np.all(
             (volume.to_index(points) >= 0) & (volume.to_index(points) <= np.array(volume.shape) - 1), axis=1

@@ -31,7 +31,7 @@ class Settings:
     rigid_spacing: float = 4.0  # mm between the rigid points of stage 1
     rigid_weight: float = 0.95  # skinning weight from which a point counts as rigid to its bone
     rigid_smoothing: float = 2.0
-    centre_rounds: int = 6
+    centre_rounds: int = 20
     centre_smoothing: float = 1.0
     surface_smoothing: float = 1.0
     surface_rounds: int = 30
