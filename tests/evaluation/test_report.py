@@ -74,8 +74,9 @@ def full(dataset: Dataset) -> ReportInput:
     return ReportInput(
         dataset,
         [pose],
-        skin,
-        [{"joint": "MP2", "FM_R": 1.58, "PM_R": 1.82, "FM_x": 0.55, "PM_x": 0.76}],
+        skin_rows=skin,
+        muscle_rows=[{"muscle": "adductor", "pose": "flat", "role": "example", "mean": 0.37}],
+        rig_rows=[{"joint": "MP2", "FM_R": 1.58, "PM_R": 1.82, "FM_x": 0.55, "PM_x": 0.76}],
         metrics={
             "rig": {"rotation_error_mean": (1.58, "deg")},
             "skin": skin_metrics(skin) | {"seconds": (12.5, "s"), "peak_memory": (0.75, "GiB")},
@@ -137,6 +138,7 @@ def test_report_holds_pictures_with_text_and_figures_with_units(full: ReportInpu
         "1.58",
         "0.76",
         "mean m0/m2 [%]",
+        "Muscles against truth",
         "10.00",
         "12.50",
         "fit_rig",

@@ -49,6 +49,23 @@ def test_skin_table_has_totals_by_role_and_leaves_out_what_is_missing():
     assert table.skin_table([]) is None
 
 
+def test_muscle_table_has_a_row_a_muscle_and_a_column_a_pose():
+    rows = [
+        {"muscle": "adductor", "pose": "fist", "role": "example", "mean": 0.2, "median": 0.1, "max": 0.9},
+        {"muscle": "adductor", "pose": "hook", "role": "heldout", "mean": 0.4, "median": 0.1, "max": 0.9},
+        {"muscle": "opponens", "pose": "fist", "role": "example", "mean": 0.6, "median": 0.1, "max": 0.9},
+    ]
+    made = table.muscle_table(rows)
+    assert made is not None
+    assert list(made.columns) == ["muscle", "fist (example)", "hook (heldout)"]
+    assert [list(r) for r in made.rows] == [
+        ["adductor", 0.2, 0.4],
+        ["opponens", 0.6, None],
+        ["average", pytest.approx(0.4), pytest.approx(0.4)],
+    ]
+    assert table.muscle_table([]) is None
+
+
 def test_rig_table_has_the_papers_columns_and_the_average_last():
     made = table.rig_table(
         [

@@ -167,7 +167,8 @@ rule evaluate_muscles:
             "results/{subject}/poses/{pose}/inner.h5", Role.example, Role.heldout
         ),
     output:
-        "results/{subject}/metrics/muscles.json",
+        metrics="results/{subject}/metrics/muscles.json",
+        table="results/{subject}/tables/muscles.json",
     log:
         "results/{subject}/logs/evaluate_muscles/all.log",
     benchmark:

@@ -12,9 +12,9 @@ with stage(snakemake):
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.hand.frames import read_frames
     from handpipe.imaging.volume import read_volume
-    from handpipe.mesh.surface import Surface, read_surface
+    from handpipe.mesh.surface import read_surface
     from handpipe.skeleton.rig import Rig
-    from truth import true_pose
+    from truth import surfaces_in, true_pose
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
@@ -26,11 +26,9 @@ with stage(snakemake):
         if dataset.truth is None:
             return {}
         data = true_pose(dataset, pose)
-        found = {kind: [*data.get(kind, {}).values()] for kind in ("bones", "muscles", "ligaments")}
-        found["skin"] = [data["skin"]]
-        return {
-            kind: [Surface(d["vertices"], d["triangles"]) for d in parts] for kind, parts in found.items()
-        }
+        found = {kind: data.get(kind, {}) for kind in ("bones", "muscles", "ligaments")}
+        found["skin"] = {"skin": data["skin"]}
+        return {kind: [*surfaces_in(group).values()] for kind, group in found.items()}
 
     def view(pose):
         [(frame, layers)] = read_frames(base / f"poses/{pose}/inner.h5")
@@ -71,6 +69,7 @@ with stage(snakemake):
             dataset,
             poses=[view(pose) for pose in shown],
             skin_rows=table("skin"),
+            muscle_rows=table("muscles"),
             rig_rows=table("rig"),
             metrics={Path(p).stem: metrics.read(p) for p in snakemake.input.metrics},
             scenes=scenes,

@@ -4,11 +4,17 @@ import numpy as np
 
 from handpipe import artifacts
 from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
 
 
 def true_pose(dataset, pose):
     """All that is true in a pose, in its own frame (kind "truth")."""
     return artifacts.read(dataset.path(dataset.truth.folder) / f"{pose}.h5", "truth")
+
+
+def surfaces_in(group):
+    """Surfaces by name of a truth's group of organs."""
+    return {name: Surface(d["vertices"], d["triangles"]) for name, d in group.items()}
 
 
 def bone_errors(dataset, pose, found, centroids):

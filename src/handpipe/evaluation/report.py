@@ -22,7 +22,7 @@ from handpipe.evaluation.build import Job, cost_table
 from handpipe.evaluation.render import Camera
 from handpipe.evaluation.slices import Plane, Sample, sagittal_plane, transversal_plane
 from handpipe.evaluation.surfaces import surface_distance
-from handpipe.evaluation.table import Row, Table, metrics_table, rig_table, skin_table
+from handpipe.evaluation.table import Row, Table, metrics_table, muscle_table, rig_table, skin_table
 from handpipe.evaluation.viewer import view_data
 from handpipe.hand.appearance import shown, tissue
 from handpipe.hand.frames import SimulatedFrame
@@ -83,15 +83,17 @@ class PoseView:
 class ReportInput:
     """All that a report shows; what is empty is left out of it.
 
-    `skin_rows` of `table.skin_rows`, `rig_rows` of `skeleton.table.joint_table`; `metrics` by stage, in the
-    order shown; `benchmarks` the figures of `snakemake benchmark_fem`; `scenes` frames for the 3D view by
-    scene; `finger` the bones, from proximal to distal, whose planes cut the slices (by default all);
-    `settings` what a person chose, by name; `limits` sentences.
+    `skin_rows` of `table.skin_rows`, `muscle_rows` of `muscles.error_rows`, `rig_rows` of
+    `skeleton.table.joint_table`; `metrics` by stage, in the order shown; `benchmarks` the figures of
+    `snakemake benchmark_fem`; `scenes` frames for the 3D view by scene; `finger` the bones, from proximal to
+    distal, whose planes cut the slices (by default all); `settings` what a person chose, by name; `limits`
+    sentences.
     """
 
     dataset: Dataset
     poses: Sequence[PoseView] = ()
     skin_rows: Sequence[Row] = ()
+    muscle_rows: Sequence[Row] = ()
     rig_rows: Sequence[Row] = ()
     metrics: Mapping[str, Metrics] = field(default_factory=dict)
     scenes: Mapping[str, Sequence[SimulatedFrame]] = field(default_factory=dict)
@@ -125,7 +127,8 @@ def write_report(path: str | Path, report: ReportInput) -> None:
 
 
 def _content(report: ReportInput) -> dict[str, Any]:
-    main_tables = [t for t in (skin_table(report.skin_rows), rig_table(report.rig_rows)) if t]
+    found = skin_table(report.skin_rows), muscle_table(report.muscle_rows), rig_table(report.rig_rows)
+    main_tables = [t for t in found if t]
     looks = {tissue(layer, body) for p in report.poses for layer, body, _ in shown(p.layers)}
     return {
         "subject": report.dataset.name,

@@ -1,4 +1,5 @@
-"""Tables of the report: skin errors by pose and model, rig errors by joint, figures by stage."""
+"""Tables of the report: errors of skin by pose and model, of muscles by pose, of the rig by joint; figures by
+stage."""
 
 from __future__ import annotations
 
@@ -126,6 +127,20 @@ def skin_table(rows: Sequence[Row]) -> Table | None:
 
 def _pose(row: Row) -> str:
     return f"{row['pose']} ({row['role']})" if row["role"] else str(row["pose"])
+
+
+def muscle_table(rows: Sequence[Row]) -> Table | None:
+    """`muscles.error_rows` as a table, a row a muscle and a column a pose; None without rows."""
+    if not rows:
+        return None
+    poses = list(dict.fromkeys(_pose(row) for row in rows))
+    means: dict[str, dict[str, float]] = {}
+    for row in rows:
+        means.setdefault(str(row["muscle"]), {})[_pose(row)] = float(row["mean"])
+    cells: list[list[Cell]] = [[muscle, *map(by_pose.get, poses)] for muscle, by_pose in means.items()]
+    cells.append(["average", *(float(np.mean([m[p] for m in means.values() if p in m])) for p in poses)])
+    note = "Mean distance between simulated and true surfaces, both ways; in neutral, of the fitted shapes."
+    return Table("Muscles against truth [mm].", ["muscle", *poses], cells, note)
 
 
 def rig_table(rows: Sequence[Row]) -> Table | None:

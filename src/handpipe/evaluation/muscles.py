@@ -1,0 +1,43 @@
+"""Muscles against known ones, muscle by muscle, and how deep organs lie in one another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.evaluation.surfaces import penetration, symmetric_distance
+from handpipe.evaluation.table import STATISTICS, Row
+from handpipe.mesh.surface import Surface
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def surface_errors(found: Mapping[str, Surface], true: Mapping[str, Surface]) -> dict[str, Array]:
+    """Distances in mm between found and true surfaces, both ways, of the muscles that are in both."""
+    return {name: symmetric_distance(found[name], true[name]) for name in found if name in true}
+
+
+def error_rows(errors: Mapping[str, Mapping[str, Array]], roles: Mapping[str, str]) -> list[Row]:
+    """Rows with `muscle`, `pose`, `role`, and `mean`, `median`, `max` in mm, of distances by pose, muscle."""
+    return [
+        {"muscle": muscle, "pose": pose, "role": roles[pose]} | {k: f(d) for k, f in STATISTICS.items()}
+        for pose, by_muscle in errors.items()
+        for muscle, d in by_muscle.items()
+    ]
+
+
+def deepest(muscles: Mapping[str, Surface], held: Mapping[str, IntArray], bones: Iterable[Surface]) -> float:
+    """How deep in mm a vertex of a muscle lies in a bone or in another muscle, at most.
+
+    held: ids of the vertices of each muscle that bones hold, which lie in these by right.
+    """
+    closed = {f"bone {i}": bone for i, bone in enumerate(bones)} | dict(muscles)
+    return max(
+        float(penetration(np.delete(surface.vertices, held[name], axis=0), other).max(initial=0.0))
+        for name, surface in muscles.items()
+        for label, other in closed.items()
+        if label != name
+    )
