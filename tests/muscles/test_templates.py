@@ -44,6 +44,19 @@ def test_bones_and_the_muscle_between_them_are_carried_back():
     assert ends["a"].max() < 5 and ends["b"].min() > 39 and min(map(len, ends.values())) >= 3
 
 
+def test_a_slender_template_keeps_its_volume_whatever_edge_is_asked_for():
+    """A rod of 1.2 mm radius, around which five edges of 1.5 mm reach."""
+    rod = trimesh.creation.capsule(height=30.0, radius=1.2, count=[48, 48])
+    surface = Surface(np.asarray(rod.vertices), np.asarray(rod.faces))
+    z = surface.vertices[:, 2]
+    held = {"a": np.flatnonzero(z < z.min() + 2), "b": np.flatnonzero(z > z.max() - 2)}
+    guess = place(surface, held, lambda points: points, 1.5)
+    assert guess.surface.volume() == pytest.approx(surface.volume(), rel=0.06)
+    stout = surface.moved(4 * surface.vertices)
+    edges = place(stout, held, lambda points: points, 1.5).surface.edge_lengths()
+    assert np.median(edges) == pytest.approx(1.5, rel=0.15)
+
+
 def test_similarity_is_exact_on_similar_points():
     points = np.random.default_rng(0).standard_normal((30, 3))
     turned = 1.7 * Rotation.from_rotvec([1.0, 0.5, 2.0]).apply(points) + [1, 2, 3]

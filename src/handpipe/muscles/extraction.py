@@ -43,6 +43,9 @@ SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)
 SEEN = 0.9  # share of its boundary that a fit finds in the image, with which no other guess is tried
 TRUSTED = 0.5  # share with which a fit tells where those around it have gone
 ALIKE = 0.3  # mm in the mean between guesses of which one is enough
+# In neutral the template is known roughly: a little weight keeps from wandering what no image shows, strains
+# along a slender muscle and borders between muscles.
+NEUTRAL = ShapeOptions(strain=0.01)
 POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 
 
@@ -92,7 +95,7 @@ def extract_neutral(
     first = Body.of(guess.surface, guess.attachments, edge, guess.landmarks)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
     find = image_markers(volume, first, markers, others, bones) if points is None else fixed_markers(points)
-    extraction = _extract(first, still, first.mesh.vertices, find, options, landmarks)
+    extraction = _extract(first, still, first.mesh.vertices, find, options or NEUTRAL, landmarks)
     body = Body.of(extraction.surface, guess.attachments, edge, guess.landmarks)
     if bones is not None:
         body = replace(body, visible=body.visible | (bones.signed(body.surface.vertices)[0] >= ON_BONE))
