@@ -6,11 +6,13 @@ import numpy as np
 
 from handpipe.imaging.volume import Volume
 from handpipe.layers import Shape
-from handpipe.mesh.distance import surface_errors
+from handpipe.mesh.distance import Distance, surface_errors
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.muscles import extraction
 from handpipe.muscles.contraction import slack
+from handpipe.muscles.templates import place
+from handpipe.shapes.fit import ShapeOptions
 
 from .shapes import flesh_about, hinge, hinge_bones, rod, spindle
 
@@ -95,6 +97,27 @@ def test_an_end_beside_its_bone_stays_where_the_image_shows_it():
     left = found.vertices[body.attachments["a"]]
     assert np.abs(left - body.surface.vertices[body.attachments["a"]]).max() < 0.5
     assert surface_errors(found, body.surface).mean() < 0.3
+
+
+def test_what_no_image_shows_wanders_less_for_a_little_weight_on_the_templates_strains():
+    """A muscle among three others of its brightness, in a noisy image; its template is right."""
+    truth = rod([0, 0, 0], 34.0, 5.0, 4.0)
+    sides = [rod([0.0, y, -1.0], 50.0, 6.0, 5.0) for y in (-9.5, 9.5)]
+    around = [rod([0.0, 0.0, -9.0], 50.0, 9.0, 6.5), *sides]
+    gaps = np.min([Distance(other).signed(truth.vertices)[0] for other in around], axis=0)
+    x = truth.vertices[:, 0]
+    hidden = truth.vertices[(gaps < 0.5) & (np.abs(x) < 14)]
+    image = image_of(truth, *around)
+    noise = 0.05 * np.random.default_rng(1).standard_normal(image.shape)
+    image = replace(image, values=(image.values + noise).astype(np.float32))
+    held = {"a": np.flatnonzero(x < -14.5), "b": np.flatnonzero(x > 14.5)}
+    guess = place(truth, held, lambda points: points, 1.1)
+
+    def error(options: ShapeOptions | None) -> float:
+        body, _ = extraction.extract_neutral(guess, image, others=around, options=options)
+        return float(Distance(body.surface).closest(hidden)[0].mean())
+
+    assert error(None) < 0.9 * error(ShapeOptions())
 
 
 def test_what_no_guess_finds_is_sought_where_those_around_it_have_gone(monkeypatch):
