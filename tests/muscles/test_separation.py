@@ -8,7 +8,7 @@ from tests.muscles.crossings import crossings, inside
 from handpipe.errors import ConvergenceError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-from handpipe.muscles.separation import separate
+from handpipe.muscles.separation import NO_VOLUME, separate
 
 
 def ellipsoid(radii, centre, subdivisions: int = 3) -> Surface:
@@ -43,6 +43,23 @@ def test_two_muscles_come_apart_and_keep_their_volume():
         assert moved.max() > 0.2  # each of the two gave way
     gap = Distance(result.surfaces["b"]).closest(result.surfaces["a"].vertices)[0].min()
     assert gap < 0.06  # and no further than it must
+
+
+def test_what_is_seen_stays_and_what_is_hidden_makes_way():
+    """2 mm too thick where they touch: if volumes were kept, outer sides would give what inner ones lack."""
+    muscles = {"a": ellipsoid([25, 5, 4], [0, 0, 0]), "b": ellipsoid([25, 5, 4], [0, 0, 6.0])}
+    seen = {"a": muscles["a"].vertices[:, 2] < 1, "b": muscles["b"].vertices[:, 2] > 5}
+
+    def moved(result) -> float:
+        offsets = [result.surfaces[n].vertices[seen[n]] - muscles[n].vertices[seen[n]] for n in muscles]
+        return float(np.linalg.norm(np.concatenate(offsets), axis=1).mean())
+
+    result = separate(muscles, {}, NO_VOLUME, seen=seen)
+    assert_apart(result.surfaces)
+    assert moved(result) < 0.02 < 0.1 < moved(separate(muscles, {}))
+    border = result.surfaces["a"].vertices
+    border = border[(np.abs(border[:, 0]) < 12) & (np.abs(border[:, 1]) < 1) & (border[:, 2] > 2)]
+    np.testing.assert_allclose(border[:, 2], 3.0, atol=0.1)  # midway
 
 
 def test_smooth_where_it_was_pushed():

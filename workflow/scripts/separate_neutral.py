@@ -7,14 +7,17 @@ with stage(snakemake) as log:
 
     from handpipe.muscles.body import Body
     from handpipe.muscles.contested import uncontested
-    from handpipe.muscles.separation import separate
+    from handpipe.muscles.separation import NO_VOLUME, separate
     from handpipe.skeleton.rig import Rig
     from muscle_files import read_bodies, write_bodies
 
     fitted = uncontested({n: b for path in snakemake.input.muscles for n, b in read_bodies(path).items()})
     bones = Rig.load(snakemake.input.rig).surfaces
     held = {n: b.held for n, b in fitted.items()}
-    found = separate({n: b.surface for n, b in fitted.items()}, bones, held=held)
+    # Volumes are the template's where nothing is seen: to keep them would push out what is.
+    surfaces = {n: b.surface for n, b in fitted.items()}
+    seen = {n: b.visible for n, b in fitted.items()}
+    found = separate(surfaces, bones, NO_VOLUME, held=held, seen=seen)
     log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
     bodies = {
         n: replace(

@@ -20,7 +20,8 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A closed surface; held (k,): its vertices that neither move nor collide; `fixed`: as a bone.
+    """A closed surface; held (k,): its vertices that neither move nor collide; `fixed`: as a bone; seen (n,):
+    vertices whose places are known, if any are told.
 
     Triangles with a held vertex are tied: they meet no bone and no other tied triangle.
     """
@@ -29,6 +30,7 @@ class Body:
     surface: Surface
     held: IntArray
     fixed: bool = False
+    seen: NDArray[np.bool_] | None = None
 
     @cached_property
     def tied(self) -> NDArray[np.bool_]:

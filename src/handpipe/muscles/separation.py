@@ -21,6 +21,7 @@ from handpipe.fem import equilibrium
 from handpipe.fem.barrier import Barrier
 from handpipe.fem.potential import Potential
 from handpipe.mesh.distance import Distance
+from handpipe.mesh.operators import mass_lumped
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.overlap import Body, collision_filter, depth
 from handpipe.muscles.parting import body_pairs, parted
@@ -28,6 +29,7 @@ from handpipe.muscles.surface_energy import KeptVolumes, Plate, thin_plate, volu
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 log = logging.getLogger(__name__)
 
@@ -36,6 +38,7 @@ STIFFNESS = 1.0  # mm of displacement whose pressure, by size alone, finds half 
 SOFTER = (8.0, 4.0, 2.0)  # times the clearance, of the barriers behind which bodies grow first
 FILLED = 2.0  # times the clearance, at most, where pressures fill them: from farther off they are kept small
 LOOSE = 8.0  # times the tolerance, behind those
+SEEN = 30.0  # times as much as a hidden vertex resists being moved, a seen one
 HOLD = 1e2  # times a vertex's stiffness, by which held ones are pulled back to their places
 ROUNDS = 6  # of the last solve, where pressures are changed again
 
@@ -43,13 +46,17 @@ ROUNDS = 6  # of the last solve, where pressures are changed again
 @dataclass(frozen=True)
 class SeparationOptions:
     """reach: mm over which a displacement fades along the surface; clearance: mm within which surfaces press
-    on one another; tolerance: mm, of the vertices; volume: relative change of a muscle's volume at most."""
+    on one another; tolerance: mm, of the vertices; volume: relative change of a muscle's volume at most
+    (infinite: none is kept)."""
 
     reach: float = 3.0
     clearance: float = 0.05
     tolerance: float = 0.005
     volume: float = 0.008
     iterations: int = 300
+
+
+NO_VOLUME = SeparationOptions(volume=np.inf)
 
 
 @dataclass(frozen=True)
@@ -78,20 +85,25 @@ def separate(
     options: SeparationOptions | None = None,
     *,
     held: Mapping[str, IntArray] | None = None,
+    seen: Mapping[str, Mask] | None = None,
 ) -> Separation:
     """Part overlapping closed surfaces, both muscles of a pair alike; `fixed` bodies stay.
 
     Muscles are deflated until none meets another or a bone, then grow back to the displacement u from their
     given shapes that minimises thin-plate bending and size, reach^4 |lap u|^2 + |u|^2 integrated over the
     surfaces, with a barrier between them that no step crosses: surfaces that were apart never meet. Pressures
-    keep volumes. held: vertex ids of each muscle that do not move and do not collide (attachments).
+    keep volumes. held: vertex ids of each muscle that do not move and do not collide (attachments); seen:
+    which vertices (n,) of each have places that an image shows: they hold on to these, hidden ones make way.
     Surfaces that do not meet are handed back as they are. Raises `Inseparable` where bodies meet however
     deflated, `ConvergenceError` where volumes find no room.
     """
     options = options or SeparationOptions()
     nothing = np.zeros(0, dtype=np.int64)
     scene = _Scene(
-        [Body(n, s, np.asarray((held or {}).get(n, nothing))) for n, s in muscles.items()],
+        [
+            Body(n, s, np.asarray((held or {}).get(n, nothing)), seen=None if seen is None else seen[n])
+            for n, s in muscles.items()
+        ],
         [Body(n, s, nothing, fixed=True) for n, s in fixed.items()],
     )
     rest = scene.rest()
@@ -200,9 +212,12 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
 
 
 def _plate(body: Body, reach: float) -> sparse.csr_matrix:
-    """Stiffness (n, n) of a muscle's surface, with springs that keep held vertices at their places."""
+    """Stiffness (n, n) of a muscle's surface, with springs that keep held and seen vertices in place."""
     plate = thin_plate(body.surface, reach)
     pull = np.zeros(plate.shape[0])
+    if body.seen is not None:
+        mass = mass_lumped(body.surface.vertices, body.surface.triangles)
+        pull[body.seen] = SEEN * mass[body.seen]
     pull[body.held] = HOLD * plate.diagonal()[body.held]
     return sparse.csr_matrix(plate + sparse.diags(pull))
 
