@@ -13,6 +13,7 @@ from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.truth import uninverted as module
 from handpipe.truth.body import CRUSH_STIFFNESS, Anatomy, Body, Pose
 from handpipe.truth.crushing import CRUSHED
+from handpipe.truth.mended import mended
 from handpipe.truth.uninverted import uninverted
 
 FORCE = 1500.0  # mN
@@ -81,9 +82,8 @@ def test_a_quadratic_tet_that_folds_beside_its_points_unfolds():
     assert unfolded[middle, 0] > 0.1
 
 
-@pytest.mark.parametrize("force", [20.0, 60.0])
-def test_what_turns_in_its_surroundings_leaves_little_to_the_whole_body(force, monkeypatch):
-    """The middle of a bar's edge is pulled through the tets beside it. Where it ends is the same without."""
+def pulled_bar(force):
+    """A bar of fat on a bone, the middle of an edge pulled through the tets beside it: at rest so, folded."""
     mesh = TetMesh(*box((8.0, 2.0, 2.0), (8, 2, 2)))
     end = np.flatnonzero(mesh.vertices[:, 0] == 0)
     anatomy = Anatomy(mesh, np.zeros(len(mesh.tets), dtype=int), ("fat",), {"bone": end})
@@ -91,10 +91,37 @@ def test_what_turns_in_its_surroundings_leaves_little_to_the_whole_body(force, m
     middle = np.flatnonzero(np.isclose(body.rest, [4.5, 0.0, 0.0]).all(axis=1))
     row = np.eye(len(body.rest))[middle]
     energies = [*body.energies(Pose({})), Pull(row, np.array([[0.0, force, force]]))]
-    found = solve(energies, body.rest, fixed=body.fixed, options=OPTIONS)
+    return body, energies, solve(energies, body.rest, fixed=body.fixed, options=OPTIONS)
+
+
+def test_a_folded_place_is_taken_from_a_shape_that_is_not():
+    """A bar sheared along itself, which is a harmonic field, and a node pulled through the tets about it."""
+    mesh = TetMesh(*box((20.0, 2.0, 2.0), (20, 2, 2)))
+    anatomy = Anatomy(mesh, np.zeros(len(mesh.tets), dtype=int), ("fat",), {"bone": np.array([0])})
+    body = Body(anatomy, {"fat": Material(10.0, 0.3)})
+    sheared = body.rest + 0.05 * body.rest[:, :1] * [0.0, 0.0, 1.0]
+    folded = sheared.copy()
+    folded[np.isclose(body.rest, [10.5, 0.0, 0.0]).all(axis=1)] += [0.0, 1.5, 1.5]
+    assert body.inverted(folded) > 0
+    x, taken = mended(body, folded, body.rest)
+    assert 0 < taken.sum() < 0.8 * len(x)
+    np.testing.assert_allclose(x, sheared, atol=1e-12)
+    assert mended(body, folded, folded) is None
+
+
+def test_from_a_shape_that_is_the_right_way_out_the_same_rest_is_found():
+    body, energies, found = pulled_bar(60.0)
+    begun = uninverted(body, energies, found, OPTIONS, body.rest)
+    np.testing.assert_allclose(begun.x, uninverted(body, energies, found, OPTIONS).x, atol=1e-7)
+
+
+@pytest.mark.parametrize("force", [20.0, 60.0])
+def test_what_turns_in_its_surroundings_leaves_little_to_the_whole_body(force, monkeypatch):
+    """The middle of a bar's edge is pulled through the tets beside it. Where it ends is the same without."""
+    body, energies, found = pulled_bar(force)
     assert body.folded(found.x).sum() >= 2
     turned = uninverted(body, energies, found, OPTIONS)
-    monkeypatch.setattr(module, "_turned", lambda body, energies, wrong, x, options: x)
+    monkeypatch.setattr(module, "_turned", lambda body, energies, moving, x, options: x)
     at_once = uninverted(body, energies, found, OPTIONS)
     assert body.inverted(turned.x) == 0
     np.testing.assert_allclose(turned.x, at_once.x, atol=1e-7)

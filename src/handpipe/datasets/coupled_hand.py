@@ -133,8 +133,9 @@ def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | N
     energies, begun = body.energies(at), body.prescribed(at, carry @ coarse)
     found = solve(energies, begun, fixed=body.fixed, options=options)
     # Keeping volumes unfolds what it changes: first, since to unfold takes as long as all the rest.
-    kept = with_volumes_kept(body, at, found.x, options)
-    return uninverted(body, energies, kept, options).x
+    # Linear tets, from which these begin, end the right way out.
+    kept = with_volumes_kept(body, at, found.x, options, begun)
+    return uninverted(body, energies, kept, options, begun).x
 
 
 def _widest(motion: Motion, pose: str, start: str = REST) -> float:

@@ -49,12 +49,14 @@ class Pressure(DensityPotential):
         return semidefinite(exact) if project else exact
 
 
-def with_volumes_kept(body: Body, pose: Pose, x: Array, options: Options | None = None) -> Equilibrium:
+def with_volumes_kept(
+    body: Body, pose: Pose, x: Array, options: Options | None = None, right: Array | None = None
+) -> Equilibrium:
     """The equilibrium of a pose in which each muscle's volume is within 0.2 % of that at rest.
 
-    x (n, 3) is the equilibrium without. Pressures, one a muscle, are the volumes' Lagrange
-    multipliers, sought by the secant method. Raises `ConvergenceError` where volumes find no room, or tissue
-    stays inside out.
+    x (n, 3) is the equilibrium without; right: as of `uninverted`. Pressures, one a muscle, are the volumes'
+    Lagrange multipliers, sought by the secant method. Raises `ConvergenceError` where volumes find no
+    room, or tissue stays inside out.
     """
     options = options or Options(name="volumes")
     tets = list(body.muscles.values())
@@ -71,7 +73,7 @@ def with_volumes_kept(body: Body, pose: Pose, x: Array, options: Options | None 
         pressures = pressures + step
         energies = [*without, Pressure(inside, np.repeat(pressures, list(map(len, tets))))]
         named = replace(options, name=f"{options.name}, volumes {number + 1}")
-        found = uninverted(body, energies, solve(energies, x, fixed=body.fixed, options=named), named)
+        found = uninverted(body, energies, solve(energies, x, fixed=body.fixed, options=named), named, right)
         x = found.x
         record.add(found.record)
         before, change = change, _changes(body, x)

@@ -18,6 +18,7 @@ from handpipe.fem.two_level import with_nodes
 from handpipe.truth.body import Body
 from handpipe.truth.crushing import CRUSHED, LAST, STEEPEST, Crushing
 from handpipe.truth.density import DensityPotential
+from handpipe.truth.mended import mended
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -29,14 +30,19 @@ RINGS = 2  # of elements about those inside out, which turn before all else move
 
 
 def uninverted(
-    body: Body, energies: Sequence[Potential], found: Equilibrium, options: Options
+    body: Body,
+    energies: Sequence[Potential],
+    found: Equilibrium,
+    options: Options,
+    right: Array | None = None,
 ) -> Equilibrium:
     """An equilibrium of the energies as it is, or, where tissue is inside out, the one beside it that is not.
 
     There the resistance against crushing goes on to the end, and the body comes to rest anew. The points of a
     small quadratic tet do not feel that it folds beside them: the tets between its nodes resist, too. What is
     pressed from both sides may stay inside out by a hair, and resists further then.
-    What turns takes many short steps, so that it turns first, with its surroundings alone.
+    What turns takes many short steps, so that it turns first, with its surroundings alone; not at all where
+    positions `right` (n, 3) near the equilibrium are known of which nothing is inside out: there it begins.
     Raises `ConvergenceError` where tissue stays inside out.
     """
     folded, tried, last = np.zeros(len(body.anatomy.mesh.tets), dtype=bool), False, LAST
@@ -48,7 +54,8 @@ def uninverted(
             problem = f"{inverted} tets end inside out, {_place(body, found.x)}: refine, or move less"
             raise ConvergenceError(options.name, problem)
         log.info("%s: %d tets end inside out, resisting more", options.name, inverted)
-        folded, tried = more, True
+        known = None if tried or right is None else mended(body, found.x, right)
+        folded, tried = more if known is None else more | body.folded(known[0], NEARLY), True
         harder = [p.to_the_end(last) if isinstance(p, Crushing) else p for p in energies]
         between = [body.between_nodes(folded, last)] if folded.any() else []
         if options.coarse is not None:
@@ -56,8 +63,10 @@ def uninverted(
             options = replace(options, coarse=with_nodes(options.coarse, nodes))
         resisting = [*harder, *between]
         wrong = folded | body.crushed(found.x, STEEPEST * CRUSHED)  # beyond which the resistance is another
-        start = _turned(body, resisting, wrong, found.x, options)
-        if Sum(resisting).value(start) > Sum(resisting).value(found.x):
+        start = found.x if known is None else known[0]
+        moving = _about(body, wrong) if known is None else known[1]
+        start = _turned(body, resisting, moving, start, options)
+        if known is None and Sum(resisting).value(start) > Sum(resisting).value(found.x):
             start = found.x
         again = solve(resisting, start, fixed=body.fixed, options=options)
         record = Record()
@@ -67,12 +76,11 @@ def uninverted(
     return found
 
 
-def _turned(body: Body, energies: Sequence[Potential], wrong: Mask, x: Array, options: Options) -> Array:
-    """Positions (n, 3) at which some elements (m,) and those about them rest, while all other nodes stay.
+def _turned(body: Body, energies: Sequence[Potential], moving: Mask, x: Array, options: Options) -> Array:
+    """Positions (n, 3) at which the nodes of a mask (n,) rest, while all others stay.
 
     What is no tissue, contact above all, acts as for small moves from x.
     """
-    moving = _about(body, wrong)
     nodes = body.elements.nodes_of(body.elements.touching(moving))
     tissue: list[Potential] = [p.about(moving, nodes) for p in energies if isinstance(p, DensityPotential)]
     others = [p for p in energies if not isinstance(p, DensityPotential)]
