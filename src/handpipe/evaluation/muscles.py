@@ -7,8 +7,9 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.evaluation.surfaces import penetration, symmetric_distance
+from handpipe.evaluation.surfaces import symmetric_distance
 from handpipe.evaluation.table import STATISTICS, Row
+from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
@@ -34,10 +35,12 @@ def deepest(muscles: Mapping[str, Surface], held: Mapping[str, IntArray], bones:
 
     held: ids of the vertices of each muscle that bones hold, which lie in these by right.
     """
-    closed = {f"bone {i}": bone for i, bone in enumerate(bones)} | dict(muscles)
+    closed = {f"bone {i}": Distance(bone) for i, bone in enumerate(bones)}
+    closed |= {name: Distance(surface) for name, surface in muscles.items()}
+    free = {name: np.delete(surface.vertices, held[name], axis=0) for name, surface in muscles.items()}
     return max(
-        float(penetration(np.delete(surface.vertices, held[name], axis=0), other).max(initial=0.0))
-        for name, surface in muscles.items()
+        float(other.depths(points).max(initial=0.0))
+        for name, points in free.items()
         for label, other in closed.items()
         if label != name
     )

@@ -19,6 +19,7 @@ from handpipe.fem.potential import Sum
 from handpipe.fem.record import Equilibrium, Options, Record
 from handpipe.fem.spacing import spacing
 from handpipe.fem.workspace import Workspace
+from handpipe.mesh.operators import dirichlet_matrix
 
 Array = NDArray[np.float64]
 
@@ -69,7 +70,9 @@ def from_rest(energy: Sum, x: Array, free: NDArray[np.bool_]) -> Array:
     Vertices of no body stay; bodies without fixed degrees of freedom get their rest positions.
     """
     bodies = [p for p in energy.potentials if isinstance(p, Elastic)]
-    laplacian = sp.csr_matrix(sum(_laplacian(b, len(x)) for b in bodies))
+    laplacian = sp.csr_matrix(
+        sum(dirichlet_matrix(b.tets, b.rest_gradients, b.volumes, len(x)) for b in bodies)
+    )
     rest, start = x.copy(), x.copy()
     used = laplacian.diagonal() > 0
     for body in bodies:
@@ -83,15 +86,6 @@ def from_rest(energy: Sum, x: Array, free: NDArray[np.bool_]) -> Array:
         pull = laplacian @ np.where(unknown, 0.0, x[:, i] - rest[:, i])
         start[unknown, i] -= factorise(_steadied(block)).solve(pull[unknown])
     return start
-
-
-def _laplacian(body: Elastic, vertices: int) -> sp.csr_matrix:
-    """Stiffness (n, n) of the body's shape functions."""
-    corners = body.tets.shape[1]
-    entries = np.einsum("e,eak,ebk->eab", body.volumes, body.rest_gradients, body.rest_gradients)
-    rows = np.repeat(body.tets, corners, axis=1).ravel()
-    columns = np.tile(body.tets, (1, corners)).ravel()
-    return sp.csr_matrix((entries.ravel(), (rows, columns)), shape=(vertices, vertices))
 
 
 def _steadied(matrix: sp.csr_matrix) -> sp.csr_matrix:

@@ -27,6 +27,18 @@ def shape_gradients(vertices: Array, tets: IntArray) -> Array:
     return np.concatenate([-last.sum(axis=1, keepdims=True), last], axis=1)
 
 
+def dirichlet_matrix(tets: IntArray, gradients: Array, volumes: Array, count: int) -> sparse.csr_matrix:
+    """Matrix (n, n) of the energy 1/2 of |grad u|^2 of fields over cells (m, k) of n = `count` vertices.
+
+    gradients (m, k, 3): of the shape functions; volumes (m,). Where it has no residual a field is harmonic.
+    """
+    corners = tets.shape[1]
+    entries = np.einsum("e,eak,ebk->eab", volumes, gradients, gradients)
+    rows = np.repeat(tets, corners, axis=1).ravel()
+    columns = np.tile(tets, (1, corners)).ravel()
+    return sparse.csr_matrix((entries.ravel(), (rows, columns)), shape=(count, count))
+
+
 def gradient_operator(vertices: Array, tets: IntArray) -> sparse.csr_matrix:
     """Matrix (9 m, 3 n) that takes positions x (3 n,) to deformation gradients F = G x, row-major."""
     gradients = shape_gradients(vertices, tets)

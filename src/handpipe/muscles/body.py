@@ -14,7 +14,7 @@ from handpipe.fem.linear import factorise
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.operators import gradient_operator
+from handpipe.mesh.operators import dirichlet_matrix, shape_gradients
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
@@ -168,9 +168,9 @@ class Body:
 
     def harmonic_weights(self) -> Array:
         """Weights (n, bones), one at a bone's own attachment, harmonic in between, rows summing to one."""
-        gradient = gradient_operator(self.mesh.vertices, self.mesh.tets)
-        volumes = sparse.diags(np.repeat(self.mesh.volumes(), 9))
-        laplacian = (gradient.T @ volumes @ gradient)[0::3, 0::3]
+        vertices, tets = self.mesh.vertices, self.mesh.tets
+        gradients = shape_gradients(vertices, tets)
+        laplacian = dirichlet_matrix(tets, gradients, self.mesh.volumes(), len(vertices))
         hold = self.matrix[self.held]
         owner = np.repeat(np.arange(len(self.attachments)), [len(i) for i in self.attachments.values()])
         stiff = 1e6 * abs(laplacian).max()

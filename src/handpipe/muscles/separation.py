@@ -101,7 +101,7 @@ def separate(
     nothing = np.zeros(0, dtype=np.int64)
     scene = _Scene(
         [
-            Body(n, s, np.asarray((held or {}).get(n, nothing)), seen=None if seen is None else seen[n])
+            Body(n, s, np.asarray((held or {}).get(n, nothing)), seen=(seen or {}).get(n))
             for n, s in muscles.items()
         ],
         [Body(n, s, nothing, fixed=True) for n, s in fixed.items()],

@@ -193,6 +193,10 @@ class Body:
         """Elements (m,) of which a quadrature point has this share left at x (n, 3), or is inside out."""
         return np.asarray((self.solid.volume_ratios(x) <= left).any(axis=1))
 
+    def inside_out(self, x: Array) -> Mask:
+        """Elements (m,) that are inside out at a point, or between nodes, at x (n, 3)."""
+        return self.crushed(x) | self.folded(x)
+
     def folded(self, x: Array, left: float = 0.0) -> Mask:
         """Quadratic tets (m,) of which a tet between nodes has this share left at x (n, 3), or folds."""
         count = len(self.elements.cells)

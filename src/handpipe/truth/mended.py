@@ -6,10 +6,9 @@ import logging
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from handpipe.fem.linear import factorise
-from handpipe.mesh.operators import shape_gradients
+from handpipe.mesh.operators import dirichlet_matrix, shape_gradients
 from handpipe.truth.body import Body
 
 Array = NDArray[np.float64]
@@ -27,19 +26,20 @@ def mended(body: Body, x: Array, right: Array) -> tuple[Array, Mask] | None:
     There they are `right` (n, 3), positions of the same body of which nothing is inside out, and what x is
     away from it round about, continued harmonically: so smooth a field bends `right` little.
     """
+    first, away = body.inside_out(x), x - right
     for rings in RINGS:
-        wrong = body.crushed(x) | body.folded(x)
+        wrong = first
         for _ in range(SPREADING):
             taken = _within(body, wrong, rings)
             found = x.copy()
-            found[taken] = right[taken] + _harmonic(body, x - right, taken)
-            now = body.crushed(found) | body.folded(found)
+            found[taken] = right[taken] + _harmonic(body, away, taken)
+            now = body.inside_out(found)
             if not now.any() and (body.barrier is None or not body.barrier.intersects(found)):
                 log.info("%d nodes taken from a shape that is the right way out", taken.sum())
                 return found, taken
             if not (now & ~wrong).any():
                 break
-            wrong |= now
+            wrong = wrong | now
     return None
 
 
@@ -54,10 +54,6 @@ def _harmonic(body: Body, values: Array, inside: Mask) -> Array:
     """Harmonic continuation (k, 3) into the nodes of a mask (n,) of values (n, 3) at the others."""
     near = inside[body.cells.tets].any(axis=1)
     tets, volumes = body.cells.tets[near], body.cells.volumes()[near]
-    gradients = shape_gradients(body.rest, tets)
-    local = volumes[:, None, None] * (gradients @ gradients.transpose(0, 2, 1))
-    rows, columns = np.broadcast_arrays(tets[:, :, None], tets[:, None, :])
-    size = len(values)
-    laplacian = sparse.csr_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+    laplacian = dirichlet_matrix(tets, shape_gradients(body.rest, tets), volumes, len(values))
     known = laplacian[inside][:, ~inside] @ values[~inside]
     return np.asarray(factorise(laplacian[inside][:, inside]).solve(-known))

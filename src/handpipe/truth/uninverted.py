@@ -94,7 +94,7 @@ def _turned(body: Body, energies: Sequence[Potential], moving: Mask, x: Array, o
 
 def _place(body: Body, x: Array) -> str:
     """Where the first element is that is inside out at x (n, 3), and in what."""
-    cell = int(np.flatnonzero(body.crushed(x) | body.folded(x))[0])
+    cell = int(np.flatnonzero(body.inside_out(x))[0])
     at = ", ".join(f"{c:.1f}" for c in x[body.elements.cells[cell]].mean(axis=0))
     return f"first at ({at}) in {body.anatomy.regions[body.anatomy.labels[cell]]}"
 
