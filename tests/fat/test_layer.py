@@ -1,5 +1,7 @@
 """The layer of the fat: what it takes from its pose space, and its artifact."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -27,7 +29,9 @@ def _strains(tissue):
     spaces = LocalPoseSpaces.build(("root", "core"), {"core": "root"}, poses)
     logs = np.zeros((2, len(tissue.mesh.tets), 6))
     logs[1, :, 0] = 0.1
-    return FatStrains(spaces, logs, {"tip": np.stack([np.zeros(6), [0.1, 0, 0, 0, 0, 0.4]])})
+    shifts = np.zeros((2, *tissue.mesh.vertices.shape))
+    shifts[1] = [0.0, 0.3, 0.0]
+    return FatStrains(spaces, logs, {"tip": np.stack([np.zeros(6), [0.1, 0, 0, 0, 0, 0.4]])}, shifts)
 
 
 def test_strains_and_nails_are_those_of_the_examples():
@@ -43,11 +47,42 @@ def test_strains_and_nails_are_those_of_the_examples():
     np.testing.assert_allclose(half, np.exp(0.05), rtol=1e-6)
 
 
+def test_an_example_is_sought_from_where_its_strains_were_found():
+    tissue, bent = limb(Region.fixed), _bent(0.5)
+    rng = np.random.default_rng(0)
+    found = bent["core"](tissue.mesh.vertices) + rng.normal(0.0, 1.0, tissue.mesh.vertices.shape)
+    strains = _strains(tissue)
+    shifts = np.stack([np.zeros_like(found), tissue.shifts(bent, found)])
+    layer = TissueLayer("fat", ("bones",), tissue, replace(strains, shifts=shifts))
+    np.testing.assert_allclose(layer.starts(bent)[0], found, atol=1e-12)
+    np.testing.assert_allclose(layer.starts(REST)[0], tissue.mesh.vertices, atol=1e-12)
+    halfway = 0.5 * bent["core"].inverse()(found) + 0.5 * tissue.mesh.vertices
+    np.testing.assert_allclose(layer.starts(_bent(0.25))[0], _bent(0.25)["core"](halfway), atol=1e-6)
+
+
+def test_an_example_is_at_rest_where_its_strains_were_found():
+    tissue, bent = limb(Region.fixed), _bent(0.5)
+    strains = replace(_strains(tissue), nails={})
+    posed = below(bent["core"](below()["bones"]["core"].rest))
+    plain = TissueLayer("fat", ("bones",), tissue, strains)
+    found = tissue.solve(posed, plain.rigid(bent), plain.plastic_strains(bent), plain.starts(bent)[0])
+    renewals = []
+    for shift in (np.zeros_like(found.x), tissue.shifts(bent, found.x)):
+        strains = replace(strains, shifts=np.stack([np.zeros_like(shift), shift]))
+        layer = TissueLayer("fat", ("bones",), tissue, strains)
+        shapes = layer.solve(Frame("bent", {}, bent), posed)
+        renewals.append(shapes["skin"].figures["contact_renewals"])
+    np.testing.assert_allclose(shapes["fat_mesh"].vertices, found.x, atol=1e-3)
+    assert renewals[1] == 1 < renewals[0]
+
+
 def test_without_strains_only_the_nails_are_corrected():
     tissue = limb(Region.fixed)
     plain = TissueLayer("fat", ("bones",), tissue, _strains(tissue).without_strains())
     np.testing.assert_allclose(plain.plastic_strains(_bent(0.5)), plasticity.identity(len(tissue.mesh.tets)))
     assert plain.rigid(_bent(0.5))["tip"].translation != pytest.approx(_bent(0.5)["core"].translation)
+    [start] = plain.starts(_bent(0.5))
+    np.testing.assert_allclose(start, _bent(0.5)["core"](tissue.mesh.vertices), atol=1e-12)
     bare = TissueLayer("skin", ("bones",), tissue)
     assert bare.plastic_strains(REST) is None
 
@@ -73,10 +108,11 @@ def test_a_bent_frame_gives_skin_and_mesh():
 def test_strains_survive_their_artifact(tmp_path, with_nails):
     strains = _strains(limb(Region.fixed))
     if not with_nails:
-        strains = FatStrains(strains.spaces, strains.log_strains, {})
+        strains = replace(strains, nails={})
     strains.save(tmp_path / "strains.h5", [])
     again = FatStrains.load(tmp_path / "strains.h5")
     np.testing.assert_array_equal(again.log_strains, strains.log_strains)
+    np.testing.assert_array_equal(again.shifts, strains.shifts)
     assert set(again.nails) == set(strains.nails)
     for name in strains.nails:
         np.testing.assert_array_equal(again.nails[name], strains.nails[name])

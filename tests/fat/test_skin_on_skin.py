@@ -117,16 +117,40 @@ def test_a_size_without_equilibrium_is_passed_over(monkeypatch):
     assert len(sizes) == 3 and body.overlap(opened) < 0.3
 
 
-def test_skin_that_gets_into_skin_on_the_way_is_opened(monkeypatch):
-    """The start has its skin apart; a first search that ends with it 1.6 mm in itself is not the last."""
-    motions, body, searches = together(2.8), tissue(), []
-    apart = start(together(1.5))
-    assert body.overlap(apart) == 0.0
+def _led_astray(monkeypatch, motions, times):
+    """Searches of `Tissue.solve`, of which the first `times` end with the skin 1.6 mm in itself."""
+    searches = []
 
     def led_astray(self, *arguments, solved=Tissue.solve):
         searches.append(arguments)
-        return Settled(start(motions), 1, 0.0) if len(searches) == 1 else solved(self, *arguments)
+        return Settled(start(motions), 1, 0.0) if len(searches) <= times else solved(self, *arguments)
 
     monkeypatch.setattr(Tissue, "solve", led_astray)
-    settled = body.at_rest(below(motions), BASE, None, apart)
+    return searches
+
+
+def test_skin_that_gets_into_skin_on_the_way_is_opened(monkeypatch):
+    """The start has its skin apart; a first search that ends with it in itself is not the last."""
+    motions, body, apart = together(2.8), tissue(), start(together(1.5))
+    assert body.overlap(apart) == 0.0
+    searches = _led_astray(monkeypatch, motions, 1)
+    settled = body.at_rest(below(motions), BASE, None, [apart])
     assert len(searches) == 2 and settled.rests and body.overlap(settled.x) < 0.16
+
+
+def test_a_start_that_leads_into_skin_is_followed_by_the_next(monkeypatch):
+    """Both searches from the first start end with the skin in itself, as what was fitted to a scan may."""
+    motions, body, apart = together(2.8), tissue(), start(together(1.5))
+    searches = _led_astray(monkeypatch, motions, 2)
+    settled = body.at_rest(below(motions), BASE, None, [apart, start(motions)])
+    assert len(searches) == 3 and settled.rests and body.overlap(settled.x) < 0.16
+
+
+def test_without_an_equilibrium_from_any_start_there_is_no_result(monkeypatch):
+    def none(self, *arguments):
+        raise ConvergenceError("soft tissue", "none from here")
+
+    monkeypatch.setattr(Tissue, "solve", none)
+    body = tissue()
+    with pytest.raises(ConvergenceError, match="none from here"):
+        body.at_rest(below(together(2.8)), BASE, None, [start(together(1.5))])

@@ -8,6 +8,7 @@ with stage(snakemake):
     from handpipe import artifacts
     from handpipe.config import load_dataset
     from handpipe.fat.layer import FatStrains
+    from handpipe.fat.tissue import Tissue
     from handpipe.mesh.rigid import RigidTransform
     from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
     from handpipe.skeleton.rig import Rig
@@ -22,4 +23,7 @@ with stage(snakemake):
     nails = {
         name: np.stack([np.zeros(6), *(f["nails"][name] for f in fits)]) for name in fits[0].get("nails", {})
     }
-    FatStrains(spaces, logs, nails).save(snakemake.output[0], [*snakemake.input])
+    tissue = Tissue.load(snakemake.input.mesh)
+    found = [tissue.shifts(transforms[p], f["vertices"]) for p, f in zip(dataset.examples, fits, strict=True)]
+    shifts = np.stack([np.zeros_like(found[0]), *found])
+    FatStrains(spaces, logs, nails, shifts).save(snakemake.output[0], [*snakemake.input])

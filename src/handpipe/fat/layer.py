@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -23,28 +22,40 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FatStrains:
-    """What varies with pose: log-strains (N, m, 6), nail corrections {nail: (N, 6)} at N example poses."""
+    """What varies with pose, at N example poses: log-strains (N, m, 6), nail corrections {nail: (N, 6)}, and
+    `Tissue.shifts` (N, n, 3) in mm of where the fat rests under these strains.
+
+    Creases can rest in several ways: from the blend of the bones alone an example's skin may end in another
+    than the one its strains were fitted to.
+    """
 
     spaces: LocalPoseSpaces
     log_strains: Array
     nails: Mapping[str, Array]
+    shifts: Array
 
     def without_strains(self) -> FatStrains:
         """The same nails on fat without plastic strains (model m1 of 000 Table 4)."""
-        return replace(self, log_strains=np.zeros_like(self.log_strains))
+        zeros = np.zeros_like
+        return replace(self, log_strains=zeros(self.log_strains), shifts=zeros(self.shifts))
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "fat_strains"; nails are rotation vectors (rad) and shifts (mm)."""
-        data = {"spaces": self.spaces.to_group(), "log_strains": self.log_strains, "nails": dict(self.nails)}
+        data = {
+            "spaces": self.spaces.to_group(),
+            "log_strains": self.log_strains,
+            "nails": dict(self.nails),
+            "shifts": self.shifts,
+        }
         units = {f"spaces/{bone}/examples": "rad" for bone in self.spaces.spaces}
-        units |= {"log_strains": "1", "nails": "rad, rad, rad, mm, mm, mm"}
+        units |= {"log_strains": "1", "nails": "rad, rad, rad, mm, mm, mm", "shifts": "mm"}
         artifacts.write(path, data, kind="fat_strains", units=units, inputs=inputs)
 
     @staticmethod
     def load(path: str | Path) -> FatStrains:
         """Read what `save` wrote; raises `InputError` where the file is of another kind."""
         d = artifacts.read(path, "fat_strains")
-        return FatStrains(LocalPoseSpaces.from_group(d["spaces"]), d["log_strains"], d["nails"])
+        return FatStrains(LocalPoseSpaces.from_group(d["spaces"]), d["log_strains"], d["nails"], d["shifts"])
 
 
 class TissueLayer:
@@ -62,12 +73,23 @@ class TissueLayer:
         """Strains (m, 6) of the fat in a pose, or None for none."""
         if self.strains is None:
             return None
-        return plasticity.exp(self.strains.spaces.interpolate(self.strains.log_strains, self._near, bones))
-
-    @cached_property
-    def _near(self) -> dict[str, Array]:
-        """The share (m,) of each bone in the tissue's tets: of the blend that moves them."""
         shares = self.tissue.weights[self.tissue.mesh.tets].mean(axis=1)
+        known = self.strains
+        return plasticity.exp(known.spaces.interpolate(known.log_strains, self._near(shares), bones))
+
+    def starts(self, bones: Mapping[str, RigidTransform]) -> list[Array]:
+        """Vertices (n, 3) from which the equilibrium in a pose is sought, best first: in an example's pose
+        those at which its strains were found; the blend of the bones.
+        """
+        tissue, known = self.tissue, self.strains
+        blend = tissue.pose(bones)
+        if known is None or not known.shifts.any():
+            return [blend]
+        shifts = known.spaces.interpolate(known.shifts, self._near(tissue.weights), bones)
+        return [tissue.pose(bones, shifts), blend]
+
+    def _near(self, shares: Array) -> dict[str, Array]:
+        """Each bone's share (k,) in places, of (k, n_bones), so that they sum to one."""
         return dict(zip(self.tissue.bones, (shares / shares.sum(axis=1, keepdims=True)).T, strict=True))
 
     def rigid(self, bones: Mapping[str, RigidTransform]) -> dict[str, RigidTransform]:
@@ -90,7 +112,7 @@ class TissueLayer:
         """
         tissue, bones = self.tissue, frame.bones
         rigid, strains = self.rigid(bones), self.plastic_strains(bones)
-        settled = tissue.at_rest(below, rigid, strains, tissue.pose(bones))
+        settled = tissue.at_rest(below, rigid, strains, self.starts(bones))
         x = settled.x
         skin = tissue.skin.moved(tissue.skin_matrix @ x)
         figures = {**settled.figures, "skin_overlap": tissue.overlap(x)}

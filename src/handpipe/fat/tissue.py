@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -34,7 +34,7 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.settling import Limits, Settled, root_mean_square, settle
-from handpipe.skeleton.skinning import blend
+from handpipe.skeleton.skinning import blend, blended
 
 log = logging.getLogger(__name__)
 Array = NDArray[np.float64]
@@ -99,9 +99,16 @@ class Tissue:
         """Inner points (k, n) as sums of tissue vertices."""
         return Embedding.of(self.inner.rest, self.mesh).matrix(len(self.mesh.vertices))
 
-    def pose(self, bones: Mapping[str, RigidTransform]) -> Array:
-        """Vertices (n, 3) moved by smooth blends of bone transforms: a start for the solver."""
-        return blend(self.mesh.vertices, self.weights, {b: bones[b] for b in self.bones})
+    def pose(self, bones: Mapping[str, RigidTransform], shifts: Array | float = 0.0) -> Array:
+        """Vertices (n, 3), shifted by (n, 3) and moved by smooth blends of bone transforms: a start for the
+        solver.
+        """
+        return blend(self.mesh.vertices + shifts, self.weights, {b: bones[b] for b in self.bones})
+
+    def shifts(self, bones: Mapping[str, RigidTransform], x: Array) -> Array:
+        """What `pose` is to shift vertices by (n, 3) to have them at x (n, 3)."""
+        turns, translation = blended(self.weights, {b: bones[b] for b in self.bones})
+        return turns.inv().apply(x - translation) - self.mesh.vertices
 
     def sides(self, x: Array) -> Array:
         """Neutral outward normals (k, 3) of the bodies at inner points, turned as the tissue of x (n, 3) is.
@@ -210,22 +217,44 @@ class Tissue:
         below: Mapping[str, Shapes],
         rigid: Mapping[str, RigidTransform],
         strains: Array | None,
-        start: Array,
+        starts: Sequence[Array],
     ) -> Settled:
-        """As `solve`, from an opened start; once more by way of smaller sizes where skin that was apart at
-        the start (n, 3) has come to lie in other skin. Of the two that with less of it is taken.
+        """As `solve`, from the starts (n, 3) in turn, opened where their skin lies in itself, until one ends
+        with its skin apart; from each once more by way of smaller sizes if it was apart at the start alone.
+
+        Where none does, that with least skin in itself is taken. Raises the last `ConvergenceError` where no
+        start led to an equilibrium.
         """
-        opened = self.opened(below, rigid, strains, start)
-        found = self.solve(below, rigid, strains, opened)
-        if opened is not start or self.overlap(found.x) < CROWDED:
-            return found
-        log.info("soft tissue: skin %.2f mm in itself, again with open creases", self.overlap(found.x))
-        try:
-            again = self.solve(below, rigid, strains, self.opened(below, rigid, strains, start, anyway=True))
-        except ConvergenceError as error:
-            log.warning("soft tissue: %s", error)
-            return found
-        return min(found, again, key=lambda settled: self.overlap(settled.x))
+        found: list[Settled] = []
+        failure: ConvergenceError | None = None
+        for way in self._ways(below, rigid, strains, starts):
+            if found:
+                log.info("soft tissue: skin %.2f mm in itself, once more", self.overlap(found[-1].x))
+            try:
+                found.append(self.solve(below, rigid, strains, way))
+            except ConvergenceError as error:
+                log.warning("soft tissue: %s", error)
+                failure = error
+            else:
+                if self.overlap(found[-1].x) < CROWDED:
+                    return found[-1]
+        if not found and failure is not None:
+            raise failure
+        return min(found, key=lambda settled: self.overlap(settled.x))
+
+    def _ways(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        strains: Array | None,
+        starts: Sequence[Array],
+    ) -> Iterator[Array]:
+        """Where to begin (n, 3): at each start, opened if it has to be, and opened anyway."""
+        for start in starts:
+            opened = self.opened(below, rigid, strains, start)
+            yield opened
+            if opened is start:
+                yield self.opened(below, rigid, strains, start, anyway=True)
 
     def solve(
         self,

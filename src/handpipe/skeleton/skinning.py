@@ -53,7 +53,13 @@ def _dual_quaternion(transform: RigidTransform) -> tuple[Array, Array]:
 
 
 def blend(points: Array, weights: Array, transforms: Mapping[str, RigidTransform]) -> Array:
-    """Points (n, 3) moved by dual-quaternion blends of transforms, weights (n, n_transforms).
+    """Points (n, 3) moved by blends of transforms, weights (n, n_transforms)."""
+    turns, translation = blended(weights, transforms)
+    return turns.apply(points) + translation
+
+
+def blended(weights: Array, transforms: Mapping[str, RigidTransform]) -> tuple[Rotation, Array]:
+    """The n rotations and translations (n, 3) of dual-quaternion blends, weights (n, n_transforms).
 
     Dual quaternions turn about joints without the collapse of linear blends (Kavan et al. 2008). Of the two
     that mean one motion, each point takes those on the side of its own bone's: a finger's joints together
@@ -67,4 +73,4 @@ def blend(points: Array, weights: Array, transforms: Mapping[str, RigidTransform
     norm = np.linalg.norm(r, axis=1, keepdims=True)
     r, d = r / norm, d / norm
     translation = 2.0 * (r[:, 3:] * d[:, :3] - d[:, 3:] * r[:, :3] + np.cross(r[:, :3], d[:, :3]))
-    return Rotation.from_quat(r).apply(points) + translation
+    return Rotation.from_quat(r), translation
