@@ -86,7 +86,13 @@ class Surface:
         Holes of an open surface count as closed (Jacobson et al. 2013, Robust inside-outside segmentation).
         """
         queries = np.ascontiguousarray(points, dtype=np.float64)
-        return np.asarray(igl.fast_winding_number(self.vertices, self.triangles, queries) > 0.5)
+        return np.asarray(self._windings.winding_number(queries) > 0.5)
+
+    @cached_property
+    def _windings(self) -> igl.FastWindingNumberBVH:
+        tree = igl.FastWindingNumberBVH()
+        tree.init(self.vertices, self.triangles)
+        return tree
 
     @cached_property
     def _edges(self) -> tuple[IntArray, IntArray]:
