@@ -109,6 +109,9 @@ def test_where_the_energy_curves_down_a_step_ends_in_a_direction_of_descent(body
         SystemSequence(rest=body.rest).solve(bent, force, free=~body.fixed)
 
 
+DEGREES = {"neutral": 0.0, "less": 15.0, "bent": 25.0}
+
+
 def test_a_hand_of_quadratic_tets_ends_where_it_does_when_followed_by_factors(body, monkeypatch):
     """The toy in place of the hand: from rest in steps with a factor, and from linear tets by two levels."""
 
@@ -122,10 +125,11 @@ def test_a_hand_of_quadratic_tets_ends_where_it_does_when_followed_by_factors(bo
             return Hand(body=Body(body.anatomy, toy.MATERIALS, order=1), quadratic=False)
 
     def bones_at(motion, pose, share=1.0, start="neutral"):
-        return toy.hinge(share * np.radians(25.0))
+        before, after = (motion.poses[name]["flexion"] for name in (start, pose))
+        return toy.hinge(np.radians(before + share * (after - before)))
 
     monkeypatch.setattr(coupled_hand, "bones_at", bones_at)
-    motion = SimpleNamespace(poses={"neutral": {"flexion": 0.0}, "bent": {"flexion": 25.0}})
+    motion = SimpleNamespace(poses={n: {"flexion": d} for n, d in DEGREES.items()})
     found = coupled_hand.settle(Hand(body=body), motion, "bent")
     options = coupled_hand.AT_REST
     reached = follow(body, lambda t: bones_at(motion, "bent", t), steps=5, options=options).x
@@ -136,6 +140,13 @@ def test_a_hand_of_quadratic_tets_ends_where_it_does_when_followed_by_factors(bo
         Hand(body=body), motion, {"neutral": body.rest, "bent": found}
     )
     assert pose == "bent" and 0.05 < errors["hand"]["rms"][0] < errors["hand"]["max"][0] < 2.0
+    begun = []
+    monkeypatch.setattr(coupled_hand, "_nearer", lambda body, x, aim: begun.append((x, aim)) or aim)
+    less = coupled_hand.settle(Hand(body=body), motion, "less")
+    one, other, apart = coupled_hand.start_difference(Hand(body=body), motion, {"less": less, "bent": found})
+    assert (one, other) == ("less", "bent") and apart < 5e-3
+    [(linear, aim)] = begun
+    assert np.abs(aim - linear).max() > 0.05 < np.abs(aim - found).max()  # it does begin elsewhere
 
 
 def test_forces_at_rest_are_met_without_digits_that_nobody_asked_for(body, monkeypatch):

@@ -122,20 +122,30 @@ def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | N
     """Positions (n, 3) of the nodes of quadratic tets, from those of the same hand's linear ones.
 
     Some 345,000 nodes: linear systems are solved by two levels, of which the linear tets' is factorised. Bent
-    skin that linear tets hold smooth wrinkles on the way, so that steps are short.
+    skin that linear tets hold smooth wrinkles on the way, so that steps are short. From another pose linear
+    tets come the same way, and what quadratic ones differ by there is added, as far as no skin meets. (Linear
+    tets between the corners of quadratic ones may be inside out: they cannot go on from there.)
     """
-    body = hand.body
+    body, linear = hand.body, hand.linear()
     carry = body.elements.prolongation()
-    vertices = None if x is None else x[: carry.shape[1]]
-    coarse = settle(hand.linear(), motion, pose, start, vertices)
+    before = None if x is None else settle(linear, motion, start)
     options = replace(AT_REST, name=f"{pose}, quadratic", coarse=carry, max_step=SHORT)
     at = hand.pose(bones_at(motion, pose))
-    energies, begun = body.energies(at), body.prescribed(at, carry @ coarse)
+    right = body.prescribed(at, carry @ settle(linear, motion, pose, start, before))
+    begun = right if x is None else _nearer(body, right, body.prescribed(at, right + x - carry @ before))
+    energies = body.energies(at)
     found = solve(energies, begun, fixed=body.fixed, options=options)
     # Keeping volumes unfolds what it changes: first, since to unfold takes as long as all the rest.
     # Linear tets, from which these begin, end the right way out.
-    kept = with_volumes_kept(body, at, found.x, options, begun)
-    return uninverted(body, energies, kept, options, begun).x
+    kept = with_volumes_kept(body, at, found.x, options, right)
+    return uninverted(body, energies, kept, options, right).x
+
+
+def _nearer(body: Body, x: Array, aim: Array) -> Array:
+    """Positions (n, 3) on the way from x to an aim (n, 3), as far as no skin meets."""
+    free = 1.0 if body.barrier is None else body.barrier.max_step(x, aim - x)
+    log.info("the other start is %.2f of the way to what quadratic tets differ by", free)
+    return x + free * (aim - x)
 
 
 def _widest(motion: Motion, pose: str, start: str = REST) -> float:
