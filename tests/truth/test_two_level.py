@@ -141,12 +141,12 @@ def test_a_hand_of_quadratic_tets_ends_where_it_does_when_followed_by_factors(bo
     )
     assert pose == "bent" and 0.05 < errors["hand"]["rms"][0] < errors["hand"]["max"][0] < 2.0
     begun = []
-    monkeypatch.setattr(coupled_hand, "_nearer", lambda body, x, aim: begun.append((x, aim)) or aim)
+    monkeypatch.setattr(coupled_hand, "_other_start", lambda body, x, right: begun.append((right, x)) or x)
     less = coupled_hand.settle(Hand(body=body), motion, "less")
     one, other, apart = coupled_hand.start_difference(Hand(body=body), motion, {"less": less, "bent": found})
     assert (one, other) == ("less", "bent") and apart < 5e-3
-    [(linear, aim)] = begun
-    assert np.abs(aim - linear).max() > 0.05 < np.abs(aim - found).max()  # it does begin elsewhere
+    [(linear, other_start)] = begun
+    assert np.abs(other_start - linear).max() > 0.05 < np.abs(other_start - found).max()  # elsewhere
 
 
 def test_forces_at_rest_are_met_without_digits_that_nobody_asked_for(body, monkeypatch):

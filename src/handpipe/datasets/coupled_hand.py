@@ -26,7 +26,7 @@ from handpipe.datasets.posed import PosedAnatomy, clean_image, write_surface, wr
 from handpipe.datasets.posed_hand import Motion, volume_grid
 from handpipe.datasets.tubes import sweep
 from handpipe.datasets.varied_shapes import BONES, ORGANS, Variation
-from handpipe.errors import InputError
+from handpipe.errors import ConvergenceError, InputError
 from handpipe.fem.equilibrium import Options, solve
 from handpipe.mesh.crossings import crossings
 from handpipe.mesh.distance import Distance
@@ -36,6 +36,7 @@ from handpipe.metrics import Metrics
 from handpipe.truth import anatomy_file
 from handpipe.truth.body import Anatomy, Body, Pose
 from handpipe.truth.follow import follow
+from handpipe.truth.mended import mended
 from handpipe.truth.pressure import with_volumes_kept
 from handpipe.truth.submodel import refinement_error
 from handpipe.truth.surfaces import outer_faces
@@ -123,7 +124,7 @@ def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | N
 
     Some 345,000 nodes: linear systems are solved by two levels, of which the linear tets' is factorised. Bent
     skin that linear tets hold smooth wrinkles on the way, so that steps are short. From another pose linear
-    tets come the same way, and what quadratic ones differ by there is added, as far as no skin meets. (Linear
+    tets come the same way, and what quadratic ones differ by there is added where that folds nothing. (Linear
     tets between the corners of quadratic ones may be inside out: they cannot go on from there.)
     """
     body, linear = hand.body, hand.linear()
@@ -132,7 +133,7 @@ def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | N
     options = replace(AT_REST, name=f"{pose}, quadratic", coarse=carry, max_step=SHORT)
     at = hand.pose(bones_at(motion, pose))
     right = body.prescribed(at, carry @ settle(linear, motion, pose, start, before))
-    begun = right if x is None else _nearer(body, right, body.prescribed(at, right + x - carry @ before))
+    begun = right if x is None else _other_start(body, body.prescribed(at, right + x - carry @ before), right)
     energies = body.energies(at)
     found = solve(energies, begun, fixed=body.fixed, options=options)
     # Keeping volumes unfolds what it changes: first, since to unfold takes as long as all the rest.
@@ -141,11 +142,15 @@ def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | N
     return uninverted(body, energies, kept, options, right).x
 
 
-def _nearer(body: Body, x: Array, aim: Array) -> Array:
-    """Positions (n, 3) on the way from x to an aim (n, 3), as far as no skin meets."""
-    free = 1.0 if body.barrier is None else body.barrier.max_step(x, aim - x)
-    log.info("the other start is %.2f of the way to what quadratic tets differ by", free)
-    return x + free * (aim - x)
+def _other_start(body: Body, x: Array, right: Array) -> Array:
+    """Positions (n, 3) as x, but as `right` where x is inside out. Raises `ConvergenceError` for none."""
+    if body.inverted(x) == 0:
+        return x
+    found = mended(body, x, right)
+    if found is None:
+        problem = "what quadratic tets differ by in the other pose is inside out in this one"
+        raise ConvergenceError("the other start", problem, "Begin from a pose nearer to it.")
+    return found[0]
 
 
 def _widest(motion: Motion, pose: str, start: str = REST) -> float:
