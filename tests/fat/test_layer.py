@@ -104,11 +104,9 @@ def test_a_bent_frame_gives_skin_and_mesh():
     assert np.linalg.norm(corrected["skin"].vertices[tip] - wanted, axis=1).mean() < 0.05
 
 
-@pytest.mark.parametrize("with_nails", [True, False])
-def test_strains_survive_their_artifact(tmp_path, with_nails):
-    strains = _strains(limb(Region.fixed))
-    if not with_nails:
-        strains = replace(strains, nails={})
+@pytest.mark.parametrize("bare", [{}, {"nails": {}}, {"shifts": None}])
+def test_strains_survive_their_artifact(tmp_path, bare):
+    strains = replace(_strains(limb(Region.fixed)), **bare)
     strains.save(tmp_path / "strains.h5", [])
     again = FatStrains.load(tmp_path / "strains.h5")
     np.testing.assert_array_equal(again.log_strains, strains.log_strains)

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class FatStrains:
     """What varies with pose, at N example poses: log-strains (N, m, 6), nail corrections {nail: (N, 6)}, and
-    `Tissue.shifts` (N, n, 3) in mm of where the fat rests under these strains.
+    `Tissue.shifts` (N, n, 3) in mm of where the fat rests under these strains, if known.
 
     Creases can rest in several ways: from the blend of the bones alone an example's skin may end in another
     than the one its strains were fitted to.
@@ -32,30 +32,28 @@ class FatStrains:
     spaces: LocalPoseSpaces
     log_strains: Array
     nails: Mapping[str, Array]
-    shifts: Array
+    shifts: Array | None = None
 
     def without_strains(self) -> FatStrains:
         """The same nails on fat without plastic strains (model m1 of 000 Table 4)."""
-        zeros = np.zeros_like
-        return replace(self, log_strains=zeros(self.log_strains), shifts=zeros(self.shifts))
+        return replace(self, log_strains=np.zeros_like(self.log_strains), shifts=None)
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "fat_strains"; nails are rotation vectors (rad) and shifts (mm)."""
-        data = {
-            "spaces": self.spaces.to_group(),
-            "log_strains": self.log_strains,
-            "nails": dict(self.nails),
-            "shifts": self.shifts,
-        }
+        data = {"spaces": self.spaces.to_group(), "log_strains": self.log_strains, "nails": dict(self.nails)}
         units = {f"spaces/{bone}/examples": "rad" for bone in self.spaces.spaces}
-        units |= {"log_strains": "1", "nails": "rad, rad, rad, mm, mm, mm", "shifts": "mm"}
+        units |= {"log_strains": "1", "nails": "rad, rad, rad, mm, mm, mm"}
+        if self.shifts is not None:
+            data["shifts"] = self.shifts
+            units["shifts"] = "mm"
         artifacts.write(path, data, kind="fat_strains", units=units, inputs=inputs)
 
     @staticmethod
     def load(path: str | Path) -> FatStrains:
         """Read what `save` wrote; raises `InputError` where the file is of another kind."""
         d = artifacts.read(path, "fat_strains")
-        return FatStrains(LocalPoseSpaces.from_group(d["spaces"]), d["log_strains"], d["nails"], d["shifts"])
+        spaces = LocalPoseSpaces.from_group(d["spaces"])
+        return FatStrains(spaces, d["log_strains"], d["nails"], d.get("shifts"))
 
 
 class TissueLayer:
@@ -83,7 +81,7 @@ class TissueLayer:
         """
         tissue, known = self.tissue, self.strains
         blend = tissue.pose(bones)
-        if known is None or not known.shifts.any():
+        if known is None or known.shifts is None:
             return [blend]
         shifts = known.spaces.interpolate(known.shifts, self._near(tissue.weights), bones)
         return [tissue.pose(bones, shifts), blend]
