@@ -74,19 +74,16 @@ def collision_filter(bodies: Sequence[Body], chosen: IntArray | None = None) -> 
     return apart & ipctk.make_vertex_patches_filter(group[of].astype(np.int32))
 
 
-def meet(a: Body, b: Body, xa: Array, xb: Array) -> bool:
-    """Whether a surface at vertices xa (n, 3) cuts another at xb (m, 3), or one is inside the other.
+def meet(a: Body, b: Body, at_a: Surface, at_b: Surface) -> bool:
+    """Whether one body, where its surface is now, cuts another or is inside it, or the other way round.
 
     Exact: every edge against every triangle, and winding numbers.
     """
+    xa, xb = at_a.vertices, at_b.vertices
     near_a, near_b = _in_box(xa, xb), _in_box(xb, xa)
     if not near_a.any() and not near_b.any() and not _boxes_cross(xa, xb):
         return False
-    return (
-        _cut(a, b, xa, xb)
-        or _inside(xa[a.free], b.surface.moved(xb))
-        or _inside(xb[_probes(b, xb, xa)], a.surface.moved(xa))
-    )
+    return _cut(a, b, xa, xb) or _inside(xa[a.free], at_b) or _inside(xb[_probes(b, xb, xa)], at_a)
 
 
 def _boxes_cross(xa: Array, xb: Array) -> bool:

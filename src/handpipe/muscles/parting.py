@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from handpipe.errors import ConvergenceError
 from handpipe.mesh.distance import Distance
+from handpipe.mesh.surface import Surface
 from handpipe.muscles.deflation import Deflation
 from handpipe.muscles.overlap import Body, crossing, meet
 from handpipe.settling import largest
@@ -71,12 +72,12 @@ def _drawn_in(muscles: Sequence[Body], bones: Sequence[Body], deepest: float) ->
     """As `parted`, by one way."""
     bodies = [*muscles, *bones]
     starts = [_Start(b, bodies, deepest) for b in muscles]
-    at = [b.surface.vertices for b in bodies]
+    at = [b.surface for b in bodies]
     pairs = open_pairs = body_pairs(muscles, bones)
     for round_ in range(ROUNDS):
         meeting = [(i, j) for i, j in open_pairs if meet(bodies[i], bodies[j], at[i], at[j])]
         if not meeting:
-            return at[: len(muscles)] if round_ else None
+            return [surface.vertices for surface in at[: len(muscles)]] if round_ else None
         names = " and ".join(bodies[k].name for k in meeting[0])
         log.info("separation: %d pairs of bodies meet, among them %s", len(meeting), names)
         both = [*meeting, *((j, i) for i, j in meeting if j < len(muscles))]
@@ -84,7 +85,7 @@ def _drawn_in(muscles: Sequence[Body], bones: Sequence[Body], deepest: float) ->
             starts[i].give_way(j, at[i], at[j])
         moved = {i for i, _ in both}
         for i in moved:
-            at[i] = starts[i].vertices()
+            at[i] = at[i].moved(starts[i].vertices())
         open_pairs = [(i, j) for i, j in pairs if i in moved or j in moved]
     raise Inseparable("Separation of muscles", f"{names} meet even when drawn in to threads")
 
@@ -108,20 +109,19 @@ class _Start:
         self._astray = False  # whether edges alone cut a muscle: then no way out is known
         self._distances: dict[int, Distance] = {}
 
-    def give_way(self, j: int, x: Array, other: Array) -> None:
-        """Note that this muscle at x (n, 3) meets body j at `other` (m, 3)."""
-        body = self._bodies[j]
+    def give_way(self, j: int, here: Surface, there: Surface) -> None:
+        """Note that this muscle, where it is now, meets body j."""
+        body, x = self._bodies[j], here.vertices
         if body.fixed:
             self._leave(j, x)
             return
-        there = body.surface.moved(other)
         gaps, _, _, normals = Distance(there).signed(x)
         # Of a body that is inside out in places, normals alone say that what is far outside is deep in it.
         meeting = gaps < 0
         meeting[meeting] = there.contains(x[meeting])
         if not meeting.any():
-            meeting[crossing(self._body, body, x, other)] = True
-            self._astray |= not self._body.surface.moved(x).contains(other).any()
+            meeting[crossing(self._body, body, x, there.vertices)] = True
+            self._astray |= not here.contains(there.vertices).any()
         if not meeting.any():
             meeting = gaps <= 1.5 * gaps.min()
         self._meets |= meeting
