@@ -179,7 +179,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     surfaces = [b.surface for b in scene.muscles]
     plates = [_plate(b, options.reach) for b in scene.muscles]
     plate = Plate(sparse.block_diag(plates, format="csr"), rest)
-    barrier = _Convex(scene.barrier(start, options.clearance))
+    barrier = scene.barrier(start, options.clearance)
     settings = equilibrium.Options(
         displacement_tolerance=options.tolerance,
         force_tolerance=1e-2,
@@ -194,17 +194,17 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     x, iterations = start, 0
     # A barrier that is felt from afar lets bodies make way for one another before they touch.
     for times in SOFTER:
-        soft = _Convex(scene.barrier(x, times * options.clearance))
+        soft = _Convex(barrier.reaching(times * options.clearance))
         forces: list[Potential] = [plate, soft] if times > FILLED else [plate, soft, volumes]
         found = equilibrium.solve(forces, x, options=loose)
         x, iterations = found.x, iterations + found.record.iterations
-    barrier = _Convex(scene.barrier(x, options.clearance))
+    hard = _Convex(barrier)
     for _ in range(ROUNDS):
-        found = equilibrium.solve([plate, barrier, volumes], x, options=settings)
+        found = equilibrium.solve([plate, hard, volumes], x, options=settings)
         x, iterations = found.x, iterations + found.record.iterations
         log.info("separation: volumes changed by up to %.2f %%", 100 * np.abs(volumes.changes(x)).max())
         if volumes.kept(x):
-            return _seated(scene, rest, x, barrier.barrier), iterations
+            return _seated(scene, rest, x, barrier), iterations
         volumes.renew(x)
     largest = 100 * np.abs(volumes.changes(x)).max()
     problem = f"volumes changed by up to {largest:.1f} % after {iterations} iterations: {found.record.reason}"
