@@ -31,6 +31,16 @@ def test_a_point_outside_follows_the_face_next_to_it(mesh):
     assert (mesh.vertices[embedding.cells[0]][:, 2] == 1).sum() == 3
 
 
+def test_points_drawn_in_lie_in_the_mesh(mesh):
+    points = np.random.default_rng(4).uniform(-0.5, 1.5, (400, 3))
+    inside = ((points > 0) & (points < 1)).all(axis=1)
+    embedding = Embedding.of(points, mesh)
+    drawn = embedding.drawn_in()(mesh.vertices)
+    np.testing.assert_allclose(drawn[inside], points[inside], atol=1e-9)
+    assert drawn.min() > -1e-9 and drawn.max() < 1 + 1e-9
+    np.testing.assert_allclose(embedding.chosen(np.arange(5))(mesh.vertices), points[:5], atol=1e-9)
+
+
 def test_vertices_are_embedded_in_themselves(mesh):
     embedding = Embedding.of(mesh.vertices, mesh)
     x = np.random.default_rng(3).normal(size=mesh.vertices.shape)

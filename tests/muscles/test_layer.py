@@ -11,7 +11,11 @@ from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
 from handpipe.layers import Frame, Shape
 from handpipe.mesh.distance import Distance
+from handpipe.mesh.embedding import Embedding
+from handpipe.mesh.meshing import tetrahedralise
+from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface
+from handpipe.muscles.body import Body
 from handpipe.muscles.layer import MuscleLayer, SimulationOptions
 from handpipe.muscles.muscle import Muscle
 from handpipe.muscles.pose_strains import PoseStrains
@@ -73,6 +77,28 @@ def test_an_end_that_gave_way_to_a_neighbour_in_an_example_is_not_pulled_back():
     assert set(body.attachments["a"]) <= set(known.firm)
     off = solve(MuscleLayer([known], contact=False), 0.4)["m_mesh"].vertices - shape
     assert np.linalg.norm(body.matrix[body.attachments["a"]] @ off, axis=1).max() < 0.05
+
+
+def stump() -> Body:
+    """The spindle with tets that end before it does: what bones hold is outside of them."""
+    surface, attachments = spindle().surface, spindle().attachments
+    cage = remesh(surface.moved(surface.vertices * [0.7, 1.0, 1.0]), 2.5)
+    mesh = tetrahedralise(cage, 3.0)
+    visible = np.ones(len(surface.vertices), dtype=bool)
+    return Body(surface, mesh, Embedding.of(surface.vertices, mesh), attachments, visible)
+
+
+def test_bones_hold_points_of_the_tets_where_the_surface_is_outside_of_them():
+    body, poses = stump(), {"half": hinge(0.4), "full": hinge(0.8)}
+    assert body.embedding.weights[body.held].min() < -1.0
+    shapes = [body.follow(hinge_bones(), pose) for pose in poses.values()]
+    known = known_in(poses, shapes, "m", body)
+    assert known.anchors.data.min() >= 0.0
+    for pose, x in zip(poses.values(), shapes, strict=True):
+        np.testing.assert_allclose(known.anchors @ x, known.targets(pose), atol=1e-9)
+    for angle, x in zip((0.4, 0.8), shapes, strict=True):
+        found = solve(MuscleLayer([known], contact=False), angle)["m_mesh"].vertices
+        assert np.linalg.norm(found - x, axis=1).max() < 0.05
 
 
 SLIDING = 5.0  # mm for each rad

@@ -60,6 +60,15 @@ class Embedding:
         last = np.linalg.solve(edges, (points - corners[:, 0])[:, :, None])[:, :, 0]
         return Embedding(cells, np.column_stack([1 - last.sum(axis=1), last]))
 
+    def chosen(self, ids: IntArray) -> Embedding:
+        """Of some of the points (k,)."""
+        return Embedding(self.cells[ids], self.weights[ids])
+
+    def drawn_in(self) -> Embedding:
+        """Points outside of their tets drawn in to their borders: no weight is negative."""
+        weights = np.maximum(self.weights, 0.0)
+        return Embedding(self.cells, weights / weights.sum(axis=1, keepdims=True))
+
     def __call__(self, vertices: Array) -> Array:
         """The points (n, 3) carried by vertices (N, 3), or any other field (N, d) interpolated to them."""
         return np.einsum("nc,ncd->nd", self.weights, vertices[self.cells])

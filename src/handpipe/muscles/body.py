@@ -16,6 +16,7 @@ from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.operators import dirichlet_matrix, shape_gradients
 from handpipe.mesh.remeshing import remesh
+from handpipe.mesh.repair import cuts_itself
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
@@ -28,6 +29,7 @@ Transforms = Mapping[str, RigidTransform]
 
 ON_BONE = 0.4  # mm from a bone within which a vertex goes with it: farther ones go ways of their own
 FEWEST = 3  # vertices by which a bone holds an end
+FINER = 3  # times that the edges of a cage that cuts itself are shortened, to half
 SPREAD = 0.5  # share of harmonic weights in a blend of bones' motions
 
 
@@ -57,9 +59,15 @@ class Body:
 
         A thin body has finer ones, down to half of `edge`: the radius of a long round body is 2 V / A, and
         edges that are longer would cut its volume away (a hexagon has 0.83 of its circle), or cut themselves.
+        Where these cut themselves all the same, as those of a thin ribbon may, they are shorter yet.
         """
         edge = float(np.clip(1.5 * surface.volume() / surface.area(), 0.5 * edge, edge))
         cage = remesh(surface, edge).largest_component()  # what is thinner breaks off, and is carried along
+        for _ in range(FINER):
+            if not cuts_itself(cage):
+                break
+            edge *= 0.8
+            cage = remesh(surface, edge).largest_component()
         mesh = tetrahedralise(cage, 1.3 * edge)
         visible = np.ones(len(surface.vertices), dtype=bool)
         visible[np.concatenate(list(attachments.values()))] = False
@@ -94,10 +102,9 @@ class Body:
             attachments[bone] = ids[near & (near.sum() >= FEWEST)]
         return replace(self, attachments=attachments)
 
-    def targets(self, transforms: Transforms, beside: Array | None = None) -> Array:
-        """Where the bones hold these vertices, (t, 3); beside (t, 3): offsets in the bones' frames."""
-        places = self.surface.vertices[self.held]
-        return self.carried(places if beside is None else places + beside, transforms)
+    def targets(self, transforms: Transforms) -> Array:
+        """Where the bones take these vertices, (t, 3)."""
+        return self.carried(self.surface.vertices[self.held], transforms)
 
     def carried(self, places: Array, transforms: Transforms) -> Array:
         """Places (t, 3) of held vertices, each moved as its bone is."""

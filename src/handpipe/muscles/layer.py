@@ -77,7 +77,7 @@ class MuscleLayer:
         rest = np.concatenate([m.body.mesh.vertices for m in self.muscles])
         tets = [m.body.mesh.tets + a for m, a in zip(self.muscles, starts, strict=False)]
         self.elastic = Elastic(rest, np.concatenate(tets), self.options.material)
-        self.surfaces = [self._lifted(m, i) for i, m in enumerate(self.muscles)]
+        self.surfaces = [self._lifted(m.body.matrix, i) for i, m in enumerate(self.muscles)]
         free = [_without(s, m.firm) for s, m in zip(self.surfaces, self.muscles, strict=True)]
         self.unheld = sparse.vstack(free, format="csr")  # from all vertices to surfaces' that no bone holds
         neutral = {m.name: m.body.surface for m in self.muscles}
@@ -89,9 +89,9 @@ class MuscleLayer:
         other.options = replace(self.options, spring=stiffness)
         return other
 
-    def _lifted(self, muscle: Muscle, index: int) -> sparse.csr_matrix:
-        """Matrix (v, N) from all vertices to one muscle's surface."""
-        own, part = muscle.body.matrix, self.parts[index]
+    def _lifted(self, own: sparse.csr_matrix, index: int) -> sparse.csr_matrix:
+        """Matrix (k, N) on all vertices from one (k, n) on those of one muscle."""
+        part = self.parts[index]
         shape = (own.shape[0], len(self.elastic.vertices))
         return sparse.csr_matrix((own.data, own.indices + part.start, own.indptr), shape=shape)
 
@@ -114,7 +114,7 @@ class MuscleLayer:
         return self._shapes(settled.x, strains, settled.figures)
 
     def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
-        rows = [s[m.firm] for s, m in zip(self.surfaces, self.muscles, strict=True)]
+        rows = [self._lifted(m.anchors, i) for i, m in enumerate(self.muscles)]
         targets = np.concatenate([m.targets(bones) for m in self.muscles])
         return Attachment(sparse.vstack(rows, format="csr"), targets, self.options.spring)
 

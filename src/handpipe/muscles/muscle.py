@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from handpipe import artifacts
 from handpipe.fem import plasticity
@@ -133,11 +134,25 @@ class Muscle:
         """Surface vertices that go with a bone; the other marked ones leave theirs in an example."""
         return self.body.held[self._firm]
 
-    def targets(self, bones: Mapping[str, RigidTransform]) -> Array:
-        """Where bones hold the firm vertices (f, 3) in a pose: as far beside as between the examples, since
-        muscles that were parted have let go a little.
+    @cached_property
+    def anchors(self) -> sparse.csr_matrix:
+        """Matrix (f, n) from mesh vertices to the points by which bones hold the firm vertices.
+
+        These are drawn in to the mesh. Where the surface is thinner than a tet its vertices lie outside, up
+        to twice the tet's height: held there they alone decide which way round the tet is.
         """
-        return self.body.targets(bones, self.space.interpolate(self._beside, bones))[self._firm]
+        return self._anchors[self._firm]
+
+    def targets(self, bones: Mapping[str, RigidTransform]) -> Array:
+        """Where bones hold the anchors (f, 3) in a pose: as far beside as between the examples, since muscles
+        that were parted have let go a little.
+        """
+        places = self._anchors @ self.body.mesh.vertices + self.space.interpolate(self._beside, bones)
+        return self.body.carried(places, bones)[self._firm]
+
+    @cached_property
+    def _anchors(self) -> sparse.csr_matrix:
+        return self.body.embedding.chosen(self.body.held).drawn_in().matrix(len(self.body.mesh.vertices))
 
     @cached_property
     def _firm(self) -> NDArray[np.bool_]:
@@ -145,13 +160,12 @@ class Muscle:
 
     @cached_property
     def _beside(self) -> Array:
-        """Offsets (N, t, 3) in mm of held vertices from neutral, in their bones' frames, in the examples."""
-        body, held = self.body, self.body.held
+        """Offsets (N, t, 3) in mm of all anchors from neutral, in their bones' frames, in the examples."""
         back = [{bone: motion.inverse() for bone, motion in bones.items()} for bones in self.bones]
         places = [
-            body.carried(body.embedding(x)[held], bones) for x, bones in zip(self.vertices, back, strict=True)
+            self.body.carried(self._anchors @ x, bones) for x, bones in zip(self.vertices, back, strict=True)
         ]
-        return np.stack(places) - body.surface.vertices[held]
+        return np.stack(places) - self._anchors @ self.body.mesh.vertices
 
     def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
         """Write the artifact."""
