@@ -5,6 +5,7 @@ from common import stage
 with stage(snakemake) as log:
     from dataclasses import replace
 
+    from handpipe.errors import InputError
     from handpipe.muscles.body import Body
     from handpipe.muscles.contested import uncontested
     from handpipe.muscles.separation import NO_VOLUME, separate
@@ -19,12 +20,14 @@ with stage(snakemake) as log:
     seen = {n: b.visible for n, b in fitted.items()}
     found = separate(surfaces, bones, NO_VOLUME, held=held, seen=seen)
     log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
-    bodies = {
-        n: replace(
-            Body.of(found.surfaces[n], b.attachments, snakemake.params.edge),
-            visible=b.visible,
-            landmarks=b.landmarks,
-        )
-        for n, b in fitted.items()
-    }
+
+    def meshed(name, guess):
+        try:
+            body = Body.of(found.surfaces[name], guess.attachments, snakemake.params.edge)
+        except InputError as error:
+            remedy = f"Look at its template and its markers: {name} may be too thin, or folded"
+            raise InputError(name, error.field, error.problem, remedy) from error
+        return replace(body, visible=guess.visible, landmarks=guess.landmarks)
+
+    bodies = {name: meshed(name, guess) for name, guess in fitted.items()}
     write_bodies(snakemake.output[0], bodies, [*snakemake.input])
