@@ -29,7 +29,7 @@ Transforms = Mapping[str, RigidTransform]
 
 ON_BONE = 0.4  # mm from a bone within which a vertex goes with it: farther ones go ways of their own
 FEWEST = 3  # vertices by which a bone holds an end
-FINER = 3  # times that the edges of a cage that cuts itself are shortened, to half
+SHORTER = 0.8 ** np.arange(4)  # of the edges of a cage, until it does not cut itself
 SPREAD = 0.5  # share of harmonic weights in a blend of bones' motions
 
 
@@ -61,13 +61,13 @@ class Body:
         edges that are longer would cut its volume away (a hexagon has 0.83 of its circle), or cut themselves.
         Where these cut themselves all the same, as those of a thin ribbon may, they are shorter yet.
         """
-        edge = float(np.clip(1.5 * surface.volume() / surface.area(), 0.5 * edge, edge))
-        cage = remesh(surface, edge).largest_component()  # what is thinner breaks off, and is carried along
-        for _ in range(FINER):
+        longest = float(np.clip(1.5 * surface.volume() / surface.area(), 0.5 * edge, edge))
+        for edge in longest * SHORTER:
+            cage = remesh(
+                surface, edge
+            ).largest_component()  # what is thinner breaks off, and is carried along
             if not cuts_itself(cage):
                 break
-            edge *= 0.8
-            cage = remesh(surface, edge).largest_component()
         mesh = tetrahedralise(cage, 1.3 * edge)
         visible = np.ones(len(surface.vertices), dtype=bool)
         visible[np.concatenate(list(attachments.values()))] = False

@@ -80,6 +80,8 @@ class MuscleLayer:
         self.surfaces = [self._lifted(m.body.matrix, i) for i, m in enumerate(self.muscles)]
         free = [_without(s, m.firm) for s, m in zip(self.surfaces, self.muscles, strict=True)]
         self.unheld = sparse.vstack(free, format="csr")  # from all vertices to surfaces' that no bone holds
+        anchors = [self._lifted(m.anchors, i) for i, m in enumerate(self.muscles)]
+        self.anchors = sparse.vstack(anchors, format="csr")  # and to the points that bones hold
         neutral = {m.name: m.body.surface for m in self.muscles}
         self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
 
@@ -114,9 +116,8 @@ class MuscleLayer:
         return self._shapes(settled.x, strains, settled.figures)
 
     def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
-        rows = [self._lifted(m.anchors, i) for i, m in enumerate(self.muscles)]
         targets = np.concatenate([m.targets(bones) for m in self.muscles])
-        return Attachment(sparse.vstack(rows, format="csr"), targets, self.options.spring)
+        return Attachment(self.anchors, targets, self.options.spring)
 
     def _bed(self, places: Array) -> list[Potential]:
         """What is around the muscles, softly: all of their surfaces that no bone holds stays near `places`

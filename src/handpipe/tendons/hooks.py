@@ -176,7 +176,7 @@ def fit_hooks(
     inside = _missing([embedding(shape.vertices) for shape in flesh], lines)
     better = np.sum(inside**2, axis=(0, 2)) < np.sum(on_bones**2, axis=(0, 2))
     chosen = np.flatnonzero(better)
-    in_flesh = InFlesh(chosen, Embedding(embedding.cells[chosen], embedding.weights[chosen]))
+    in_flesh = InFlesh(chosen, embedding.chosen(chosen))
     return HookSet(order, points, weights, np.where(better[:, None], inside, on_bones), in_flesh)
 
 
