@@ -135,3 +135,59 @@ rule benchmark_anatomy:
         "upper envelopes of many functions; a real hand's template carried to another by feature points"
     script:
         "../scripts/benchmark.py"
+
+
+TRUST = {  # parts of the benchmark of trust: what each needs to be built
+    "solver": [],
+    "frames": ["results/phantom-hand-preview/metrics/skin.json"],
+    "seeds": [],
+    "readers": [],
+    "stale": [],
+    "kills": [],
+}
+
+
+rule benchmark_trust_part:
+    input:
+        lambda w: TRUST[w.part],
+    output:
+        "results/benchmarks/trust/{part}.json",
+    log:
+        "results/benchmarks/logs/benchmark_trust_part/{part}.log",
+    benchmark:
+        "results/benchmarks/jobs/benchmark_trust_part/{part}.tsv"
+    wildcard_constraints:
+        part="|".join(TRUST),
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=120,
+    params:
+        name="trust",
+        arguments=lambda w: [w.part],
+    message:
+        "whether wrong results are refused: {wildcards.part}"
+    script:
+        "../scripts/benchmark.py"
+
+
+rule benchmark_trust:
+    input:
+        expand("results/benchmarks/trust/{part}.json", part=TRUST),
+    output:
+        "results/benchmarks/trust.json",
+    log:
+        "results/benchmarks/logs/benchmark_trust.log",
+    benchmark:
+        "results/benchmarks/jobs/benchmark_trust.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        name="trust",
+        arguments=lambda w, input: ["merge", *input],
+    message:
+        "whether wrong results are refused: all figures"
+    script:
+        "../scripts/benchmark.py"
