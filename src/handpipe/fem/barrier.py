@@ -69,6 +69,8 @@ class Barrier:
     steps are bounded by continuous collision detection.
     """
 
+    one_sided = True
+
     def __init__(
         self,
         operator: sp.spmatrix | sp.sparray,
@@ -152,6 +154,14 @@ class Barrier:
 
     def gradient(self, x: Array) -> Array:
         return self._operator.T @ self._surface_gradient(x)
+
+    def force_sizes(self, x: Array) -> Array:
+        """Size (n,) in mN of the force on each vertex."""
+        return np.asarray(np.sqrt((self.gradient(x) ** 2).sum(axis=1)))
+
+    def reached(self) -> NDArray[np.bool_]:
+        """Mask (n,) of the vertices that carry the surface."""
+        return np.bincount(self._narrow.indices, minlength=self._narrow.shape[1]) > 0
 
     def obstacle_forces(self, x: Array) -> Array:
         """Forces (o, 3) in mN of the surface on the obstacle's vertices."""

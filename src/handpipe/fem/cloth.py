@@ -28,7 +28,7 @@ class Membrane:
         self, vertices: Array, triangles: IntArray, material: Material, thickness: float, scale: float = 1.0
     ) -> None:
         self.triangles = np.ascontiguousarray(triangles, dtype=np.int64)
-        self.pattern = Pattern.of_cells(self.triangles, len(vertices))
+        self.pattern, self._count = Pattern.of_cells(self.triangles, len(vertices)), len(vertices)
         mu, lam = material.lame(len(triangles))
         self._mu, self._lam = mu.copy(), 2 * mu * lam / (lam + 2 * mu)
         self._gradients, areas = membrane_gradients(vertices, self.triangles, scale)
@@ -39,6 +39,18 @@ class Membrane:
 
     def gradient(self, x: Array) -> Array:
         return _gradient(x, self.triangles, self._gradients, self._energies, self._mu, self._lam)
+
+    def force_sizes(self, x: Array) -> Array:
+        """Sum (n,) of the sizes in mN of the forces that triangles put on each vertex."""
+        out = np.zeros(len(x))
+        _add_force_sizes(x, self.triangles, self._gradients, self._energies, self._mu, self._lam, out)
+        return out
+
+    def resistance(self) -> Array:
+        """Force (n,) in mN on each vertex with which its triangles resist a shear strain of one, at rest."""
+        sizes = np.sqrt((self._gradients**2).sum(axis=2))
+        forces = 2.0 * (self._energies * self._mu)[:, None] * sizes
+        return np.bincount(self.triangles.ravel(), forces.ravel(), minlength=self._count)
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         data = self.pattern.data()
@@ -115,6 +127,23 @@ def _gradient(
             for i in range(3):
                 out[triangles[e, a], i] += energies[e] * (f[i, 0] * t0 + f[i, 1] * t1)
     return out
+
+
+@njit(cache=True)
+def _add_force_sizes(
+    x: Array, triangles: IntArray, gradients: Array, energies: Array, mu: Array, lam: Array, out: Array
+) -> None:
+    f, s = np.empty((3, 2)), np.empty((2, 2))
+    for e in range(len(triangles)):
+        b = gradients[e]
+        _state(x, triangles[e], b, mu[e], lam[e], f, s)
+        for a in range(3):
+            t0 = s[0, 0] * b[a, 0] + s[0, 1] * b[a, 1]
+            t1 = s[1, 0] * b[a, 0] + s[1, 1] * b[a, 1]
+            squared = 0.0
+            for i in range(3):
+                squared += (f[i, 0] * t0 + f[i, 1] * t1) ** 2
+            out[triangles[e, a]] += energies[e] * np.sqrt(squared)
 
 
 @njit(cache=True)

@@ -85,6 +85,8 @@ class Contact(Sliding):
     The penalty rises from zero at the plane over a depth of `onset` mm (see `penalty`) to stiffness k.
     """
 
+    one_sided = True
+
     def __init__(
         self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike, onset: float = 0.05
     ) -> None:
@@ -120,6 +122,7 @@ class SurfaceContact(PointPotential):
     by how little it has moved since its distance was known.
     """
 
+    one_sided = True
     far = 1.0  # mm beyond the thickness
 
     def __init__(

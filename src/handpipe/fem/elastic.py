@@ -98,6 +98,19 @@ class Elastic:
         data = tet_kernels.stiffness(_coordinates(x), self._body, self._partition, self.pattern, project)
         return self.pattern.matrix(data)
 
+    def force_sizes(self, x: Array) -> Array:
+        """Sum (n,) of the sizes in mN of the forces that tets put on each vertex."""
+        out = np.zeros(len(self.vertices))
+        tet_kernels.force_sizes(_coordinates(x), self._body, out)
+        return out
+
+    def resistance(self) -> Array:
+        """Force (n,) in mN on each vertex with which its tets resist a shear strain of one, at rest."""
+        sizes = np.sqrt((self._body.gradients**2).sum(axis=2))
+        forces = 2.0 * (self._body.weights * self._body.mu)[:, None] * sizes
+        corners = self._body.tets.ravel()
+        return np.bincount(corners, forces.ravel(), minlength=len(self.vertices))
+
     def deformation_gradients(self, x: Array) -> Array:
         """F (m, 3, 3) from the rest positions, plastic part included."""
         return deformation_gradients(x, self.tets, self.rest_gradients)

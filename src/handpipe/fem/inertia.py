@@ -37,6 +37,10 @@ class Inertia:
     def gradient(self, x: Array) -> Array:
         return self.mass @ (x - self._aim) / self.time_step**2
 
+    def force_sizes(self, x: Array) -> Array:
+        """Size (n,) in mN of the force on each vertex."""
+        return np.asarray(np.sqrt((self.gradient(x) ** 2).sum(axis=1)))
+
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         return self._hessian
 

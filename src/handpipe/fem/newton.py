@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.fem import unheld
+from handpipe.fem.balance import Balance, lengths, rounding
 from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.direction import Directions
 from handpipe.fem.potential import Sum
@@ -29,7 +30,7 @@ LOOSEST, TIGHTEST = 0.01, 1e-4  # relative error of the linear solves
 SPARE = 0.1  # of the forces at rest
 KICK = 0.1  # of the spacing of vertices, away from a stationary point that is no minimum
 MAX_ESCAPES = 5
-SMALL_STRAIN = 1e-3
+FLIGHT = 10.0  # of the scene's size: a body that went so far may have left for good
 PROGRESS = 10.0  # seconds between two lines of progress
 
 
@@ -55,7 +56,9 @@ class Newton:
         self._workspace, self._checkpoint = workspace, checkpoint
         self._unknowns = free
         self._directions = Directions(energy, free, workspace, self.record)
-        self._scale = self._least_scale = self._energy_noise = 0.0
+        self._scale = self._energy_noise = 0.0
+        self._start, self._extent = x, float(np.ptp(x, axis=0).max(initial=0.0))
+        self._gradients: list[Array] = []
         self._value = 0.0
         self._renewed = any(hasattr(p, "refresh") for p in energy.potentials)
         self._left: tuple[Array, float] | None = None
@@ -79,7 +82,8 @@ class Newton:
         if not np.isfinite(self._value):
             self.record.reason = "the energy at the start is not finite"
             return
-        self._look_at_start()
+        if not self._look_at_start():
+            return
         while True:
             gradient = self._gradient()
             if not np.all(np.isfinite(gradient)):
@@ -96,20 +100,21 @@ class Newton:
                 self.struggling, self.record.reason = True, "the tangent stiffness is not positive definite"
                 return
             length = _largest(direction)
-            if self._rests(residual, length):
+            if self._rests(gradient, direction):
                 self._finish(direction)
                 if not self._leave():
                     return
                 continue
             if self.record.iterations >= self.options.max_iterations:
-                self.record.reason = (
-                    f"{self.options.max_iterations} iterations, residual {residual:.3g} mN "
-                    f"of {self._scale:.3g} mN, next step {length:.3g} mm"
-                )
+                self.record.reason = self._why(f"{self.options.max_iterations} iterations", gradient, length)
                 return
             if not self._search(direction, gradient, length):
+                problem = "no step along the Newton direction lowers the energy"
+                self.record.reason = self.record.reason or self._why(problem, gradient, length)
                 return
             self.record.iterations += 1
+            if self._flown():
+                return
             self._report(residual, length)
             if self._checkpoint is not None:
                 self._checkpoint.save_when_due(self.x)
@@ -117,39 +122,39 @@ class Newton:
                 self.energy.refresh(self.x)
                 self._value = self.energy.value(self.x)
 
-    def _look_at_start(self) -> None:
-        """Set the least characteristic force, and fix what stops the rigid motions that nothing resists.
+    def _look_at_start(self) -> bool:
+        """Learn what a small force is, and pin the unconstrained rigid-body modes.
 
-        The least force is that of a small strain, for bodies that come to rest without any force. Reactions
-        of the fixed degrees of freedom vanish at rest.
+        False where a load acts along one of these: there is no equilibrium.
         """
         start = time.perf_counter()
         stiffness = self._directions.tangent(self.x)
-        diagonal = np.abs(stiffness.diagonal())[self.free]
-        force = float(diagonal.mean()) * self._spacing()
-        self._least_scale = SMALL_STRAIN * force
+        self._balance = Balance(self.energy, stiffness, self.x, self.options.force_tolerance)
         # Each element's energy near rest is a difference of terms as large as those of a strain of one.
+        force = float(self._balance.resistance.mean())
         self._energy_noise = EPSILON * force * self._spacing() * math.sqrt(len(self.x))
         pins = np.zeros(0, dtype=np.int64)
         if not self._workspace.held:
+            self.record.reason = unheld.unbalanced(self.energy, stiffness, self.x, self.free)
             pins = unheld.pins(self.energy, stiffness, self.x, self.free)
             self._workspace.held = len(pins) == 0
         self.record.seconds["assembly"] += time.perf_counter() - start
         if len(pins):
-            log.info("%s: %d rigid motions are held by nothing and fixed", self.options.name, len(pins))
+            log.info("%s: %d unconstrained rigid-body modes; pinning them", self.options.name, len(pins))
             self._set_unknowns(np.where(np.isin(np.arange(len(self.free)), pins), False, self.free))
+        return not self.record.reason
 
     def _set_unknowns(self, unknowns: NDArray[np.bool_]) -> None:
         self._unknowns = unknowns
         self._directions = Directions(self.energy, unknowns, self._workspace, self.record)
 
     def _gradient(self) -> Array:
-        """Gradient (3n,); the characteristic force at x is renewed on the way."""
+        """Gradient (3n,); those of single potentials are kept."""
         start = time.perf_counter()
-        parts = [p.gradient(self.x) for p in self.energy.potentials]
-        self._scale = max([self._least_scale, *(_largest(p) for p in parts)])
+        self._gradients = [p.gradient(self.x) for p in self.energy.potentials]
+        self._scale = max(_largest(g) for g in self._gradients)
         self.record.seconds["assembly"] += time.perf_counter() - start
-        return np.sum(parts, axis=0).reshape(-1)
+        return np.sum(self._gradients, axis=0).reshape(-1)
 
     def _note(self, gradient: Array) -> float:
         residual = _largest(np.where(self.free, gradient, 0.0))
@@ -170,28 +175,47 @@ class Newton:
             error = max(error, SPARE * self.options.force_tolerance * self._scale / residuals[-1])
         return float(np.clip(error, TIGHTEST, LOOSEST))
 
-    def _rests(self, residual: float, length: float) -> bool:
-        limit = self.options.force_tolerance * self._scale
+    def _rests(self, gradient: Array, direction: Array) -> bool:
+        """Whether x is an equilibrium, for the gradient (3n,) and the Newton direction (3n,) there.
+
+        Along a mode without stiffness a step has length but nothing more than rounding behind it.
+        """
+        residuals, steps = self._unbalanced(gradient), lengths(direction)
         tolerance = self.options.displacement_tolerance
-        if length > tolerance:
-            recent = self.record.steps[-RESTING:]
-            if len(recent) == RESTING and max(recent) <= tolerance:
-                # At a kink of contact Newton's step overshoots for ever; the shape rests all the same.
-                return residual <= limit
-            # Along a mode without stiffness a step has length but next to no force behind it.
-            return residual <= NEGLIGIBLE * limit
-        # A step of a thousandth of the tolerance is rounding, whatever the scale of the forces.
-        return residual <= limit or length <= NEGLIGIBLE * tolerance
+        stiffness = self._directions.tangent(self.x)
+        rounded = residuals <= rounding(stiffness, self.x)
+        if steps.max() > tolerance and not self._oscillates():
+            return bool(rounded.all())
+        small = self._balance.limits(self.x, self._gradients)
+        within = residuals <= small
+        if within.all() or (rounded | within).all() and steps.max() > tolerance:
+            return True
+        # Where rounding hides the forces, a step that balances them must be next to nothing.
+        left = lengths(np.where(self.free, gradient + stiffness @ direction, 0.0))
+        hidden = rounded & (left <= small) & (steps <= NEGLIGIBLE * tolerance)
+        return bool((within | hidden).all())
+
+    def _oscillates(self) -> bool:
+        """Whether the last steps were small: at a kink of contact Newton's step overshoots for ever."""
+        recent = self.record.steps[-RESTING:]
+        return len(recent) == RESTING and max(recent) <= self.options.displacement_tolerance
+
+    def _unbalanced(self, gradient: Array) -> Array:
+        """Unbalanced force (n,) on the free degrees of freedom of each vertex."""
+        return lengths(np.where(self.free, gradient.reshape(-1), 0.0))
 
     def _finish(self, direction: Array) -> None:
         """Take the last step too, where it brings forces down: its energy is often lost in rounding."""
         trial = self.x + direction.reshape(self.x.shape)
         if self.energy.max_step(self.x, trial - self.x) == 1.0:
             value = self.energy.value(trial)
-            residual = _largest(np.where(self.free, self.energy.gradient(trial).reshape(-1), 0.0))
-            if np.isfinite(value) and residual < self.record.residuals[-1]:
+            after = self._unbalanced(self.energy.gradient(trial))
+            before = self._unbalanced(np.sum(self._gradients, axis=0))
+            small = self._balance.limits(self.x, self._gradients)
+            better = after.max() < before.max() and bool((after <= np.maximum(before, small)).all())
+            if np.isfinite(value) and better:
                 self.x, self._value = trial, value
-                self.record.residuals[-1] = residual
+                self.record.residuals[-1] = float(after.max())
         self.record.converged, self.record.reason = True, "converged"
         log.info(
             "%s: converged in %d iterations, residual %.2e mN of %.2e mN",
@@ -200,6 +224,30 @@ class Newton:
             self.record.residuals[-1],
             self._scale,
         )
+
+    def _why(self, problem: str, gradient: Array, length: float) -> str:
+        """What keeps the solve from its end: a body that slides away, rounding, or forces out of balance."""
+        drift = unheld.drifting(self.energy, self.x, self._start)
+        if drift:
+            return f"{drift} ({problem})"
+        residuals = self._unbalanced(gradient)
+        small = self._balance.limits(self.x, self._gradients)
+        worst = int(np.argmax(residuals - small))
+        text = (
+            f"{problem}, unbalanced force {residuals[worst]:.3g} mN of {small[worst]:.3g} mN allowed on vertex "
+            f"{worst}, next step {length:.3g} mm"
+        )
+        noise = rounding(self._directions.tangent(self.x), self.x)[worst]
+        if residuals[worst] <= noise:
+            text += f"; stiff springs or contact there round forces by {noise:.2g} mN"
+        return text
+
+    def _flown(self) -> bool:
+        """Whether some body has moved away for good, since nothing resists its load."""
+        if _largest(self.x - self._start) < FLIGHT * self._extent:
+            return False
+        self.record.reason = unheld.drifting(self.energy, self.x, self._start)
+        return bool(self.record.reason)
 
     def _leave(self) -> bool:
         """Leave a stationary point that is no minimum; False where it is one or where that failed."""
@@ -274,10 +322,6 @@ class Newton:
                 self.struggling, self.record.reason = True, "energy allows only short steps"
                 return False
         self.record.seconds["search"] += time.perf_counter() - start
-        self.record.reason = (
-            f"no step along the Newton direction lowers the energy; residual "
-            f"{self.record.residuals[-1]:.3g} mN of {self._scale:.3g} mN, Newton step {length:.3g} mm"
-        )
         return False
 
     def _rounding(self, length: float) -> float:

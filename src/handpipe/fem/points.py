@@ -61,6 +61,14 @@ class PointPotential:
     def gradient(self, x: Array) -> Array:
         return self.operator.T @ self.forces(self.points(x))
 
+    def force_sizes(self, x: Array) -> Array:
+        """Sum (n,) of the sizes in mN of the forces that points put on each vertex."""
+        return abs(self.operator).T @ np.sqrt((self.forces(self.points(x)) ** 2).sum(axis=1))
+
+    def reached(self) -> NDArray[np.bool_]:
+        """Mask (n,) of the vertices that carry points."""
+        return np.bincount(self.operator.indices, minlength=self.operator.shape[1]) > 0
+
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         w, pattern = self.operator, self.pattern
         data = pattern.data()

@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 class Pull:
     """Energy -sum f . p of constant forces f (k, 3) in mN on points p = W x (000 Eq. 11)."""
 
+    constant = True
+
     def __init__(self, operator: sp.spmatrix | sp.sparray, forces: Array) -> None:
         self._load = sp.csr_matrix(operator).T @ np.asarray(forces, dtype=float)
         size = self._load.size
@@ -22,6 +24,10 @@ class Pull:
 
     def gradient(self, x: Array) -> Array:
         return -self._load
+
+    def force_sizes(self, x: Array) -> Array:
+        """Size (n,) in mN of the force on each vertex."""
+        return np.asarray(np.sqrt((self._load**2).sum(axis=1)))
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         return self._zero

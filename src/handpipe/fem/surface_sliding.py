@@ -18,6 +18,7 @@ class SurfaceSliding(SurfaceContact):
     a point to a plane instead, which must be taken anew whenever the point has slid.
     """
 
+    one_sided = False
     far = np.inf  # no point is free
 
     def energies(self, points: Array) -> Array:

@@ -85,6 +85,21 @@ def _forces(x: Array, body: Body, share: Share, part: int, out: Array) -> None:
 
 
 @njit(cache=True)
+def force_sizes(x: Array, body: Body, out: Array) -> None:
+    """Add the sizes of the forces that each tet puts on its corners to out (n,)."""
+    f, p = np.empty((3, 3)), np.empty((3, 3))
+    for e in range(len(body.tets)):
+        g = body.gradients[e]
+        gather(x, body.tets[e], g, f)
+        piola(body.model, f, body.mu[e], body.lam[e], p)
+        for a in range(4):
+            squared = 0.0
+            for i in range(3):
+                squared += (p[i, 0] * g[a, 0] + p[i, 1] * g[a, 1] + p[i, 2] * g[a, 2]) ** 2
+            out[body.tets[e, a]] += body.weights[e] * np.sqrt(squared)
+
+
+@njit(cache=True)
 def _stiffness(
     x: Array, body: Body, share: Share, slots: Slots, part: int, project: bool, data: Array
 ) -> None:
