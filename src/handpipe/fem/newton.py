@@ -19,6 +19,7 @@ from handpipe.fem.spacing import spacing
 from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 log = logging.getLogger(__name__)
 
 ARMIJO = 1e-4  # share of the predicted decrease that a step must bring
@@ -30,6 +31,7 @@ LOOSEST, TIGHTEST = 0.01, 1e-4  # relative error of the linear solves
 SPARE = 0.1  # of the forces at rest
 KICK = 0.1  # of the spacing of vertices, away from a stationary point that is no minimum
 MAX_ESCAPES = 5
+MAX_RELEASES = 5
 FLIGHT = 10.0  # of the scene's size: a body that went so far may have left for good
 PROGRESS = 10.0  # seconds between two lines of progress
 
@@ -59,6 +61,7 @@ class Newton:
         self._scale = self._energy_noise = 0.0
         self._start, self._extent = x, float(np.ptp(x, axis=0).max(initial=0.0))
         self._gradients: list[Array] = []
+        self._releases = 0
         self._value = 0.0
         self._renewed = any(hasattr(p, "refresh") for p in energy.potentials)
         self._left: tuple[Array, float] | None = None
@@ -105,6 +108,8 @@ class Newton:
                 if not self._leave():
                     return
                 continue
+            if self._released(gradient, direction):
+                continue
             if self.record.iterations >= self.options.max_iterations:
                 self.record.reason = self._why(f"{self.options.max_iterations} iterations", gradient, length)
                 return
@@ -140,9 +145,29 @@ class Newton:
             self._workspace.held = len(pins) == 0
         self.record.seconds["assembly"] += time.perf_counter() - start
         if len(pins):
-            log.info("%s: %d unconstrained rigid-body modes; pinning them", self.options.name, len(pins))
-            self._set_unknowns(np.where(np.isin(np.arange(len(self.free)), pins), False, self.free))
+            self._pin(pins)
         return not self.record.reason
+
+    def _pin(self, pins: IntArray) -> None:
+        """Fix some of the free degrees of freedom in place of those fixed so far."""
+        log.info("%s: %d unconstrained rigid-body modes; pinning them", self.options.name, len(pins))
+        unknowns = self.free.copy()
+        unknowns[pins] = False
+        self._set_unknowns(unknowns)
+
+    def _released(self, gradient: Array, direction: Array) -> bool:
+        """Look for pins anew where they bear forces: contact has closed since, and resists what was free."""
+        pinned = self.free & ~self._unknowns
+        if not pinned.any() or _largest(direction) > self.options.displacement_tolerance:
+            return False
+        reactions = lengths(np.where(pinned, gradient, 0.0))
+        stiffness = self._directions.tangent(self.x)
+        small = self._balance.limits(self.x, self._gradients) + rounding(stiffness, self.x)
+        if self._releases == MAX_RELEASES or (reactions <= small).all():
+            return False
+        self._releases += 1
+        self._pin(unheld.pins(self.energy, stiffness, self.x, self.free))
+        return True
 
     def _set_unknowns(self, unknowns: NDArray[np.bool_]) -> None:
         self._unknowns = unknowns
