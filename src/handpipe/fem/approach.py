@@ -14,7 +14,7 @@ from handpipe.fem.attempts import minimum
 from handpipe.fem.barrier import Barrier
 from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix
 from handpipe.fem.potential import Potential, Sum
-from handpipe.fem.record import Equilibrium, Options
+from handpipe.fem.record import Equilibrium, Options, finite
 from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def approach(
     free = np.ones(x.size, dtype=bool) if fixed is None else ~np.asarray(fixed, dtype=bool).ravel()
     aim = x if target is None else target
     x, idle, workspace, energy = (
-        np.array(x, dtype=float),
+        finite(x, options.name),
         0,
         Workspace(x, options.coarse),
         Sum([*potentials, barrier]),

@@ -70,7 +70,7 @@ def membrane_gradients(vertices: Array, triangles: IntArray, scale: float) -> tu
     a, b, c = (vertices[triangles[:, i]] * scale for i in range(3))
     along = np.linalg.norm(b - a, axis=1)
     normal = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    if np.any(normal <= 0):
+    if not np.all(normal > 0):
         problem = f"triangle {int(np.argmin(normal))} has no area"
         raise InputError("membrane", "triangles", problem, "Remesh the surface")
     rest = np.zeros((len(triangles), 2, 2))

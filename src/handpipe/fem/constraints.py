@@ -229,6 +229,10 @@ def _vectors(array: Array, count: int, name: str) -> Array:
         raise InputError(
             "constraint", name, f"has shape {out.shape}, not ({count}, 3)", "Give one row a point"
         )
+    bad = ~np.isfinite(out).all(axis=1)
+    if bad.any():
+        problem = f"row {int(np.argmax(bad))} is not finite"
+        raise InputError("constraint", name, problem, "Give finite vectors")
     return out
 
 

@@ -15,6 +15,7 @@ from handpipe.fem.assembly import Pattern
 from handpipe.fem.materials import MODELS, Material, piola, stiffness
 from handpipe.fem.partition import Partition, spatial_order
 from handpipe.fem.tangles import Tangles
+from handpipe.fem.tet_checks import check_tets
 from handpipe.fem.tet_kernels import Body, gather
 
 Array = NDArray[np.float64]
@@ -28,7 +29,8 @@ class Elastic:
 
     vertices (n, 3) rest positions in mm, tets (m, 4) of positive volume, strains (m, 6) symmetric plastic
     strains (none: identity), weights (m,) scale the stiffness, e.g. by the share of a tet that tissue fills.
-    Raises `InputError` where a tet or a plastic strain has no positive volume.
+    Raises `InputError` where a tet or a plastic strain has no positive volume, where tets are repeated or more
+    than two share a face, and for tets that are not linear.
     """
 
     def __init__(
@@ -41,6 +43,7 @@ class Elastic:
     ) -> None:
         self.tets = np.ascontiguousarray(tets, dtype=np.int64)
         self.vertices = np.ascontiguousarray(vertices, dtype=float)
+        check_tets(self.vertices, self.tets)
         self.material = material
         self._model = MODELS[material.model]
         self._mu, self._lam = (np.ascontiguousarray(v) for v in material.lame(len(tets)))
@@ -56,7 +59,7 @@ class Elastic:
         self._body = Body(
             cells, self.rest_gradients, self.volumes, self._model, self._mu[order], self._lam[order]
         )
-        self.weights = np.ones(len(tets)) if weights is None else np.asarray(weights, dtype=float)
+        self.weights = np.ones(len(tets)) if weights is None else _checked_weights(weights, len(tets))
         self._set_strains(plasticity.identity(len(tets)) if strains is None else strains)
 
     def with_strains(self, strains: Array) -> Elastic:
@@ -138,6 +141,14 @@ class Elastic:
         return sp.csc_matrix((data.ravel(), rows.ravel(), starts), shape=shape).tocsr()
 
 
+def _checked_weights(weights: Array, count: int) -> Array:
+    array = np.asarray(weights, dtype=float)
+    if array.shape != (count,) or not np.all(np.isfinite(array) & (array >= 0)):
+        problem = f"of shape {array.shape} for {count} tets, or negative, or not finite"
+        raise InputError("tetrahedra", "weights", problem, "Give one weight of zero or more a tet")
+    return array
+
+
 def _coordinates(x: Array) -> Array:
     return np.ascontiguousarray(x, dtype=float)
 
@@ -147,7 +158,7 @@ def shape_gradients(vertices: Array, tets: IntArray) -> tuple[Array, Array]:
     corners = vertices[tets]
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     volumes = np.linalg.det(edges) / 6
-    if np.any(volumes <= 0):
+    if not np.all(volumes > 0):
         worst = int(np.argmin(volumes))
         problem = f"tet {worst} has volume {volumes[worst]:.3g} mm3"
         raise InputError("tetrahedra", "tets", problem, "Order the corners so that volumes are positive")

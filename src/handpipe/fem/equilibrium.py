@@ -15,7 +15,7 @@ from handpipe.fem.attempts import Attempts, minimum
 from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.potential import Potential, Sum
 from handpipe.fem.prediction import predict
-from handpipe.fem.record import Equilibrium, Options, Record
+from handpipe.fem.record import Equilibrium, Options, Record, finite
 from handpipe.fem.workspace import Workspace
 
 __all__ = ["Equilibrium", "Options", "Record", "continuation", "solve"]
@@ -40,10 +40,10 @@ def solve(
     `fixed` is a mask (3n,) or (n, 3), or indices of degrees of freedom. Fix vertices where they should end
     and let `continuation` take large moves in steps. Rigid motions that no potential resists are fixed of
     themselves. With a `checkpoint`, a killed solve goes on from its last state.
-    Raises `ConvergenceError`, unless `options.allow_partial`.
+    Raises `ConvergenceError`, unless `options.allow_partial`, and `InputError` for a start that is not finite.
     """
     options = options or Options()
-    x, free = np.array(x, dtype=float), _free(fixed, x.size)
+    x, free = finite(x, options.name), _free(fixed, x.size)
     energy = Sum(potentials)
     if checkpoint is not None:
         earlier = checkpoint.begin(options.name, x, free, energy.value(x))
@@ -79,7 +79,7 @@ def continuation(
     """
     options = options or Options()
     path = _Path(make_potentials, prescribed, _free(fixed, x.size), options, intermediate or options)
-    return path.follow(np.array(x, dtype=float), first_step, (smallest_step, largest_step), checkpoint)
+    return path.follow(finite(x, options.name), first_step, (smallest_step, largest_step), checkpoint)
 
 
 class _Path:

@@ -40,10 +40,11 @@ class Material:
     def __post_init__(self) -> None:
         if self.model not in MODELS:
             raise InputError("Material", "model", f"is {self.model!r}", f"Use one of {', '.join(MODELS)}")
-        if np.any(np.asarray(self.young) <= 0):
+        young = np.asarray(self.young, dtype=float)
+        if not np.all((young > 0) & np.isfinite(young)):
             raise InputError("Material", "young", "is not positive", "Give Young's modulus in kPa")
-        poisson = np.asarray(self.poisson)
-        if np.any(poisson < 0) or np.any(poisson >= 0.5):
+        poisson = np.asarray(self.poisson, dtype=float)
+        if not np.all((poisson >= 0) & (poisson < 0.5)):
             raise InputError(
                 "Material", "poisson", "is outside [0, 0.5)", "Use 0.48 for nearly incompressible"
             )

@@ -13,6 +13,7 @@ from handpipe.fem import unheld
 from handpipe.fem.balance import Balance, lengths, rounding
 from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.direction import Directions
+from handpipe.fem.opening import opened
 from handpipe.fem.potential import Sum
 from handpipe.fem.record import Options, Record
 from handpipe.fem.spacing import spacing
@@ -81,6 +82,7 @@ class Newton:
         if not self.free.any():
             self.record.converged, self.record.reason = True, "nothing is free"
             return
+        self.x = opened(self.energy, self.x, self.free, self.options.name)
         self._value = self.energy.value(self.x)
         if not np.isfinite(self._value):
             self.record.reason = "the energy at the start is not finite"

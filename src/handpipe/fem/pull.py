@@ -6,6 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from handpipe.errors import InputError
+
 Array = NDArray[np.float64]
 
 
@@ -15,6 +17,8 @@ class Pull:
     constant = True
 
     def __init__(self, operator: sp.spmatrix | sp.sparray, forces: Array) -> None:
+        if not np.all(np.isfinite(forces)):
+            raise InputError("load", "forces", "has a force that is not finite", "Give forces in mN")
         self._load = sp.csr_matrix(operator).T @ np.asarray(forces, dtype=float)
         size = self._load.size
         self._zero = sp.csr_matrix((size, size))

@@ -8,6 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from handpipe.errors import InputError
+
 Array = NDArray[np.float64]
 
 
@@ -15,9 +17,9 @@ Array = NDArray[np.float64]
 class Options:
     """When to stop, and what to do where that fails.
 
-    Converged: the next Newton step moves no vertex by more than `displacement_tolerance` mm and the largest
-    residual force is below `force_tolerance` times the characteristic force (or below a thousandth of that,
-    however long the step), the largest force that any potential puts on a vertex. `max_step` bounds a
+    Converged: the next Newton step moves no vertex by more than `displacement_tolerance` mm, and the unbalanced
+    force on every vertex is below `force_tolerance` times the forces on that vertex, as `Balance` measures
+    them. Forces that are rounding alone do not count against it; see `Newton`. `max_step` bounds a
     vertex's move in one iteration, in mm. `allow_partial`: hand back the best state instead of raising.
     `untangle`: try other ways where a minimum has tangles; without, the first minimum is taken as it is, as
     befits bodies that constraints tangle anyway. `coarse` (n, c) carries fields from c of the vertices to
@@ -33,6 +35,25 @@ class Options:
     untangle: bool = True
     coarse: sp.csr_matrix | None = None
     name: str = "equilibrium"
+
+    def __post_init__(self) -> None:
+        for name in ("displacement_tolerance", "force_tolerance", "max_step"):
+            if not getattr(self, name) > 0:
+                problem = f"is {getattr(self, name)}"
+                raise InputError(self.name, name, problem, "Give a number above zero")
+        if self.max_iterations < 0:
+            problem = f"is {self.max_iterations}"
+            raise InputError(self.name, "max_iterations", problem, "Give zero or more")
+
+
+def finite(x: Array, name: str) -> Array:
+    """A copy of positions (n, 3); raises `InputError` where one is not finite."""
+    out = np.array(x, dtype=float)
+    bad = ~np.isfinite(out).reshape(len(out), -1).all(axis=1)
+    if bad.any():
+        problem = f"vertex {int(np.argmax(bad))} is not finite ({int(bad.sum())} in all)"
+        raise InputError(name, "x", problem, "Give a finite position for each vertex at the start")
+    return out
 
 
 @dataclass

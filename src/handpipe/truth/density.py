@@ -74,6 +74,15 @@ class DensityPotential:
         _add_forces(e.cells, e.gradients, e.volumes, stress, out)
         return out
 
+    def force_sizes(self, x: Array) -> Array:
+        """Sum (n,) of the sizes in mN of the forces that cells put on each node."""
+        e = self.elements
+        f = self.deformation_gradients(x)
+        stress = self.stresses(f.reshape(-1, 3, 3), slice(None)).reshape(f.shape)
+        out = np.zeros(len(x))
+        _add_force_sizes(e.cells, e.gradients, e.volumes, stress, out)
+        return out
+
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         e, pattern = self.elements, self.elements.pattern
         data = pattern.data()
@@ -123,6 +132,21 @@ def _add_forces(cells: IntArray, gradients: Array, volumes: Array, stress: Array
                     for k in range(3):
                         force += stress[e, q, i, k] * gradients[e, q, a, k]
                     out[cells[e, a], i] += volumes[e, q] * force
+
+
+@njit(cache=True)
+def _add_force_sizes(cells: IntArray, gradients: Array, volumes: Array, stress: Array, out: Array) -> None:
+    count, points, nodes = gradients.shape[:3]
+    for e in range(count):
+        for a in range(nodes):
+            squared = 0.0
+            for i in range(3):
+                force = 0.0
+                for q in range(points):
+                    for k in range(3):
+                        force += volumes[e, q] * stress[e, q, i, k] * gradients[e, q, a, k]
+                squared += force**2
+            out[cells[e, a]] += np.sqrt(squared)
 
 
 @njit(cache=True)

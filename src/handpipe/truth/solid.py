@@ -40,6 +40,13 @@ class Solid(DensityPotential):
         law = semidefinite_stiffnesses if project else stiffnesses
         return law(self._model, f, self._mu[points], self._lam[points])
 
+    def resistance(self) -> Array:
+        """Force (n,) in mN on each node with which its cells resist a shear strain of one, at rest."""
+        e = self.elements
+        mu = self._mu.reshape(e.volumes.shape)
+        forces = np.einsum("mq,mqa->ma", 2.0 * mu * e.volumes, np.sqrt((e.gradients**2).sum(axis=3)))
+        return np.bincount(e.cells.ravel(), forces.ravel(), minlength=len(e.nodes))
+
     def volume_ratios(self, x: Array) -> Array:
         """det F (m, q) at every point: positive where tissue is not inside out."""
         return np.linalg.det(self.deformation_gradients(x))
