@@ -80,12 +80,11 @@ def drifting(energy: Sum, x: Array, start: Array) -> str:
     for part in np.unique(parts[lengths(load) > 0]):
         vertices = np.flatnonzero(parts == part)
         moved = (x - start)[vertices].mean(axis=0)
-        net = total[vertices].sum(axis=0)
         if np.linalg.norm(moved) < FAR * extent:
             continue
-        if np.linalg.norm(net) < SHARE * np.linalg.norm(load[vertices].sum(axis=0)):
-            continue
-        if stiffness is None or _slides(stiffness, vertices, net):
+        shifts = np.eye(3) if stiffness is None else _free_shifts(stiffness, vertices)
+        net = shifts @ (shifts.T @ total[vertices].sum(axis=0))
+        if np.linalg.norm(net) > SHARE * np.linalg.norm(load[vertices].sum(axis=0)):
             body = described(vertices, energy)
             return f"{body} has moved {np.linalg.norm(moved):.3g} mm: nothing resists {_vector(net)} mN on it"
     return ""
@@ -106,13 +105,14 @@ def _vector(force: Array) -> str:
     return "(" + ", ".join(f"{c:.3g}" for c in force) + ")"
 
 
-def _slides(stiffness: sp.csr_matrix, vertices: IntArray, force: Array) -> bool:
-    """Whether springs and contact (3n, 3n) let a body move along a force (3,)."""
-    shift = np.zeros((stiffness.shape[0] // 3, 3))
-    shift[vertices] = force / np.linalg.norm(force)
-    resistance = float(shift.ravel() @ (stiffness @ shift.ravel()))
+def _free_shifts(stiffness: sp.csr_matrix, vertices: IntArray) -> Array:
+    """Directions (3, k) in which springs and contact (3n, 3n) let a body move as a whole."""
+    shifts = np.zeros((stiffness.shape[0] // 3, 3, 3))
+    shifts[vertices] = np.eye(3)
+    shifts = shifts.reshape(-1, 3)
+    values, directions = np.linalg.eigh(shifts.T @ (stiffness @ shifts))
     whole = float(np.abs(stiffness.diagonal()).reshape(-1, 3)[vertices].sum())
-    return resistance <= FREE * whole
+    return np.asarray(directions[:, values <= FREE * whole])
 
 
 def _barred(potentials: Sequence[Potential], count: int) -> Mask:
