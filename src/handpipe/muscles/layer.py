@@ -4,7 +4,6 @@ section 4.1).
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
@@ -85,12 +84,6 @@ class MuscleLayer:
         self.anchors = sparse.vstack(anchors, format="csr")  # and to the points that bones hold
         neutral = {m.name: m.body.surface for m in self.muscles}
         self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
-
-    def on_springs(self, stiffness: float) -> MuscleLayer:
-        """The same muscles held to their bones by springs of another stiffness in mN/mm."""
-        other = copy.copy(self)
-        other.options = replace(self.options, spring=stiffness)
-        return other
 
     def _lifted(self, own: sparse.csr_matrix, index: int) -> sparse.csr_matrix:
         """Matrix (k, N) on all vertices from one (k, n) on those of one muscle."""
