@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,19 +33,27 @@ class Limits:
 @dataclass(frozen=True)
 class Settled:
     """Positions x (n, 3); how often contact planes were taken; motion in mm from where those of x were taken;
-    whether that is little enough.
+    whether that is little enough; `chosen`: the number of the equilibrium that x is, from one; `solver`: what
+    the solver said of it, by name.
     """
 
     x: Array
     renewals: int
     motion: float
     rests: bool = True
+    chosen: int = 0
+    solver: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def figures(self) -> dict[str, float]:
         """What an artifact keeps of it, by name; the motion is in mm."""
         renewals, unsettled = float(self.renewals), float(not self.rests)
         return {"contact_renewals": renewals, "contact_motion": self.motion, "contact_unsettled": unsettled}
+
+    @property
+    def validity(self) -> dict[str, float]:
+        """Whether a frame's body may be trusted, by name: motion in mm, and what the solver said."""
+        return {"unsettled": float(not self.rests), "contact_motion": self.motion, **self.solver}
 
 
 def largest(motion: Array) -> float:
@@ -84,7 +92,7 @@ def settle(
         moved = "" if mover is None else f", most of all {mover(step)}"
         log.info("%s: contact planes taken %d times, motion %.3f mm%s", name, count, motion, moved)
         if motion < best.motion:
-            best = Settled(found, count, motion)
+            best = Settled(found, count, motion, chosen=count)
         if motion < limits.settled:
             return best
         if motion > CONTRACTING * before:

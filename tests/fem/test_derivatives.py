@@ -97,6 +97,24 @@ def _strained(model, scatter):
     return Case(body, x, translations=True, rotations=True)
 
 
+def _crushing(values, steepest):
+    """The barrier on volume, under plastic strains that leave F Fp^-1 as named."""
+    case = _homogeneous("stable-neo-hookean", values)
+    strains = plasticity.exp(0.1 * np.random.default_rng(2).normal(size=(1, 6)))
+    fp = plasticity.to_matrices(strains)[0]
+    body = case.potential.with_strains(np.repeat(strains, len(TETS), axis=0))
+    x = VERTICES @ fp @ np.linalg.lstsq(VERTICES, case.x, rcond=None)[0]
+    return Case(body.crushing(steepest), x, 1e-3, translations=True, rotations=True)
+
+
+def _crushing_of_some():
+    """Tets above the onset and inverted ones."""
+    case = _strained("stable-neo-hookean", 0.4)
+    ratios = case.potential.volume_ratios(case.x)
+    assert ratios.min() < 0 and ratios.max() > 0.5
+    return Case(case.potential.crushing(0.1), case.x, 1e-3, translations=True, rotations=True, kinks=True)
+
+
 def least_dihedral(tet):
     """Smallest angle in degrees between two faces of a tet (4, 3)."""
     centre = tet.mean(axis=0)
@@ -220,6 +238,11 @@ def _cases():
         yield f"{model}-strained", lambda model=model: _strained(model, 0.05)
         yield f"{model}-scrambled", lambda model=model: _strained(model, 0.4)
         yield f"{model}-sliver", lambda model=model: _sliver(model)
+    for state, values in (("crushed", (1.2, 0.9, 0.05)), *SINGULAR_VALUES.items()):
+        if np.prod(values) < 0.1 and not state.startswith("rank"):  # elsewhere all derivatives vanish
+            yield f"crushing-{state}", lambda values=values: _crushing(values, 0.1)
+    yield "crushing-steep", lambda: _crushing((1.1, 0.9, 0.03), 1e-3)
+    yield "crushing-of-some", _crushing_of_some
     spring = Attachment(_operator(5, VERTICES), targets, np.arange(1.0, 6.0))
     yield "attachment", lambda: Case(spring, VERTICES, 0.5)
     yield "sliding", lambda: _planes(Sliding)

@@ -58,11 +58,15 @@ def pressed(gap: float, distance: float):
     return shapes({"a": RigidTransform.identity(), "b": nearer}, ends)
 
 
-def test_ends_pressed_into_one_another_give_way():
-    mesh = pressed(2.5, 6.0)["l_mesh"]
+def test_ends_pressed_into_one_another_give_way_and_invert_no_tet():
+    found = pressed(2.5, 6.0)
+    mesh, surface = found["l_mesh"], found["l"]
     assert TetMesh(mesh.vertices, mesh.cells).volumes().min() > 0
+    x, moved = surface.rest[:, 0], surface.vertices - surface.rest
+    assert np.linalg.norm(moved[x < -2.5], axis=1).max() < 0.5
+    assert np.linalg.norm(moved[x > 2.5] + [6.0, 0, 0], axis=1).max() < 0.5
 
 
 def test_ends_that_change_places_have_no_shape():
-    with pytest.raises(ConvergenceError, match="Muscle l did not converge: .* inverted tets"):
+    with pytest.raises(ConvergenceError, match="tets are inverted, the worst at .* mm has det F"):
         pressed(0.3, 6.0)

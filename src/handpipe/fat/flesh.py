@@ -32,5 +32,7 @@ class FleshLayer:
         tissue, bones = self.tissue, frame.bones
         rigid = {name: bones[part.bone] for name, part in tissue.rigid.items()}
         settled = tissue.solve(below, rigid, None, tissue.pose(bones), BRIEFLY)
-        rest = tissue.mesh.vertices
-        return {"flesh_mesh": Shape(rest, settled.x, tissue.mesh.tets, figures=settled.figures)}
+        rest, validity = tissue.mesh.vertices, tissue.validity(settled.x)
+        validity.require(f"flesh of {frame.name}")
+        figures = settled.figures | settled.validity | validity.figures
+        return {"flesh_mesh": Shape(rest, settled.x, tissue.mesh.tets, figures=figures)}

@@ -104,19 +104,31 @@ class TissueLayer:
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """Skin surface and tissue tets at equilibrium.
 
-        The skin's figures tell how its contact settled, and how deep (mm) it lies in itself.
+        The skin's figures tell how its contact settled, and how deep (mm) it lies in itself; those of the
+        tets tell whether they are valid.
 
-        Raises `ConvergenceError` where there is none.
+        Raises `ConvergenceError` where there is none, or tets are inverted.
         """
         tissue, bones = self.tissue, frame.bones
         rigid, strains = self.rigid(bones), self.plastic_strains(bones)
         settled = tissue.at_rest(below, rigid, strains, self.starts(bones))
         x = settled.x
         skin = tissue.skin.moved(tissue.skin_matrix @ x)
+        validity = tissue.validity(x)
+        validity.require(f"{self.name} of {frame.name}", _vertices(below))
         figures = {**settled.figures, "skin_overlap": tissue.overlap(x)}
         return {
             "skin": Shape(tissue.skin.vertices, skin.vertices, skin.triangles, figures=figures),
             self.name + "_mesh": Shape(
-                tissue.mesh.vertices, x, tissue.mesh.tets, {"occupancy": tissue.occupancy}
+                tissue.mesh.vertices,
+                x,
+                tissue.mesh.tets,
+                {"occupancy": tissue.occupancy},
+                validity.figures | settled.validity,
             ),
         }
+
+
+def _vertices(below: Mapping[str, Shapes]) -> dict[str, Array]:
+    """Vertices (k, 3) of the posed bones."""
+    return {name: shape.vertices for name, shape in below.get("bones", {}).items()}

@@ -181,6 +181,7 @@ def fit_strains(
         )
         if gain < settings.least_gain or record[-1]["mean_gap"] < settings.enough:
             break
+    tissue.validity(now.x).require("strains of the fat")
     return FatFit(now.logs, now.x, record)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -24,7 +24,9 @@ from handpipe.fem.equilibrium import Options
 from handpipe.fem.materials import Material
 from handpipe.fem.plasticity import polar
 from handpipe.fem.potential import Potential
+from handpipe.fem.record import Equilibrium, Record
 from handpipe.fem.surface_sliding import SurfaceSliding
+from handpipe.fem.validity import Validity
 from handpipe.layers import Region, Shapes
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Embedding
@@ -40,7 +42,9 @@ log = logging.getLogger(__name__)
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-OPTIONS = Options(displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=False, name="soft tissue")
+OPTIONS = Options(
+    displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=False, barrier=True, name="soft tissue"
+)
 # Root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's noise;
 # gross is more than the mean error of any model of the skin: figures of such a shape would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
@@ -205,7 +209,7 @@ class Tissue:
         whole = self.elastic.strains if strains is None else strains
         for size in SIZES:
             try:
-                x = self._solve(self.elastic.with_strains(size * whole), below, rigid, x)
+                x = self._solve(self.elastic.with_strains(size * whole), below, rigid, x).x
             except ConvergenceError as error:
                 log.warning("soft tissue: no equilibrium at %.2f of its size: %s", size, error)
             else:
@@ -270,27 +274,35 @@ class Tissue:
         Raises `ConvergenceError` where there is no equilibrium, or the skin does not come to rest.
         """
         elastic = self.elastic if strains is None else self.elastic.with_strains(strains)
+        records: list[Record] = []
 
         def in_place(x: Array) -> Array:
-            return self._solve(elastic, below, rigid, x)
+            found = self._solve(elastic, below, rigid, x)
+            records.append(found.record)
+            return found.x
 
         def skin_motion(motion: Array) -> float:
             return root_mean_square(self.skin_matrix @ motion)
 
-        return settle(in_place, start, contacts, "soft tissue", skin_motion)
+        settled = settle(in_place, start, contacts, "soft tissue", skin_motion)
+        return replace(settled, solver=records[settled.chosen - 1].figures)
 
     def _solve(
         self, elastic: Elastic, below: Mapping[str, Shapes], rigid: Mapping[str, RigidTransform], start: Array
-    ) -> Array:
+    ) -> Equilibrium:
         try:
-            return equilibrium.solve([elastic, *self.held(below, rigid, start)], start, options=OPTIONS).x
+            return equilibrium.solve([elastic, *self.held(below, rigid, start)], start, options=OPTIONS)
         except ConvergenceError as error:
             log.info("%s; bringing the constraints up in steps", error)
 
         def softened(t: float) -> list[Potential]:
             return [elastic, *self.held(below, rigid, start, 1e-3 ** (1 - t))]
 
-        return equilibrium.continuation(softened, start, options=OPTIONS).x
+        return equilibrium.continuation(softened, start, options=OPTIONS)
+
+    def validity(self, x: Array) -> Validity:
+        """Whether the tissue may be handed on at x (n, 3)."""
+        return Validity.of(self.mesh.vertices, self.mesh.tets, x)
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "tissue"."""

@@ -10,10 +10,22 @@ from numpy.typing import NDArray
 
 from handpipe.errors import ConvergenceError
 from handpipe.fem.checkpoint import Checkpoint
+from handpipe.fem.crushing import CRUSHED, STEEPEST, Crushing
+from handpipe.fem.elastic import Elastic
 from handpipe.fem.newton import Newton
 from handpipe.fem.potential import Sum
 from handpipe.fem.record import Equilibrium, Options, Record
-from handpipe.fem.untangling import by_stand_in, from_rest, inverted, nearly_incompressible, tangles
+from handpipe.fem.untangling import (
+    by_stand_in,
+    from_rest,
+    inverted,
+    least_volume,
+    nearly_incompressible,
+    tangles,
+    uncrushed,
+    with_barrier,
+)
+from handpipe.fem.validity import Validity
 from handpipe.fem.workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -66,11 +78,25 @@ class Attempts:
                 break
             log.info("%s: %s with %d tangles", self.options.name, newton.record.reason, newton.record.tangles)
         assert best is not None
+        if self.options.barrier:
+            best = self._uncrushed(best)
         for name in ("converged", "reason", "tangles"):
             setattr(self.record, name, getattr(best.record, name))
         if best.record.tangles > accepted:
             log.warning("%s: %d tangles are left", self.options.name, best.record.tangles)
         return Equilibrium(best.x, self.record)
+
+    def _uncrushed(self, found: Newton) -> Newton:
+        """The minimum with the barrier on volume, where the one found has tets that the barrier acts on."""
+        resisted = any(isinstance(p, Crushing) for p in found.energy.potentials)
+        if resisted or not found.record.converged or least_volume(self.energy, found.x) >= CRUSHED:
+            return found
+        newton = uncrushed(self.energy, found.x, self.free, self.options, self.workspace)
+        self.record.add(newton.record)
+        newton.record.tangles = tangles(self.energy, newton.x)
+        if inverted(self.energy, newton.x):
+            newton.record.converged, newton.record.reason = False, _worst(self.energy, newton.x)
+        return newton
 
     def _ways(self) -> Iterator[Newton]:
         """Finished minimisations, the quickest way first.
@@ -80,6 +106,10 @@ class Attempts:
         """
         soft = nearly_incompressible(self.energy)
         bounded = any(hasattr(p, "max_step") for p in self.energy.potentials)
+        if self.options.barrier and 0.0 < least_volume(self.energy, self.x) < CRUSHED:
+            crushed = self._newton(self.x, energy=with_barrier(self.energy, STEEPEST))
+            if crushed.record.converged:
+                yield crushed
         if inverted(self.energy, self.x) == 0:
             first = self._newton(self.x, impatient=soft and not bounded)
             if not first.struggling:
@@ -95,8 +125,9 @@ class Attempts:
         if self.options.untangle and not bounded:
             yield self._by_stand_in(from_rest(self.energy, self.x, self.free))
 
-    def _newton(self, x: Array, impatient: bool = False) -> Newton:
-        newton = Newton(self.energy, x, self.free, self.options, self.workspace, self.checkpoint, impatient)
+    def _newton(self, x: Array, impatient: bool = False, energy: Sum | None = None) -> Newton:
+        energy = energy or self.energy
+        newton = Newton(energy, x, self.free, self.options, self.workspace, self.checkpoint, impatient)
         newton.run()
         if newton.struggling:
             self.record.add(newton.record)
@@ -106,6 +137,12 @@ class Attempts:
         loose = by_stand_in(self.energy, x, self.free, self.options, self.workspace)
         self.record.add(loose.record)
         return self._newton(loose.x)
+
+
+def _worst(energy: Sum, x: Array) -> str:
+    """What is wrong with the body that has the most inverted tets at x (n, 3), and where."""
+    bodies = [Validity.of(p.vertices, p.tets, x) for p in energy.potentials if isinstance(p, Elastic)]
+    return str(max(bodies, key=lambda body: body.inverted))
 
 
 def _worth(newton: Newton) -> tuple[bool, int]:

@@ -22,9 +22,11 @@ class Options:
     them. Forces that are rounding alone do not count against it; see `Newton`. `max_step` bounds a
     vertex's move in one iteration, in mm. `allow_partial`: hand back the best state instead of raising.
     `untangle`: try other ways where a minimum has tangles; without, the first minimum is taken as it is, as
-    befits bodies that constraints tangle anyway. `coarse` (n, c) carries fields from c of the vertices to
-    all: with it linear systems are solved by two levels, where a factor of all unknowns would be too large,
-    and a step ends where the energy curves down (Steihaug 1983); then bound `max_step`, too.
+    befits bodies that constraints tangle anyway. `barrier`: add a barrier on the volume of tets
+    below a tenth of their elastic volume (`fem.crushing`); a minimum with inverted tets has not converged.
+    `coarse` (n, c) carries fields from c of the vertices to all: with it linear systems are solved by two
+    levels, where a factor of all unknowns would be too large, and a step ends where the energy curves down
+    (Steihaug 1983); then bound `max_step`, too.
     """
 
     displacement_tolerance: float = 1e-4
@@ -33,6 +35,7 @@ class Options:
     max_step: float = np.inf
     allow_partial: bool = False
     untangle: bool = True
+    barrier: bool = False
     coarse: sp.csr_matrix | None = None
     name: str = "equilibrium"
 
@@ -80,6 +83,12 @@ class Record:
     residuals: list[float] = field(default_factory=list)
     steps: list[float] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=lambda: {"assembly": 0.0, "linear": 0.0, "search": 0.0})
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """What an artifact keeps of it, by name; the residual is in mN."""
+        residual = self.residuals[-1] if self.residuals else 0.0
+        return {"residual": residual, "tangles": float(self.tangles)}
 
     def add(self, part: Record) -> None:
         """Append what a further solve did; its verdict replaces this one's."""

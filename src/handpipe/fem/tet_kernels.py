@@ -68,6 +68,16 @@ def _energies(x: Array, body: Body, first: int, last: int, out: Array) -> None:
 
 
 @njit(cache=True)
+def volume_ratios(x: Array, body: Body) -> Array:
+    """Determinants (m,) of the deformation gradients."""
+    out, f = np.empty(len(body.tets)), np.empty((3, 3))
+    for e in range(len(out)):
+        gather(x, body.tets[e], body.gradients[e], f)
+        out[e] = determinant(f)
+    return out
+
+
+@njit(cache=True)
 def _forces(x: Array, body: Body, share: Share, part: int, out: Array) -> None:
     f, p = np.empty((3, 3)), np.empty((3, 3))
     for v in share.vertices[share.vertex_starts[part] : share.vertex_starts[part + 1]]:

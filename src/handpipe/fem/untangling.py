@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from handpipe.fem.crushing import STEEPEST
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.linear import factorise
 from handpipe.fem.newton import Newton
@@ -23,6 +24,7 @@ from handpipe.mesh.operators import dirichlet_matrix
 
 Array = NDArray[np.float64]
 
+TURNING = (0.3, 0.03, 0.003)  # shares below which the barrier is quadratic, while inverted tets turn over
 LOOSE = 0.02  # of the spacing of vertices: steps below it end the phase
 LOOSE_FORCE = 1e-2
 
@@ -35,6 +37,18 @@ def tangles(energy: Sum, x: Array) -> int:
 def inverted(energy: Sum, x: Array) -> int:
     """Number of tets inside out, over all bodies at x (n, 3)."""
     return sum(p.tangles.inverted(x) for p in energy.potentials if isinstance(p, Elastic))
+
+
+def least_volume(energy: Sum, x: Array) -> float:
+    """The least det(F Fp^-1) of all bodies at x (n, 3)."""
+    bodies = [p for p in energy.potentials if isinstance(p, Elastic)]
+    return min((float(b.volume_ratios(x).min()) for b in bodies), default=np.inf)
+
+
+def with_barrier(energy: Sum, steepest: float) -> Sum:
+    """The energy and the barrier that keeps its bodies' tets from inversion."""
+    bodies = [p for p in energy.potentials if isinstance(p, Elastic)]
+    return Sum([*energy.potentials, *(b.crushing(steepest) for b in bodies)])
 
 
 def nearly_incompressible(energy: Sum) -> bool:
@@ -62,6 +76,30 @@ def by_stand_in(
         seconds=newton.record.seconds,
     )
     return Equilibrium(newton.x, record)
+
+
+def uncrushed(
+    energy: Sum, x: Array, free: NDArray[np.bool_], options: Options, workspace: Workspace
+) -> Newton:
+    """The minimum near x (n, 3) of the energy with a barrier on volume.
+
+    Where tets are inverted at x the barrier is quadratic at first: they turn over before it is steep.
+    """
+    record = Record()
+    brief = replace(options, name=f"{options.name}, tets turn over")
+    for steepest in TURNING:
+        if least_volume(energy, x) > 0.0:
+            break
+        newton = Newton(with_barrier(energy, steepest), x, free, brief, workspace)
+        newton.run()
+        record.add(newton.record)
+        x = newton.x
+    last = replace(options, name=f"{options.name}, with a barrier on volume")
+    newton = Newton(with_barrier(energy, STEEPEST), x, free, last, workspace)
+    newton.run()
+    record.add(newton.record)
+    newton.record = record
+    return newton
 
 
 def from_rest(energy: Sum, x: Array, free: NDArray[np.bool_]) -> Array:

@@ -4,7 +4,6 @@ section 4.1).
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
@@ -13,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from handpipe.errors import ConvergenceError
 from handpipe.fem import equilibrium
 from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact, left_deep
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
+from handpipe.fem.record import Equilibrium, Record
+from handpipe.fem.validity import Validity
 from handpipe.layers import Frame, Shape, Shapes, flesh_in
 from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.operators import mass_lumped
@@ -85,12 +85,6 @@ class MuscleLayer:
         neutral = {m.name: m.body.surface for m in self.muscles}
         self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
 
-    def on_springs(self, stiffness: float) -> MuscleLayer:
-        """The same muscles held to their bones by springs of another stiffness in mN/mm."""
-        other = copy.copy(self)
-        other.options = replace(self.options, spring=stiffness)
-        return other
-
     def _lifted(self, own: sparse.csr_matrix, index: int) -> sparse.csr_matrix:
         """Matrix (k, N) on all vertices from one (k, n) on those of one muscle."""
         part = self.parts[index]
@@ -100,7 +94,8 @@ class MuscleLayer:
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """Each muscle's surface, and its tetrahedra under `{muscle}_mesh` with the field "strain" (m, 6).
 
-        The surfaces' figures tell how the contact of all muscles settled.
+        The surfaces' figures tell how the contact of all muscles settled, those of the tets whether they are
+        valid.
         Raises `ConvergenceError`.
         """
         bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
@@ -109,11 +104,13 @@ class MuscleLayer:
         flesh = flesh_in(below)
         x = np.concatenate([m.places(bones, frame.bones, flesh) for m in self.muscles])
         held = [self._attachments(frame.bones), *self._bed(x)]
-        if not self.contact:
-            return self._shapes(self._equilibrium([elastic, *held], x, frame.name), strains, {})
         posed = each_moved(bones, frame.bones)
-        settled = self._in_contact([elastic, *held], x, posed, frame.name)
-        return self._shapes(settled.x, strains, settled.figures)
+        if self.contact:
+            settled = self._in_contact([elastic, *held], x, posed, frame.name)
+            return self._shapes(frame.name, settled, strains, posed, settled.figures)
+        found = self._equilibrium([elastic, *held], x, frame.name)
+        alone = Settled(found.x, 0, 0.0, solver=found.record.figures)
+        return self._shapes(frame.name, alone, strains, posed, {})
 
     def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
         targets = np.concatenate([m.targets(bones) for m in self.muscles])
@@ -134,13 +131,16 @@ class MuscleLayer:
     ) -> Settled:
         """Equilibria with the neighbours' contact planes renewed until the shapes rest."""
         obstacles = [Distance(bone) for bone in bones.values()]
+        records: list[Record] = []
 
         def in_place(x: Array) -> Array:
-            return self._equilibrium(
-                [*free, *self._bone_contacts(obstacles, x), *self._neighbours(x)], x, frame
-            )
+            potentials = [*free, *self._bone_contacts(obstacles, x), *self._neighbours(x)]
+            found = self._equilibrium(potentials, x, frame)
+            records.append(found.record)
+            return found.x
 
-        return settle(in_place, x, self.options.contacts, f"muscles of {frame}", mover=self._mover)
+        settled = settle(in_place, x, self.options.contacts, f"muscles of {frame}", mover=self._mover)
+        return replace(settled, solver=records[settled.chosen - 1].figures)
 
     def _mover(self, motion: Array) -> str:
         """The muscle that has the longest vector of a motion (N, 3)."""
@@ -186,23 +186,42 @@ class MuscleLayer:
             *_stacked(Sliding, sliding, self.options.sliding),
         ]
 
-    def _equilibrium(self, potentials: Sequence[Potential], x: Array, frame: str) -> Array:
+    def _equilibrium(self, potentials: Sequence[Potential], x: Array, frame: str) -> Equilibrium:
         options = equilibrium.Options(
-            displacement_tolerance=1e-3, force_tolerance=1e-3, max_step=3.0, name=f"muscles of {frame}"
+            displacement_tolerance=1e-3,
+            force_tolerance=1e-3,
+            max_step=3.0,
+            barrier=True,
+            name=f"muscles of {frame}",
         )
-        return equilibrium.solve(potentials, x, options=options).x
+        return equilibrium.solve(potentials, x, options=options)
 
-    def _shapes(self, x: Array, strains: Sequence[Array], figures: dict[str, float]) -> Shapes:
+    def _shapes(
+        self,
+        frame: str,
+        settled: Settled,
+        strains: Sequence[Array],
+        bones: Mapping[str, Surface],
+        figures: dict[str, float],
+    ) -> Shapes:
+        """Each muscle's surface with `figures`, and its tets with their validity."""
         shapes: Shapes = {}
+        posed = {name: bone.vertices for name, bone in bones.items()}
         for muscle, part, strain in zip(self.muscles, self.parts, strains, strict=True):
-            body, own = muscle.body, x[part]
-            if body.mesh.moved(own).volumes().min() <= 0:
-                raise ConvergenceError(f"Muscle {muscle.name}", "its equilibrium has inverted tets")
+            body, own = muscle.body, settled.x[part]
+            validity = Validity.of(body.mesh.vertices, body.mesh.tets, own)
+            validity.require(f"{muscle.name} of {frame}", posed)
             surface = body.surface_at(own)
             shapes[muscle.name] = Shape(
                 body.surface.vertices, surface.vertices, surface.triangles, figures=figures
             )
-            shapes[f"{muscle.name}_mesh"] = Shape(body.mesh.vertices, own, body.mesh.tets, {"strain": strain})
+            shapes[f"{muscle.name}_mesh"] = Shape(
+                body.mesh.vertices,
+                own,
+                body.mesh.tets,
+                {"strain": strain},
+                validity.figures | settled.validity,
+            )
         return shapes
 
 
