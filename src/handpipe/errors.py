@@ -22,7 +22,15 @@ class InputError(HandpipeError):
 
 
 class ConvergenceError(HandpipeError):
-    """A solver stopped away from a solution; its result is not handed on."""
+    """A solver stopped away from a solution; its result is not handed on.
+
+    Parameters: `what` did not converge, the `reason`, and the `remedy`, one sentence.
+    """
 
     def __init__(self, what: str, reason: str, remedy: str = "See the log for its residuals.") -> None:
-        super().__init__(f"{what} did not converge: {reason}. {remedy}")
+        self.what, self.reason, self.remedy = what, reason, remedy
+        super().__init__(f"{what} did not converge: {reason.rstrip('. ')}. {remedy}")
+
+    def within(self, whole: str) -> ConvergenceError:
+        """The same failure as that of a whole of which `what` is a part; the remedy is said once."""
+        return ConvergenceError(whole, f"{self.what.lower()}: {self.reason}", self.remedy)
