@@ -66,6 +66,7 @@ rule all:
         each_subject("report.html"),
         each_subject("metrics/build.json"),
         obj_sequences(),
+        each_subject("complete.json"),
 
 
 rule anatomy:
@@ -136,3 +137,4 @@ rule simulation:
     input:
         each_subject("simulation/{scene}/{scene}.glb"),
         obj_sequences(),
+        each_subject("simulation/complete.json"),

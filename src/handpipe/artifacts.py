@@ -63,9 +63,11 @@ def write(
     """Write nested mappings of arrays, numbers and strings as one artifact.
 
     `data` keys may contain "/"; `units` gives the unit by the same keys (a key names a dataset or a
-    group whose datasets share it); `kind` names what the artifact is and is checked by `read`.
+    group whose datasets share it); `kind` names what the artifact is and is checked by `read`. The file
+    is made in memory: HDF5 does not survive a full disk.
     """
-    with atomic(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+    # A name for messages alone: nothing of this name is written.
+    with h5py.File(Path(path).name, "w", driver="core", backing_store=False, track_order=True) as file:
         file.attrs["kind"] = kind
         file.attrs["schema_version"] = SCHEMA_VERSION
         file.attrs["handpipe_version"] = __version__
@@ -75,6 +77,10 @@ def write(
         _write_group(file, data)
         for key, unit in (units or {}).items():
             file[key].attrs["units"] = unit
+        file.flush()
+        image = file.id.get_file_image()
+    with atomic(path) as temporary:
+        temporary.write_bytes(image)
 
 
 def _write_group(group: h5py.Group, data: Mapping[str, Any]) -> None:

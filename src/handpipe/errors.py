@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+from collections.abc import Iterator
 from pathlib import Path
 
 
@@ -22,7 +24,52 @@ class InputError(HandpipeError):
 
 
 class ConvergenceError(HandpipeError):
-    """A solver stopped away from a solution; its result is not handed on."""
+    """A solver stopped away from a solution; its result is not handed on.
+
+    Parameters: `what` did not converge, the `reason`, and the `remedy`, one sentence.
+    """
 
     def __init__(self, what: str, reason: str, remedy: str = "See the log for its residuals.") -> None:
-        super().__init__(f"{what} did not converge: {reason}. {remedy}")
+        self.what, self.reason, self.remedy = what, reason, remedy
+        super().__init__(f"{what} did not converge: {reason.rstrip('. ')}. {remedy}")
+
+    def within(self, whole: str) -> ConvergenceError:
+        """The same failure as that of a whole of which `what` is a part; the remedy is said once."""
+        return ConvergenceError(whole, f"{self.what.lower()}: {self.reason}", self.remedy)
+
+
+def plain(error: BaseException) -> str:
+    """What a person reads of an error, in one line: a foreign one is put in plain words."""
+    if isinstance(error, HandpipeError):
+        return " ".join(str(error).split())
+    for cause in _causes(error):
+        for number, words in NO_ROOM.items():
+            # HDF5 gives the number only in its text
+            if getattr(cause, "errno", None) == number or f"errno = {number}," in str(cause):
+                return words
+        if isinstance(cause, MemoryError):
+            return f"not enough memory ({_first_line(cause)}). Use fewer jobs at a time, or larger edges or voxels"
+    return (
+        f"unexpected {type(error).__name__}: {_first_line(error)}. This is a fault of handpipe or its setup"
+    )
+
+
+NO_ROOM = {
+    errno.ENOSPC: "no space left on the disk. Free some and run the same command again",
+    errno.EDQUOT: "the disk quota is used up. Free some space and run the same command again",
+    errno.EROFS: "the disk is read-only. Build in a folder that you may write to",
+    errno.EACCES: "a file or folder may not be accessed. Check its permissions",
+    errno.EMFILE: "too many open files. Raise the limit (ulimit -n)",
+}
+
+
+def _causes(error: BaseException) -> Iterator[BaseException]:
+    """The error and the ones that it arose from."""
+    found: BaseException | None = error
+    while found is not None:
+        yield found
+        found = found.__cause__ or found.__context__
+
+
+def _first_line(error: BaseException) -> str:
+    return next(iter(str(error).splitlines()), "").rstrip(". ")

@@ -1,5 +1,7 @@
 """Exports and the frames artifact, read back by other libraries."""
 
+import csv
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,7 +17,8 @@ from handpipe.config import LAYERS
 from handpipe.errors import InputError
 from handpipe.hand import export
 from handpipe.hand.appearance import shown
-from handpipe.hand.frames import read_frames, write_frames
+from handpipe.hand.frames import finished_frames, read_frames, read_simulated, write_frames
+from handpipe.hand.simulation import Failure
 from handpipe.layers import Frame, Shape
 from handpipe.mesh.rigid import RigidTransform
 
@@ -84,10 +87,76 @@ def test_frames_store_a_body_once_and_with_units(tmp_path: Path):
     write_frames(tmp_path / "frames.h5", simulated())
     with h5py.File(tmp_path / "frames.h5") as file:
         assert file["bodies/muscles/lumbrical1/rest"].attrs["units"] == "mm"
-        assert file["frames/step_10/angles"].attrs["units"] == "rad"
-        assert list(file["frames/step_9/layers/muscles/lumbrical1"]) == ["vertices", "fields", "figures"]
-        motion = file["frames/step_9/layers/tendons/flexor2/figures/contact_motion"]
+        assert [*file["names"].asstr()[()]] == ["step_10", "step_9", "step_8"]
+        assert file["frames/000000/angles"].attrs["units"] == "rad"
+        assert list(file["frames/000001/layers/muscles/lumbrical1"]) == ["vertices", "fields", "figures"]
+        motion = file["frames/000001/layers/tendons/flexor2/figures/contact_motion"]
         assert (motion[()], motion.attrs["units"]) == (0.01, "mm")
+
+
+NAMES = [
+    "a/b",
+    "..",
+    ".",
+    "1",
+    "1.0",
+    "schöne {Faust} [links]",
+    "x" * 300,
+    "</script>",
+    "sub/../../up",
+    "'\"",
+]
+
+
+def test_frames_may_have_any_name(tmp_path: Path):
+    """Names are content and never keys or paths, so that none is read as a folder or runs into another."""
+    [(frame, layers), *_] = simulated(1)
+    frames = [
+        (replace(frame, name=name, angles={"MP2_flexion": 0.1 * i}), layers) for i, name in enumerate(NAMES)
+    ]
+    write_frames(tmp_path / "frames.h5", frames)
+    again = read_frames(tmp_path / "frames.h5")
+    assert [(f.name, f.angles) for f, _ in again] == [(f.name, f.angles) for f, _ in frames]
+    export.write_vtu_series(tmp_path / "vtk", again)
+    export.write_obj_sequence(tmp_path / "obj", again)
+    export.write_glb(tmp_path / "hand.glb", again)
+    for folder in ("vtk", "obj"):
+        with open(tmp_path / folder / "frames.csv", newline="", encoding="utf-8") as file:
+            assert [*csv.DictReader(file)] == [
+                {"number": f"{i:04d}", "frame": name} for i, name in enumerate(NAMES)
+            ]
+    assert len([*tmp_path.glob("obj/*.obj")]) == len([*tmp_path.glob("vtk/bones/*.vtu")]) == len(NAMES)
+    assert {p.name for p in tmp_path.iterdir()} == {"frames.h5", "vtk", "obj", "hand.glb"}
+    mesh = pygltflib.GLTF2().load(str(tmp_path / "hand.glb")).meshes[0]
+    assert mesh.extras["targetNames"] == NAMES
+
+
+def test_failures_stand_beside_the_frames(tmp_path: Path):
+    failures = [Failure("bad", "fat", "no equilibrium. Ümläut"), Failure("worse", "tendons", "")]
+    write_frames(tmp_path / "frames.h5", simulated(1), failures=failures)
+    frames, found = read_simulated(tmp_path / "frames.h5")
+    assert ([f.name for f, _ in frames], found) == (["step_10"], failures)
+    write_frames(tmp_path / "frames.h5", [], failures=failures)
+    assert read_simulated(tmp_path / "frames.h5") == ([], failures)
+
+
+def test_finished_frames_are_those_of_the_same_pose_and_key(tmp_path: Path):
+    path, frames = tmp_path / "partial.h5", simulated(2)
+    wanted = [frame for frame, _ in simulated(3)]
+    assert finished_frames(path, "k", wanted) == {}
+    write_frames(path, frames, key="k")
+    assert [*finished_frames(path, "k", wanted)] == ["step_10", "step_9"]
+    assert finished_frames(path, "other", wanted) == {}
+    moved = replace(wanted[0], angles={"MP2_flexion": 1.0})
+    assert [*finished_frames(path, "k", [moved, wanted[1]])] == ["step_9"]
+    path.write_bytes(path.read_bytes()[:3000])
+    assert finished_frames(path, "k", wanted) == {}
+
+
+def test_a_scene_of_which_no_frame_was_simulated_is_exported_empty(tmp_path: Path):
+    export.write_glb(tmp_path / "hand.glb", [])
+    assert pygltflib.GLTF2().load(str(tmp_path / "hand.glb")).meshes == []
+    assert export.write_vtu_series(tmp_path, []) == export.write_obj_sequence(tmp_path, []) == []
 
 
 def test_frames_refuse_a_body_whose_cells_change(tmp_path: Path):

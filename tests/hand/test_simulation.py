@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from handpipe.errors import ConvergenceError
-from handpipe.hand.simulation import simulate, simulate_frame
+from handpipe.hand.simulation import Failure, simulate, simulate_frame
 from handpipe.layers import Frame, Shape
 
 
@@ -54,15 +54,58 @@ def test_a_layer_that_the_subject_lacks_is_no_obstacle():
 def test_frames_do_not_depend_on_one_another():
     layers = [_Shifted("bones", ()), _Shifted("fat", ("bones",))]
     together = simulate([_frame(1.0), _frame(2.0), _frame(3.0)], layers)
-    [(frame, alone)] = simulate([_frame(2.0)], layers)
-    assert [f.name for f, _ in together] == ["lift1.0", "lift2.0", "lift3.0"]
+    [(frame, alone)] = simulate([_frame(2.0)], layers).frames
+    assert [f.name for f, _ in together.frames] == ["lift1.0", "lift2.0", "lift3.0"]
     assert frame.name == "lift2.0"
-    np.testing.assert_array_equal(together[1][1]["fat"]["body"].vertices, alone["fat"]["body"].vertices)
+    np.testing.assert_array_equal(
+        together.frames[1][1]["fat"]["body"].vertices, alone["fat"]["body"].vertices
+    )
 
 
 def test_a_layer_without_equilibrium_stops_the_frame():
     with pytest.raises(ConvergenceError, match="fat"):
         simulate_frame(_frame(0.0), [_Shifted("bones", ()), _Broken("fat", ("bones",))])
+
+
+class _Picky(_Shifted):
+    """Finds no equilibrium in one frame and fails otherwise in another."""
+
+    def solve(self, frame, below):
+        if frame.name == "lift2.0":
+            raise ConvergenceError("The fat", "no equilibrium")
+        if frame.name == "lift3.0":
+            raise np.linalg.LinAlgError("singular\nmatrix")
+        return super().solve(frame, below)
+
+
+def test_a_failed_frame_is_named_and_the_others_are_finished(caplog):
+    layers = [_Shifted("bones", ()), _Picky("fat", ("bones",)), _Shifted("skin", ("fat",))]
+    found = simulate([_frame(x) for x in (1.0, 2.0, 3.0, 4.0)], layers)
+    assert [f.name for f, _ in found.frames] == ["lift1.0", "lift4.0"]
+    assert found.failures == [
+        Failure("lift2.0", "fat", "The fat did not converge: no equilibrium. See the log for its residuals."),
+        Failure("lift3.0", "fat", "unexpected LinAlgError: singular\nmatrix"),
+    ]
+    traced = [record.levelname for record in caplog.records if record.exc_info]
+    assert traced == ["ERROR"]  # the unexpected error alone
+
+
+def test_a_killed_chunk_goes_on_from_what_it_kept():
+    layers = [_Shifted("bones", ())]
+    wanted = [_frame(x) for x in (1.0, 2.0, 3.0)]
+    kept = {}
+
+    def keep(found):
+        kept.update({frame.name: (frame, shapes) for frame, shapes in found.frames})
+        if len(found.frames) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate(wanted, layers, keep=keep)
+    solved = len(layers[0].saw)
+    again = simulate(wanted, layers, done=kept)
+    assert [f.name for f, _ in again.frames] == ["lift1.0", "lift2.0", "lift3.0"]
+    assert (solved, len(layers[0].saw)) == (2, 3)
 
 
 def test_progress_is_logged(caplog):

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.tendons.rest import RestTendon
 from handpipe.tendons.rod import Array, lay, resample
+from handpipe.tendons.tendon import Tendon, build_tendon
 
 BONES = ("distal", "middle", "base")  # from the insertion outwards
 PARENTS = {"distal": "middle", "middle": "base"}
@@ -61,3 +63,34 @@ def rest_tendon() -> RestTendon:
 def true_rod(rest: RestTendon, middle: float, distal: float) -> Array:
     """The rod of the rest tendon's length along its course in a pose."""
     return lay(course(middle, distal), rest.length, len(rest.x) - 1, np.array([-1.0, 0, 0]))
+
+
+def flexor_course(middle: float, distal: float, gap: float = 8.0) -> Array:
+    """A flexor's course (n, 3), from x = 80 outwards: along the bones, and freely within `gap` of a hinge."""
+    bones = pose(middle, distal)
+    runs = []
+    for name, start, end in (
+        ("distal", 80, 60 + gap),
+        ("middle", 60 - gap, 30 + gap),
+        ("base", 30 - gap, -30),
+    ):
+        x = np.arange(start, end, -0.5)
+        runs.append(bones[name](np.stack([x, 0 * x, 0 * x - DEPTH], axis=1)))
+    pieces = [runs[0]]
+    for before, after in zip(runs[:-1], runs[1:], strict=True):
+        ends = np.stack([before[-1], after[0]])
+        along = np.stack([before[-1] - before[-2], after[1] - after[0]])
+        along *= np.linalg.norm(ends[1] - ends[0]) / np.linalg.norm(along, axis=1, keepdims=True)
+        pieces += [CubicHermiteSpline([0, 1], ends, along)(np.linspace(0, 1, 40)[1:-1]), after]
+    return np.vstack(pieces)
+
+
+def flexor(examples: dict[str, tuple[float, float]]) -> Tendon:
+    """A flexor fitted to its course in examples of flexion angles in rad, neutral among them."""
+    surfaces = bone_surfaces()
+    x = resample(flexor_course(0.0, 0.0), SPACING)
+    rest = RestTendon.build(x, RADIUS, {name: surfaces[name] for name in BONES})
+    end = np.array([-1.0, 0, 0])
+    rods = {n: lay(flexor_course(*a), rest.length, len(x) - 1, end) for n, a in examples.items()}
+    poses = {name: pose(*angles) for name, angles in examples.items()}
+    return build_tendon("flexor", rest, RADIUS, surfaces, rods, poses, PARENTS)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from handpipe.errors import ConvergenceError
-from handpipe.tendons.energies import Bend, Hooks, Pull
+from handpipe.tendons.energies import Bend, Hooks, Pull, closest_on_spline, spline_shape
 from handpipe.tendons.equilibrium import Options, solve
 from handpipe.tendons.rod import (
     Array,
@@ -108,6 +109,28 @@ def test_a_hook_at_the_end_does_not_let_go_and_hold_for_ever(short: float) -> No
     found = solve([hook, Pull(np.array([0.5, 0, 0])), Bend(0.5, 1.0)], straight(20))
     np.testing.assert_allclose(found.x, straight(20), atol=1e-6)
     np.testing.assert_allclose(found.tension, 0.5, rtol=1e-6)
+
+
+def test_a_compressed_rod_reaches_the_folded_minimum_and_not_the_saddle() -> None:
+    """Against its pull a straight rod balances, but any bend of it is a way down: it turns round."""
+    start = straight(20)
+    start[5:, 1] += 1e-3 * np.arange(16)
+    start = lay(start, 1.0, 20, np.array([1.0, 0, 0]))
+    found = solve([Pull(np.array([-0.5, 0, 0])), Bend(0.5, 1.0)], start)
+    np.testing.assert_allclose(directions(found.x), np.tile([-1.0, 0, 0], (20, 1)), atol=1e-6)
+
+
+def test_closest_point_is_the_closest_of_a_densely_sampled_curve() -> None:
+    random = np.random.default_rng(0)
+    x = crumpled(60, 0, 3.0)
+    points = random.uniform(x.min(axis=0), x.max(axis=0), (200, 3))
+    piece, t = closest_on_spline(points, x)
+    found = np.einsum("ka,kaj->kj", spline_shape(t), x[piece[:, None] + np.array([-1, 0, 1])])
+    shape = spline_shape(np.linspace(0, 1, 401))
+    curve = np.concatenate([shape @ x[i - 1 : i + 2] for i in range(1, 60)])
+    sampled = cKDTree(curve).query(points)[0]
+    distance = np.linalg.norm(found - points, axis=1)
+    assert (distance <= sampled + 1e-12).all() and (distance > sampled - 2e-3).all()
 
 
 def test_failure_is_an_error() -> None:

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from handpipe.errors import ConvergenceError
 from handpipe.layers import Frame, Shape
+from handpipe.mesh.rigid import RigidTransform
 from handpipe.tendons.energies import Bend, Hooks, Pull
-from handpipe.tendons.equilibrium import solve
+from handpipe.tendons.equilibrium import Options, solve
 from handpipe.tendons.hooks import fit_weights
 from handpipe.tendons.layer import TendonLayer
 from handpipe.tendons.registration import centreline_errors
-from handpipe.tendons.rod import closest_on_rod, frames, length_change
+from handpipe.tendons.rest import PULL
+from handpipe.tendons.rod import Array, closest_on_rod, directions, frames, length_change
 from handpipe.tendons.tendon import Tendon, build_tendon
 
-from .finger import BONES, PARENTS, RADIUS, bone_surfaces, course, pose, rest_tendon, true_rod
+from .finger import BONES, PARENTS, RADIUS, bone_surfaces, course, flexor, pose, rest_tendon, true_rod
 from .flesh import PALM, WIDTH, pushed, pushed_rod
 
 EXAMPLES = {"neutral": (0.0, 0.0), "bent": (1.2, 0.4), "hooked": (0.2, 1.1), "fist": (1.5, 1.0)}
@@ -99,6 +103,51 @@ def test_answer_does_not_depend_on_the_start(tendon: Tendon, angles: tuple[float
     usual = tendon.solve(bones).x
     other = tendon.solve(bones, start=tendon.rest.carried(bones)).x
     np.testing.assert_allclose(other, usual, atol=1e-4)
+
+
+@pytest.fixture(scope="module", params=["few", "fist"])
+def flexing(request: pytest.FixtureRequest) -> Tendon:
+    """A flexor whose examples bend little, and one that has seen a fist."""
+    return flexor({"few": {"neutral": (0.0, 0.0), "bent": (0.5, 0.3)}, "fist": EXAMPLES}[request.param])
+
+
+def test_a_flexor_converges_from_extension_to_beyond_a_fist(flexing: Tendon) -> None:
+    """Hooks before and behind a bent joint cross each other: the rod is folded there, and compressed."""
+    for middle in np.radians([-30, 10, 50, 90, 110]):
+        for distal in np.radians([-20, 10, 50, 80, 90]):
+            bones = pose(middle, distal)
+            found = flexing.solve(bones)
+            assert length_change(found.x, flexing.rest.length) < 1e-10
+            assert found.residual < 1e-5 and unbalanced(flexing, bones, found.x) < 1e-3
+
+
+def unbalanced(tendon: Tendon, bones: dict[str, RigidTransform], x: Array) -> float:
+    """Largest slope of the energy over turns of single segments, by finite differences, over the pull."""
+    energies = tendon.energies(bones)
+    for energy in energies:
+        energy.refresh(x)
+    d, length, random = directions(x), tendon.rest.length, np.random.default_rng(0)
+    slopes = []
+    for i in range(0, len(d), 3):
+        across = np.cross(d[i], random.standard_normal(3))
+        across /= np.linalg.norm(across)
+        values = []
+        for h in (-1e-4, 1e-4):
+            moved = d.copy()
+            moved[i] = np.cos(h) * d[i] + np.sin(h) * across
+            trial = np.vstack([x[:1], x[0] + length * np.cumsum(moved, axis=0)])
+            values.append(sum(energy.value(trial) for energy in energies))
+        slopes.append((values[1] - values[0]) / 2e-4 / length)
+    return float(np.abs(slopes).max()) / PULL
+
+
+def test_a_wrapped_failure_says_its_remedy_once(tendon: Tendon, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("handpipe.tendons.tendon.solve", partial(solve, options=Options(max_iterations=1)))
+    with pytest.raises(ConvergenceError) as error:
+        tendon.solve(pose(1.0, 0.7))
+    said = str(error.value)
+    assert said.startswith("Tendon extensor did not converge: the rod: unbalanced force")
+    assert said.endswith("after 1 steps. See the log for its residuals.") and said.count("See the log") == 1
 
 
 def test_common_motion_moves_the_answer(tendon: Tendon) -> None:

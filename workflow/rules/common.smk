@@ -257,6 +257,22 @@ def scene_chunks(wildcards):
     return [f"{base}/frames-{c}.h5" for c in chunks(wildcards.subject, wildcards.scene)]
 
 
+def chunks_of_scenes(wildcards):
+    """The frames of all scenes of a subject."""
+    base = f"results/{wildcards.subject}/simulation"
+    return [
+        f"{base}/{name}/frames-{c}.h5"
+        for name in listed("scenes")
+        for c in chunks(wildcards.subject, name)
+    ]
+
+
+def partial_chunk(chunk):
+    """Where finished frames of a chunk are kept while others are missing."""
+    folder, _, name = str(chunk).rpartition("/")
+    return f"{folder}/partial-{name.removeprefix('frames-')}"
+
+
 def obj_sequences():
     """Folders of OBJ files, of the scenes that ask for them."""
     return [

@@ -7,6 +7,7 @@ rule report:
         rig="results/{subject}/rig.h5",
         metrics=lambda w: report_metrics(w.subject),
         poses=lambda w: report_poses(w.subject),
+        chunks=chunks_of_scenes,
         scenes=lambda w: expand(
             "results/{subject}/simulation/{scene}/{scene}.glb",
             scene=listed("scenes"),

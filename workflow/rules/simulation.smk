@@ -20,6 +20,7 @@ rule simulate:
         runtime=30,
     params:
         dataset=dataset_digest,
+        partial=lambda w, output: partial_chunk(output[0]),
     message:
         "{wildcards.subject}: {wildcards.scene}, frames of chunk {wildcards.chunk}"
     script:
@@ -32,6 +33,7 @@ rule evaluate_frames:
         dataset=ancient(of_dataset),
         scene="config/scenes/{scene}.yaml",
         frames=frames_file,
+        chunks=scene_chunks,
     output:
         metrics="results/{subject}/metrics/frames-{scene}.json",
         table="results/{subject}/tables/frames-{scene}.json",
@@ -46,7 +48,7 @@ rule evaluate_frames:
     params:
         dataset=dataset_digest,
     message:
-        "{wildcards.subject}: {wildcards.scene}, frames against what was seen"
+        "{wildcards.subject}: {wildcards.scene}, figures of the frames"
     script:
         "../scripts/evaluate_frames.py"
 
@@ -88,3 +90,42 @@ rule export_obj:
         "{wildcards.subject}: {wildcards.scene} as OBJ files"
     script:
         "../scripts/export_obj.py"
+
+
+# The last job of `all`: whatever frames failed, everything else is made before it fails.
+rule require_frames:
+    input:
+        chunks=chunks_of_scenes,
+        made=lambda w: each_subject("report.html")
+        + each_subject("metrics/build.json")
+        + obj_sequences(),
+    output:
+        "results/{subject}/complete.json",
+    log:
+        "results/{subject}/logs/require_frames/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/require_frames/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        scenes=listed("scenes"),
+        partial=lambda w, input: {c: partial_chunk(c) for c in input.chunks},
+    message:
+        "{wildcards.subject}: whether every frame was simulated"
+    script:
+        "../scripts/require_frames.py"
+
+
+# The last job of `simulation`.
+use rule require_frames as require_simulation with:
+    input:
+        chunks=chunks_of_scenes,
+        made=lambda w: each_subject("simulation/{scene}/{scene}.glb") + obj_sequences(),
+    output:
+        "results/{subject}/simulation/complete.json",
+    log:
+        "results/{subject}/logs/require_simulation/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/require_simulation/all.tsv"

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 os.environ.setdefault("NUMBA_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
 
-from handpipe.errors import HandpipeError
+from handpipe.errors import HandpipeError, plain
 
 
 @contextmanager
@@ -25,8 +25,13 @@ def stage(job):
         yield log
     except HandpipeError as error:
         log.error("%s", error)
-        print(f"handpipe: {job.rule}: {error}", file=sys.stderr)
-        sys.exit(1)
-    except Exception:
+        end(job, plain(error))
+    except Exception as error:
         log.exception("unexpected error in %s", job.rule)
-        raise
+        end(job, f"{plain(error)}. See {job.log[0]}")
+
+
+def end(job, message):
+    """End the script with one message, without a traceback."""
+    print(f"handpipe: {job.rule}: {message}", file=sys.stderr)
+    sys.exit(1)

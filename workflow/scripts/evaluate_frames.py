@@ -1,4 +1,4 @@
-"""Whether a scene's frames are inside what was seen, and whether their bones collide."""
+"""Figures of a scene's frames: inside what was seen, bones that collide, what solvers say, which failed."""
 
 import json
 
@@ -7,6 +7,8 @@ from common import stage
 with stage(snakemake):
     from handpipe import artifacts, metrics
     from handpipe.config import Role, load_dataset, load_scene
+    from handpipe.evaluation.frames import figure_metrics, figure_names, with_figures
+    from handpipe.hand.frames import read_simulated
     from handpipe.skeleton.drivers.scene_frames import read_frames
     from handpipe.skeleton.rig import Rig
     from handpipe.skeleton.validity import PoseValidity, validity_table
@@ -18,5 +20,9 @@ with stage(snakemake):
     figures = {}
     with metrics.measured(figures):
         rows, found = validity_table(PoseValidity(rig, seen), frames)
+        plain = list(rows[0])
+        for chunk in snakemake.input.chunks:
+            rows = with_figures(rows, *read_simulated(chunk))
+        found |= figure_metrics(rows, figure_names(rows, plain))
     artifacts.write_text(snakemake.output.table, json.dumps(rows, indent=2))
     metrics.write(snakemake.output.metrics, found | figures)

@@ -9,6 +9,7 @@ with stage(snakemake):
     from handpipe import metrics
     from handpipe.config import load_dataset
     from handpipe.evaluation.build import read_jobs
+    from handpipe.evaluation.frames import frame_warnings
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.hand.frames import read_frames
     from handpipe.imaging.volume import read_volume
@@ -58,11 +59,10 @@ with stage(snakemake):
     bent = sorted((p for p in simulated if p in dataset.examples), key=bend)[-2:]
     shown = [p for p in dataset.poses if p in simulated and (p in bent or p not in dataset.examples)]
     scenes = {
-        name: [
-            f for path in sorted((base / "simulation" / name).glob("frames-*.h5")) for f in read_frames(path)
-        ]
-        for name in snakemake.params.scenes
+        name: [frame for path in paths for frame in read_frames(path)]
+        for name, paths in snakemake.params.scenes.items()
     }
+    warnings = [said for name in scenes for said in frame_warnings(name, table(f"frames-{name}"))]
     write_report(
         snakemake.output[0],
         ReportInput(
@@ -73,6 +73,7 @@ with stage(snakemake):
             rig_rows=table("rig"),
             metrics={Path(p).stem: metrics.read(p) for p in snakemake.input.metrics},
             scenes=scenes,
+            warnings=warnings,
             jobs=read_jobs(base / "benchmarks"),
             benchmarks=metrics.read(BENCHMARKS) if BENCHMARKS.exists() else {},
             settings=snakemake.params.settings,

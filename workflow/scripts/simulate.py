@@ -1,10 +1,17 @@
-"""One chunk of a scene's frames, every layer that the scene needs."""
+"""One chunk of a scene's frames, every layer that the scene needs; a failed frame is named and left out.
+
+Finished frames of a killed job, or of one with failed frames, are beside the output and are not made again.
+"""
+
+import sys
+from pathlib import Path
 
 from common import stage
 
 with stage(snakemake):
     from handpipe.config import load_dataset, load_scene
-    from handpipe.hand.frames import write_frames
+    from handpipe.hand.frames import finished_frames, write_frames
+    from handpipe.hand.resume import key_of
     from handpipe.hand.simulation import simulate
     from handpipe.layers import Frame
     from handpipe.skeleton.drivers.scene_frames import read_frames
@@ -21,4 +28,18 @@ with stage(snakemake):
         for name, angles in frames[first : first + scene.chunk]
     ]
     layers = layers_of(scene.needed, rig, dataset, f"results/{snakemake.wildcards.subject}")
-    write_frames(snakemake.output[0], simulate(wanted, layers), [*snakemake.input])
+    output = Path(snakemake.output[0])
+    partial = Path(snakemake.params.partial)
+    made_of = [snakemake.input.rig, snakemake.input.dataset, *snakemake.input.layers]
+    key = key_of(made_of, scene.needed)
+
+    def keep(found):
+        """Finished frames beside the output, but for the last frame: the output follows."""
+        if len(found.frames) + len(found.failures) < len(wanted):
+            write_frames(partial, found.frames, key=key)
+
+    found = simulate(wanted, layers, finished_frames(partial, key, wanted), keep)
+    write_frames(output, found.frames, [*snakemake.input], failures=found.failures, key=key)
+    partial.unlink(missing_ok=True)
+    for failure in found.failures:
+        print(f"handpipe: simulate: {failure}", file=sys.stderr)

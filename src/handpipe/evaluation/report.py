@@ -25,7 +25,7 @@ from handpipe.evaluation.surfaces import surface_distance
 from handpipe.evaluation.table import Row, Table, metrics_table, muscle_table, rig_table, skin_table
 from handpipe.evaluation.viewer import view_data
 from handpipe.hand.appearance import shown, tissue
-from handpipe.hand.frames import SimulatedFrame
+from handpipe.hand.simulation import SimulatedFrame
 from handpipe.layers import Frame, Shapes
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
@@ -87,7 +87,7 @@ class ReportInput:
     `skeleton.table.joint_table`; `metrics` by stage, in the order shown; `benchmarks` the figures of
     `snakemake benchmark_fem`; `scenes` frames for the 3D view by scene; `finger` the bones, from proximal to
     distal, whose planes cut the slices (by default all); `settings` what a person chose, by name; `limits`
-    sentences.
+    and `warnings` sentences, the warnings shown first.
     """
 
     dataset: Dataset
@@ -101,6 +101,7 @@ class ReportInput:
     benchmarks: Figures = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
     limits: Sequence[str] = ()
+    warnings: Sequence[str] = ()
     finger: Sequence[str] = ()
 
 
@@ -150,6 +151,7 @@ def _content(report: ReportInput) -> dict[str, Any]:
             (name, data) for name, frames in report.scenes.items() if (data := view_data(frames))["bodies"]
         ],
         "limits": list(report.limits),
+        "warnings": list(report.warnings),
     }
 
 

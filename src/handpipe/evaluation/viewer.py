@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from handpipe.evaluation.pictures import body_surface
 from handpipe.hand.appearance import colour, opacity, shown, tissue
-from handpipe.hand.frames import SimulatedFrame
+from handpipe.hand.simulation import SimulatedFrame
 from handpipe.layers import Shape
 from handpipe.mesh.distance import Distance
 

@@ -5,6 +5,8 @@ VTU holds every body; OBJ and glTF, made for looking, leave out the fat's tetrah
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,15 +17,16 @@ import numpy as np
 import pygltflib as gltf
 from numpy.typing import NDArray
 
-from handpipe.artifacts import atomic
+from handpipe.artifacts import atomic, write_text
 from handpipe.config import LAYERS
 from handpipe.hand.appearance import colour, opacity, shown, tissue
-from handpipe.hand.frames import SimulatedFrame
+from handpipe.hand.simulation import SimulatedFrame
 from handpipe.layers import Array, IntArray, Shape
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 
 CELL_TYPES = {2: "line", 3: "triangle", 4: "tetra"}
+ASSET = gltf.Asset(version="2.0", generator="handpipe")
 TO_GLTF = 1e-3 * np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # mm to m, z up to y up
 
 
@@ -38,9 +41,11 @@ def write_vtu_series(folder: str | Path, frames: Sequence[SimulatedFrame], fps: 
     """Write `{layer}.pvd` per layer and `{layer}/{body}-{frame number}.vtu` in mm; return the .pvd files.
 
     Each file carries the shape's fields over points or cells, the points' displacement from rest (mm) and the
-    cells' `layer` (its number in `config.LAYERS`). The .pvd gives time in s and a part for each body.
+    cells' `layer` (its number in `config.LAYERS`). The .pvd gives time in s and a part for each body,
+    `frames.csv` each number's frame.
     """
     folder = Path(folder)
+    _write_numbers(folder, frames)
     series: dict[str, list[dict[str, str]]] = {}
     for number, (_, layers) in enumerate(frames):
         for layer, shapes in layers.items():
@@ -78,7 +83,11 @@ def _write_pvd(path: Path, entries: Sequence[Mapping[str, str]]) -> Path:
 
 
 def write_obj_sequence(folder: str | Path, frames: Sequence[SimulatedFrame]) -> list[Path]:
-    """Write `frame-{number}.obj` in mm, one group `{layer}_{body}` per body; return the files."""
+    """Write `frame-{number}.obj` in mm, one group `{layer}_{body}` per body; return the files.
+
+    `frames.csv` gives each number's frame, whose name may hold what a file's name may not.
+    """
+    _write_numbers(Path(folder), frames)
     paths = []
     for number, (_, layers) in enumerate(frames):
         path = Path(folder) / f"frame-{number:04d}.obj"
@@ -94,6 +103,14 @@ def write_obj_sequence(folder: str | Path, frames: Sequence[SimulatedFrame]) -> 
     return paths
 
 
+def _write_numbers(folder: Path, frames: Sequence[SimulatedFrame]) -> None:
+    """Write `frames.csv`: the number in the files' names, and the frame."""
+    text = io.StringIO()
+    rows = ((f"{number:04d}", frame.name) for number, (frame, _) in enumerate(frames))
+    csv.writer(text, lineterminator="\n").writerows([("number", "frame"), *rows])
+    write_text(folder / "frames.csv", text.getvalue())
+
+
 def write_glb(
     path: str | Path, frames: Sequence[SimulatedFrame], fps: float = 24.0, *, step: bool = False
 ) -> None:
@@ -104,6 +121,11 @@ def write_glb(
     Bodies absent from a frame are neutral there. Linear blending is for looking: what lies between frames was
     not simulated.
     """
+    if not frames:  # an accessor cannot be empty
+        empty = gltf.GLTF2(asset=ASSET, scenes=[gltf.Scene(nodes=[])], scene=0)
+        with atomic(path) as temporary:
+            empty.save_binary(str(temporary))
+        return
     names = [frame.name for frame, _ in frames]
     bodies: dict[tuple[str, str], dict[int, Shape]] = {}
     for number, (_, layers) in enumerate(frames):
@@ -121,7 +143,7 @@ class _GlbWriter:
 
     def __init__(self, names: Sequence[str], fps: float, interpolation: str) -> None:
         self.names, self.interpolation = list(names), interpolation
-        self.document = gltf.GLTF2(asset=gltf.Asset(version="2.0", generator="handpipe"))
+        self.document = gltf.GLTF2(asset=ASSET)
         self.document.scenes, self.document.scene = [gltf.Scene(nodes=[])], 0
         self.document.animations = [gltf.Animation(name="frames", channels=[], samplers=[])]
         self.blob = bytearray()

@@ -2,31 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from handpipe import artifacts
+from handpipe.errors import InputError
+from handpipe.hand.simulation import Failure, SimulatedFrame
 from handpipe.layers import Frame, Shape, Shapes
 from handpipe.mesh.rigid import RigidTransform
 
 LayerShapes = Mapping[str, Shapes]  # by the layer's name
-SimulatedFrame = tuple[Frame, LayerShapes]
 
 KIND = "frames"
 LENGTHS = {"contact_motion", "skin_overlap"}  # figures in mm
 
 
 def write_frames(
-    path: str | Path, frames: Sequence[SimulatedFrame], inputs: Sequence[str | Path] = ()
+    path: str | Path,
+    frames: Sequence[SimulatedFrame],
+    inputs: Sequence[str | Path] = (),
+    *,
+    failures: Sequence[Failure] = (),
+    key: str = "",
 ) -> None:
-    """Write simulated frames.
+    """Write simulated frames, and which ones failed.
 
-    `bodies/{layer}/{body}/{rest,cells}` holds what all frames share; `frames/{frame}/…` the joint angles,
-    the bones' transforms, and `layers/{layer}/{body}/{vertices,fields/…,figures/…}`. Raises
-    `ValueError` where a body's rest shape or cells differ between frames, or two frames have one name.
+    `bodies/{layer}/{body}/{rest,cells}` holds what all frames share; `frames/{number}/…` the joint angles,
+    the bones' transforms, and `layers/{layer}/{body}/{vertices,fields/…,figures/…}`, numbered in the order of
+    `names`, since names may hold any character; `failures/{frame,layer,reason}` a row for each failed frame.
+    `key` says what the frames were made of, for `finished_frames`. Raises `ValueError` where a body's rest
+    shape or cells differ between frames, or two frames have one name.
     """
     names = [frame.name for frame, _ in frames]
     if len(set(names)) != len(names):
@@ -37,18 +45,62 @@ def write_frames(
             for body, shape in shapes.items():
                 _remember(bodies.setdefault(layer, {}), body, shape)
     data = {
-        "names": np.array(names, dtype=object).astype(str),
+        "names": np.array(names, dtype=str),
         "bodies": bodies,
-        "frames": {frame.name: _frame_data(frame, layers) for frame, layers in frames},
+        "frames": {_number(i): _frame_data(*frame) for i, frame in enumerate(frames)},
+        "failures": {
+            part: np.array([getattr(failure, part) for failure in failures], dtype=str)
+            for part in ("frame", "layer", "reason")
+        },
     }
-    artifacts.write(path, data, kind=KIND, units=_units(data), inputs=inputs)
+    artifacts.write(path, data, kind=KIND, units=_units(data), inputs=inputs, attributes={"key": key})
 
 
 def read_frames(path: str | Path) -> list[tuple[Frame, dict[str, Shapes]]]:
     """Read what `write_frames` wrote, in its order; raises `InputError` for another file."""
+    return read_simulated(path)[0]
+
+
+def read_simulated(path: str | Path) -> tuple[list[tuple[Frame, dict[str, Shapes]]], list[Failure]]:
+    """Read frames and failures; raises `InputError` for another file."""
     data = artifacts.read(path, KIND)
-    bodies = data["bodies"]
-    return [_frame(str(name), data["frames"][str(name)], bodies) for name in data["names"]]
+    failed = data["failures"]
+    rows = zip(failed["frame"], failed["layer"], failed["reason"], strict=True)
+    frames = [
+        _frame(str(name), data["frames"][_number(i)], data["bodies"]) for i, name in enumerate(data["names"])
+    ]
+    return frames, [Failure(*map(str, row)) for row in rows]
+
+
+def finished_frames(path: str | Path, key: str, wanted: Iterable[Frame]) -> dict[str, SimulatedFrame]:
+    """The wanted frames that an earlier run has finished, by name; none where the file is not of this `key`.
+
+    A file that cannot be read counts as none: its frames are simulated again.
+    """
+    try:
+        if artifacts.read_attributes(path).get("key") != key:
+            return {}
+        found = {frame.name: (frame, layers) for frame, layers in read_frames(path)}
+    except (OSError, InputError):
+        return {}
+    return {f.name: found[f.name] for f in wanted if f.name in found and _same(f, found[f.name][0])}
+
+
+def _same(a: Frame, b: Frame) -> bool:
+    """Whether two frames are one pose, their bones included."""
+    return (
+        dict(a.angles) == dict(b.angles)
+        and a.bones.keys() == b.bones.keys()
+        and all(
+            np.array_equal(a.bones[n].rotation, b.bones[n].rotation)
+            and np.array_equal(a.bones[n].translation, b.bones[n].translation)
+            for n in a.bones
+        )
+    )
+
+
+def _number(index: int) -> str:
+    return f"{index:06d}"
 
 
 def _remember(layer: dict[str, Any], body: str, shape: Shape) -> None:

@@ -4,12 +4,35 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from handpipe.config import AIDS
+from handpipe.errors import HandpipeError
 from handpipe.layers import Frame, Layer, Shapes
 
 log = logging.getLogger(__name__)
+SimulatedFrame = tuple[Frame, Mapping[str, Shapes]]  # with the shapes by layer and body
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A frame that could not be simulated, the layer that failed, and why."""
+
+    frame: str
+    layer: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"frame {self.frame}: {self.layer}: {self.reason}"
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Finished frames and failures, each in the order of the frames."""
+
+    frames: list[SimulatedFrame] = field(default_factory=list)
+    failures: list[Failure] = field(default_factory=list)
 
 
 def simulate_frame(
@@ -22,23 +45,66 @@ def simulate_frame(
     """
     shapes: dict[str, Shapes] = dict(known or {})
     for layer in layers:
-        if layer.name in shapes:
-            continue
-        start = time.perf_counter()
-        shapes[layer.name] = layer.solve(
-            frame, {name: shapes[name] for name in layer.needs if name in shapes}
-        )
-        log.info("frame %s: %s in %.1f s", frame.name, layer.name, time.perf_counter() - start)
-    return {name: found for name, found in shapes.items() if name not in AIDS}
+        _solve(frame, layer, shapes)
+    return _organs(shapes)
 
 
-def simulate(frames: Iterable[Frame], layers: Sequence[Layer]) -> list[tuple[Frame, dict[str, Shapes]]]:
-    """All frames; logs how far it is."""
-    frames = list(frames)
-    done = []
+def simulate(
+    frames: Iterable[Frame],
+    layers: Sequence[Layer],
+    done: Mapping[str, SimulatedFrame] | None = None,
+    keep: Callable[[Simulated], None] | None = None,
+) -> Simulated:
+    """Simulate all frames; a frame that fails is left out of the result and named in its failures.
+
+    Parameters
+    ----------
+    done : mapping of str to SimulatedFrame
+        Frames by name that an earlier run has finished.
+    keep : callable
+        Called with what is there after each frame, so that a killed run can be resumed.
+    """
+    frames, done = list(frames), done or {}
+    found = Simulated()
     start = time.perf_counter()
     for count, frame in enumerate(frames, start=1):
-        done.append((frame, simulate_frame(frame, layers)))
+        result = done.get(frame.name) or _attempt(frame, layers)
+        if isinstance(result, Failure):
+            found.failures.append(result)
+        else:
+            found.frames.append(result)
+        if keep is not None:
+            keep(found)
         elapsed = time.perf_counter() - start
         log.info("%d of %d frames, %.0f s left", count, len(frames), elapsed / count * (len(frames) - count))
-    return done
+    return found
+
+
+def _attempt(frame: Frame, layers: Sequence[Layer]) -> SimulatedFrame | Failure:
+    """The simulated frame, or why there is none; the traceback of an unexpected error is in the log."""
+    shapes: dict[str, Shapes] = {}
+    for layer in layers:
+        try:
+            _solve(frame, layer, shapes)
+        except HandpipeError as error:
+            failure = Failure(frame.name, layer.name, str(error))
+            log.error("%s", failure)
+            return failure
+        except Exception as error:
+            failure = Failure(frame.name, layer.name, f"unexpected {type(error).__name__}: {error}")
+            log.exception("%s", failure)
+            return failure
+    return frame, _organs(shapes)
+
+
+def _solve(frame: Frame, layer: Layer, shapes: dict[str, Shapes]) -> None:
+    """Add a layer's shapes to those of the layers below it, unless they are known."""
+    if layer.name in shapes:
+        return
+    start = time.perf_counter()
+    shapes[layer.name] = layer.solve(frame, {name: shapes[name] for name in layer.needs if name in shapes})
+    log.info("frame %s: %s in %.1f s", frame.name, layer.name, time.perf_counter() - start)
+
+
+def _organs(shapes: Mapping[str, Shapes]) -> dict[str, Shapes]:
+    return {name: found for name, found in shapes.items() if name not in AIDS}

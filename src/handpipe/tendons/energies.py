@@ -177,31 +177,63 @@ def spline_shape(t: Array) -> Array:
 
 @njit(cache=True)
 def closest_on_spline(points: Array, x: Array) -> tuple[IntArray, Array]:
-    """Piece (k,), 1 .. n - 2, and t in [0, 1] (k,) of the closest point of the B-spline of x (n, 3)."""
+    """Piece (k,), 1 .. n - 2, and t in [0, 1] (k,) of the closest point of the B-spline of x (n, 3).
+
+    The closest of all pieces, exactly: the squared distance is then continuous in x, also where two strands
+    of a rod are equally near, which a line search needs.
+    """
     pieces = np.empty(len(points), np.int64)
     parameters = np.empty(len(points))
     for k in range(len(points)):
-        nearest, best = 0, np.inf
-        for i in range(len(x)):
-            squared = np.sum((x[i] - points[k]) ** 2)
-            if squared < best:
-                nearest, best = i, squared
         best = np.inf
-        for i in range(max(nearest - 2, 1), min(nearest + 2, len(x) - 2) + 1):
+        for i in range(1, len(x) - 1):
             a, b, c = x[i - 1], x[i], x[i + 1]
-            bend = a - 2.0 * b + c
-            t = 0.5
-            for _ in range(12):
-                r = 0.5 * (1 - t) ** 2 * a + (0.5 + t - t * t) * b + 0.5 * t * t * c - points[k]
-                tangent = (b - a) + t * bend
-                slope, square = np.sum(r * tangent), np.sum(tangent * tangent)
-                curvature = square + np.sum(r * bend)
-                t_new = min(max(t - slope / max(curvature, 0.3 * square), 0.0), 1.0)
-                if abs(t_new - t) < 1e-14:
-                    break
-                t = t_new
-            r = 0.5 * (1 - t) ** 2 * a + (0.5 + t - t * t) * b + 0.5 * t * t * c - points[k]
-            squared = np.sum(r * r)
+            # a piece lies in the triangle of b and the middles of its segments
+            reach = 0.5 * np.sqrt(max(np.sum((a - b) ** 2), np.sum((c - b) ** 2)))
+            if np.sqrt(np.sum((points[k] - b) ** 2)) - reach >= np.sqrt(best):
+                continue
+            t, squared = _closest_on_piece(a - points[k], b - points[k], c - points[k])
             if squared < best:
                 best, pieces[k], parameters[k] = squared, i, t
     return pieces, parameters
+
+
+@njit(cache=True)
+def _closest_on_piece(a: Array, b: Array, c: Array) -> tuple[float, float]:
+    """t in [0, 1] and the squared distance of the point of a B-spline's piece that is nearest to the origin.
+
+    The slope of the squared distance is a cubic in t. The zeros of its derivative part [0, 1] into at most
+    three intervals; each has at most one zero of the slope.
+    """
+    start, tangent, bend = 0.5 * (a + b), b - a, a - 2.0 * b + c
+    c0, c1 = np.sum(start * tangent), np.sum(tangent * tangent) + np.sum(start * bend)
+    c2, c3 = 1.5 * np.sum(tangent * bend), 0.5 * np.sum(bend * bend)
+    ends = np.array([0.0, 1.0, 1.0, 1.0])
+    count = 1
+    discriminant = 4.0 * c2 * c2 - 12.0 * c3 * c1
+    if discriminant > 0.0 and c3 > 0.0:
+        root = np.sqrt(discriminant)
+        for t in ((-2.0 * c2 - root) / (6.0 * c3), (-2.0 * c2 + root) / (6.0 * c3)):
+            if 0.0 < t < 1.0:
+                ends[count] = t
+                count += 1
+    best_t, best = 0.0, np.sum(start * start)
+    for j in range(count):
+        low, high = ends[j], ends[j + 1]
+        t = high
+        if c0 + low * (c1 + low * (c2 + low * c3)) < 0.0 < c0 + high * (c1 + high * (c2 + high * c3)):
+            t = 0.5 * (low + high)
+            for _ in range(80):
+                slope = c0 + t * (c1 + t * (c2 + t * c3))
+                low, high = (t, high) if slope < 0.0 else (low, t)
+                curvature = c1 + t * (2.0 * c2 + 3.0 * t * c3)
+                step = t - slope / curvature if curvature > 0.0 else low
+                following = step if low < step < high else 0.5 * (low + high)
+                if abs(following - t) < 1e-15:
+                    break
+                t = following
+        point = start + t * tangent + 0.5 * t * t * bend
+        squared = np.sum(point * point)
+        if squared < best:
+            best_t, best = t, squared
+    return best_t, best

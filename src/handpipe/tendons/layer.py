@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from handpipe.layers import Frame, Shape, Shapes, flesh_in
+from handpipe.tendons.rest import PULL
 from handpipe.tendons.tendon import Tendon
 
 
@@ -23,7 +24,9 @@ class TendonLayer:
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """For each tendon its surface, and its rod under `{tendon}_centreline` with segments as cells.
 
-        The rod's field "tension" (Q,) is in the unit of the pull (mN if that is). Hooks follow the flesh, of
+        The rod's field "tension" (Q,) is in the unit of the pull (mN if that is); its figure "compression" is
+        the largest compressive force over the pull. A compressed rod is folded: hooks before and behind a
+        joint have passed each other, which no tendon follows. Hooks follow the flesh, of
         which `below` has the mesh, or the bones alone. Raises `ConvergenceError`.
         """
         shapes: Shapes = {}
@@ -34,6 +37,8 @@ class TendonLayer:
             shapes[name] = Shape(self._rest[name], surface.vertices, surface.triangles)
             n = len(found.x)
             segments = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
-            fields = {"tension": found.tension}
-            shapes[f"{name}_centreline"] = Shape(tendon.rest.x, found.x, segments, fields)
+            figures = {"compression": max(-float(found.tension.min()), 0.0) / PULL}
+            shapes[f"{name}_centreline"] = Shape(
+                tendon.rest.x, found.x, segments, {"tension": found.tension}, figures
+            )
         return shapes

@@ -16,7 +16,7 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
 from handpipe.skeleton.pose_space import PoseSpace
-from handpipe.tendons.energies import Bend, Hooks
+from handpipe.tendons.energies import Bend, Hooks, RodEnergy
 from handpipe.tendons.equilibrium import Equilibrium, solve
 from handpipe.tendons.hooks import HookSet, closest_points, fit_hooks, past_end
 from handpipe.tendons.motion import Bones, relative_to
@@ -57,14 +57,17 @@ class Tendon:
             {name: bones[name] for name in {*self.rest.bones, *self.space.bones}}, self.rest.bones[-1]
         )
         around = None if flesh is None else base.inverse()(flesh)
-        hooks = Hooks(self.hook_positions(relative, around))
-        bend = Bend(PULL * BEND_LENGTH**2, self.rest.length)
         x = self._start(relative) if start is None else base.inverse()(start)
         try:
-            found = solve([hooks, self.rest.pull(relative), bend], x)
+            found = solve(self.energies(relative, around), x)
         except ConvergenceError as error:
-            raise ConvergenceError(f"Tendon {self.name}", str(error)) from error
+            raise error.within(f"Tendon {self.name}") from error
         return replace(found, x=base(found.x))
+
+    def energies(self, bones: Bones, flesh: Array | None = None) -> list[RodEnergy]:
+        """Hooks, pull and bending; bones and flesh relative to the base bone."""
+        hooks = Hooks(self.hook_positions(bones, flesh))
+        return [hooks, self.rest.pull(bones), Bend(PULL * BEND_LENGTH**2, self.rest.length)]
 
     def hook_positions(self, bones: Bones, flesh: Array | None = None) -> Array:
         """Positions (k, 3) of the hooks with their corrections; bones and flesh relative to the base bone."""

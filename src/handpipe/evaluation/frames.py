@@ -1,0 +1,106 @@
+"""What the solvers say of a scene's frames: figures by frame and layer, and warnings in plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from handpipe.evaluation.table import Row
+from handpipe.hand.frames import LENGTHS
+from handpipe.hand.simulation import Failure, SimulatedFrame
+from handpipe.layers import Shapes
+from handpipe.metrics import Metrics
+
+UNITS = {**dict.fromkeys(LENGTHS, "mm"), "inverted_tets": "tets"}
+LEAST = ("least_det",)  # figures of which the least is the worst
+OVERLAP = 0.01  # mm; a smaller overlap of the skin is not told
+COMPRESSION = 0.01  # of a tendon's pull; a smaller one is not told
+
+
+def worst_figures(layers: Mapping[str, Shapes]) -> dict[str, float]:
+    """The worst of each figure over the bodies of each layer, by `{layer}_{figure}`."""
+    found: dict[str, list[float]] = {}
+    for layer, shapes in layers.items():
+        for shape in shapes.values():
+            for name, value in shape.figures.items():
+                found.setdefault(f"{layer}_{name}", []).append(value)
+    return {name: _worst(name, values) for name, values in found.items()}
+
+
+def _worst(name: str, values: Iterable[float]) -> float:
+    """The worst value; a value that is not a number is worse than any."""
+    return float(np.min([*values]) if name.endswith(LEAST) else np.max([*values]))
+
+
+def with_figures(
+    rows: Sequence[Row], frames: Iterable[SimulatedFrame], failures: Iterable[Failure]
+) -> list[Row]:
+    """Rows of `validity_table` with the frames' figures, or the layer that failed and its reason."""
+    figures = {frame.name: worst_figures(layers) for frame, layers in frames}
+    failed = {f.frame: {"failed": f.layer, "reason": f.reason} for f in failures}
+    return [{**row, **figures.get(_name(row), {}), **failed.get(_name(row), {})} for row in rows]
+
+
+def figure_metrics(rows: Sequence[Row], names: Iterable[str]) -> Metrics:
+    """How many frames failed, and the worst of each figure over the frames that did not."""
+    metrics: Metrics = {"frames_failed": (float(sum("failed" in row for row in rows)), "frames")}
+    for name in sorted(names):
+        values = [_number(row, name) for row in rows if row.get(name) is not None]
+        unit = next((u for figure, u in UNITS.items() if name.endswith(figure)), "1")
+        metrics[name] = (_worst(name, values), unit)
+    return metrics
+
+
+def figure_names(rows: Sequence[Row], plain: Iterable[str]) -> list[str]:
+    """Columns of rows that hold figures of solvers: all but the `plain` ones and those of failures."""
+    known = {*plain, "failed", "reason"}
+    return list(dict.fromkeys(name for row in rows for name in row if name not in known))
+
+
+def frame_warnings(scene: str, rows: Sequence[Row]) -> list[str]:
+    """What is wrong or doubtful in a scene's frames, a sentence for each kind, with the frames' names."""
+    found: dict[str, list[str]] = {}
+    for row in rows:
+        for kind, detail in _doubts(row):
+            found.setdefault(kind, []).append(f"{_name(row)} ({detail})")
+    return [f"Scene {scene}: {kind}: {', '.join(frames)}." for kind, frames in found.items()]
+
+
+def _doubts(row: Row) -> Iterable[tuple[str, str]]:
+    """What is doubtful in a frame: its kind and the detail."""
+    if "failed" in row:
+        yield "not simulated and left out", f"{row['failed']}: {str(row['reason']).rstrip('.')}"
+    for name in row:
+        layer, _, _ = name.partition("_inverted_tets")
+        if name.endswith("_inverted_tets") and _positive(row, name):
+            least = f", least det F {_number(row, f'{layer}_least_det'):.3g}" if _has(row, layer) else ""
+            yield "inverted tets are handed on", f"{layer}: {_number(row, name):.0f}{least}"
+        if name.endswith("_unsettled") and _positive(row, name):
+            yield "contact has not settled", name.removesuffix("_unsettled").removesuffix("_contact")
+        if name.endswith("_skin_overlap") and _positive(row, name, OVERLAP):
+            yield "the skin penetrates itself", f"{_number(row, name):.2f} mm"
+        if name.endswith("_compression") and _positive(row, name, COMPRESSION):
+            yield "tendons are compressed and folded", f"{_number(row, name):.1f} of the pull"
+    if _number(row, "beyond"):
+        yield "outside the range of the scans", f"{row['angle']} by {_number(row, 'beyond'):+.1f} deg"
+    if _positive(row, "depth"):
+        yield "bones penetrate each other", f"{row['bones']}, {_number(row, 'depth'):.2f} mm"
+
+
+def _has(row: Row, layer: str) -> bool:
+    return f"{layer}_least_det" in row
+
+
+def _positive(row: Row, name: str, limit: float = 0.0) -> bool:
+    """Whether a figure is above a limit; one that is not a number counts as above."""
+    return not _number(row, name) <= limit
+
+
+def _number(row: Row, name: str) -> float:
+    value = row.get(name)
+    return float(value) if value is not None else 0.0
+
+
+def _name(row: Row) -> str:
+    return str(row["frame"])

@@ -1,0 +1,73 @@
+"""Figures of solvers reach the tables, the metrics and the warnings."""
+
+import numpy as np
+import pytest
+
+from handpipe.evaluation.frames import figure_metrics, figure_names, frame_warnings, with_figures
+from handpipe.hand.simulation import Failure
+from handpipe.layers import Frame, Shape
+
+PLAIN = {"beyond": 0.0, "angle": "", "distance": 1.0, "nearest": "fist", "depth": 0.0, "bones": ""}
+
+
+def body(**figures: float) -> Shape:
+    return Shape(np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((0, 3), int), figures=figures)
+
+
+def rows() -> list[dict]:
+    bare = [{"frame": name, **PLAIN} for name in ("good", "tangled", "lost")]
+    bare[0] |= {"beyond": -12.5, "angle": "MP3_flexion", "depth": 0.4, "bones": "a b"}
+    fine = {
+        "muscles": {"m1": body(contact_motion=0.01, contact_unsettled=0.0)},
+        "fat": {"fat": body(inverted_tets=0.0, least_det=0.3)},
+    }
+    bad = {
+        "muscles": {
+            "m1": body(contact_motion=0.01, contact_unsettled=0.0),
+            "m2": body(contact_motion=0.2, contact_unsettled=1.0),
+        },
+        "fat": {"fat": body(inverted_tets=2.0, least_det=-0.14), "skin": body(skin_overlap=0.05)},
+        "tendons": {"t_centreline": body(compression=3.0)},
+    }
+    frames = [(Frame("good", {}, {}), fine), (Frame("tangled", {}, {}), bad)]
+    first = with_figures(bare, frames[:1], [])
+    return with_figures(first, frames[1:], [Failure("lost", "tendons", "Tendon x did not converge.")])
+
+
+def test_rows_hold_the_worst_of_each_layers_bodies() -> None:
+    good, tangled, lost = rows()
+    assert tangled["muscles_contact_motion"] == 0.2 and tangled["muscles_contact_unsettled"] == 1.0
+    assert (tangled["fat_inverted_tets"], tangled["fat_least_det"]) == (2.0, -0.14)
+    assert good["fat_least_det"] == 0.3 and "fat_least_det" not in lost
+    assert (lost["failed"], lost["reason"]) == ("tendons", "Tendon x did not converge.")
+
+
+def test_metrics_are_the_worst_over_frames() -> None:
+    metrics = figure_metrics(rows(), figure_names(rows(), ["frame", *PLAIN]))
+    assert metrics == {
+        "frames_failed": (1.0, "frames"),
+        "muscles_contact_motion": (0.2, "mm"),
+        "muscles_contact_unsettled": (1.0, "1"),
+        "fat_inverted_tets": (2.0, "tets"),
+        "fat_least_det": (-0.14, "1"),
+        "fat_skin_overlap": (0.05, "mm"),
+        "tendons_compression": (3.0, "1"),
+    }
+
+
+def test_warnings_name_frame_layer_and_size() -> None:
+    assert frame_warnings("close", rows()) == [
+        "Scene close: outside the range of the scans: good (MP3_flexion by -12.5 deg).",
+        "Scene close: bones penetrate each other: good (a b, 0.40 mm).",
+        "Scene close: contact has not settled: tangled (muscles).",
+        "Scene close: inverted tets are handed on: tangled (fat: 2, least det F -0.14).",
+        "Scene close: the skin penetrates itself: tangled (0.05 mm).",
+        "Scene close: tendons are compressed and folded: tangled (3.0 of the pull).",
+        "Scene close: not simulated and left out: lost (tendons: Tendon x did not converge).",
+    ]
+    assert frame_warnings("close", [{"frame": "good", **PLAIN, "fat_inverted_tets": 0.0}]) == []
+
+
+@pytest.mark.parametrize("name", ["fat_inverted_tets", "fat_skin_overlap", "fat_unsettled"])
+def test_a_figure_that_is_no_number_is_a_warning(name: str) -> None:
+    assert len(frame_warnings("close", [{"frame": "odd", **PLAIN, name: np.nan}])) == 1
