@@ -34,6 +34,12 @@ def noisy(transform, rng, degrees, mm, at=None):
     return RigidTransform(np.eye(3), mm * rng.normal(size=3)) @ jitter @ transform
 
 
+def off_by(rng, degrees, axes):
+    """Unit axes (k, 3), each tilted by so many degrees in a random direction, as a person's hints are."""
+    tilts = [unit(np.cross(a, rng.normal(size=3))) for a in axes]
+    return np.array([turn(np.radians(degrees) * t) @ unit(a) for a, t in zip(axes, tilts, strict=True)])
+
+
 def bone(count=40, around=36, stretch=1.0, seed=None):
     """A closed bone-like surface: a shaft along x, a base and two unlike condyles; meshed by rings.
 

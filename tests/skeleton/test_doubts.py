@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from manufactured import bone, turn
+from manufactured import bone, off_by, turn
 from test_rig import AXES, DATASET, FIT, LENGTHS, manufactured
 
 from handpipe import artifacts
@@ -147,3 +147,17 @@ def test_a_missing_bone_is_named_where_it_is_needed(tmp_path):
     assert set(read_registration(path)) == {"middle2"}
     with pytest.raises(InputError, match=r"fist.h5: distal2: .*scribbles"):
         read_registration(path, ["middle2", "distal2"])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_hints_thirty_degrees_off_doubt_no_good_bone(seed):
+    rng = np.random.default_rng(seed)
+    rough = {
+        n: j.model_copy(update={"axis_hints": tuple(map(tuple, off_by(rng, 30.0, j.axis_hints)))})
+        for n, j in DATASET.joints.items()
+    }
+    for pose, transforms in manufactured(glide=1.0, degrees=0.3, mm=0.05).items():
+        assert not reasons(doubted(registrations(transforms), SURFACES, rough)), pose
+    transforms = dict(manufactured()["hook"])
+    transforms["proximal2"] = rolled(transforms["proximal2"], "proximal2", 180)
+    assert list(reasons(doubted(registrations(transforms), SURFACES, rough))) == ["proximal2"]

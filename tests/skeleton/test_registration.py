@@ -6,7 +6,8 @@ from handpipe.errors import ConvergenceError
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.doubts import odd_residuals
-from handpipe.skeleton.registration import register
+from handpipe.skeleton.normal_equations import Rows, covariance
+from handpipe.skeleton.registration import _finish, _Pair, register
 from handpipe.skeleton.starts import principal_starts, uniform_starts
 
 NEUTRAL = bone(60, 48)
@@ -150,6 +151,51 @@ def test_a_bone_that_fits_turned_is_doubted():
     found = register(even, even.moved(noisy))
     assert "turned by 1" in found.doubt
     assert rotation_error(found, TRUTH) < 2 or abs(rotation_error(found, TRUTH) - 180) < 2
+
+
+def of_revolution(count, around, seed):
+    """A bone without condyles, which looks the same turned about its long axis."""
+    x, y, z = bone(count, around, seed=seed).vertices.T
+    angle = np.arctan2(z / 0.85, y)
+    radius = (4.2 + 1.2 * (x / 18) ** 2) * np.sqrt(np.maximum(1 - (x / 18) ** 2, 0)) ** 0.6
+    surface = bone(count, around)
+    return surface.moved(np.column_stack([x, radius * np.cos(angle), radius * np.sin(angle)]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_solid_of_revolution_is_doubted_by_name(seed):
+    """Nothing tells the turn about the long axis: facets of the mesh do not count as if they did."""
+    target = of_revolution(43, 61, seed + 1)
+    noise = 0.05 * np.random.default_rng(seed).normal(size=target.vertices.shape)
+    found = register(of_revolution(60, 48, seed), target.moved(TRUTH(target.vertices) + noise))
+    assert "turn" in found.doubt
+
+
+def test_a_direction_that_no_row_tells_is_not_known():
+    """Rows of a sphere about its centre: translations are told, turns are not."""
+    points = np.random.default_rng(0).normal(size=(400, 3))
+    normals = points / np.linalg.norm(points, axis=1, keepdims=True)
+    distance = 0.05 * np.random.default_rng(1).normal(size=400)
+    rows = Rows.of(5 * normals, normals, distance, np.zeros(3))
+    edges = np.array([[i, i + 1] for i in range(0, 400, 2)])
+    found = covariance(rows, np.ones(400), edges, 5 * normals)
+    assert np.sqrt(np.diag(found)[:3]) == pytest.approx(1.0, rel=0.01)
+    assert (np.sqrt(np.diag(found)[3:]) < 0.01).all()
+
+
+def test_errors_that_whole_patches_share_are_covered():
+    """Twelve regions of a surface, each moved as a whole along its normal: errors by deviations."""
+    target = bone(40, 44, stretch=1.2)
+    rng, ratios = np.random.default_rng(0), []
+    normals = target.vertex_normals()
+    for _ in range(8):
+        centres = target.vertices[rng.choice(len(target.vertices), 12, replace=False)]
+        region = np.linalg.norm(target.vertices[:, None] - centres, axis=2).argmin(axis=1)
+        shift = 0.08 * rng.normal(size=12)[region] + 0.02 * rng.normal(size=len(region))
+        moved = target.moved(TRUTH(target.vertices + shift[:, None] * normals))
+        found = _finish(_Pair.of(NEUTRAL, moved), TRUTH)
+        ratios.append(rotation_error(found, TRUTH) / found.rotation_deviation)
+    assert max(ratios) < 2.2 and 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.2
 
 
 def test_starts_of_all_directions():

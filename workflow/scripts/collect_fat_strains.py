@@ -17,7 +17,7 @@ with stage(snakemake):
     rig = Rig.load(snakemake.input.rig)
     fits = [artifacts.read(path, "fat_fit") for path in snakemake.input.poses]
     transforms = {dataset.neutral: dict.fromkeys(rig.bones, RigidTransform.identity())}
-    transforms |= {pose: rig.bone_transforms(rig.poses[pose].angles) for pose in dataset.examples}
+    transforms |= {pose: rig.scanned_bones(pose) for pose in dataset.examples}
     spaces = LocalPoseSpaces.build(rig.bones, rig.parents, transforms, snakemake.params.interpolation)
     logs = np.stack([np.zeros_like(fits[0]["log_strains"]), *(f["log_strains"] for f in fits)])
     nails = {

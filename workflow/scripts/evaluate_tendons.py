@@ -24,7 +24,7 @@ with stage(snakemake):
     for path in snakemake.input.tendons:
         tendon = Tendon.load(path)
         for pose in poses:
-            x = tendon.solve(rig.bone_transforms(rig.poses[pose].angles), flesh.get(pose)).x
+            x = tendon.solve(rig.scanned_bones(pose), flesh.get(pose)).x
             changes.append(100 * length_change(x, tendon.rest.length))
             if dataset.truth is None:
                 continue

@@ -22,7 +22,7 @@ with stage(snakemake):
     poses = {dataset.neutral: dict.fromkeys(bones, RigidTransform.identity())}
     for pose, path in zip(dataset.examples, snakemake.input.poses, strict=True):
         rods[pose] = rig.poses[pose].root.inverse()(artifacts.read(path, "posed_tendon")["x"])
-        moved = rig.bone_transforms(rig.poses[pose].angles)
+        moved = rig.scanned_bones(pose)
         poses[pose] = {b: moved[b] for b in bones}
     flesh = flesh_in_poses(snakemake.input.flesh)
     radius = float(neutral["radii"].mean())

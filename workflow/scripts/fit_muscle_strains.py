@@ -19,13 +19,14 @@ with stage(snakemake) as log:
     shapes = artifacts.read(snakemake.input.shapes, "muscle_shapes")
     # Surfaces come from each scanner's frame to the rig's, in which the muscle will be simulated.
     back = {pose: rig.poses[pose].root.inverse() for pose in dataset.examples}
-    transforms = {pose: rig.bone_transforms(rig.poses[pose].angles) for pose in dataset.examples}
+    transforms = {pose: rig.scanned_bones(pose) for pose in dataset.examples}
     surfaces, starts, neighbours = {}, {}, {}
     for pose, path in zip(dataset.examples, snakemake.input.separated, strict=True):
         separated = {n: s.moved(back[pose](s.vertices)) for n, s in load_surfaces(path).items()}
         surfaces[pose] = separated.pop(name)
         starts[pose] = back[pose](shapes[pose][name]["mesh_vertices"])
-        bones = each_moved(rig.surfaces, transforms[pose])
+        known = {bone: s for bone, s in rig.surfaces.items() if bone in transforms[pose]}
+        bones = each_moved(known, transforms[pose])
         neighbours[pose] = [*separated.values(), *bones.values()]
     muscle, fit = Muscle.fit(
         name,

@@ -30,6 +30,11 @@ with stage(snakemake) as log:
         transforms, odd = without_odd_bones(dataset, transforms, surfaces, fit_poses)
         rig = Rig.fit(dataset, transforms, surfaces, fit_poses, trusted)
         table = joint_table(rig, dataset, transforms, fit_poses, trusted)
+    guessed = [j.name for j in rig.joints if j.knowledge and j.knowledge.doubts(j.angles)]
+    unknown = [(p, n) for p, fitted in rig.poses.items() for n in rig.angle_names if n in fitted.undetermined]
+    figures |= {"undetermined_joints": (len(guessed), "1"), "undetermined_angles": (len(unknown), "1")}
+    figures |= {f"undetermined_{joint}": (1, "1") for joint in guessed}
+    figures |= {f"undetermined_{pose}_{angle}": (1, "1") for pose, angle in unknown}
     figures["doubtful_bones"] = (len(doubtful | odd), "1")
     figures |= {f"doubtful_{pose}_{bone}": (1, "1") for pose, bone in doubtful | odd}
     for pose in dataset.poses:

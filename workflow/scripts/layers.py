@@ -70,5 +70,5 @@ def flesh_in_poses(paths):
 
 def scanned_frame(rig, pose):
     """A scanned pose as the rig explains it, the root at rest."""
-    angles = rig.poses[pose].angles
-    return Frame(pose, angles, rig.bone_transforms(angles))
+    bones = rig.scanned_bones(pose)
+    return Frame(pose, rig.poses[pose].angles, bones)

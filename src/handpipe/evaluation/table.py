@@ -146,10 +146,10 @@ def muscle_table(rows: Sequence[Row]) -> Table | None:
 def rig_table(rows: Sequence[Row]) -> Table | None:
     """Table 1 of Wang 2019, its last row the average over joints; None without rows.
 
-    Rows have `joint`, maybe its `type` and number of `poses`, and mean errors, those named …_R in degrees
-    and …_x in mm.
+    Rows have `joint`, maybe its `type` and number of `poses`, and mean errors, those named …_R in degrees,
+    …_x and …_p in mm, and what no pose tells of the joint in `undetermined`.
     """
-    columns = list(dict.fromkeys(key for row in rows for key in row if key.endswith(("_R", "_x"))))
+    columns = list(dict.fromkeys(key for row in rows for key in row if key.endswith(("_R", "_x", "_p"))))
     if not columns:
         return None
     cells: list[list[Cell]] = [[_joint(row), *(row.get(c) for c in columns)] for row in rows]
@@ -160,9 +160,12 @@ def rig_table(rows: Sequence[Row]) -> Table | None:
     ]
     note = (
         "Rig against registered bones; R rotation, x translation. FM: full model; PM: without residual"
-        " rotations and translations. Left out: each fitted pose from the others; held out: poses that no fit"
+        " rotations and translations; p: corners of the bone's box. Left out: each fitted pose from the"
+        " others; held out: poses that no fit"
         " saw."
     )
+    guessed = [f"{row['joint']}: {row['undetermined']}" for row in rows if row.get("undetermined")]
+    note += f" Not determined by the poses: {'; '.join(guessed)}." if guessed else ""
     return Table("Bone rig errors (Wang 2019, Table 1).", ["joint", *heads], cells, note)
 
 

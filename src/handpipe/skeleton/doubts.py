@@ -17,7 +17,7 @@ from handpipe.config import Joint
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.axes import Axes, orthogonal_hints
-from handpipe.skeleton.joints import leftover
+from handpipe.skeleton.hinted_axes import beyond_hints
 from handpipe.skeleton.registration_result import Registration
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 RESIDUAL = 3.0  # times the median residual of the pose's bones
 LEAST_RESIDUAL = 0.12  # mm; below, no residual is odd
 GAP = 4.0  # mm by which a joint may open against neutral
-TWIST = 45.0  # deg off the axes that were hinted at, which are rough
+TWIST = 30.0  # deg that axes within 30 deg of the hinted ones do not explain
 STIFF = 8.0  # deg between bones that move as one
 
 
@@ -83,12 +83,12 @@ def opening(parent: Registration, child: Registration, of_parent: Surface, of_ch
 
 
 def off_axes(parent: Registration, child: Registration, joint: Joint) -> float:
-    """Angle in deg of the joint's motion that turns about its hinted axes do not explain."""
+    """Angle in deg of the joint's motion that turns about axes near the hinted ones do not explain."""
     if not joint.angles:
         return float(np.degrees(parent.transform.angle_to(child.transform)))
     relative = (parent.transform.inverse() @ child.transform).rotation
     axes = Axes(orthogonal_hints(np.array(joint.axis_hints, float)), tuple(range(len(joint.angles))))
-    return float(np.degrees(np.linalg.norm(leftover(axes, relative[None]))))
+    return float(np.degrees(beyond_hints(axes, relative)))
 
 
 def blame(odd: Iterable[str], joints: Mapping[str, tuple[str, str]]) -> dict[str, str]:

@@ -38,7 +38,12 @@ def refine_to_edges(neutral: Surface, volume: Volume, found: Registration) -> Re
         rows = Rows.of(points, outwards, offset - common, transform(middle))
         transform = moved(transform, solve(rows, weights), middle)
     rms = float(np.sqrt(weights @ rows.distance**2 / weights.sum()))
-    return replace(found, transform=transform, rms=rms, covariance=covariance(rows, weights, neutral.edges()))
+    return replace(
+        found,
+        transform=transform,
+        rms=rms,
+        covariance=covariance(rows, weights, neutral.edges(), neutral.vertices),
+    )
 
 
 def steepest_falls(volume: Volume, points: Array, directions: Array, reach: float) -> tuple[Array, Array]:

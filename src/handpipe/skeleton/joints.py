@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from handpipe.mesh.rigid import RigidTransform, left_jacobian
-from handpipe.skeleton.axes import Axes, fit_axes, fit_oblique_axes, three_axes
+from handpipe.skeleton.axes import Axes, fit_axes, fit_oblique_axes, orthogonal_hints, three_axes
 from handpipe.skeleton.prior import (
     PRIOR,
     MotionNoise,
@@ -20,7 +20,7 @@ from handpipe.skeleton.prior import (
     translation_noise,
     unexplained,
 )
-from handpipe.skeleton.residual import Residual, fit_residual
+from handpipe.skeleton.residual import Residual, features, fit_residual
 
 Array = NDArray[np.float64]
 Model = Literal["full", "partial"]
@@ -107,6 +107,12 @@ class JointFit:
         shift = [np.linalg.norm(f(point) - t(point)) for f, t in zip(found, relative, strict=True)]
         return np.array(rotation), np.array(shift)
 
+    def place_errors(self, relative: Sequence[RigidTransform], points: Array, model: Model = "full") -> Array:
+        """Root mean square distances (n,) in mm of the child's points (k, 3) from their true places."""
+        found = [self.transform(a, model) for a in self.angles_of(relative)]
+        apart = np.array([f(points) - t(points) for f, t in zip(found, relative, strict=True)])
+        return np.asarray(np.sqrt((apart.reshape(-1, len(points), 3) ** 2).sum(axis=2).mean(axis=1)))
+
 
 def fit_joint(
     relative: Sequence[RigidTransform],
@@ -124,13 +130,16 @@ def fit_joint(
     undetermined, along the axis of a one-axis joint. joint_type: one of that many degrees of freedom, by
     default `DEFAULT_TYPES`. noise: how well each motion is known; with it, motions count accordingly, and
     hints and `near` as far as the motions leave doubt (`prior.PRIOR`); without, motions alone decide.
-    Neutral need not be among `relative`: it is the zero of every function.
+    Neutral need not be among `relative`: it is the zero of every function. Without any motion the joint has
+    the axes of its hints, its centre at `near`, and no residual motion.
     """
     hints = np.asarray(axis_hints, float).reshape(-1, 3)
     joint_type = joint_type or DEFAULT_TYPES[dof]
     if hints.shape != (dof, 3) or DEGREES[joint_type] != dof:
         raise ValueError(f"axis_hints of shape {hints.shape}, not {(dof, 3)}, for a {joint_type} joint")
     start = np.zeros(3) if near is None else near
+    if dof and not relative:
+        return _unseen(hints, start, joint_type)
     if joint_type == "rigid":
         nothing = Residual(np.zeros((0, 3)), np.zeros(0), np.zeros(0))
         return JointFit(Axes(np.zeros((0, 3)), ()), start, nothing, nothing, np.zeros((len(relative), 0)))
@@ -145,6 +154,17 @@ def fit_joint(
         angles,
         offset,
     )
+
+
+def _unseen(hints: Array, near: Array, joint_type: JointType) -> JointFit:
+    """A joint of which no motion was seen."""
+    dof = len(hints)
+    directions = hints / np.linalg.norm(hints, axis=1, keepdims=True)
+    if joint_type != "saddle":
+        directions = orthogonal_hints(hints)
+    terms = features(np.zeros((1, dof)), np.zeros(dof), np.zeros(dof)).shape[1]
+    nothing = Residual(np.zeros((terms, 3)), np.zeros(dof), np.zeros(dof))
+    return JointFit(Axes(directions, tuple(range(dof))), near, nothing, nothing, np.zeros((0, dof)))
 
 
 def _weighed_axes(

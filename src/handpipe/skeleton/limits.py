@@ -81,7 +81,7 @@ def angle_ranges(rig: Rig) -> dict[str, AngleRange]:
     ranges = {}
     for joint in rig.joints:
         for index, name in enumerate(joint.angles):
-            seen = [0.0, *(pose.angles[name] for pose in rig.poses.values())]
+            seen = [0.0, *(p.known[name] for p in rig.poses.values() if name in p.known)]
             published = reference_range(name)
             if published is not None:
                 bend = neutral_bend(rig, joint, index) if name.endswith("flexion") else 0.0
@@ -110,9 +110,9 @@ def limit_rows(rig: Rig) -> list[dict[str, str | float]]:
 
 
 def seen_ranges(poses: Mapping[str, Angles]) -> Limits:
-    """Least and largest value in rad of every angle over poses, neutral's zero among them."""
-    names = next(iter(poses.values()), {})
-    values = {n: [0.0, *(angles[n] for angles in poses.values())] for n in names}
+    """Least and largest value in rad of every angle over poses that tell it; neutral's zero is one."""
+    names = dict.fromkeys(n for angles in poses.values() for n in angles)
+    values = {n: [0.0, *(angles[n] for angles in poses.values() if n in angles)] for n in names}
     return {n: (min(v), max(v)) for n, v in values.items()}
 
 

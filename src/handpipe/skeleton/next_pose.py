@@ -74,7 +74,7 @@ class RigUncertainty:
     ) -> RigUncertainty:
         """After the given poses (angles in rad by pose), those of the rig if None."""
         knowledge = knowledge or Knowledge()
-        seen = {n: p.angles for n, p in rig.poses.items()} if poses is None else poses
+        seen = {n: p.known for n, p in rig.poses.items()} if poses is None else poses
         joints = tuple(_before(rig, joint, knowledge) for joint in rig.joints if joint.angles)
         uncertainty = RigUncertainty(joints, knowledge)
         for angles in seen.values():
@@ -94,9 +94,15 @@ class RigUncertainty:
         return {j.joint.name: float(np.sqrt(j.variance)) for j in self.joints}
 
     def after(self, angles: Mapping[str, float]) -> RigUncertainty:
-        """The uncertainty once a pose of these angles (rad) has been scanned."""
+        """The uncertainty once a pose of these angles (rad) has been scanned.
+
+        A joint of which an angle is not among them tells nothing: the pose lacks one of its bones.
+        """
         joints = []
         for j in self.joints:
+            if any(n not in angles for n in j.joint.angles):
+                joints.append(j)
+                continue
             values = np.array([angles[n] for n in j.joint.angles])
             gained = _information(j.joint, values, j.point, self.knowledge)
             joints.append(JointUncertainty(j.joint, j.point, j.precision + gained, j.spread, j.share))

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
 from scipy.spatial.transform import Rotation
 
 from handpipe.mesh.rigid import RigidTransform
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+PATCHES, LEAST_PATCH = 20, 10  # of a bone's surface, some millimetres wide each; vertices of one at least
+UNTOLD = np.array([1.0, 10.0])  # rad and mm
 FINEST = 0.01  # mm; distances below this are not told apart
 
 
@@ -47,12 +50,46 @@ def solve(rows: Rows, weights: Array) -> Array:
     return np.linalg.solve(scaled, right / scale) / scale
 
 
-def covariance(rows: Rows, weights: Array, edges: IntArray) -> Array:
-    """Covariance (6, 6) of the solution when the rows belong to mesh vertices joined by edges (e, 2)."""
+def covariance(rows: Rows, weights: Array, edges: IntArray, points: Array) -> Array:
+    """Covariance (6, 6) of the solution when the rows belong to mesh vertices joined by edges (e, 2).
+
+    The larger, in every direction, of two estimates. One takes the residuals as noise that neighbours share
+    (`alike`). The other (`patch_covariance`) takes what whole patches of the surface, by the places of the
+    points (n, 3), pull the solution to: errors that are alike over millimetres, as where thick slices or a
+    thin shell move the surface of a segmentation. A direction that no row tells has the deviation `UNTOLD`.
+    """
     matrix, _ = _normal(rows, weights)
     residual = rows.distance * np.sqrt(weights)
-    variance = (residual**2).sum() / max(weights.sum() - len(matrix), 1.0)
-    return variance * alike(residual, edges) * np.linalg.pinv(matrix, rcond=1e-14)
+    independent = weights.sum() / alike(residual, edges)
+    spare = max(independent - len(matrix), 1.0)
+    scatter = (residual**2).sum() / weights.sum() * independent / spare * alike(residual, edges)
+    scatter = max(float(scatter), FINEST**4)
+    shared = np.asarray(np.linalg.inv(matrix / scatter + np.diag(np.repeat(UNTOLD, 3) ** -2.0)), float)
+    return larger(shared, patch_covariance(rows, weights, points, shared / scatter))
+
+
+def patch_covariance(rows: Rows, weights: Array, points: Array, inverse: Array) -> Array:
+    """Covariance (6, 6) from the spread of patches' pulls; inverse (6, 6): of the normal matrix.
+
+    The estimate is robust to any correlation within a patch (Liang and Zeger 1986; cluster-robust). Zero
+    where a mesh is too coarse for patches.
+    """
+    count = min(PATCHES, len(points) // LEAST_PATCH)
+    if count <= 2 * len(inverse):
+        return np.zeros_like(inverse)
+    _, patch = kmeans2(points, count, minit="++", seed=0)
+    pulls = np.zeros((count, len(inverse)))
+    np.add.at(pulls, patch, (weights * rows.distance)[:, None] * rows.jacobian)
+    spread = pulls.T @ pulls * count / (count - len(inverse))
+    return np.asarray(inverse @ spread @ inverse, float)
+
+
+def larger(a: Array, b: Array) -> Array:
+    """Covariance (n, n) that is at least a in every direction, and at least b; a positive definite."""
+    root = np.linalg.cholesky(a)
+    back = np.linalg.inv(root)
+    values, vectors = np.linalg.eigh(back @ b @ back.T)
+    return np.asarray(root @ (vectors * np.maximum(values, 1.0)) @ vectors.T @ root.T, float)
 
 
 def alike(residual: Array, edges: IntArray) -> float:

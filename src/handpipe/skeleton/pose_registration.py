@@ -13,10 +13,11 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.doubts import doubted
 from handpipe.skeleton.registration import register
-from handpipe.skeleton.registration_result import Registration
+from handpipe.skeleton.registration_result import Registration, loosest_turn
 from handpipe.skeleton.rig import outwards
 
 LOG = logging.getLogger(__name__)
+UNSURE = 2.0  # deg of deviation that a warning names; the rig gives such a bone little weight
 
 
 def register_pose(
@@ -30,6 +31,9 @@ def register_pose(
     parents = {j.child: j.parent for j in dataset.joints.values()}
     found: dict[str, Registration] = {}
     for bone in [dataset.root_bone, *(dataset.joints[j].child for j in outwards(dataset))]:
+        if bone not in neutral:
+            LOG.warning("%s is left out: neutral lacks it", bone)
+            continue
         if bone not in target or len(target[bone].triangles) == 0:
             LOG.warning("%s is missing in this pose", bone)
             continue
@@ -51,6 +55,8 @@ def register_pose(
     for bone, registration in checked.items():
         if registration.doubt:
             LOG.warning("%s is in doubt: %s", bone, registration.doubt)
+        elif registration.rotation_deviation > UNSURE:
+            LOG.warning("%s: the image tells little of %s", bone, loosest_turn(registration, neutral[bone]))
     return checked
 
 

@@ -29,12 +29,12 @@ class MotionNoise(NamedTuple):
 class Prior:
     """Standard deviations, by component.
 
-    tilt in rad: of a hinted axis; centre in mm: of the gap between the bones from the joint's centre;
-    rotation in rad and translation in mm: of motions that no fixed axis explains, by pose; poses: how many
-    poses this guess of them counts as.
+    tilt in rad: of a hinted axis, which a person draws 30 deg off at worst; centre in mm: of the gap between
+    the bones from the joint's centre; rotation in rad and translation in mm: of motions that no fixed axis
+    explains, by pose; poses: how many poses this guess of them counts as.
     """
 
-    tilt: float = float(np.radians(10.0))
+    tilt: float = float(np.radians(15.0))
     centre: float = 5.0
     rotation: float = float(np.radians(1.0))
     translation: float = 0.3

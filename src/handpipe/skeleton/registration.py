@@ -21,7 +21,7 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.edge_refinement import refine_to_edges
 from handpipe.skeleton.normal_equations import FINEST, Rows, alike, covariance, moved, robust_weights, solve
-from handpipe.skeleton.registration_result import Registration, rotation_uncertainty
+from handpipe.skeleton.registration_result import Registration, loosest_turn, rotation_uncertainty
 from handpipe.skeleton.starts import principal_starts, uniform_starts
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def register(
         raise ConvergenceError(
             "Registration", f"residual {found.rms:.2f} mm at a bone of size {pair.size:.1f} mm"
         )
-    found = replace(found, doubt=_doubt(found) or _rival_doubt(pair, found, rivals[1:]))
+    found = replace(found, doubt=_doubt(pair, found) or _rival_doubt(pair, found, rivals[1:]))
     LOG.info(
         "registered: rms %.3f mm, uncertainty %s deg, %.0f %% covered%s",
         found.rms,
@@ -199,20 +199,20 @@ def _finish(pair: _Pair, transform: RigidTransform) -> Registration:
     return Registration(
         transform,
         rms,
-        covariance(every, weights, pair.leading.edges()),
+        covariance(every, weights, pair.leading.edges(), leading),
         covered=float((np.abs(neutral) < near).mean()),
         explained=float((np.abs(target) < near).mean()),
     )
 
 
-def _doubt(found: Registration) -> str:
+def _doubt(pair: _Pair, found: Registration) -> str:
     """What the match itself says against a registration; empty if nothing."""
     if found.covered < LEAST_COVERED:
         return f"{100 * found.covered:.0f} % of the bone is covered"
     if found.explained < LEAST_EXPLAINED:
         return f"{100 * (1 - found.explained):.0f} % of what was segmented is not the bone"
     if found.rotation_deviation > LOOSE:
-        return f"its turn is uncertain by {found.rotation_deviation:.1f} deg"
+        return f"its image hardly tells {loosest_turn(found, pair.neutral.surface)}"
     return ""
 
 

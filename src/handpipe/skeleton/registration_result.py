@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from handpipe import artifacts
 from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
+ALONG = 0.9  # cosine of the angle up to which an axis is a bone's long one
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,8 @@ class Registration:
 
     covariance (6, 6) of (omega, t) in rad and mm: the true transform is the found one followed by a
     rotation by omega about its image of the neutral vertices' mean and a translation by t. It knows the
-    noise of the target, also where neighbours share it, not what both surfaces have wrong alike.
+    noise of the target, also where neighbours or a patch of some millimetres share it, not what both
+    surfaces have wrong alike.
     covered, explained: shares of the neutral surface that lie on the target and of the target that lie on
     the neutral surface; doubt: why the result is not to be trusted, empty if it is.
     """
@@ -57,6 +60,16 @@ def rotation_uncertainty(registration: Registration) -> Array:
     """Standard deviations (3,) in deg of the rotation along its principal directions, largest first."""
     values = np.linalg.eigvalsh(registration.covariance[:3, :3])[::-1]
     return np.degrees(np.sqrt(np.maximum(values, 0)))
+
+
+def loosest_turn(registration: Registration, neutral: Surface) -> str:
+    """The turn that is known least, in words, with its standard deviation; neutral: the bone's surface."""
+    _, axes = np.linalg.eigh(np.cov(neutral.vertices.T))
+    _, turns = np.linalg.eigh(registration.covariance[:3, :3])
+    along = abs(float(turns[:, 2] @ registration.transform.rotation @ axes[:, 2]))
+    deviation = float(rotation_uncertainty(registration)[0])
+    about = " about its long axis" if along > ALONG else ""
+    return f"its turn{about} (standard deviation {deviation:.1f} deg)"
 
 
 def write_registrations(

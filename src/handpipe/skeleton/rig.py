@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from handpipe import artifacts
 from handpipe.config import Dataset, Joint
@@ -21,14 +20,14 @@ from handpipe.mesh.surface import Surface
 from handpipe.skeleton.angles import Angles, check_angles
 from handpipe.skeleton.axes import Axes
 from handpipe.skeleton.bodies import moved_as_one
-from handpipe.skeleton.displacement import displacement, displacement_rates, moments
+from handpipe.skeleton.explaining import explain
+from handpipe.skeleton.joint_knowledge import JointKnowledge
 from handpipe.skeleton.joint_types import fit_best
 from handpipe.skeleton.joints import JointFit, Model, fit_joint
 from handpipe.skeleton.limits import widened_limits
 from handpipe.skeleton.motions import BoneNoise, Motions, Registrations, joint_motions
 from handpipe.skeleton.residual import Residual
-from handpipe.skeleton.rig_groups import rig_groups, rig_units
-from handpipe.skeleton.twists import moving_bones
+from handpipe.skeleton.rig_groups import angles_of_group, knowledge_of_group, rig_groups, rig_units
 
 Array = NDArray[np.float64]
 Bones = Mapping[str, RigidTransform]
@@ -46,14 +45,40 @@ class RigJoint:
     angles: tuple[str, ...]
     limits: Array
     fit: JointFit
+    knowledge: JointKnowledge | None = None  # of a joint that was fitted to poses
 
 
 @dataclass(frozen=True)
 class FittedPose:
-    """A scanned pose as the rig explains it: the root bone's registered transform, and the angles in rad."""
+    """A scanned pose as the rig explains it: the root bone's registered transform, and the angles in rad.
+
+    undetermined: names of angles that the pose's bones do not tell; their values are assumed.
+    """
 
     root: RigidTransform
     angles: Angles
+    undetermined: frozenset[str] = frozenset()
+
+    @property
+    def known(self) -> Angles:
+        """The angles that the pose's bones tell."""
+        return {name: value for name, value in self.angles.items() if name not in self.undetermined}
+
+
+class ScannedBones(dict[str, RigidTransform]):
+    """Bone -> transform in a scanned pose; to ask for a bone that the pose does not tell is an error."""
+
+    def __init__(self, pose: str, bones: Bones) -> None:
+        super().__init__(bones)
+        self.pose = pose
+
+    def __missing__(self, bone: str) -> RigidTransform:
+        raise InputError(
+            "rig",
+            f"poses.{self.pose}",
+            f"nothing in this pose's scan tells where {bone} is, which what is modelled needs",
+            "Correct it by `scribbles` in the dataset file, or leave the pose out",
+        )
 
 
 @dataclass(frozen=True)
@@ -75,43 +100,65 @@ class Rig:
     ) -> Rig:
         """Fit every joint to the given poses, then explain all poses.
 
+        A joint of which no pose has both bones keeps its hints and the gap of its bones: `RigJoint.knowledge`
+        says what the poses tell, a warning names what they do not.
+
         transforms: pose -> bone -> transform from neutral in the pose's scanner frame; a pose that lacks a
         bone is left out for that bone's joints; bones that no degree of freedom parts are moved as one.
         surfaces: neutral bones. fit_poses: poses to learn from; the other poses in `transforms` are only
         explained. registrations: how well each transform is known; with them, motions count accordingly, and
         the dataset's hints where motions tell little. Limits that the dataset does not state are those of
-        `limits.widened_limits`. Raises `InputError` where a joint has no pose to learn from.
+        `limits.widened_limits`. Raises `InputError` where neutral lacks a bone.
         """
+        for bone in dataset.bones:
+            if bone not in surfaces:
+                problem = f"{bone} was not found in the neutral pose {dataset.neutral}"
+                raise InputError(dataset.name, f"bones.{bone}", problem, "Draw its seeds in neutral anew")
         noise = None if registrations is None else BoneNoise(dataset, registrations, surfaces)
         transforms = moved_as_one(dataset, transforms, surfaces)
-        joints = []
+        joints: list[RigJoint] = []
         learnt = [p for p in fit_poses if p != dataset.neutral]  # neutral is the zero of every joint
         for name in outwards(dataset):
             joint = dataset.joints[name]
             near = joint_point(surfaces[joint.parent], surfaces[joint.child])
             motions = joint_motions(transforms, joint.parent, joint.child, learnt, near, noise)
-            if not motions.poses and joint.angles:
-                problem = f"no pose has both {joint.parent} and {joint.child}"
-                raise InputError(
-                    dataset.name, f"joints.{name}", problem, "Give one more pose or mend registration"
-                )
             fit = _fit_joint(joint, motions, near, surfaces[joint.child].vertices.mean(axis=0))
             limits = np.radians(np.array(joint.limits_deg or ANY_ANGLE * len(joint.angles), float))
-            joints.append(RigJoint(name, joint.parent, joint.child, joint.angles, limits.reshape(-1, 2), fit))
-        bare = Rig(dataset.root_bone, tuple(joints), {b: surfaces[b] for b in dataset.bones}, {})
-        rig = replace(bare, poses=bare._explained(transforms))
+            knowledge = JointKnowledge.of(fit, motions.relative, motions.noise)
+            ends = joint.parent, joint.child
+            joints.append(RigJoint(name, *ends, joint.angles, limits.reshape(-1, 2), fit, knowledge))
+            _warn_of_joint(joints[-1], len(learnt))
+        rig = Rig(dataset.root_bone, tuple(joints), {b: surfaces[b] for b in dataset.bones}, {})
         free = {name for name, joint in dataset.joints.items() if joint.limits_deg is None}
-        rig = replace(rig, joints=tuple(_widened(j, rig) if j.name in free else j for j in rig.joints))
+        rig = rig._widened(free)
+        rig = replace(rig, poses=rig._explained(transforms))._widened(free)
         for pose, fitted in rig.poses.items():
-            rig._warn_of_limits(pose, fitted.angles)
+            rig._warn_of_limits(pose, fitted)
         return rig
+
+    def _widened(self, free: Collection[str]) -> Rig:
+        """The rig with the limits of free joints as its poses and the references give them."""
+        limits = widened_limits(self)
+        return replace(
+            self,
+            joints=tuple(
+                replace(j, limits=np.array([limits[n] for n in j.angles]).reshape(-1, 2))
+                if j.name in free
+                else j
+                for j in self.joints
+            ),
+        )
 
     def _explained(self, transforms: Mapping[str, Bones]) -> dict[str, FittedPose]:
         """The poses that have the root bone, as the rig explains them."""
         poses = {}
         for pose, bones in transforms.items():
             if self.root in bones:
-                poses[pose] = FittedPose(bones[self.root], self.angles_of(bones))
+                found = explain(self, bones)
+                poses[pose] = FittedPose(bones[self.root], found.angles, found.undetermined)
+                if found.undetermined:
+                    names = ", ".join(n for n in self.angle_names if n in found.undetermined)
+                    LOG.warning("%s: its bones do not tell %s", pose, names)
             else:
                 LOG.warning("%s is left out: it lacks the root bone %s", pose, self.root)
         return poses
@@ -155,34 +202,28 @@ class Rig:
             transforms[joint.child] = transforms[joint.parent] @ joint.fit.transform(values, model)
         return transforms
 
+    def scanned_bones(self, pose: str) -> ScannedBones:
+        """Transforms from neutral of a scanned pose's bones, the root at rest, as the rig explains them.
+
+        A bone that hangs on an angle that the pose does not tell is not among them. Raises `InputError` for
+        a pose that the rig does not explain.
+        """
+        if pose not in self.poses:
+            problem = f"its root bone {self.root} is missing or in doubt"
+            raise InputError("rig", f"poses.{pose}", problem, "Mend its seeds, or leave the pose out")
+        fitted, known = self.poses[pose], {self.root}
+        for joint in self.joints:
+            if joint.parent in known and not fitted.undetermined & set(joint.angles):
+                known.add(joint.child)
+        found = self.bone_transforms(fitted.angles)
+        return ScannedBones(pose, {bone: t for bone, t in found.items() if bone in known})
+
     def angles_of(self, transforms: Bones, model: Model = "full") -> Angles:
         """Angles in rad that bring the bones nearest to given transforms, with the root where it is given.
 
-        The distance is the mean square displacement of all bones' vertices, which weighs rotations and
-        translations without further parameters. Bones that are missing do not count; the root must be there.
+        Bones that are missing do not count; the root must be there (`explaining.explain`).
         """
-        wanted = {j.child: transforms[j.child] for j in self.joints if j.child in transforms}
-        if not wanted or not self.angle_names:
-            return dict.fromkeys(self.angle_names, 0.0)
-        of_bones = {b: moments(self.surfaces[b]) for b in wanted}
-
-        def named(values: Array) -> Angles:
-            return dict(zip(self.angle_names, values, strict=True))
-
-        def residual(values: Array) -> Array:
-            found = self.bone_transforms(named(values), transforms[self.root], model)
-            return np.concatenate([displacement(found[b], t, of_bones[b]) for b, t in wanted.items()])
-
-        def jacobian(values: Array) -> Array:
-            found = moving_bones(self, named(values), transforms[self.root], model)
-            return np.vstack([displacement_rates(found[b], of_bones[b]) for b in wanted])
-
-        solutions = [
-            least_squares(residual, start, jac=jacobian, xtol=1e-14, ftol=1e-14, gtol=1e-12)
-            for start in self._starts(transforms)
-        ]
-        best = min(solutions, key=lambda solution: solution.cost)
-        return {name: float(v) for name, v in zip(self.angle_names, best.x, strict=True)}
+        return explain(self, transforms, model).angles
 
     def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
         """Write the rig as an artifact."""
@@ -193,34 +234,11 @@ class Rig:
         """Read a rig; raises `InputError` where it is missing or not a rig."""
         return _from_groups(artifacts.read(path, "rig"))
 
-    def _starts(self, transforms: Bones) -> list[Array]:
-        """Angles (n,) to start from: those of the motions seen, zero where nothing that a joint carries is.
-
-        Over a missing bone two joints share a motion, and a wrong start bends one of them backwards: there
-        the middle and the end of the seen range are tried, too.
-        """
-        carried = {j.child: j.child in transforms for j in self.joints}
-        for joint in reversed(self.joints):
-            if joint.parent != self.root:
-                carried[joint.parent] |= carried[joint.child]
-        starts, shared = [], False
-        for level in (0.0, 0.5, 1.0):
-            parts = []
-            for joint in self.joints:
-                if joint.child in transforms and joint.parent in transforms:
-                    relative = transforms[joint.parent].inverse() @ transforms[joint.child]
-                    parts.append(joint.fit.angles_of([relative])[0])
-                else:
-                    shared = shared or (carried[joint.child] and joint.fit.dof > 0)
-                    ends = np.vstack([np.zeros((1, joint.fit.dof)), joint.fit.angles]).max(axis=0)
-                    parts.append(level * ends if carried[joint.child] else np.zeros(joint.fit.dof))
-            starts.append(np.concatenate(parts))
-        return starts if shared else starts[:1]
-
-    def _warn_of_limits(self, pose: str, angles: Angles) -> None:
-        for name, (lower, upper) in self.limits.items():
-            if not lower <= angles[name] <= upper:
-                degrees = np.degrees([angles[name], lower, upper])
+    def _warn_of_limits(self, pose: str, fitted: FittedPose) -> None:
+        for name, angle in fitted.known.items():
+            lower, upper = self.limits[name]
+            if not lower <= angle <= upper:
+                degrees = np.degrees([angle, lower, upper])
                 LOG.warning(
                     "%s: %s is %.1f deg, outside its limits of %.1f to %.1f deg", pose, name, *degrees
                 )
@@ -248,9 +266,18 @@ def _fit_joint(joint: Joint, motions: Motions, near: Array, point: Array) -> Joi
     )
 
 
-def _widened(joint: RigJoint, rig: Rig) -> RigJoint:
-    limits = widened_limits(rig)
-    return replace(joint, limits=np.array([limits[n] for n in joint.angles]).reshape(-1, 2))
+def _warn_of_joint(joint: RigJoint, poses: int) -> None:
+    """A warning of what no pose tells of a joint; poses: how many there are to learn from."""
+    doubts = joint.knowledge.doubts(joint.angles) if joint.knowledge else []
+    if not doubts:
+        return
+    if not poses:
+        why = "there is no example pose besides neutral"
+    elif joint.knowledge and not joint.knowledge.poses:
+        why = f"no example pose has both {joint.parent} and {joint.child}"
+    else:
+        why = "it turns too little or too alike in the example poses"
+    LOG.warning("joint %s: %s: %s", joint.name, why, "; ".join(doubts))
 
 
 def joint_point(parent: Surface, child: Surface) -> Array:
@@ -276,6 +303,7 @@ def _from_groups(data: Mapping[str, Any]) -> Rig:
                 g["fitted_angles"],
                 g.get("offset", np.zeros(3)),
             ),
+            knowledge_of_group(g["knowledge"]) if "knowledge" in g else None,
         )
         for name, g in data["joints"].items()
     )
@@ -283,7 +311,7 @@ def _from_groups(data: Mapping[str, Any]) -> Rig:
     poses = {
         pose: FittedPose(
             RigidTransform(g["rotation"], g["translation"]),
-            {n: float(a) for n, a in zip(names, g["angles"], strict=True)},
+            *angles_of_group(names, g["angles"], g.get("assumed")),
         )
         for pose, g in data.get("poses", {}).items()
     }

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from handpipe.skeleton.angles import Angles
+from handpipe.skeleton.joint_knowledge import JointKnowledge
 from handpipe.skeleton.limits import angle_ranges
 
 if TYPE_CHECKING:
@@ -13,7 +17,10 @@ if TYPE_CHECKING:
 
 
 def rig_groups(rig: Rig) -> dict[str, Any]:
-    """Nested data of a rig: joints, neutral bones and explained poses."""
+    """Nested data of a rig: joints, neutral bones and explained poses.
+
+    A pose's `angles` are NaN where its bones do not tell them; `assumed` then holds the values in use.
+    """
     ranges = angle_ranges(rig)
     return {
         "root": rig.root,
@@ -35,6 +42,7 @@ def rig_groups(rig: Rig) -> dict[str, Any]:
                 "rotation_residual": vars(j.fit.rotation_residual),
                 "translation_residual": vars(j.fit.translation_residual),
                 **({"offset": j.fit.offset} if j.fit.offset.any() else {}),
+                **({"knowledge": _knowledge(j.knowledge)} if j.knowledge else {}),
             }
             for j in rig.joints
         },
@@ -43,11 +51,42 @@ def rig_groups(rig: Rig) -> dict[str, Any]:
             name: {
                 "rotation": p.root.rotation,
                 "translation": p.root.translation,
-                "angles": np.array([p.angles[n] for n in rig.angle_names]),
+                "angles": np.array([p.known.get(n, np.nan) for n in rig.angle_names]),
+                **({"assumed": np.array([p.angles[n] for n in rig.angle_names])} if p.undetermined else {}),
             }
             for name, p in rig.poses.items()
         },
     }
+
+
+def _knowledge(knowledge: JointKnowledge) -> dict[str, Any]:
+    return {
+        "poses": knowledge.poses,
+        "axis_deviation": knowledge.axes,
+        "axis_determined": knowledge.axes_told.astype(np.int8),
+        "centre_deviation": knowledge.centre,
+        "centre_determined": int(knowledge.centre_told),
+    }
+
+
+def knowledge_of_group(group: Mapping[str, Any]) -> JointKnowledge:
+    """A joint's knowledge as its group holds it."""
+    return JointKnowledge(
+        int(group["poses"]),
+        np.asarray(group["axis_deviation"], float),
+        np.asarray(group["axis_determined"]).astype(bool),
+        float(group["centre_deviation"]),
+        bool(group["centre_determined"]),
+    )
+
+
+def angles_of_group(
+    names: Sequence[str], angles: NDArray[np.float64], assumed: NDArray[np.float64] | None
+) -> tuple[Angles, frozenset[str]]:
+    """A pose's angles and the names of those that are assumed: NaN among the angles that the pose tells."""
+    values = angles if assumed is None else np.where(np.isnan(angles), assumed, angles)
+    found = {n: float(v) for n, v in zip(names, values, strict=True)}
+    return found, frozenset(n for n, a in zip(names, angles, strict=True) if np.isnan(a))
 
 
 def rig_units(rig: Rig) -> dict[str, str]:
@@ -60,6 +99,10 @@ def rig_units(rig: Rig) -> dict[str, str]:
         }
         units[f"joints/{j.name}/rotation_residual/coefficients"] = "rad per product of angles in rad"
         units[f"joints/{j.name}/translation_residual/coefficients"] = "mm per product of angles in rad"
-    for pose in rig.poses:
-        units |= {f"poses/{pose}/translation": "mm", f"poses/{pose}/angles": "rad"}
+        if j.knowledge:
+            group = f"joints/{j.name}/knowledge"
+            units |= {f"{group}/axis_deviation": "rad", f"{group}/centre_deviation": "mm"}
+    for name, pose in rig.poses.items():
+        units |= {f"poses/{name}/translation": "mm", f"poses/{name}/angles": "rad"}
+        units |= {f"poses/{name}/assumed": "rad"} if pose.undetermined else {}
     return units

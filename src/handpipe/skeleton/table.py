@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from handpipe.config import Dataset
 from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
 from handpipe.metrics import Metrics
 from handpipe.skeleton.bodies import moved_as_one
 from handpipe.skeleton.joints import JointFit, Model, fit_joint
@@ -22,8 +23,8 @@ PREFIXES: tuple[tuple[Model, str], ...] = (("full", ""), ("partial", "partial_")
 Row = dict[str, str | float]
 Columns = dict[str, Array]
 
-# Metric -> column and unit.
-NAMES = {
+# Metric -> column and unit. Places: of the corners of the child's box, which tell turns of all axes alike.
+NAMES = {f"{prefix}place_error": (f"{prefix}FM_p", "mm") for prefix in ("", "loo_", "heldout_")} | {
     f"{prefix}{model}{kind}_error": (f"{prefix}{short}_{letter}", unit)
     for prefix in ("", "loo_", "heldout_")
     for short, model in (("FM", ""), ("PM", "partial_"))
@@ -63,7 +64,9 @@ def joint_table(
     """Errors of a rig fitted to `fit_poses`; the other poses of `transforms`, but neutral, are held out.
 
     Rotation errors are angles of R_found^T R_true of the child relative to its parent; translation errors
-    are distances of the child's centroid from its true place. Neutral, without error, does not count.
+    are distances of the child's centroid from its true place; place errors, of the full model, are root mean
+    square distances of the corners of the child's box. A ball joint follows every rotation: it has no
+    rotation errors. Neutral, without error, does not count. A joint that no pose shows has no errors.
     registrations: as the rig was fitted with.
     """
     noise = None if registrations is None else BoneNoise(dataset, registrations, rig.surfaces)
@@ -77,6 +80,7 @@ def joint_table(
             "joint": joint.name,
             "type": joint.fit.type,
             "poses": float(len(joint.fit.angles)),
+            **_deviations(joint),
             **{name: float(errors.mean()) for name, errors in columns[joint.name].items()},
         }
         for joint in moving
@@ -99,27 +103,59 @@ def _columns(
     near = joint_point(rig.surfaces[joint.parent], rig.surfaces[joint.child])
     seen = joint_motions(transforms, joint.parent, joint.child, fitted, near, noise)
     unseen = joint_motions(transforms, joint.parent, joint.child, heldout, near)
-    centroid = rig.surfaces[joint.child].vertices.mean(axis=0)
-    out = _errors("", joint.fit, seen.relative, centroid)
+    points = Places.of(rig.surfaces[joint.child])
+    out = _errors("", joint.fit, seen.relative, points)
     hints = np.array(dataset.joints[joint.name].axis_hints, float)
     left_out = []
     for rest, left in seen.leave_one_out():
         fit = fit_joint(
             rest.relative, joint.fit.dof, hints, near=near, joint_type=joint.fit.type, noise=rest.noise
         )
-        left_out.append(_errors("loo_", fit, [left], centroid))
+        left_out.append(_errors("loo_", fit, [left], points))
     if left_out:
         out |= {name: np.concatenate([errors[name] for errors in left_out]) for name in left_out[0]}
-    return out | _errors("heldout_", joint.fit, unseen.relative, centroid)
+    return out | _errors("heldout_", joint.fit, unseen.relative, points)
 
 
-def _errors(prefix: str, fit: JointFit, relative: Sequence[RigidTransform], point: Array) -> Columns:
+@dataclass(frozen=True)
+class Places:
+    """Points of a neutral bone at which errors are measured: its centroid (3,), its box's corners (8, 3)."""
+
+    centroid: Array
+    corners: Array
+
+    @staticmethod
+    def of(surface: Surface) -> Places:
+        """Of the box along the principal axes of a bone's vertices."""
+        centroid = surface.vertices.mean(axis=0)
+        _, axes = np.linalg.eigh(np.cov(surface.vertices.T))
+        along = (surface.vertices - centroid) @ axes
+        ends = np.array([along.min(axis=0), along.max(axis=0)])
+        corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
+        return Places(centroid, centroid + corners @ axes.T)
+
+
+def _errors(prefix: str, fit: JointFit, relative: Sequence[RigidTransform], points: Places) -> Columns:
     columns: Columns = {}
     for model, short in MODELS if relative else ():
-        rotation, translation = fit.errors(relative, point, model)
-        columns[f"{prefix}{short}_R"] = np.degrees(rotation)
+        rotation, translation = fit.errors(relative, points.centroid, model)
+        if fit.type != "ball":
+            columns[f"{prefix}{short}_R"] = np.degrees(rotation)
         columns[f"{prefix}{short}_x"] = translation
+    if relative:
+        columns[f"{prefix}FM_p"] = fit.place_errors(relative, points.corners)
     return columns
+
+
+def _deviations(joint: RigJoint) -> Row:
+    """How far the joint's axes (deg) and its centre (mm) may be off, of a joint that was fitted."""
+    known = joint.knowledge
+    if known is None:
+        return {}
+    axes = {
+        f"axis_deviation_{n}": float(np.degrees(d)) for n, d in zip(joint.angles, known.axes, strict=True)
+    }
+    return {**axes, "centre_deviation": known.centre, "undetermined": "; ".join(known.doubts(joint.angles))}
 
 
 def _by_joint(columns: Mapping[str, Columns]) -> Metrics:
@@ -152,6 +188,8 @@ def _bone_errors(prefix: str, rig: Rig, transforms: Mapping[str, Bones]) -> Metr
             for bone in set(registered) & set(found) - {rig.root}:
                 points = rig.surfaces[bone].vertices
                 errors.append(np.linalg.norm(found[bone](points) - registered[bone](points), axis=1))
+        if not errors:
+            continue
         every = np.concatenate(errors)
         metrics[f"{prefix}{name}bone_error_mean"] = (float(every.mean()), "mm")
         metrics[f"{prefix}{name}bone_error_max"] = (float(every.max()), "mm")

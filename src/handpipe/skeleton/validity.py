@@ -62,15 +62,17 @@ class PoseValidity:
         """poses: names of the rig's poses that count as seen, all if None; neutral always does."""
         chosen = rig.poses if poses is None else {p: rig.poses[p] for p in poses}
         self.rig = rig
-        self.poses: dict[str, Angles] = {p: fitted.angles for p, fitted in chosen.items()}
-        if all(any(abs(a) > 1e-6 for a in angles.values()) for angles in self.poses.values()):
+        self.poses: dict[str, Angles] = {p: f.known for p, f in chosen.items() if f.known or not f.angles}
+        neutral = [a for a in self.poses.values() if all(abs(a.get(n, 1.0)) < 1e-6 for n in rig.angle_names)]
+        if not neutral:
             self.poses = {"neutral": dict.fromkeys(rig.angle_names, 0.0)} | self.poses
-        self.ranges: Limits = seen_ranges(self.poses)
-        self._seen = np.array([[a[n] for n in rig.angle_names] for a in self.poses.values()])
+        self.ranges: Limits = dict.fromkeys(rig.angle_names, (0.0, 0.0)) | seen_ranges(self.poses)
+        # NaN: an angle that the pose does not tell is no part of the distance to it.
+        self._seen = np.array([[a.get(n, np.nan) for n in rig.angle_names] for a in self.poses.values()])
         self._distances = {b: Distance(s) for b, s in rig.surfaces.items()}
         self._spheres = {b: _sphere(s.vertices) for b, s in rig.surfaces.items()}
-        neutral = dict.fromkeys(rig.angle_names, 0.0)
-        self._neutral = depths(rig, rig.bone_transforms(neutral), self._distances, self._spheres)
+        zero = dict.fromkeys(rig.angle_names, 0.0)
+        self._neutral = depths(rig, rig.bone_transforms(zero), self._distances, self._spheres)
 
     def check(self, angles: Mapping[str, float]) -> Validity:
         """What is known of a pose of angles in rad."""
@@ -80,7 +82,7 @@ class PoseValidity:
             if abs(excess) > SLACK:
                 beyond[name] = excess
         values = np.array([angles[n] for n in self.rig.angle_names])
-        apart = np.sqrt(((self._seen - values) ** 2).mean(axis=1))
+        apart = np.sqrt(np.nanmean((self._seen - values) ** 2, axis=1))
         nearest = int(np.argmin(apart))
         found = depths(self.rig, self.rig.bone_transforms(angles), self._distances, self._spheres)
         deeper = {pair: d - self._neutral.get(pair, 0.0) for pair, d in found.items()}
@@ -88,7 +90,7 @@ class PoseValidity:
         return Validity(beyond, list(self.poses)[nearest], float(apart[nearest]), self._spacing(), collisions)
 
     def _spacing(self) -> float:
-        between = np.sqrt(((self._seen[:, None] - self._seen[None]) ** 2).mean(axis=2))
+        between = np.sqrt(np.nanmean((self._seen[:, None] - self._seen[None]) ** 2, axis=2))
         np.fill_diagonal(between, np.inf)
         return float(between.min(axis=1).max()) if len(between) > 1 else 0.0
 
