@@ -35,10 +35,17 @@ class Pose(Model):
     """What was acquired in one pose. Paths are relative to the dataset's root."""
 
     role: Role
-    volume: Path = Field(description="MRI volume: NIfTI, NRRD, or a folder of DICOM slices")
+    volume: Path = Field(description="MRI volume: NIfTI, NRRD, MetaImage, or a folder of DICOM images")
+    series: int | str | None = Field(
+        None, description="of a folder with several DICOM series: its number, description or UID"
+    )
+    echo: int | None = Field(
+        None, ge=1, description="of a DICOM series with several echoes: 1 is the one of the shortest time"
+    )
     seeds: Path | None = Field(
         None,
-        description="seeds: label volume on the grid of `volume`; 0 none, bone labels, 255 background",
+        description="seeds: label volume on the grid of `volume`, 0 none, bone labels, 255 background; or a "
+        "segmentation (.seg.nrrd) with segments named as the bones are, and `background`",
     )
     scan: Path | None = Field(
         None, description="skin scan: PLY, OBJ or STL in mm, in the frame of `volume`; may have holes"
@@ -207,6 +214,11 @@ class Dataset(Model):
     @property
     def neutral(self) -> str:
         return next(n for n, p in self.poses.items() if p.role is Role.neutral)
+
+    @property
+    def labels(self) -> dict[str, int]:
+        """Label of each bone in seed and label volumes."""
+        return {name: bone.label for name, bone in self.bones.items()}
 
     def poses_of(self, *roles: Role) -> list[str]:
         """Names of the poses with one of the roles, in file order."""
