@@ -206,7 +206,7 @@ def read_labels(
     Raises
     ------
     InputError
-        As `read_volume` does, and for values that are not labels, segments that are no bones, or another grid.
+        As `read_volume` does; for values that are not labels, segments that are no bones, or another grid.
     """
     path = Path(path)
     if is_segmentation(path):
@@ -220,9 +220,7 @@ def read_labels(
 
 def _segmentation(path: Path, bones: Mapping[str, int] | None) -> Stored:
     if bones is None:
-        raise InputError(
-            path, "content", "is a segmentation, not a label volume", "Save it as a label volume"
-        )
+        raise InputError(path, "content", "is a segmentation", "Save it as a label volume")
     if not path.exists():
         raise InputError(path, "volume", "does not exist", "Check the path in the dataset file")
     return read_segments(path, bones)

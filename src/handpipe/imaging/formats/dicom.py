@@ -44,6 +44,7 @@ def read_dicom(path: Path, series: int | str | None = None, echo: int | None = N
     frames = _of_series(path, frames_of(path), series)
     frames = _of_echo(path, _magnitudes(path, _without_copies(frames)), echo)
     _require_alike(path, frames)
+    _require_one_scale(frames)
     frames, affine = _on_grid(path, frames)
     rows, columns = frames[0].size
     require_size(path, prod((rows, columns, len(frames))), 4, 0, np.inf)
@@ -58,7 +59,7 @@ def _of_series(path: Path, frames: list[Frame], series: int | str | None) -> lis
         if frame.series_uid in placed:
             found.setdefault(frame.series_uid, []).append(frame)
     if not found:
-        problem = f"holds {len(frames)} DICOM images, none with a place in space"
+        problem = f"holds {len(frames)} DICOM images, none with a place in space and a pixel size"
         raise InputError(path, "volume", problem, "Give a folder with the images of one MR series")
     listed = "; ".join(f"{of[0].series}, {len(of)} images" for of in found.values())
     if series is not None:
@@ -79,7 +80,7 @@ def _of_series(path: Path, frames: list[Frame], series: int | str | None) -> lis
 
 def _without_copies(frames: list[Frame]) -> list[Frame]:
     """Each image once, though a file may have been copied within its folder."""
-    found = {}
+    found: dict[Hashable, Frame] = {}
     for f in frames:
         place = None if f.position is None else f.position.tobytes()
         found.setdefault((f.uid or f.file, f.number, place), f)
@@ -118,7 +119,7 @@ def _require_alike(path: Path, frames: list[Frame]) -> None:
     """Raise `InputError` for images that cannot be slices of one grid."""
     unplaced = [f.file.name for f in frames if f.position is None]
     if unplaced:
-        problem = f"{len(unplaced)} images have no place in space ({unplaced[0]})"
+        problem = f"{len(unplaced)} images have no place in space or no pixel size ({unplaced[0]})"
         raise InputError(path, "slices", problem, "Export the series again")
     if any(f.mosaic for f in frames):
         raise InputError(path, "slices", "are tiles of mosaics", "Convert the series to NIfTI")
@@ -143,6 +144,17 @@ def _require_alike(path: Path, frames: list[Frame]) -> None:
         raise InputError(path, "slices", f"have pixels of {' and '.join(spacings)} mm", separate)
     if several(lambda f: f.reference):
         raise InputError(path, "slices", "have several frames of reference", separate)
+
+
+def _require_one_scale(frames: list[Frame]) -> None:
+    """Raise `InputError` for a file whose frames have several slopes: its reader has one for all."""
+    scales: dict[Path, set[tuple[float, float]]] = {}
+    for f in frames:
+        scales.setdefault(f.file, set()).add((f.slope, f.intercept))
+    for file, of in scales.items():
+        if len(of) > 1:
+            problem = f"frames have {len(of)} slopes or intercepts"
+            raise InputError(file, "values", problem, "Export it as one image a file")
 
 
 def _on_grid(path: Path, frames: list[Frame]) -> tuple[list[Frame], Array]:

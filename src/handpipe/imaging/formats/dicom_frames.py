@@ -50,6 +50,8 @@ class Frame:
     orientation: Array
     position: Array | None
     echo_time: float | None  # ms
+    slope: float  # of the rescaling to the scanner's values
+    intercept: float
     component: str  # "phase", "real", "imaginary", else ""
     mosaic: bool
     photometric: str
@@ -128,11 +130,14 @@ def _frame(file: Path, number: int, header: pydicom.Dataset, sources: list[Any])
     position = _of(sources, "PlanePositionSequence", "ImagePositionPatient")
     orientation = _of(sources, "PlaneOrientationSequence", "ImageOrientationPatient")
     spacing = _of(sources, "PixelMeasuresSequence", "PixelSpacing")
+    if spacing is None:  # images that were converted, not acquired, name it otherwise
+        spacing = header.get("NominalScannedPixelSpacing", None) or header.get("ImagerPixelSpacing", None)
     echo = _of(sources, "MREchoSequence", "EffectiveEchoTime")
     echo = header.get("EchoTime", None) if echo is None else echo
     kinds = _of(sources, "MRImageFrameTypeSequence", "FrameType") or header.get("ImageType", None) or []
     whole = _of(sources, "MRImageFrameTypeSequence", "ComplexImageComponent")
     named = [str(kind).upper() for kind in [*list(kinds)[2:], whole]]
+    transformation = "PixelValueTransformationSequence"
     known = position is not None and orientation is not None and spacing is not None
     return Frame(
         file=file,
@@ -146,6 +151,8 @@ def _frame(file: Path, number: int, header: pydicom.Dataset, sources: list[Any])
         orientation=np.array(orientation if known else (np.nan,) * 6, float).reshape(2, 3),
         position=np.array(position, float) if known else None,
         echo_time=None if echo is None else float(echo),
+        slope=float(_of(sources, transformation, "RescaleSlope") or 1),
+        intercept=float(_of(sources, transformation, "RescaleIntercept") or 0),
         component=next((COMPONENTS[kind] for kind in named if kind in COMPONENTS), ""),
         mosaic="MOSAIC" in named,
         photometric=str(header.get("PhotometricInterpretation", "")),

@@ -28,7 +28,7 @@ def to_ras(path: Path, stored: Stored) -> Stored:
 
 
 def _reordered(stored: Stored, orientation: Array) -> Stored:
-    """Axes permuted and flipped: row i of orientation has the new axis of the i-th and its direction (1, -1)."""
+    """Axes permuted and flipped; row i of orientation: the new axis of the i-th, its direction 1 or -1."""
     values = apply_orientation(stored.values, orientation)
     return Stored(values, stored.affine @ inv_ornt_aff(orientation, stored.values.shape))
 
@@ -41,9 +41,7 @@ def _require_grid(path: Path, affine: Array) -> None:
     cosines = np.abs((axes / spacing).T @ (axes / spacing) - np.eye(3))
     if cosines.max() > SKEW:
         angle = np.degrees(np.arcsin(min(cosines.max(), 1.0)))
-        problem = (
-            f"two axes are {angle:.2f} degrees off a right angle, as of a tilted gantry or a registration"
-        )
+        problem = f"two axes are {angle:.2f} degrees off a right angle, as of a tilted gantry"
         raise InputError(path, "affine", problem, "Resample it to a grid of right angles")
     if spacing.min() < SPACING_RANGE[0] or spacing.max() > SPACING_RANGE[1]:
         guess = "metres" if spacing.min() < SPACING_RANGE[0] else "micrometres"

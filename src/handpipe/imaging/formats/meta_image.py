@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from math import prod
 from pathlib import Path
 
@@ -42,6 +43,8 @@ def read_meta_image(path: Path) -> Stored:
     shape = spatial_shape(path, sizes)
     compressed = header.get("CompressedData", "False").lower() == "true"
     require_size(path, prod(shape), itemsize, _stored(path, header, length), DEFLATE if compressed else 1)
+    if compressed:
+        _require_sound(path, header, length, prod(shape) * itemsize)
     with reading(path, "MetaImage"):
         image = sitk.ReadImage(str(path), imageIO="MetaImageIO")
         values = sitk.GetArrayFromImage(image).T.reshape(shape)
@@ -83,6 +86,19 @@ def _stored(path: Path, header: dict[str, str], length: int) -> int:
         problem = f"{named} is not beside the header"
         raise InputError(path, "ElementDataFile", problem, "Put both into one folder, or save it as .mha")
     return data.stat().st_size
+
+
+def _require_sound(path: Path, header: dict[str, str], length: int, declared: int) -> None:
+    """Raise `InputError` for a damaged or short stream, which ITK would read without a word."""
+    named = header["ElementDataFile"]
+    local = named.upper() == "LOCAL"
+    with reading(path, "MetaImage"), open(path if local else path.parent / named, "rb") as file:
+        file.seek(length if local else 0)
+        stream = zlib.decompressobj(zlib.MAX_WBITS | 32)  # zlib or gzip
+        inflated = len(stream.decompress(file.read(), declared + 1))
+    if inflated != declared or not stream.eof:
+        problem = f"cannot be read as MetaImage ({inflated:,} of {declared:,} bytes of voxels are sound)"
+        raise InputError(path, "content", problem, EXPORT)
 
 
 def _affine(image: sitk.Image) -> Array:

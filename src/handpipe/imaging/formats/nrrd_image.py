@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from handpipe.errors import InputError
 from handpipe.imaging.formats.stored import (
     DEFLATE,
+    EXPORT,
     Array,
     Stored,
     reading,
@@ -117,14 +118,22 @@ def read_values(path: Path, header: Header) -> NDArray:
         attached = {k: v for k, v in header.items() if k not in ("data file", "datafile")}
         if encoding not in COMPRESSED:
             return nrrd.read_data(attached, file)
-        for _ in range(int(header.get("line skip", header.get("lineskip", 0)))):
+        for _ in range(_skip(header, "line")):
             file.readline()
-        skipped = max(int(header.get("byte skip", header.get("byteskip", 0))), 0)
+        skipped = max(_skip(header, "byte"), 0)
         limit = skipped + 8 * prod(int(n) for n in header["sizes"])  # no scalar has more than 8 bytes
         with COMPRESSED[encoding](file) as stream:  # type: ignore[operator]
             inflated = stream.read(limit + 1)
         plain = {k: v for k, v in attached.items() if k not in ("line skip", "lineskip")}
-        return nrrd.read_data(plain | {"encoding": "raw"}, io.BytesIO(inflated))
+        values = nrrd.read_data(plain | {"encoding": "raw"}, io.BytesIO(inflated))
+        if len(inflated) > skipped + values.nbytes:
+            raise InputError(path, "sizes", "the file holds more voxels than they say", EXPORT)
+        return values
+
+
+def _skip(header: Header, what: str) -> int:
+    """How many lines or bytes lie before the voxels."""
+    return int(header.get(f"{what} skip") or header.get(f"{what}skip") or 0)
 
 
 def _data_file(path: Path, header: Header) -> Path:

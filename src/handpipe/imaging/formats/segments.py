@@ -53,8 +53,8 @@ def _segments(header: Header) -> list[Segment]:
     for key in header:
         if match := re.fullmatch(r"Segment(\d+)_Name", key):
             number = match[1]
-            layer = int(header.get(f"Segment{number}_Layer", number))
-            value = int(header.get(f"Segment{number}_LabelValue", 1))
+            layer = int(header.get(f"Segment{number}_Layer") or number)
+            value = int(header.get(f"Segment{number}_LabelValue") or 1)
             found.append(Segment(str(header[key]).strip(), layer, value))
     return found
 
@@ -64,9 +64,8 @@ def _labels_by_name(path: Path, segments: list[Segment], bones: Mapping[str, int
     names = [s.name.casefold() for s in segments]
     unknown = [s.name for s, name in zip(segments, names, strict=True) if name not in known]
     if unknown or not segments:
-        problem = (
-            f"{', '.join(map(repr, unknown))} are no bones of the dataset" if unknown else "there are none"
-        )
+        listed = ", ".join(map(repr, unknown))
+        problem = f"{listed} are no bones of the dataset" if unknown else "there are none"
         remedy = f"Name them {', '.join(bones)} or {BACKGROUND_NAME}"
         raise InputError(path, "segments", problem, remedy)
     twice = sorted({name for name in names if names.count(name) > 1})

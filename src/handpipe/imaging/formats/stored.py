@@ -41,7 +41,7 @@ def reading(path: str | Path, format: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:  # libraries raise zlib.error, KeyError, struct.error, RuntimeError and more
-        text = " ".join(str(error).split()) or type(error).__name__
+        text = " ".join(str(error).split()).split("ITK ERROR: ")[-1] or type(error).__name__
         raise InputError(path, "content", f"cannot be read as {format} ({text})", EXPORT) from error
 
 
@@ -90,7 +90,5 @@ def require_size(path: str | Path, voxels: int, itemsize: int, stored: int, rati
         raise InputError(path, "size", problem, "Crop it to the hand")
     needed, free = voxels * (itemsize + 8), psutil.virtual_memory().available
     if needed > free:
-        problem = (
-            f"{voxels:,} voxels need {needed / 2**30:.1f} GiB, {free / 2**30:.1f} GiB of memory are free"
-        )
+        problem = f"{voxels:,} voxels need {needed / 2**30:.1f} GiB; {free / 2**30:.1f} GiB are free"
         raise InputError(path, "size", problem, "Crop it to the hand, or use a machine with more memory")
