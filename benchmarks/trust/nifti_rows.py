@@ -81,6 +81,14 @@ def nifti_defects(table: Table, good: Path) -> None:
     damaged = folder / "damaged.nii.gz"
     damaged.write_bytes(data[:200] + bytes(100) + data[300:])
     refuse("damaged gzip", damaged, "cannot be read as NIfTI")
+    flipped = bytearray(data)
+    flipped[-6] ^= 1  # of the checksum
+    damaged.write_bytes(flipped)
+    refuse("wrong checksum", damaged, "cannot be read as NIfTI")
+    save_nifti(folder / "long.nii.gz", np.zeros((200, 200, 200), np.int16))
+    longer = gzip.decompress((folder / "long.nii.gz").read_bytes())
+    damaged.write_bytes(gzip.compress(longer[:42] + struct.pack("<3h", 9, 8, 7) + longer[48:]))
+    refuse("inflates beyond its sizes", damaged, "holds more")
     damaged.write_bytes(data[: len(data) // 2])
     refuse("truncated gzip", damaged, "cannot be read as NIfTI")
     path.write_bytes(save_nifti(path, values).read_bytes()[:-500])

@@ -87,6 +87,10 @@ def nrrd_defects(table: Table) -> None:
     packed = good(encoding="gzip").read_bytes()
     path.write_bytes(packed[:-100])
     refuse("truncated gzip", path, "cannot be read as NRRD")
+    flipped = bytearray(packed)
+    flipped[-6] ^= 1  # of the checksum
+    path.write_bytes(flipped)
+    refuse("wrong checksum", path, "cannot be read as NRRD")
     path.write_bytes(packed[:-400] + bytes(100) + packed[-300:])
     refuse("damaged gzip", path, "cannot be read as NRRD")
     refuse("declares 32 GB", edited(good(), "sizes: ", "sizes: 4000 2000 2000"), "header declares")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 from handpipe.errors import InputError
 from handpipe.imaging.formats.stored import (
     DEFLATE,
+    EXPORT,
     Array,
     Stored,
     reading,
@@ -21,6 +23,7 @@ from handpipe.imaging.formats.stored import (
 )
 
 UNITS = {"mm": 1.0, "unknown": 1.0, "meter": 1000.0, "micron": 0.001}
+BLOCK = 2**20  # bytes read at a time; what may follow the voxels
 AGREEMENT = 0.1  # voxels: how far sform and qform may place a voxel apart
 
 
@@ -41,9 +44,23 @@ def read_nifti(path: Path) -> Stored:
     compressed = path.name.lower().endswith(".gz")
     require_size(path, prod(shape), dtype.itemsize, path.stat().st_size, ratio=DEFLATE if compressed else 1)
     affine = _affine(path, image.header, shape)
+    if compressed:
+        _require_sound(path, int(image.dataobj.offset) + prod(shape) * dtype.itemsize)
     with reading(path, "NIfTI"):
         values = np.asanyarray(image.dataobj).reshape(shape)
     return Stored(values, affine)
+
+
+def _require_sound(path: Path, declared: int) -> None:
+    """Raise `InputError` where a gzipped file is damaged: its checksum is the end of the stream."""
+    inflated = 0
+    with reading(path, "NIfTI"), gzip.open(path) as stream:
+        while inflated <= declared + BLOCK and (block := stream.read(BLOCK)):
+            inflated += len(block)
+    if not declared <= inflated <= declared + BLOCK:
+        held = "more" if inflated > declared else f"{inflated:,}"
+        problem = f"the header declares {declared:,} bytes, the file holds {held}"
+        raise InputError(path, "size", problem, EXPORT)
 
 
 def _affine(path: Path, header: Any, shape: tuple[int, int, int]) -> Array:
