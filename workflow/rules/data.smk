@@ -121,6 +121,6 @@ rule check_subject:
     params:
         dataset=dataset_digest,
     message:
-        "{wildcards.subject}: scans, templates and attachments are what the dataset says"
+        "{wildcards.subject}: images, scans, templates and attachments are what the dataset says"
     script:
         "../scripts/check_subject.py"

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from handpipe.config import Dataset, Muscle
 from handpipe.errors import InputError
+from handpipe.imaging.segmentation import check_seeds
+from handpipe.imaging.volume import pose_volume, read_labels
 from handpipe.mesh.surface import read_surface
 from handpipe.muscles.templates import read_attachments
 
@@ -76,6 +78,25 @@ def check_surfaces(dataset: Dataset) -> None:
                 raise InputError(attachments, name, problem, f"The bones are {', '.join(dataset.bones)}")
     for nail in dataset.nails.values():
         read_surface(dataset.path(nail.surface))
+
+
+def check_images(dataset: Dataset) -> None:
+    """Read every volume, and the seeds and scribbles that were drawn on it.
+
+    Raises `InputError` for an image that cannot be read, is no volume or lies on another grid, for labels of
+    no bone, and for a bone or a background of neutral without seeds.
+    """
+    for name, pose in dataset.poses.items():
+        volume = pose_volume(dataset, name)
+        if volume.values.min() == volume.values.max():
+            problem = f"is {volume.values.min():g} everywhere"
+            raise InputError(dataset.path(pose.volume), "values", problem, "Export it again")
+        if pose.seeds is not None:
+            path = dataset.path(pose.seeds)
+            seeds = read_labels(path, volume, dataset.labels)
+            check_seeds(path, seeds, dataset.labels, pose.scribbles)
+        for scribbles in pose.scribbles.values():
+            read_labels(dataset.path(scribbles), volume, dataset.labels)
 
 
 def joint_limits(dataset: Dataset) -> dict[str, tuple[float, float]]:
