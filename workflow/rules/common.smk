@@ -146,9 +146,9 @@ def take_lock():
 
 
 def surface_files(wildcards):
-    """What `check_subject` reads: everything that a person made but the images."""
+    """What `check_subject` reads: everything that a person made but seeds."""
     files = named_files(dataset(wildcards.subject))
-    images = (".volume", ".seeds", ".scribbles.")
+    images = (".seeds", ".scribbles.")
     return [
         path for field, path in files.items() if not any(i in field for i in images)
     ]

@@ -47,9 +47,9 @@ def read_obj(path: str | Path) -> tuple[Array, Polygons]:
     corners = np.where(corners < 0, corners + np.repeat(np.array(seen, dtype=np.int64), counts), corners - 1)
     wrong = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
     if len(wrong):
-        line = lines[int(np.searchsorted(np.cumsum(counts), wrong[0], side="right"))]
+        place = lines[int(np.searchsorted(np.cumsum(counts), wrong[0], side="right"))]
         problem = f"names a vertex that does not exist; there are {len(vertices)}"
-        raise InputError(path, f"line {line}", problem, AGAIN)
+        raise InputError(path, f"line {place}", problem, AGAIN)
     return vertices, Polygons(corners, counts)
 
 
