@@ -53,6 +53,43 @@ def test_wrong_dataset_is_refused_by_field(tmp_path, content, change, field):
         load_dataset(written(tmp_path, content))
 
 
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (lambda c: c.update(root="/etc/subject"), "root: is /etc/subject, but .* under results/subject"),
+        (lambda c: c.update(root="results/subject/../other"), "root: is results/subject/../other"),
+        (lambda c: c.update(root="results/phantom-finger/data"), "root: .* stays under results/subject"),
+        (
+            lambda c: c["poses"]["hook"].update(volume="../../../x.nii.gz"),
+            r"hook\.volume: .* leads out",
+        ),
+        (lambda c: c["poses"]["hook"].update(scan="/tmp/x.ply"), r"poses\.hook\.scan: .* leads out"),
+        (
+            lambda c: c["tendons"]["flexor2"].update(path="../../x.json"),
+            r"flexor2\.path: .* leads out",
+        ),
+        (lambda c: c.update(truth={"folder": ".."}), r"truth\.folder: is \.\., which leads out"),
+    ],
+)
+def test_what_is_generated_stays_in_its_folder_of_results(tmp_path, monkeypatch, content, change, field):
+    monkeypatch.chdir(tmp_path)
+    content["root"] = "results/subject/data"
+    assert load_dataset(written(tmp_path, content)).generator
+    change(content)
+    with pytest.raises(InputError, match=r"subject\.yaml: " + field):
+        load_dataset(written(tmp_path, content))
+
+
+def test_a_link_out_of_the_results_is_refused(tmp_path, monkeypatch, content):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "results/subject").mkdir(parents=True)
+    (tmp_path / "results/subject/data").symlink_to(tmp_path / "elsewhere")
+    content["root"] = "results/subject/data"
+    with pytest.raises(InputError, match="root: is results/subject/data"):
+        load_dataset(written(tmp_path, content))
+
+
 def test_unknown_layer_is_refused(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text("layers: [bones, cartilage]\nframes: x.csv\n")

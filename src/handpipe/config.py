@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -35,10 +36,17 @@ class Pose(Model):
     """What was acquired in one pose. Paths are relative to the dataset's root."""
 
     role: Role
-    volume: Path = Field(description="MRI volume: NIfTI, NRRD, or a folder of DICOM slices")
+    volume: Path = Field(description="MRI volume: NIfTI, NRRD, MetaImage, or a folder of DICOM images")
+    series: int | str | None = Field(
+        None, description="of a folder with several DICOM series: its number, description or UID"
+    )
+    echo: int | None = Field(
+        None, ge=1, description="of a DICOM series with several echoes: 1 is the one of the shortest time"
+    )
     seeds: Path | None = Field(
         None,
-        description="seeds: label volume on the grid of `volume`; 0 none, bone labels, 255 background",
+        description="seeds: label volume on the grid of `volume`, 0 none, bone labels, 255 background; or a "
+        "segmentation (.seg.nrrd) with segments named as the bones are, and `background`",
     )
     scan: Path | None = Field(
         None, description="skin scan: PLY, OBJ or STL in mm, in the frame of `volume`; may have holes"
@@ -183,6 +191,7 @@ class Dataset(Model):
         if self.scanner is not None and self.generator not in SCANNED_HANDS:
             raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
         for kind, named in (
+            *((f"poses.{k}.scribbles", tuple(p.scribbles)) for k, p in self.poses.items()),
             *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),
             *((f"tendons.{k}", (t.bone, *t.bones)) for k, t in self.tendons.items()),
             *((f"nails.{k}", (n.bone,)) for k, n in self.nails.items()),
@@ -207,6 +216,11 @@ class Dataset(Model):
     @property
     def neutral(self) -> str:
         return next(n for n, p in self.poses.items() if p.role is Role.neutral)
+
+    @property
+    def labels(self) -> dict[str, int]:
+        """Label of each bone in seed and label volumes."""
+        return {name: bone.label for name, bone in self.bones.items()}
 
     def poses_of(self, *roles: Role) -> list[str]:
         """Names of the poses with one of the roles, in file order."""
@@ -305,6 +319,35 @@ def _checked(path: str | Path, content: Any, model: type[T]) -> T:
 
 def load_dataset(path: str | Path) -> Dataset:
     """Read a dataset file, completed by the one that it is `like`."""
+    dataset = _dataset(path)
+    if dataset.generator is not None:
+        _require_own_folder(path, dataset)
+    return dataset
+
+
+def _require_own_folder(path: str | Path, dataset: Dataset) -> None:
+    """Raise `InputError` where a generator would write beyond the subject's own folder of results."""
+    folder = Path("results") / Path(path).stem
+    if not dataset.root.resolve().is_relative_to(folder.resolve()):
+        problem = f"is {dataset.root}, but what is generated stays under {folder}"
+        raise InputError(path, "root", problem, f"Write {folder}/data")
+    written = dataset.model_dump(exclude={"root", "anatomy"}, exclude_none=True)
+    for field, relative in _paths(written):
+        if not dataset.path(relative).resolve().is_relative_to(dataset.root.resolve()):
+            problem = f"is {relative}, which leads out of {dataset.root}"
+            raise InputError(path, field, problem, "Give a path inside of root")
+
+
+def _paths(content: Any, field: str = "") -> Iterator[tuple[str, Path]]:
+    """Every path in nested mappings, with its field, e.g. "poses.fist.volume"."""
+    if isinstance(content, Path):
+        yield field, content
+    elif isinstance(content, dict):
+        for key, value in content.items():
+            yield from _paths(value, f"{field}.{key}" if field else str(key))
+
+
+def _dataset(path: str | Path) -> Dataset:
     content = _content(path)
     if not isinstance(content, dict) or "like" not in content:
         return _checked(path, content, Dataset)

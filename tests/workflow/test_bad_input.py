@@ -12,10 +12,10 @@ import yaml
 
 from handpipe.config import load_dataset
 from handpipe.errors import InputError
-from handpipe.hand.subject import check_surfaces, require_files
+from handpipe.hand.subject import check_frames, check_images, check_surfaces, require_files
 
 from .running import run
-from .small_subject import AFFINE, ball, image, opened, seeds, write_dataset, write_image, write_mesh
+from .small_subject import ball, image, opened, seeds, write_dataset, write_image, write_mesh
 
 SMALL = ("--config", "subjects=[small]")
 SEGMENT = "results/small/segmentation/bent/bones.h5"
@@ -62,8 +62,27 @@ def no_seeds_of_a_bone(folder: Path) -> None:
     write_image(folder / "small" / "bent-seeds.nii.gz", np.where(labels == 1, 0, labels))
 
 
-def left_handed(folder: Path) -> None:
-    write_image(folder / "small" / "bent.nii.gz", image(), AFFINE @ np.diag([-1.0, 1.0, 1.0, 1.0]))
+def damaged_volume(folder: Path) -> None:
+    path = folder / "small" / "bent.nii.gz"
+    data = path.read_bytes()
+    path.write_bytes(data[:200] + bytes(100) + data[300:])
+
+
+def one_grey(folder: Path) -> None:
+    write_image(folder / "small" / "bent.nii.gz", np.full_like(image(), 7))
+
+
+def seeds_of_another_grid(folder: Path) -> None:
+    write_image(folder / "small" / "bent-seeds.nii.gz", seeds()[..., 1:])
+
+
+def seeds_of_no_bone(folder: Path) -> None:
+    labels = seeds()
+    write_image(folder / "small" / "bent-seeds.nii.gz", np.where(labels == 1, 9, labels))
+
+
+def scribbles_of_no_bone(folder: Path) -> None:
+    edit(folder, lambda d: d["poses"]["bent"].update(scribbles={"thumb": "bent-far.nii.gz"}))
 
 
 def not_a_number(folder: Path) -> None:
@@ -113,7 +132,7 @@ RUNS = [
     (missing_volume, SEGMENT, (DATASET, "poses.bent.volume", "small/bent.nii.gz does not exist")),
     (no_seeds_of_neutral, SEGMENT, (DATASET, "poses.flat", "the neutral pose needs seeds")),
     (no_seeds_of_a_bone, SEGMENT, ("small/bent-seeds.nii.gz", "seeds", "bone 'near' (label 1) has none")),
-    (left_handed, SEGMENT, ("small/bent.nii.gz", "handedness", "left-handed")),
+    (damaged_volume, SEGMENT, ("small/bent.nii.gz", "content", "cannot be read as NIfTI")),
     (not_a_number, SEGMENT, ("small/bent.nii.gz", "values", "1 voxels are NaN")),
     (scan_in_metres, SEGMENT, ("small/bent.ply", "units", "looks like metres")),
     (unknown_bone, SEGMENT, ("small/flexor.json", "thumb", "is not a bone of the dataset")),
@@ -184,6 +203,12 @@ CHECKS = [
     (unknown_bone, "small/flexor.json", "thumb", "is not a bone of the dataset"),
     (unknown_child, DATASET, "joints.hinge", "names the bone 'thumb'"),
     (missing_scan, DATASET, "poses.bent.scan", "small/bent.ply does not exist"),
+    (damaged_volume, "small/bent.nii.gz", "content", "cannot be read as NIfTI"),
+    (not_a_number, "small/bent.nii.gz", "values", "1 voxels are NaN"),
+    (one_grey, "small/bent.nii.gz", "values", "is 7 everywhere"),
+    (seeds_of_another_grid, "small/bent-seeds.nii.gz", "grid", "40 x 30 x 29 voxels of 0.8 x 0.8 x 0.8 mm"),
+    (seeds_of_no_bone, "small/bent-seeds.nii.gz", "seeds", "bone 'near' (label 1) has none"),
+    (scribbles_of_no_bone, DATASET, "poses.bent.scribbles", "names the bone 'thumb'"),
 ]
 
 
@@ -204,6 +229,8 @@ def test_check_names_file_and_field(
         dataset = load_dataset(DATASET)
         require_files(DATASET, dataset)
         check_surfaces(dataset)
+        check_images(dataset)
+        check_frames(dataset)
     assert (caught.value.source, caught.value.field) == (source, field)
     assert problem in caught.value.problem
 
@@ -213,3 +240,5 @@ def test_checks_find_nothing_in_a_good_subject(small: Path, monkeypatch: pytest.
     dataset = load_dataset(DATASET)
     require_files(DATASET, dataset)
     check_surfaces(dataset)
+    check_images(dataset)
+    check_frames(dataset)

@@ -107,7 +107,7 @@ rule generate_seeds:
 rule check_subject:
     input:
         dataset=ancient(of_dataset),
-        files=surface_files,
+        files=subject_files,
     output:
         "results/{subject}/check.json",
     log:
@@ -121,6 +121,6 @@ rule check_subject:
     params:
         dataset=dataset_digest,
     message:
-        "{wildcards.subject}: scans, templates and attachments are what the dataset says"
+        "{wildcards.subject}: images, scans, templates and attachments are what the dataset says"
     script:
         "../scripts/check_subject.py"

@@ -6,13 +6,15 @@ with stage(snakemake):
     from handpipe.config import load_dataset
     from handpipe.imaging.claims import save
     from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, check_seeds, segment_bone
-    from handpipe.imaging.volume import read_labels, read_volume
+    from handpipe.imaging.volume import pose_volume, read_labels
 
     dataset = load_dataset(snakemake.input.dataset)
-    volume = read_volume(snakemake.input.volume)
+    volume = pose_volume(dataset, snakemake.wildcards.pose)
     path, bone = snakemake.input.scribbles, snakemake.wildcards.bone
-    seeds = add_scribbles(read_labels(snakemake.input.seeds, volume), read_labels(path, volume))
+    bones = dataset.labels
+    drawn = (read_labels(file, volume, bones) for file in (snakemake.input.seeds, path))
+    seeds = add_scribbles(*drawn)
     others = set(dataset.bones) - {bone}
-    check_seeds(path, seeds, {name: b.label for name, b in dataset.bones.items()}, others)
+    check_seeds(path, seeds, bones, others)
     found = segment_bone(volume, seeds, dataset.bones[bone].label, SegmentationSettings())
     save(snakemake.output[0], {bone: found}, [*snakemake.input])

@@ -9,7 +9,7 @@ with stage(snakemake) as log:
     from handpipe import metrics
     from handpipe.config import load_dataset
     from handpipe.imaging.proposed_seeds import marrow_core, share_outside
-    from handpipe.imaging.volume import read_labels, read_volume
+    from handpipe.imaging.volume import pose_volume, read_labels
     from handpipe.skeleton.bones import read_surfaces
     from handpipe.skeleton.locating import moved_surfaces
     from handpipe.skeleton.location_confidence import read_located
@@ -26,7 +26,7 @@ with stage(snakemake) as log:
         manual += len(marked)
         if dataset.truth is None:
             continue
-        volume = read_volume(dataset.path(dataset.poses[pose].volume))
+        volume = pose_volume(dataset, pose)
         truth = read_labels(dataset.path(dataset.truth.folder) / f"{pose}.marrow.nii.gz", volume)
         for bone, surface in moved_surfaces(neutral, motions).items():
             outside = share_outside(marrow_core(volume, surface), truth, dataset.bones[bone].label)

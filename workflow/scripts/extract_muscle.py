@@ -5,7 +5,7 @@ from common import stage
 with stage(snakemake) as log:
     from handpipe.config import load_dataset
     from handpipe.imaging.markers import read_landmarks, read_markers
-    from handpipe.imaging.volume import read_volume
+    from handpipe.imaging.volume import pose_volume
     from handpipe.mesh.distance import Distance
     from handpipe.mesh.surface import concatenate
     from handpipe.muscles.extraction import extract_neutral
@@ -19,7 +19,7 @@ with stage(snakemake) as log:
     placed, known = snakemake.input.get("markers"), snakemake.input.get("landmarks")
     body, extraction = extract_neutral(
         guesses[name],
-        read_volume(snakemake.input.volume),
+        pose_volume(dataset, dataset.neutral),
         others=others,
         bones=Distance(concatenate(list(Rig.load(snakemake.input.rig).surfaces.values()))),
         points=read_markers(placed)[0] if placed else None,

@@ -8,7 +8,7 @@ with stage(snakemake):
     from handpipe import artifacts
     from handpipe.config import load_dataset
     from handpipe.imaging.markers import read_landmarks, read_markers
-    from handpipe.imaging.volume import read_volume
+    from handpipe.imaging.volume import pose_volume
     from handpipe.muscles.extraction import extract_poses
     from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
@@ -40,7 +40,7 @@ with stage(snakemake):
         read_bodies(snakemake.input.neutral),
         bones,
         transforms,
-        lambda pose: read_volume(dataset.path(dataset.poses[pose].volume)),
+        lambda pose: pose_volume(dataset, pose),
         points=placed,
         landmarks=known,
         flesh=flesh,

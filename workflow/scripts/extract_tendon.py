@@ -6,7 +6,7 @@ with stage(snakemake) as log:
     from handpipe import artifacts
     from handpipe.config import load_dataset
     from handpipe.imaging.markers import read_markers
-    from handpipe.imaging.volume import read_volume
+    from handpipe.imaging.volume import pose_volume
     from handpipe.mesh.distance import Distance
     from handpipe.mesh.surface import concatenate
     from handpipe.skeleton.rig import Rig
@@ -17,7 +17,7 @@ with stage(snakemake) as log:
     rig = Rig.load(snakemake.input.rig)
     clicked, _ = read_markers(dataset.path(tendon.path))
     bones = Distance(concatenate([rig.surfaces[b] for b in tendon.bones]))
-    found = extract(read_volume(snakemake.input.volume), clicked, tendon.radius, bones)
+    found = extract(pose_volume(dataset, dataset.neutral), clicked, tendon.radius, bones)
     log.info("%d segments, radius %.2f mm", len(found.x) - 1, found.radii.mean())
     data = {
         "x": found.x,

@@ -10,17 +10,17 @@ with stage(snakemake) as log:
     from handpipe.imaging.marrow import marrow_surface
     from handpipe.imaging.rasterise import rasterise
     from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, merge
-    from handpipe.imaging.volume import read_labels, read_volume, write_labels
+    from handpipe.imaging.volume import pose_volume, read_labels, write_labels
     from handpipe.skeleton.bones import write_surfaces
 
     dataset = load_dataset(snakemake.input.dataset)
     pose = snakemake.wildcards.pose
-    volume = read_volume(snakemake.input.volume)
-    seeds = read_labels(snakemake.input.seeds, volume)
+    volume = pose_volume(dataset, pose)
+    table = dataset.labels
+    seeds = read_labels(snakemake.input.seeds, volume, table)
     corrected = dataset.poses[pose].scribbles
     for name, path in zip(corrected, snakemake.input.scribbles, strict=True):
-        seeds = add_scribbles(seeds, read_labels(path, volume), dataset.bones[name].label)
-    table = {name: bone.label for name, bone in dataset.bones.items()}
+        seeds = add_scribbles(seeds, read_labels(path, volume, table), dataset.bones[name].label)
     names = {label: name for name, label in table.items()}
 
     found = claims.load(snakemake.input.bones, snakemake.input.corrected)

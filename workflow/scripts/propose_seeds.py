@@ -9,15 +9,15 @@ with stage(snakemake) as log:
     from handpipe.config import load_dataset
     from handpipe.imaging.marrow_evidence import MarrowEvidence
     from handpipe.imaging.proposed_seeds import propose
-    from handpipe.imaging.volume import read_volume, write_labels
+    from handpipe.imaging.volume import pose_volume, write_labels
     from handpipe.skeleton.bones import read_surfaces
     from handpipe.skeleton.locating import HandModel, locate, moved_surfaces
     from handpipe.skeleton.location_confidence import confidences, write_located
     from handpipe.skeleton.sought_again import sought_again
 
     dataset = load_dataset(snakemake.input.dataset)
-    labels = {name: bone.label for name, bone in dataset.bones.items()}
-    evidence = MarrowEvidence.of(read_volume(snakemake.input.volume))
+    labels = dataset.labels
+    evidence = MarrowEvidence.of(pose_volume(dataset, snakemake.wildcards.pose))
     marrow, whole = (read_surfaces(snakemake.input.neutral, part) for part in ("marrow", "whole"))
     hand = HandModel.of(dataset, marrow, whole)
     motions = locate(hand, evidence)

@@ -6,7 +6,7 @@ with stage(snakemake) as log:
     from handpipe import artifacts
     from handpipe.config import load_dataset
     from handpipe.imaging.tubes import tube_surface
-    from handpipe.imaging.volume import read_volume
+    from handpipe.imaging.volume import pose_volume
     from handpipe.mesh.distance import Distance
     from handpipe.mesh.surface import concatenate, each_moved
     from handpipe.skeleton.bones import read_registration
@@ -20,7 +20,7 @@ with stage(snakemake) as log:
     tendon = dataset.tendons[snakemake.wildcards.tendon]
     rig = Rig.load(snakemake.input.rig)
     neutral = artifacts.read(snakemake.input.neutral, "neutral_tendon")
-    volume = read_volume(snakemake.input.volume)
+    volume = pose_volume(dataset, snakemake.wildcards.pose)
     transforms = read_registration(snakemake.input.registration, tendon.bones)
     surfaces = {b: rig.surfaces[b] for b in tendon.bones}
     bones = Distance(concatenate([*each_moved(surfaces, transforms).values()]))

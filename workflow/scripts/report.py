@@ -11,7 +11,7 @@ with stage(snakemake):
     from handpipe.evaluation.build import read_jobs
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.hand.frames import read_frames
-    from handpipe.imaging.volume import read_volume
+    from handpipe.imaging.volume import pose_volume
     from handpipe.mesh.scan import read_scan
     from handpipe.skeleton.rig import Rig
     from truth import surfaces_in, true_pose
@@ -42,7 +42,7 @@ with stage(snakemake):
             layers,
             data.role.value,
             rig.poses[pose].root,
-            sample=read_volume(dataset.path(data.volume)).sample,
+            sample=pose_volume(dataset, pose).sample,
             scan=read_scan(dataset.path(data.scan)) if data.scan else None,
             truth=truth_of(pose),
         )

@@ -7,13 +7,13 @@ with stage(snakemake):
     from handpipe.errors import InputError
     from handpipe.imaging.claims import save, segment
     from handpipe.imaging.segmentation import SegmentationSettings, check_seeds
-    from handpipe.imaging.volume import read_labels, read_volume
+    from handpipe.imaging.volume import pose_volume, read_labels
 
     dataset = load_dataset(snakemake.input.dataset)
     pose, path = snakemake.wildcards.pose, snakemake.input.seeds
-    volume = read_volume(snakemake.input.volume)
-    seeds = read_labels(path, volume)
-    bones = {name: bone.label for name, bone in dataset.bones.items()}
+    volume = pose_volume(dataset, pose)
+    bones = dataset.labels
+    seeds = read_labels(path, volume, bones)
     drawn = dataset.poses[pose].seeds is not None  # else proposed, but for bones that a person has to look at
     check_seeds(path, seeds, bones, dataset.poses[pose].scribbles if drawn else bones)
     found, wrong = segment(volume, seeds, bones, SegmentationSettings())

@@ -12,7 +12,8 @@ from handpipe.config import Dataset, Muscle
 from handpipe.errors import InputError
 from handpipe.imaging.markers import read_landmarks, read_markers
 from handpipe.imaging.same_frame import Foreground, require_points_in_image, require_scan_in_image
-from handpipe.imaging.volume import read_volume
+from handpipe.imaging.segmentation import check_seeds
+from handpipe.imaging.volume import pose_volume, read_labels
 from handpipe.mesh.scan import read_scan
 from handpipe.mesh.surface import read_surface
 from handpipe.muscles.templates import read_attachments, require_near_bones
@@ -133,12 +134,31 @@ def check_frames(dataset: Dataset) -> None:
 
 def _image(dataset: Dataset, pose: str) -> Callable[[], Foreground]:
     """The body in a pose's image, read when it is first asked for."""
-    return cache(lambda: Foreground.of(read_volume(dataset.path(dataset.poses[pose].volume))))
+    return cache(lambda: Foreground.of(pose_volume(dataset, pose)))
 
 
 def _require_in_image(path: Path, image: Foreground, where: str) -> None:
     points, labels = read_markers(path)
     require_points_in_image(path, points, labels, image, where)
+
+
+def check_images(dataset: Dataset) -> None:
+    """Read every volume, and the seeds and scribbles that were drawn on it.
+
+    Raises `InputError` for an image that cannot be read, is no volume or lies on another grid, for labels of
+    no bone, and for a bone or a background of neutral without seeds.
+    """
+    for name, pose in dataset.poses.items():
+        volume = pose_volume(dataset, name)
+        if volume.values.min() == volume.values.max():
+            problem = f"is {volume.values.min():g} everywhere"
+            raise InputError(dataset.path(pose.volume), "values", problem, "Export it again")
+        if pose.seeds is not None:
+            path = dataset.path(pose.seeds)
+            seeds = read_labels(path, volume, dataset.labels)
+            check_seeds(path, seeds, dataset.labels, pose.scribbles)
+        for scribbles in pose.scribbles.values():
+            read_labels(dataset.path(scribbles), volume, dataset.labels)
 
 
 def joint_limits(dataset: Dataset) -> dict[str, tuple[float, float]]:

@@ -1,6 +1,6 @@
 """A scalar volume on a regular grid in physical space, and its readers and writers.
 
-World coordinates are RAS in mm. Formats that speak LPS (NRRD, DICOM) are converted here, once.
+World coordinates are RAS in mm; `formats` reads each format and converts those that speak LPS.
 """
 
 from __future__ import annotations
@@ -12,22 +12,27 @@ from functools import cached_property
 from pathlib import Path
 
 import nibabel
-import nrrd
 import numpy as np
-import SimpleITK as sitk
-from nibabel.filebasedimages import ImageFileError
 from numba import njit
 from numpy.typing import NDArray
 
 from handpipe.artifacts import atomic, write_text
+from handpipe.config import Dataset
 from handpipe.errors import InputError
+from handpipe.imaging.formats.dicom import read_dicom
+from handpipe.imaging.formats.dicom_frames import is_dicom
+from handpipe.imaging.formats.lattice import on_grid, require_finite, to_ras
+from handpipe.imaging.formats.meta_image import read_meta_image
+from handpipe.imaging.formats.nifti import read_nifti
+from handpipe.imaging.formats.nrrd_image import read_nrrd
+from handpipe.imaging.formats.segments import is_segmentation, read_segments
+from handpipe.imaging.formats.stored import Stored
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Labels = NDArray[np.uint8]
 
-LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
-SPACING_RANGE = (0.02, 20.0)  # mm; a hand's voxels lie far inside
+ROUNDING = 1e-3  # of a label: how far from a whole number a scaled one may be
 
 
 @dataclass(frozen=True)
@@ -116,97 +121,59 @@ def _sample(values, indices):  # type: ignore[no-untyped-def]
     return out
 
 
-def read_volume(path: str | Path) -> Volume:
-    """Read NIfTI, NRRD, or a folder of DICOM slices, in RAS mm.
+def read_volume(path: str | Path, series: int | str | None = None, echo: int | None = None) -> Volume:
+    """Read NIfTI, NRRD, MetaImage or DICOM in RAS mm.
 
-    Raises `InputError` where the volume is missing, unreadable, not three-dimensional, holds NaN or
-    infinite values, is left-handed, or has voxels that look like metres or micrometres.
+    Axes are stored in the order closest to RAS, whatever their order in the file is.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file, or a folder of DICOM images.
+    series : int or str, optional
+        Of several DICOM series: number, description or UID.
+    echo : int, optional
+        Of several echoes of a DICOM series: from 1, in the order of echo times.
+
+    Raises
+    ------
+    InputError
+        If the volume is missing, unreadable or larger than its file can hold; is not one scalar 3D volume on
+        a grid of right angles; holds NaN or infinite values; or has voxels of metres or micrometres.
     """
-    values, affine = _read(Path(path))
-    _check(path, values, affine)
-    return Volume(np.ascontiguousarray(values, dtype=np.float32), affine)
+    path = Path(path)
+    stored = to_ras(path, _read(path, series, echo))
+    require_finite(path, stored.values)
+    return Volume(np.ascontiguousarray(stored.values, dtype=np.float32), stored.affine)
 
 
-def _read(path: Path) -> tuple[NDArray, Array]:
+def pose_volume(dataset: Dataset, pose: str) -> Volume:
+    """The volume of a pose, in the series and echo that the dataset chooses."""
+    chosen = dataset.poses[pose]
+    return read_volume(dataset.path(chosen.volume), chosen.series, chosen.echo)
+
+
+def _read(path: Path, series: int | str | None = None, echo: int | None = None) -> Stored:
     if not path.exists():
         raise InputError(path, "volume", "does not exist", "Check the path in the dataset file")
-    if path.is_dir():
-        return _read_dicom(path)
-    if path.name.endswith((".nii", ".nii.gz")):
-        return _read_nifti(path)
-    if path.name.endswith((".nrrd", ".nhdr")):
-        return _read_nrrd(path)
-    raise InputError(path, "format", "is not known", "Give .nii, .nii.gz, .nrrd, or a folder of DICOM slices")
-
-
-def _read_nifti(path: Path) -> tuple[NDArray, Array]:
-    try:
-        image = nibabel.load(path)
-        values = np.asanyarray(image.dataobj)  # type: ignore[attr-defined]
-    except (ImageFileError, OSError, EOFError, ValueError) as error:
-        raise InputError(path, "content", f"cannot be read as NIfTI ({error})", "Export it again") from error
-    unit = image.header.get_xyzt_units()[0]  # type: ignore[attr-defined]
-    if unit not in ("mm", "unknown"):
-        raise InputError(path, "units", f"the header says {unit}", "Write voxel sizes in mm")
-    return values, np.asarray(image.affine, np.float64)  # type: ignore[attr-defined]
-
-
-def _read_nrrd(path: Path) -> tuple[NDArray, Array]:
-    try:
-        values, header = nrrd.read(str(path))
-    except (nrrd.NRRDError, OSError, ValueError) as error:
-        raise InputError(path, "content", f"cannot be read as NRRD ({error})", "Export it again") from error
-    _require_3d(path, values)
-    space = str(header.get("space", "missing")).lower()
-    frames = {"left-posterior-superior": LPS_TO_RAS, "lps": LPS_TO_RAS}
-    frames |= {"right-anterior-superior": np.eye(4), "ras": np.eye(4)}
-    if space not in frames or "space directions" not in header:
-        raise InputError(path, "space", f"is {space!r} or lacks directions", "Save it in LPS or RAS space")
-    units = {u for u in header.get("space units", []) if u}
-    if units - {"mm"}:
-        raise InputError(path, "units", f"the header says {sorted(units)}", "Write voxel sizes in mm")
-    affine = np.eye(4)
-    affine[:3, :3] = np.asarray(header["space directions"], float).T
-    affine[:3, 3] = header.get("space origin", np.zeros(3))
-    return values, frames[space] @ affine
-
-
-def _read_dicom(path: Path) -> tuple[NDArray, Array]:
-    series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(path))
-    if len(series) != 1:
-        problem = f"holds {len(series)} DICOM series, not one"
-        raise InputError(path, "volume", problem, "Give a folder with the slices of one series alone")
-    files = sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(path), series[0])
-    image = sitk.ReadImage(files)
-    affine = np.eye(4)
-    affine[:3, :3] = np.reshape(image.GetDirection(), (3, 3)) * np.array(image.GetSpacing())
-    affine[:3, 3] = image.GetOrigin()
-    return sitk.GetArrayFromImage(image).T, LPS_TO_RAS @ affine
-
-
-def _require_3d(path: str | Path, values: NDArray) -> None:
-    if values.ndim != 3 or min(values.shape) < 2:
-        raise InputError(path, "shape", f"is {values.shape}, not a 3D volume", "Give one scalar 3D volume")
-
-
-def _check(path: str | Path, values: NDArray, affine: Array) -> None:
-    _require_3d(path, values)
-    if not np.isfinite(values).all():
-        count = int((~np.isfinite(values)).sum())
-        raise InputError(path, "values", f"{count} voxels are NaN or infinite", "Replace them before import")
-    if not np.isfinite(affine).all() or np.linalg.det(affine[:3, :3]) == 0:
-        raise InputError(path, "affine", "is singular or not finite", "Export it again with its orientation")
-    _check_spacing(path, np.linalg.norm(affine[:3, :3], axis=0))
-    if np.linalg.det(affine[:3, :3]) < 0:
-        remedy = "Flip one axis of the array and of the affine (a mirrored hand is another hand)"
-        raise InputError(path, "handedness", "the affine is left-handed", remedy)
-
-
-def _check_spacing(path: str | Path, spacing: Array) -> None:
-    if spacing.min() < SPACING_RANGE[0] or spacing.max() > SPACING_RANGE[1]:
-        guess = "metres" if spacing.min() < SPACING_RANGE[0] else "micrometres"
-        size = " x ".join(f"{s:g}" for s in spacing)
-        raise InputError(path, "units", f"voxels of {size} mm; probably {guess}", "Write voxel sizes in mm")
+    name = path.name.lower()
+    readers = {
+        (".nii", ".nii.gz"): read_nifti,
+        (".nrrd", ".nhdr"): read_nrrd,
+        (".mha", ".mhd"): read_meta_image,
+    }
+    chosen = next((read for ends, read in readers.items() if name.endswith(ends)), None)
+    if path.is_dir() or (chosen is None and is_dicom(path)):
+        return read_dicom(path, series, echo)
+    if chosen is None:
+        remedy = "Give .nii, .nii.gz, .nrrd, .nhdr, .mha, .mhd, DICOM, or a folder of DICOM images"
+        raise InputError(path, "format", "is not known", remedy)
+    if series is not None or echo is not None:
+        field = "series" if series is not None else "echo"
+        raise InputError(path, field, "is chosen, but only DICOM has them", "Leave it out")
+    if is_segmentation(path):
+        raise InputError(path, "content", "is a segmentation, not an image", "Give it as seeds or scribbles")
+    return chosen(path)
 
 
 def write_volume(path: str | Path, volume: Volume) -> None:
@@ -221,27 +188,51 @@ def _write_nifti(path: str | Path, values: NDArray, affine: Array) -> None:
         nibabel.save(image, temporary)
 
 
-def read_labels(path: str | Path, like: Volume | None = None) -> Labels:
+def read_labels(
+    path: str | Path, like: Volume | None = None, bones: Mapping[str, int] | None = None
+) -> Labels:
     """Read a label volume of integers 0 to 255, on the grid of `like` where that is given.
 
-    Raises `InputError` as `read_volume` does, and for values that are not labels or another grid.
+    Parameters
+    ----------
+    path : str or Path
+        A label volume in any order of axes, or a segmentation of 3D Slicer (.seg.nrrd), which may cover a
+        part of the grid.
+    like : Volume, optional
+        The volume that the labels were drawn on.
+    bones : Mapping, optional
+        Label of each bone by name; needed for a segmentation, whose segments are taken by their names.
+
+    Raises
+    ------
+    InputError
+        As `read_volume` does; for values that are not labels, segments that are no bones, or another grid.
     """
-    values, affine = _read(Path(path))
-    _check(path, values, affine)
-    if values.min() < 0 or values.max() > 255 or (values != np.round(values)).any():
+    path = Path(path)
+    if is_segmentation(path):
+        stored, part = _segmentation(path, bones), True
+    else:
+        stored, part = _read(path), False
+        stored = Stored(_as_labels(path, stored.values), stored.affine)
+    turned = to_ras(path, stored)
+    return turned.values if like is None else on_grid(path, turned, like.shape, like.affine, part)
+
+
+def _segmentation(path: Path, bones: Mapping[str, int] | None) -> Stored:
+    if bones is None:
+        raise InputError(path, "content", "is a segmentation", "Save it as a label volume")
+    if not path.exists():
+        raise InputError(path, "volume", "does not exist", "Check the path in the dataset file")
+    return read_segments(path, bones)
+
+
+def _as_labels(path: Path, values: NDArray) -> Labels:
+    """Whole numbers; a slope near 1 in a header leaves them off by rounding."""
+    require_finite(path, values)
+    whole = np.round(values)
+    if whole.min() < 0 or whole.max() > 255 or np.abs(values - whole).max() > ROUNDING:
         raise InputError(path, "values", "are not integers from 0 to 255", "Save it as a label volume")
-    if like is not None and not same_grid(values.shape, affine, like):
-        problem = f"shape {values.shape} or affine differ from the volume's (shape {like.shape})"
-        raise InputError(path, "grid", problem, "Draw the labels on the volume, or resample them to its grid")
-    return values.astype(np.uint8)
-
-
-def same_grid(shape: tuple[int, ...], affine: Array, volume: Volume) -> bool:
-    """Whether a grid is the volume's, to a hundredth of a voxel at every corner."""
-    if tuple(shape) != volume.shape:
-        return False
-    error = np.abs(affine - volume.affine)
-    return bool(np.all(error[:3, :3] @ np.array(shape) + error[:3, 3] < 1e-2 * volume.spacing.min()))
+    return whole.astype(np.uint8)
 
 
 def table_path(path: str | Path) -> Path:

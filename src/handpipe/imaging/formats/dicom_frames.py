@@ -1,0 +1,176 @@
+"""What DICOM headers say of each image of a folder: which series, which echo, where it lies."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pydicom
+from numpy.typing import NDArray
+from pydicom.errors import InvalidDicomError
+
+from handpipe.errors import InputError
+from handpipe.imaging.formats.stored import reading, require_size
+
+log = logging.getLogger(__name__)
+Array = NDArray[np.float64]
+
+SUFFIXES = (".dcm", ".dicom", ".ima")
+COMPONENTS = {  # of a complex image, as ImageType or ComplexImageComponent name them
+    "P": "phase",
+    "PHASE": "phase",
+    "PHASE MAP": "phase",
+    "R": "real",
+    "REAL": "real",
+    "I": "imaginary",
+    "IMAGINARY": "imaginary",
+}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One 2D image; lengths in mm, coordinates in LPS.
+
+    size (rows, columns); spacing (2,) between rows and between columns; orientation (2, 3): directions
+    along a row and along a column; position (3,) of the first pixel's centre, None where it is not stated.
+    """
+
+    file: Path
+    number: int  # in its file, from 0
+    uid: str
+    series_uid: str
+    series_number: str
+    description: str
+    size: tuple[int, int]
+    spacing: Array
+    orientation: Array
+    position: Array | None
+    echo_time: float | None  # ms
+    slope: float  # of the rescaling to the scanner's values
+    intercept: float
+    component: str  # "phase", "real", "imaginary", else ""
+    mosaic: bool
+    photometric: str
+    reference: str  # UID of the frame of reference
+
+    @property
+    def series(self) -> str:
+        """As a message names it."""
+        return f"{self.series_number} ({self.description})" if self.description else self.series_number
+
+
+def frames_of(path: Path) -> list[Frame]:
+    """Every image in a DICOM file or in all files under a folder; other files are passed over.
+
+    Raises `InputError` for a damaged DICOM file.
+    """
+    files = [path] if path.is_file() else sorted(f for f in path.rglob("*") if f.is_file())
+    found: list[Frame] = []
+    foreign = []
+    for file in files:
+        header = _header(file)
+        if header is None:
+            foreign.append(file.name)
+        elif "Rows" in header and "Columns" in header:
+            with reading(file, "DICOM"):
+                found += _frames(file, header)
+    if foreign and path.is_dir():
+        log.warning("%s: passed over %d files that are not DICOM: %s", path, len(foreign), ", ".join(foreign))
+    return found
+
+
+def is_dicom(path: Path) -> bool:
+    """Whether a file begins as DICOM files do."""
+    with open(path, "rb") as file:
+        return file.read(132)[128:] == b"DICM"
+
+
+def _header(file: Path) -> pydicom.Dataset | None:
+    """All before the pixels; None of a file that is not DICOM."""
+    if file.name.startswith("."):
+        return None
+    with reading(file, "DICOM"):
+        try:
+            return pydicom.dcmread(file, stop_before_pixels=True)
+        except InvalidDicomError:
+            if file.suffix.lower() in SUFFIXES or file.stat().st_size == 0:
+                raise
+            return None
+
+
+def _frames(file: Path, header: pydicom.Dataset) -> Iterator[Frame]:
+    count = int(header.get("NumberOfFrames", None) or 1)
+    _require_pixels(file, header, count)
+    shared = _first(header, "SharedFunctionalGroupsSequence")
+    own = header.get("PerFrameFunctionalGroupsSequence", None)
+    if count > 1 and own is None:
+        problem = f"holds {count} frames without a place for each"
+        raise InputError(file, "frames", problem, "Export it as one image a file, or as enhanced MR")
+    if own is not None and len(own) != count:
+        raise InputError(file, "frames", f"{len(own)} are described, {count} are there", "Export it again")
+    for number in range(count):
+        sources = [header] if own is None else [own[number], shared, header]
+        yield _frame(file, number, header, [s for s in sources if s is not None])
+
+
+def _require_pixels(file: Path, header: pydicom.Dataset, count: int) -> None:
+    pixels = int(header.Rows) * int(header.Columns) * count * int(header.get("SamplesPerPixel", 1))
+    compressed = header.file_meta.TransferSyntaxUID.is_encapsulated
+    deflated = header.file_meta.TransferSyntaxUID.is_deflated
+    bits = int(header.get("BitsAllocated", 8))
+    ratio = np.inf if compressed or deflated else 1
+    require_size(file, pixels, max(bits // 8, 1), file.stat().st_size, ratio)
+
+
+def _frame(file: Path, number: int, header: pydicom.Dataset, sources: list[Any]) -> Frame:
+    position = _of(sources, "PlanePositionSequence", "ImagePositionPatient")
+    orientation = _of(sources, "PlaneOrientationSequence", "ImageOrientationPatient")
+    spacing = _of(sources, "PixelMeasuresSequence", "PixelSpacing")
+    if spacing is None:  # images that were converted, not acquired, name it otherwise
+        spacing = header.get("NominalScannedPixelSpacing", None) or header.get("ImagerPixelSpacing", None)
+    echo = _of(sources, "MREchoSequence", "EffectiveEchoTime")
+    echo = header.get("EchoTime", None) if echo is None else echo
+    kinds = _of(sources, "MRImageFrameTypeSequence", "FrameType") or header.get("ImageType", None) or []
+    whole = _of(sources, "MRImageFrameTypeSequence", "ComplexImageComponent")
+    named = [str(kind).upper() for kind in [*list(kinds)[2:], whole]]
+    transformation = "PixelValueTransformationSequence"
+    known = position is not None and orientation is not None and spacing is not None
+    return Frame(
+        file=file,
+        number=number,
+        uid=str(header.get("SOPInstanceUID", "")),
+        series_uid=str(header.get("SeriesInstanceUID", "")),
+        series_number=str(header.get("SeriesNumber", None) or "without number"),
+        description=str(header.get("SeriesDescription", "")).strip(),
+        size=(int(header.Rows), int(header.Columns)),
+        spacing=np.array(spacing if known else (np.nan, np.nan), float),
+        orientation=np.array(orientation if known else (np.nan,) * 6, float).reshape(2, 3),
+        position=np.array(position, float) if known else None,
+        echo_time=None if echo is None else float(echo),
+        slope=float(_of(sources, transformation, "RescaleSlope") or 1),
+        intercept=float(_of(sources, transformation, "RescaleIntercept") or 0),
+        component=next((COMPONENTS[kind] for kind in named if kind in COMPONENTS), ""),
+        mosaic="MOSAIC" in named,
+        photometric=str(header.get("PhotometricInterpretation", "")),
+        reference=str(header.get("FrameOfReferenceUID", "")),
+    )
+
+
+def _of(sources: list[Any], sequence: str, field: str) -> Any:
+    """A field of a frame: in its own functional group, else in the shared one, else in the header itself."""
+    for source in sources:
+        group = _first(source, sequence)
+        for place in (group, source):
+            value = None if place is None else place.get(field, None)
+            if value is not None and value != "":
+                return value
+    return None
+
+
+def _first(dataset: Any, sequence: str) -> Any:
+    items = dataset.get(sequence, None)
+    return items[0] if items else None
