@@ -140,6 +140,19 @@ def dicom_damage(table: Table) -> None:
         image.Rows, image.Columns = 60000, 60000
         image.save_as(file)
 
+    def lengthen(file: Path) -> None:
+        data = bytearray(file.read_bytes())
+        data[data.index(b"t1", 200) - 2] = 255  # the length of the series' description
+        data[data.index(b"t1", 200) - 1] = 255
+        file.write_bytes(data)
+
+    def strip(file: Path) -> None:
+        image = pydicom.dcmread(file)
+        del image.PixelData
+        image.save_as(file)
+
+    table.refuse("DICOM", "an element longer than its file", spoilt("long", lengthen), "IM0003")
+    table.refuse("DICOM", "a file without pixels", spoilt("strip", strip), "pixels: are missing")
     table.refuse("DICOM", "truncated file", spoilt("cut", cut), "IM0003")
     table.refuse("DICOM", "empty file", spoilt("empty", lambda f: os.truncate(f, 0)), "IM0003")
     table.refuse("DICOM", "declares 7 GB", spoilt("wide", widen), "header declares")

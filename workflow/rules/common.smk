@@ -145,13 +145,17 @@ def take_lock():
     )  # a file that nothing refers to is closed, and its lock is gone
 
 
-def subject_files(wildcards):
-    """What `check_subject` reads: every file that the dataset names."""
-    return list(named_files(dataset(wildcards.subject)).values())
+def surface_files(wildcards):
+    """What `check_subject` reads: everything that a person made but the images."""
+    files = named_files(dataset(wildcards.subject))
+    images = (".volume", ".seeds", ".scribbles.")
+    return [
+        path for field, path in files.items() if not any(i in field for i in images)
+    ]
 
 
 def subject_check(wildcards):
-    """The check of a scanned subject; a later change of a file reruns the check and what reads that file."""
+    """The check of a scanned subject; a later change of a scan does not make its images new."""
     if dataset(wildcards.subject).generator:
         return []
     return ancient(f"results/{wildcards.subject}/check.json")

@@ -107,7 +107,7 @@ rule generate_seeds:
 rule check_subject:
     input:
         dataset=ancient(of_dataset),
-        files=subject_files,
+        files=surface_files,
     output:
         "results/{subject}/check.json",
     log:

@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 Array = NDArray[np.float64]
 
 SUFFIXES = (".dcm", ".dicom", ".ima")
+LONG = 2**12  # bytes
 COMPONENTS = {  # of a complex image, as ImageType or ComplexImageComponent name them
     "P": "phase",
     "PHASE": "phase",
@@ -75,7 +76,7 @@ def frames_of(path: Path) -> list[Frame]:
         header = _header(file)
         if header is None:
             foreign.append(file.name)
-        elif "Rows" in header and "Columns" in header:
+        elif _is_image(file, header):
             with reading(file, "DICOM"):
                 found += _frames(file, header)
     if foreign and path.is_dir():
@@ -85,21 +86,31 @@ def frames_of(path: Path) -> list[Frame]:
 
 def is_dicom(path: Path) -> bool:
     """Whether a file begins as DICOM files do."""
-    with open(path, "rb") as file:
+    with reading(path, "DICOM"), open(path, "rb") as file:
         return file.read(132)[128:] == b"DICM"
 
 
 def _header(file: Path) -> pydicom.Dataset | None:
-    """All before the pixels; None of a file that is not DICOM."""
+    """All elements, long ones unread; None of a file that is not DICOM."""
     if file.name.startswith("."):
         return None
     with reading(file, "DICOM"):
         try:
-            return pydicom.dcmread(file, stop_before_pixels=True)
+            return pydicom.dcmread(file, defer_size=LONG)
         except InvalidDicomError:
             if file.suffix.lower() in SUFFIXES or file.stat().st_size == 0:
                 raise
             return None
+
+
+def _is_image(file: Path, header: pydicom.Dataset) -> bool:
+    """Whether there are pixels, other than in a directory, a report or a presentation state."""
+    if "Rows" in header and "Columns" in header:
+        return True
+    kind = header.file_meta.get("MediaStorageSOPClassUID", None) or header.get("SOPClassUID", None)
+    if kind is None or "Image Storage" in kind.name:
+        raise InputError(file, "content", "is truncated or damaged: it has no size", "Copy it again")
+    return False
 
 
 def _frames(file: Path, header: pydicom.Dataset) -> Iterator[Frame]:
@@ -118,6 +129,9 @@ def _frames(file: Path, header: pydicom.Dataset) -> Iterator[Frame]:
 
 
 def _require_pixels(file: Path, header: pydicom.Dataset, count: int) -> None:
+    """Raise `InputError` where the pixels are missing or more are declared than the file can hold."""
+    if "PixelData" not in header:  # a wrong length before them ends the list of elements, too
+        raise InputError(file, "pixels", "are missing: the file is truncated or damaged", "Copy it again")
     pixels = int(header.Rows) * int(header.Columns) * count * int(header.get("SamplesPerPixel", 1))
     compressed = header.file_meta.TransferSyntaxUID.is_encapsulated
     deflated = header.file_meta.TransferSyntaxUID.is_deflated

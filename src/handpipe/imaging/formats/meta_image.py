@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import zlib
 from math import prod
 from pathlib import Path
@@ -35,8 +36,8 @@ def read_meta_image(path: Path) -> Stored:
     """
     header, length = _header(path)
     _require_geometry(path, header)
-    require_scalar(path, np.dtype(float), int(header.get("ElementNumberOfChannels", "1")))
     with reading(path, "MetaImage"):
+        require_scalar(path, np.dtype(float), int(header.get("ElementNumberOfChannels", "1")))
         sizes = [int(n) for n in header["DimSize"].split()]
         kind = header["ElementType"].removeprefix("MET_").removesuffix("_ARRAY")
         itemsize = BYTES[kind if kind in BYTES else kind.removeprefix("U")]
@@ -54,10 +55,10 @@ def read_meta_image(path: Path) -> Stored:
 def _header(path: Path) -> tuple[dict[str, str], int]:
     """The fields up to ElementDataFile, which is the last, and the header's bytes."""
     found, length = {}, 0
-    with open(path, "rb") as file:
+    with reading(path, "MetaImage"), open(path, "rb") as file:
         while line := file.readline(LONGEST_LINE):
             length += len(line)
-            key, equals, value = (part.strip() for part in line.decode("latin-1").partition("="))
+            key, equals, value = (part.strip() for part in os.fsdecode(line).partition("="))
             if not equals:
                 break
             found[key] = value

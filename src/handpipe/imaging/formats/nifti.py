@@ -44,10 +44,11 @@ def read_nifti(path: Path) -> Stored:
     compressed = path.name.lower().endswith(".gz")
     require_size(path, prod(shape), dtype.itemsize, path.stat().st_size, ratio=DEFLATE if compressed else 1)
     affine = _affine(path, image.header, shape)
+    proxy: Any = image.dataobj
     if compressed:
-        _require_sound(path, int(image.dataobj.offset) + prod(shape) * dtype.itemsize)
+        _require_sound(path, int(proxy.offset) + prod(shape) * dtype.itemsize)
     with reading(path, "NIfTI"):
-        values = np.asanyarray(image.dataobj).reshape(shape)
+        values = np.asanyarray(proxy).reshape(shape)
     return Stored(values, affine)
 
 
