@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -23,7 +23,7 @@ SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
 
 
 class Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Role(StrEnum):
@@ -95,6 +95,11 @@ class Joint(Model):
             raise ValueError("angles, limits_deg and axis_hints need the same length")
         if self.type is not None and len(self.angles) != 2:
             raise ValueError(f"type: {self.type} is for joints of two angles")
+        for lower, upper in self.limits_deg or ():
+            if not -360 <= lower < upper <= 360:
+                raise ValueError(f"limits_deg: [{lower:g}, {upper:g}] is no range of degrees")
+        if any(sum(c * c for c in axis) < 1e-12 for axis in self.axis_hints):
+            raise ValueError("axis_hints: an axis of zero length has no direction")
         return self
 
 
@@ -114,7 +119,7 @@ class Tendon(Model):
         description="bones that it passes, from insertion outwards; they drive its hooks"
     )
     path: Path
-    radius: float = Field(gt=0, description="rough radius in mm")
+    radius: float = Field(gt=0, le=20, description="rough radius in mm")
 
 
 class Nail(Model):
@@ -128,7 +133,10 @@ class Scanner(Model):
     spacing: float = Field(default=0.5, ge=0.2, le=3.0, description="voxel size in mm")
     bias: float = Field(default=0.2, ge=0, lt=1, description="amplitude of the bias field, as a share")
     noise: float = Field(
-        default=0.03, ge=0, description="deviation of the Rician noise, as a share of marrow's intensity"
+        default=0.03,
+        ge=0,
+        le=1,
+        description="deviation of the Rician noise, as a share of marrow's intensity",
     )
 
 
@@ -157,7 +165,7 @@ class Dataset(Model):
         ]
         | None
     ) = None
-    seed: int = 0
+    seed: int = Field(0, ge=0)
     scanner: Scanner | None = Field(
         None, description="generated whole hands: voxel size, bias field and noise"
     )
@@ -199,6 +207,14 @@ class Dataset(Model):
             for bone in named:
                 if bone not in self.bones:
                     raise ValueError(f"{kind}: names the bone {bone!r}, which is not under bones")
+        unique: dict[str, list[Any]] = {
+            "bones: the label": [bone.label for bone in self.bones.values()],
+            "joints: the angle": [angle for joint in self.joints.values() for angle in joint.angles],
+        }
+        for kind, values in unique.items():
+            twice = [value for value in values if values.count(value) > 1]
+            if twice:
+                raise ValueError(f"{kind} {twice[0]!r} stands twice")
         children = [j.child for j in self.joints.values()]
         if len(set(children)) != len(children) or len(self.root_bones) != 1:
             raise ValueError("joints: must form one tree over the bones, each bone a child at most once")
@@ -298,11 +314,25 @@ def load_yaml(path: str | Path, model: type[T]) -> T:
     return _checked(path, _content(path), model)
 
 
+class _Loader(yaml.SafeLoader):
+    """YAML whose mappings hold each key once: of two, the first would be lost without a word."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: list[Any] = []
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                problem = f"the key {key!r} stands twice"
+                raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
+            seen.append(key)
+        return super().construct_mapping(node, deep)
+
+
 def _content(path: str | Path) -> Any:
     try:
-        return yaml.safe_load(read_text(path)) or {}
-    except yaml.YAMLError as error:
-        raise InputError(path, "YAML", str(error).replace("\n", " "), "Mend the syntax") from error
+        return yaml.load(read_text(path), Loader=_Loader) or {}  # a safe loader
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise InputError(path, "YAML", " ".join(str(error).split()), "Mend the syntax") from error
 
 
 def _checked(path: str | Path, content: Any, model: type[T]) -> T:
@@ -311,10 +341,19 @@ def _checked(path: str | Path, content: Any, model: type[T]) -> T:
     except ValidationError as error:
         first = error.errors()[0]
         problem = first["msg"].removeprefix("Value error, ")
-        field = ".".join(str(p) for p in first["loc"])
+        field = ".".join(str(p) for p in first["loc"] if p != "[key]")
+        if first["type"] == "string_pattern_mismatch":
+            problem = (
+                f"{first['input']!r} is no name: letters a to z, digits and {_joint_of(first)}, letter first"
+            )
         if not field:  # checks of a whole file name the field themselves
             field, _, problem = problem.partition(": ") if ": " in problem else ("content", "", problem)
         raise InputError(path, field, problem, "See config/README.md") from error
+
+
+def _joint_of(error: Mapping[str, Any]) -> str:
+    """The character beside letters and digits in the pattern of names that an error tells of."""
+    return "hyphens" if "-]" in error["ctx"]["pattern"] else "underscores"
 
 
 def load_dataset(path: str | Path) -> Dataset:

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from handpipe.artifacts import write_text
+from handpipe.command import Parser, reported
 from handpipe.config import Dataset, Model, Scene
 
 MODELS: dict[str, type[Model]] = {"dataset": Dataset, "scene": Scene}
@@ -33,6 +35,16 @@ def write_schemas(folder: str | Path) -> list[Path]:
     return paths
 
 
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the schemas into a folder; 0 if it succeeded, 1 with a line that says why not."""
+    parser = Parser(prog="python -m handpipe.schema", description=__doc__)
+    parser.add_argument("folder", type=Path, help="workflow/schemas")
+    options = parser.parse_args(arguments)
+    with reported() as failure:
+        for written in write_schemas(options.folder):
+            print(written)
+    return failure.code
+
+
 if __name__ == "__main__":
-    for written in write_schemas(sys.argv[1]):
-        print(written)
+    sys.exit(main())

@@ -57,6 +57,12 @@ def ball() -> trimesh.Trimesh:
     return trimesh.creation.icosphere(subdivisions=2, radius=8.0)
 
 
+def body() -> trimesh.Trimesh:
+    """The skin: all of the image is body."""
+    box = trimesh.creation.box(SPACING * np.array(SHAPE))
+    return box.apply_translation(SPACING * (np.array(SHAPE) - 1) / 2)
+
+
 def opened(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """The mesh without a few of its triangles."""
     return trimesh.Trimesh(mesh.vertices, mesh.faces[5:], process=False)
@@ -68,7 +74,7 @@ def write_subject(folder: Path) -> dict[str, Any]:
     for pose in POSES:
         write_image(data / f"{pose}.nii.gz", image())
         write_image(data / f"{pose}-seeds.nii.gz", seeds())
-        write_mesh(data / f"{pose}.ply", ball())
+        write_mesh(data / f"{pose}.ply", body())
     write_image(data / "bent-far.nii.gz", np.zeros(SHAPE, np.uint8))  # scribbles, none drawn yet
     for name in ("near", "far", "flexor"):
         write_mesh(data / f"{name}.ply", ball())

@@ -12,7 +12,7 @@ import yaml
 
 from handpipe.config import load_dataset
 from handpipe.errors import InputError
-from handpipe.hand.subject import check_images, check_surfaces, require_files
+from handpipe.hand.subject import check_frames, check_images, check_surfaces, require_files
 
 from .running import run
 from .small_subject import ball, image, opened, seeds, write_dataset, write_image, write_mesh
@@ -230,6 +230,7 @@ def test_check_names_file_and_field(
         require_files(DATASET, dataset)
         check_surfaces(dataset)
         check_images(dataset)
+        check_frames(dataset)
     assert (caught.value.source, caught.value.field) == (source, field)
     assert problem in caught.value.problem
 
@@ -240,3 +241,4 @@ def test_checks_find_nothing_in_a_good_subject(small: Path, monkeypatch: pytest.
     require_files(DATASET, dataset)
     check_surfaces(dataset)
     check_images(dataset)
+    check_frames(dataset)

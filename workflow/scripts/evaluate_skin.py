@@ -18,7 +18,8 @@ with stage(snakemake):
     from handpipe.evaluation.table import skin_metrics, skin_rows
     from handpipe.fat.skin import Skin
     from handpipe.hand.frames import read_frames
-    from handpipe.mesh.surface import Surface, read_surface
+    from handpipe.mesh.scan import read_scan
+    from handpipe.mesh.surface import Surface
     from handpipe.skeleton.rig import Rig
     from truth import true_pose
 
@@ -30,7 +31,7 @@ with stage(snakemake):
     for path, scan_path in zip(snakemake.input.skins, snakemake.input.scans, strict=True):
         [(frame, models)] = read_frames(path)
         home = rig.poses[frame.name].root.inverse()
-        points = home(read_surface(scan_path).vertices)
+        points = home(read_scan(scan_path).vertices)
         skins = {n: Surface(shapes["skin"].vertices, shapes["skin"].cells) for n, shapes in models.items()}
         errors[frame.name] = {model: surface_distance(points, skin) for model, skin in skins.items()}
         if dataset.truth is not None:

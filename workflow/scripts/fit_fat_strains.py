@@ -9,14 +9,14 @@ with stage(snakemake) as log:
     from handpipe.fat.strains import FitSettings, fit_strains
     from handpipe.fat.tissue import Tissue
     from handpipe.hand.frames import read_frames
-    from handpipe.mesh.surface import read_surface
+    from handpipe.mesh.scan import read_scan
     from handpipe.skeleton.rig import Rig
 
     dataset = load_dataset(snakemake.input.dataset)
     rig = Rig.load(snakemake.input.rig)
     tissue = Tissue.load(snakemake.input.mesh)
     [(frame, below)] = read_frames(snakemake.input.inner)
-    scan = read_surface(snakemake.input.scan)
+    scan = read_scan(snakemake.input.scan)
     scan = scan.moved(rig.poses[frame.name].root.inverse()(scan.vertices))
 
     nails, rigid = {}, {}

@@ -9,10 +9,11 @@ with stage(snakemake) as log:
     from handpipe.fat.constraints import cut_end
     from handpipe.fat.nails import nail_vertices
     from handpipe.fat.skin import Rigid, Skin, closed_skin
+    from handpipe.mesh.scan import read_scan
     from handpipe.mesh.surface import read_surface
 
     dataset = load_dataset(snakemake.input.dataset)
-    scan = read_surface(snakemake.input.scan)
+    scan = read_scan(snakemake.input.scan)
     skin, notes = closed_skin(scan, snakemake.params.edge)
     for note in notes:
         log.info("neutral scan: %s", note)

@@ -8,7 +8,7 @@ with stage(snakemake) as log:
     from handpipe.errors import InputError
     from handpipe.imaging.markers import read_landmarks
     from handpipe.mesh.surface import read_surface
-    from handpipe.muscles.templates import Warp, place, read_attachments
+    from handpipe.muscles.templates import Warp, place, read_attachments, require_near_bones
     from handpipe.skeleton.rig import Rig
 
     dataset = load_dataset(snakemake.input.dataset)
@@ -27,6 +27,7 @@ with stage(snakemake) as log:
         for bone in attachments:
             if bone not in dataset.bones:
                 raise InputError(path, bone, "is not a bone of the dataset", "Attach to one of its bones")
+        require_near_bones(dataset.path(organ.template), template, attachments, templates)
         landmarks = read_landmarks(dataset.path(organ.landmarks)) if organ.landmarks else {}
         edge = 1.1 if name in dataset.muscles else 0.7
         guess = place(template, attachments, warp, edge, landmarks, path)

@@ -13,7 +13,7 @@ with stage(snakemake):
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.hand.frames import read_frames
     from handpipe.imaging.volume import pose_volume
-    from handpipe.mesh.surface import read_surface
+    from handpipe.mesh.scan import read_scan
     from handpipe.skeleton.rig import Rig
     from truth import surfaces_in, true_pose
 
@@ -44,7 +44,7 @@ with stage(snakemake):
             data.role.value,
             rig.poses[pose].root,
             sample=pose_volume(dataset, pose).sample,
-            scan=read_surface(dataset.path(data.scan)) if data.scan else None,
+            scan=read_scan(dataset.path(data.scan)) if data.scan else None,
             truth=truth_of(pose),
         )
 

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
+from functools import cache
 from math import radians
 from pathlib import Path
 
 from handpipe.config import Dataset, Muscle
 from handpipe.errors import InputError
+from handpipe.imaging.markers import read_landmarks, read_markers
+from handpipe.imaging.same_frame import Foreground, require_points_in_image, require_scan_in_image
 from handpipe.imaging.segmentation import check_seeds
 from handpipe.imaging.volume import pose_volume, read_labels
+from handpipe.mesh.scan import read_scan
 from handpipe.mesh.surface import read_surface
-from handpipe.muscles.templates import read_attachments
+from handpipe.muscles.templates import read_attachments, require_near_bones
+
+log = logging.getLogger(__name__)
 
 
 def named_files(dataset: Dataset) -> dict[str, Path]:
@@ -58,26 +66,80 @@ def require_scan(source: str | Path, dataset: Dataset, pose: str, layer: str) ->
 
 
 def check_surfaces(dataset: Dataset) -> None:
-    """Read every scan, template, attachment and nail of a dataset.
+    """Read every scan, template, attachment, nail and file of marks of a dataset.
 
-    Raises `InputError` for a surface that cannot be read or is in metres, a template that is open, and an
-    attachment to a bone that the dataset lacks or to vertices that the template lacks.
+    Raises
+    ------
+    InputError
+        For a file that cannot be read or is in the wrong unit, a scan with islands, a template that is open,
+        an attachment to a bone that the dataset lacks or to vertices that the template lacks, and a template
+        that is far from the template bones to which it attaches.
     """
     for pose in dataset.poses.values():
         if pose.scan is not None:
-            read_surface(dataset.path(pose.scan))
-    for bone in dataset.bones.values():
-        if bone.template is not None:
-            read_surface(dataset.path(bone.template), closed=True)
+            read_scan(dataset.path(pose.scan))
+        for path in pose.markers.values():
+            read_markers(dataset.path(path))
+        for path in pose.landmarks.values():
+            read_landmarks(dataset.path(path))
+    bones = {
+        name: read_surface(dataset.path(bone.template), closed=True)
+        for name, bone in dataset.bones.items()
+        if bone.template is not None
+    }
     for organ in _organs(dataset).values():
         template = read_surface(dataset.path(organ.template), closed=True)
         attachments = dataset.path(organ.attachments)
-        for name in read_attachments(attachments, template):
+        attached = read_attachments(attachments, template)
+        for name in attached:
             if name not in dataset.bones:
                 problem = "is not a bone of the dataset"
                 raise InputError(attachments, name, problem, f"The bones are {', '.join(dataset.bones)}")
+        require_near_bones(dataset.path(organ.template), template, attached, bones)
+        if organ.landmarks is not None:
+            read_landmarks(dataset.path(organ.landmarks))
     for nail in dataset.nails.values():
         read_surface(dataset.path(nail.surface))
+    for tendon in dataset.tendons.values():
+        read_markers(dataset.path(tendon.path))
+
+
+def check_frames(dataset: Dataset) -> None:
+    """Compare every scan and every file of marks with the image of its pose.
+
+    Raises
+    ------
+    InputError
+        For a scan that does not fit the image of its pose, and for marks, a tendon's path or a nail outside
+        the image: they are in another frame or unit, or of another pose.
+    """
+    images = {name: _image(dataset, name) for name in dataset.poses}
+    for name, pose in dataset.poses.items():
+        if pose.scan is not None:
+            path = dataset.path(pose.scan)
+            others = {other: make for other, make in images.items() if other != name}
+            agreement = require_scan_in_image(path, read_scan(path), images[name](), others)
+            log.info("%s: Dice coefficient %.2f with the body in the image of %s", path, agreement, name)
+        for marks in (*pose.markers.values(), *pose.landmarks.values()):
+            _require_in_image(dataset.path(marks), images[name](), f"the image of pose {name}")
+    neutral = images[dataset.neutral]
+    for tendon in dataset.tendons.values():
+        _require_in_image(dataset.path(tendon.path), neutral(), "the image of neutral")
+    for nail in dataset.nails.values():
+        path = dataset.path(nail.surface)
+        points = read_surface(path).compact().vertices
+        labels = [str(i) for i in range(len(points))]
+        require_points_in_image(path, points, labels, neutral(), "the image of neutral")
+
+
+def _image(dataset: Dataset, pose: str) -> Callable[[], Foreground]:
+    """The body in a pose's image, read when it is first asked for."""
+    return cache(lambda: Foreground.of(pose_volume(dataset, pose)))
+
+
+def _require_in_image(path: Path, image: Foreground, where: str) -> None:
+    points, labels = read_markers(path)
+    require_points_in_image(path, points, labels, image, where)
 
 
 def check_images(dataset: Dataset) -> None:

@@ -7,6 +7,7 @@ come there. Where two muscles touch, the image shows no edge and no marker is ma
 from __future__ import annotations
 
 import json
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,8 @@ from handpipe.mesh.surface import Surface
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+log = logging.getLogger(__name__)
 
 STEP = 0.1  # mm between samples of a profile
 GAP, WINDOW = 0.6, 1.0  # mm from an edge, between which the tissues on either side are looked at
@@ -144,44 +147,84 @@ def _consistent(
     return chosen, weights
 
 
+PLACED, NOT_PLACED = ("defined",), ("undefined", "preview", "missing")
+AREAS = ("ROI", "Plane")  # markups whose control points say how large they are, not where something is
+UNITS = ("mm", "[mm]")
+
+
 def read_markers(path: str | Path) -> tuple[Array, list[str]]:
     """Points (k, 3) in RAS mm and labels of a 3D Slicer `.mrk.json` file, points in file order.
 
-    Raises `InputError` where it is missing or malformed, or a point is not placed.
+    Points of all markups of the file; those that a person has not placed are skipped, which the log says.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing or malformed, is not in mm, or has no point that is placed.
     """
-    points, labels = [], []
-    for number, markup in enumerate(_markups(path)):
+    points, labels, skipped = list[Array](), list[str](), list[str]()
+    markups = _markups(path)
+    for number, markup in enumerate(markups):
         flip = _to_ras(path, markup, number)
-        for index, point in enumerate(markup.get("controlPoints", [])):
+        for index, point in enumerate(_control_points(path, markup, number)):
             field = f"markups[{number}].controlPoints[{index}]"
-            position = _position(path, field, point)
-            points.append(flip * position)
-            labels.append(str(point.get("label", "")))
-    if not points:
-        raise InputError(
-            path, "controlPoints", "there are none", "Place at least one point and save it again"
+            label = str(point.get("label", ""))
+            if not _is_placed(path, field, point):
+                skipped.append(label or field)
+                continue
+            points.append(flip * _position(path, field, point))
+            labels.append(label)
+    if skipped:
+        log.warning(
+            "%s: %d points are not placed and are skipped: %s", path, len(skipped), ", ".join(skipped)
         )
+    if not points:
+        problem = f"none of {len(skipped)} is placed" if skipped else "there are none"
+        raise InputError(path, "controlPoints", problem, "Place at least one point and save it again")
+    if len(markups) > 1:
+        log.info("%s: %d points of %d markups", path, len(points), len(markups))
     return np.array(points), labels
 
 
 def _markups(path: str | Path) -> list[dict[str, Any]]:
     remedy = "Save the markups from 3D Slicer as .mrk.json"
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        content = json.loads(Path(path).read_text(encoding="utf-8-sig"))
     except FileNotFoundError as error:
         raise InputError(path, "file", "does not exist", "Check the path in the dataset file") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(path, "JSON", f"cannot be read ({error})", remedy) from error
     markups = content.get("markups") if isinstance(content, dict) else None
     if not isinstance(markups, list) or not all(isinstance(m, dict) for m in markups):
         raise InputError(path, "markups", "is missing or not a list", remedy)
+    for number, markup in enumerate(markups):
+        if markup.get("type") in AREAS:
+            problem = f"is {markup['type']!r}, whose control points are no marks"
+            raise InputError(path, f"markups[{number}].type", problem, "Give points or curves")
     return markups
+
+
+def _control_points(path: str | Path, markup: dict[str, Any], number: int) -> list[dict[str, Any]]:
+    points = markup.get("controlPoints") or []
+    if not isinstance(points, list) or not all(isinstance(p, dict) for p in points):
+        problem = "is not a list of points"
+        raise InputError(path, f"markups[{number}].controlPoints", problem, "Save it again from 3D Slicer")
+    return points
+
+
+def _is_placed(path: str | Path, field: str, point: dict[str, Any]) -> bool:
+    """Whether a person has placed the point; an old position of one that is not says nothing."""
+    status = point.get("positionStatus", PLACED[0])
+    if status not in (*PLACED, *NOT_PLACED):
+        known = ", ".join((*PLACED, *NOT_PLACED))
+        raise InputError(path, f"{field}.positionStatus", f"is {status!r}", f"It is one of {known}")
+    return status in PLACED
 
 
 def _to_ras(path: str | Path, markup: dict[str, Any], number: int) -> Array:
     """Signs (3,) that turn a markup's coordinates to RAS."""
     units = markup.get("coordinateUnits", "mm")
-    if units != "mm" and units != ["[mm]"] and "mm" not in str(units):
+    if not any(unit in UNITS for unit in (units if isinstance(units, list) else [units])):
         raise InputError(path, f"markups[{number}].coordinateUnits", f"is {units!r}, not mm", "Save it in mm")
     system = markup.get("coordinateSystem", "LPS")
     signs = {"RAS": np.ones(3), "0": np.ones(3), "LPS": np.array([-1.0, -1, 1]), "1": np.array([-1.0, -1, 1])}
@@ -190,13 +233,12 @@ def _to_ras(path: str | Path, markup: dict[str, Any], number: int) -> Array:
     return signs[str(system)]
 
 
-def _position(path: str | Path, field: str, point: Any) -> Array:
+def _position(path: str | Path, field: str, point: dict[str, Any]) -> Array:
     try:
         position = np.asarray(point["position"], dtype=float)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            path, f"{field}.position", "is missing or not three numbers", "Place the point"
-        ) from error
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        problem = "is missing or not three numbers"
+        raise InputError(path, f"{field}.position", problem, "Place the point") from error
     if position.shape != (3,) or not np.isfinite(position).all():
         raise InputError(path, f"{field}.position", "is not three finite numbers", "Place the point")
     return position

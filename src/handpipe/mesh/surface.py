@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,10 +16,16 @@ from scipy import sparse
 
 from handpipe.artifacts import atomic
 from handpipe.errors import InputError
+from handpipe.mesh.obj import read_obj
+from handpipe.mesh.ply import read_ply
+from handpipe.mesh.polygons import NotSimple, Polygons, triangulate
 from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.stl import read_stl
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +121,12 @@ class Surface:
         edges, counts = self._edges
         return edges[counts == 1]
 
+    def crowded_edges(self) -> IntArray:
+        """Edges (e, 2) along which several triangles run in the same direction."""
+        directed = directed_edges(self.triangles)
+        edges, counts = np.unique(directed, axis=0, return_counts=True)
+        return edges[counts > 1]
+
     def is_closed(self) -> bool:
         """Whether every edge has two triangles that run along it in opposite directions."""
         directed = directed_edges(self.triangles)
@@ -192,47 +205,138 @@ def concatenate(surfaces: list[Surface]) -> Surface:
     return Surface(np.concatenate([s.vertices for s in surfaces]), np.concatenate(triangles))
 
 
+READERS: dict[str, Callable[[Path], tuple[Array, Polygons]]] = {
+    ".ply": read_ply,
+    ".obj": read_obj,
+    ".stl": read_stl,
+}
+METRES, MICROMETRES = 1.0, 3000.0  # mm; no part of a hand is smaller or larger
+
+
 def read_surface(path: str | Path, *, closed: bool = False) -> Surface:
     """Read PLY, OBJ or STL in mm; vertices keep their order (STL, which repeats them, is merged).
 
-    With `closed`, the surface must be closed, and is turned to face outwards. Raises `InputError` where
-    the file is missing or unreadable, has no triangles, has NaN coordinates, is in metres, or is open.
+    Polygons are cut into triangles. Vertices that repeat a place, as along seams of texture, count as one:
+    triangles name the first of them. Both are said in the log, as are triangles left out because they name a
+    vertex twice. With `closed`, the surface must be closed, and each part is turned to face outwards.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing or malformed, has no triangles, has NaN coordinates, is in metres or
+        micrometres, or is open.
     """
-    mesh = _read(Path(path))
-    triangles = [block.data for block in mesh.cells if block.type == "triangle"]
-    quads = [block.data for block in mesh.cells if block.type == "quad"]
-    triangles += [part for quad in quads for part in (quad[:, [0, 1, 2]], quad[:, [0, 2, 3]])]
-    if sum(len(part) for part in triangles) == 0:
-        raise InputError(path, "triangles", "there are none", "Export a triangle surface, not points")
-    surface = Surface(mesh.points[:, :3], np.concatenate(triangles))
-    _check(surface, path)
+    path = Path(path)
+    vertices, polygons = _read(path)
+    surface = _triangles(path, vertices, polygons)
+    if len(surface.boundary_edges()):
+        surface = _welded(path, surface)
+    _check_size(path, surface)
     if closed:
         require_closed(surface, path)
-        return surface if surface.volume() > 0 else surface.flipped()
+        return _outwards(path, surface)
     return surface
 
 
-def _read(path: Path) -> meshio.Mesh:
+def _read(path: Path) -> tuple[Array, Polygons]:
     if not path.exists():
         raise InputError(path, "file", "does not exist", "Check the path")
-    if path.suffix.lower() not in (".ply", ".obj", ".stl"):
+    if path.suffix.lower() not in READERS or not path.is_file():
         raise InputError(path, "file", "is not PLY, OBJ or STL", "Convert it to one of these")
+    if path.stat().st_size == 0:
+        raise InputError(path, "file", "is empty", "Export the surface again")
     try:
-        return meshio.read(path)
-    except (Exception, SystemExit) as error:  # meshio exits or raises anything on a malformed file
-        raise InputError(path, "content", f"cannot be read ({error})", "Export the surface again") from error
+        return READERS[path.suffix.lower()](path)
+    except OSError as error:
+        raise InputError(path, "file", f"cannot be read ({error})", "Check its permissions") from error
 
 
-def _check(surface: Surface, path: str | Path) -> None:
-    bad = np.flatnonzero(~np.isfinite(surface.vertices).all(axis=1))
+def _triangles(path: Path, vertices: Array, polygons: Polygons) -> Surface:
+    """The polygons cut into triangles, without those that name a vertex twice."""
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
     if len(bad):
         problem = f"NaN or infinite coordinates in {len(bad)} vertices, the first is vertex {bad[0]}"
         raise InputError(path, "vertices", problem, "Remove these vertices or export the surface again")
-    if surface.triangles.min() < 0 or surface.triangles.max() >= len(surface.vertices):
-        raise InputError(path, "triangles", "name vertices that do not exist", "Export the surface again")
-    extent = np.ptp(surface.vertices, axis=0).max()
-    if extent < 1:
-        raise InputError(path, "units", f"looks like metres (extent {extent:.3g})", "Give mm: scale by 1000")
+    if (polygons.counts < 3).all():
+        raise InputError(path, "triangles", "there are none", "Export a triangle surface, not points")
+    corners = polygons.corners
+    wrong = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
+    if len(wrong):
+        face = int(np.searchsorted(np.cumsum(polygons.counts), wrong[0], side="right"))
+        problem = f"face {face} names vertex {corners[wrong[0]]}, but there are {len(vertices)} vertices"
+        raise InputError(path, "triangles", problem, "Export the surface again")
+    try:
+        triangles = triangulate(vertices, polygons)
+    except NotSimple as error:
+        place = _place(vertices[corners[polygons.starts[error.number]]])
+        problem = f"face {error.number} near {place} crosses itself"
+        raise InputError(path, "triangles", problem, "Export the surface as triangles") from error
+    larger = np.count_nonzero(polygons.counts > 3)
+    if larger:
+        log.info("%s: cut %d polygons of more than three corners into triangles", path, larger)
+    repeated = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
+    if repeated.all():
+        raise InputError(path, "triangles", "each names a vertex twice", "Export the surface again")
+    if repeated.any():
+        log.warning("%s: left out %d triangles that name a vertex twice", path, repeated.sum())
+    return Surface(vertices, triangles[~repeated])
+
+
+def _welded(path: Path, surface: Surface) -> Surface:
+    """The surface with triangles joined where vertices are at the same place; vertices keep their numbers."""
+    used = np.unique(surface.triangles)
+    _, first, inverse = np.unique(
+        surface.vertices[used] + 0.0, axis=0, return_index=True, return_inverse=True
+    )
+    renamed = np.arange(len(surface.vertices))
+    renamed[used] = used[first[inverse.reshape(-1)]]
+    triangles = renamed[surface.triangles]
+    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    found = Surface(surface.vertices, triangles)
+    if len(found.boundary_edges()) == len(surface.boundary_edges()) or len(triangles) == 0:
+        return surface
+    log.info("%s: %d vertices are at the place of others: joined", path, len(used) - len(first))
+    return found
+
+
+def _check_size(path: Path, surface: Surface) -> None:
+    extent = float(np.ptp(surface.vertices[surface.triangles].reshape(-1, 3), axis=0).max())
+    for unit, wrong, factor in (
+        ("metres", extent < METRES, "1000"),
+        ("micrometres", extent > MICROMETRES, "0.001"),
+    ):
+        if wrong:
+            problem = f"looks like {unit} (extent {extent:.3g})"
+            raise InputError(path, "units", problem, f"Give mm: scale by {factor}")
+
+
+def _outwards(path: Path, surface: Surface) -> Surface:
+    """A closed surface whose parts face outwards, but inwards within an odd number of others: cavities."""
+    labels = component_labels(surface.triangles)
+    parts = [Surface(surface.vertices, surface.triangles[labels == i]) for i in range(labels.max() + 1)]
+    parts = [part if part.volume() > 0 else part.flipped() for part in parts]
+    triangles = surface.triangles.copy()
+    turned = 0
+    for i, part in enumerate(parts):
+        point = part.vertices[part.triangles[:1, 0]]
+        depth = sum(bool(other.contains(point)[0]) for j, other in enumerate(parts) if j != i)
+        right = part.triangles if depth % 2 == 0 else part.triangles[:, ::-1]
+        turned += not np.array_equal(_cyclic(right), _cyclic(triangles[labels == i]))
+        triangles[labels == i] = right
+    if turned and len(parts) > 1:
+        log.warning("%s: turned %d of %d parts to face outwards", path, turned, len(parts))
+    return Surface(surface.vertices, triangles)
+
+
+def _cyclic(triangles: IntArray) -> IntArray:
+    """The same triangles (k, 3), each from its smallest vertex on."""
+    start = np.argmin(triangles, axis=1)[:, None]
+    return np.take_along_axis(triangles, (start + np.arange(3)) % 3, axis=1)
+
+
+def _place(point: Array) -> str:
+    """A point as text, e.g. (1.0, 2.0, 3.0)."""
+    return f"({', '.join(f'{c:.1f}' for c in point)})"
 
 
 def require_closed(surface: Surface, source: str | Path) -> None:
@@ -241,10 +345,13 @@ def require_closed(surface: Surface, source: str | Path) -> None:
         return
     boundary = surface.boundary_edges()
     if len(boundary):
-        place = ", ".join(f"{c:.1f}" for c in surface.vertices[boundary[0]].mean(axis=0))
-        problem = f"is open: {len(boundary)} boundary edges, the first near ({place})"
+        place = _place(surface.vertices[boundary[0]].mean(axis=0))
+        problem = f"is open: {len(boundary)} boundary edges, the first near {place}"
     else:
-        problem = "has edges with more than two triangles, or neighbours that face opposite ways"
+        place = _place(surface.vertices[surface.crowded_edges()[0]].mean(axis=0))
+        problem = (
+            f"has edges with more than two triangles, or neighbours that face opposite ways, near {place}"
+        )
     raise InputError(
         source, "triangles", problem, "Close it with handpipe.mesh.repair.repair or in a mesh editor"
     )

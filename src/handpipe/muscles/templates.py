@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from handpipe.errors import ConvergenceError, InputError
+from handpipe.imaging.same_frame import likely_cause
 from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.mesh.distance import Distance, sample_points
 from handpipe.mesh.remeshing import remesh
@@ -26,6 +28,7 @@ log = logging.getLogger(__name__)
 
 SAMPLES = 250  # points a bone that steer the warp
 ROUND = 0.85  # of V / A, half the radius of a long round body: 15 edges around it, which cut off 3 % of it
+NEAR = 0.75  # of a bone's size: what attaches to it is nearer
 FINEST = 0.4  # of the edge length that is asked for
 
 
@@ -216,14 +219,87 @@ def place(
 
 
 def read_attachments(path: str | Path, template: Surface) -> dict[str, IntArray]:
-    """Vertex ids by bone of a JSON file {bone: [ids]}; raises `InputError` where they are wrong."""
+    """Vertex ids by bone of a JSON file {bone: [ids]}.
+
+    The id of a vertex that no triangle uses, but that is at the place of one in use, becomes that one's: so
+    are vertices of seams.
+
+    Raises
+    ------
+    InputError
+        Where the file is malformed, or names vertices that the template lacks or does not use.
+    """
     remedy = "Give {bone: [template vertex ids]}"
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-        found = {str(bone): np.unique(np.asarray(ids, dtype=np.int64)) for bone, ids in content.items()}
-    except (OSError, ValueError, TypeError, AttributeError) as error:
+        content = json.loads(Path(path).read_text(encoding="utf-8-sig"), object_pairs_hook=_no_key_twice)
+        found = {str(bone): _whole_numbers(ids) for bone, ids in content.items()}
+    except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise InputError(path, "content", f"cannot be read ({error})", remedy) from error
     for bone, ids in found.items():
         if len(ids) == 0 or ids.min() < 0 or ids.max() >= len(template.vertices):
             raise InputError(path, bone, f"has ids outside 0..{len(template.vertices) - 1}, or none", remedy)
+        found[bone] = _in_use(path, bone, ids, template)
     return found
+
+
+def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key stands twice")
+    return found
+
+
+def _whole_numbers(ids: Any) -> IntArray:
+    found = np.asarray(ids)
+    whole = np.unique(found.astype(np.int64))
+    if found.ndim != 1 or found.dtype.kind not in "iuf" or not np.isin(found, whole).all():
+        raise ValueError(f"{str(ids)[:40]} is no list of whole numbers")
+    return whole
+
+
+def _in_use(path: str | Path, bone: str, ids: IntArray, template: Surface) -> IntArray:
+    """The ids, each of a vertex of some triangle."""
+    used = np.unique(template.triangles)
+    idle = np.setdiff1d(ids, used)
+    if len(idle) == 0:
+        return ids
+    distances, nearest = cKDTree(template.vertices[used]).query(template.vertices[idle])
+    if (distances > 0).any():
+        stray = idle[distances > 0]
+        problem = f"names {len(stray)} vertices that no triangle uses, the first is {stray[0]}"
+        raise InputError(path, bone, problem, "Name vertices of the surface")
+    return np.unique(np.concatenate([np.intersect1d(ids, used), used[nearest]]))
+
+
+def require_near_bones(
+    path: str | Path, template: Surface, attachments: Mapping[str, IntArray], bones: Mapping[str, Surface]
+) -> None:
+    """Raise `InputError` for a template that is far from the template bones to which it attaches.
+
+    Templates may be in any frame and unit, but all in the same one: half of the vertices that attach to a
+    bone are nearer to it than three quarters of its size. Bones without a template are left out.
+    """
+    groups = [
+        (name, template.vertices[ids], Distance(bones[name]), NEAR * _size(bones[name]))
+        for name, ids in attachments.items()
+        if name in bones
+    ]
+
+    def near(matrix: Array) -> float:
+        shares = [(bone.closest(x @ matrix.T)[0] < reach).mean() for _, x, bone, reach in groups]
+        return float(min(shares, default=1.0))
+
+    if near(np.eye(3)) >= 0.5:
+        return
+    far = [(name, float(np.median(bone.closest(x)[0])), reach) for name, x, bone, reach in groups]
+    name, distance, reach = max(far, key=lambda group: group[1] / group[2])
+    problem = f"attaches to {name}, but is {distance:.3g} mm away from its template"
+    cause = likely_cause(near, 0.99)
+    remedy = (
+        f"It would fit if it is in {cause}" if cause else "Give templates of bones and organs in one frame"
+    )
+    raise InputError(path, "frame", problem, remedy)
+
+
+def _size(surface: Surface) -> float:
+    return float(np.linalg.norm(np.ptp(surface.vertices[np.unique(surface.triangles)], axis=0)))

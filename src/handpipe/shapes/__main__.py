@@ -13,13 +13,14 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from handpipe.errors import HandpipeError
+from handpipe.command import Parser, number, reported, whole_number
 from handpipe.fem.materials import Material
 from handpipe.imaging.markers import read_markers
 from handpipe.imaging.volume import read_volume
 from handpipe.shapes.files import read_pairs, read_template, write_fit
+from handpipe.shapes.given_frame import Sources
 from handpipe.shapes.organ import fit_organ
-from handpipe.shapes.search import Settings
+from handpipe.shapes.search import RANGES, Settings
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -28,16 +29,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     level = logging.DEBUG if options.verbose else logging.INFO
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(message)s", stream=sys.stderr)
     logging.getLogger("handpipe.shapes").setLevel(level)
-    try:
+    with reported() as failure:
         run(options)
-    except HandpipeError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+    return failure.code
 
 
 def run(options: argparse.Namespace) -> None:
     """Read, fit, write, and print the quality."""
+    options.output.mkdir(parents=True, exist_ok=True)
     attachments = None if options.attachments is None else read_pairs(*options.attachments)
     landmarks = None if options.landmarks is None else read_pairs(*options.landmarks)
     marks = None if options.marks is None else read_markers(options.marks)[0]
@@ -59,6 +58,11 @@ def run(options: argparse.Namespace) -> None:
         volume=None if options.volume is None else read_volume(options.volume),
         settings=settings,
         checkpoint=options.output / "checkpoint.h5",
+        sources=Sources(
+            options.template,
+            options.marks or "marks",
+            *(given[1] if given else name for name, given in _pairs(options).items()),
+        ),
     )
     files = [
         options.template,
@@ -72,9 +76,13 @@ def run(options: argparse.Namespace) -> None:
         print(f"{name:28s} {value:10.4g} {unit}")
 
 
+def _pairs(options: argparse.Namespace) -> dict[str, list[Path] | None]:
+    return {"attachments": options.attachments, "landmarks": options.landmarks}
+
+
 def _parser() -> argparse.ArgumentParser:
     known = Settings()
-    parser = argparse.ArgumentParser(prog="python -m handpipe.shapes", description=__doc__.split("\n")[0])
+    parser = Parser(prog="python -m handpipe.shapes", description=__doc__.split("\n")[0])
     parser.add_argument("template", type=Path, help="tet mesh: VTK, VTU, Gmsh...")
     parser.add_argument("marks", type=Path, nargs="?", help="marks on the boundary: .mrk.json")
     for name, what in (("attachments", "that other organs hold"), ("landmarks", "seen in the image")):
@@ -87,20 +95,31 @@ def _parser() -> argparse.ArgumentParser:
         )
     parser.add_argument("--volume", type=Path, help="image in which marks are sought: NIfTI, NRRD, DICOM")
     parser.add_argument("--output", type=Path, default=Path("organ"), help="folder; by default organ")
-    parser.add_argument("--alpha", type=float, default=known.alpha, help="weight of marks, 1/mm^2")
-    parser.add_argument("--beta", type=float, default=known.beta, help="weight of attachments, 1/mm^2")
-    parser.add_argument("--iterations", type=int, default=known.iterations, help="at most, at full weight")
-    parser.add_argument("--enough", type=float, default=known.enough, help="mm at the farthest mark")
+    parser.add_argument(
+        "--alpha", type=number(*RANGES["alpha"]), default=known.alpha, help="weight of marks, 1/mm^2"
+    )
+    parser.add_argument(
+        "--beta", type=number(*RANGES["beta"]), default=known.beta, help="weight of attachments, 1/mm^2"
+    )
+    parser.add_argument(
+        "--iterations",
+        type=whole_number(*RANGES["iterations"]),
+        default=known.iterations,
+        help="at most, at full weight",
+    )
+    parser.add_argument(
+        "--enough", type=number(*RANGES["enough"]), default=known.enough, help="mm at the farthest mark"
+    )
     parser.add_argument("--outliers", action="store_true", help="leave out marks far beyond the others")
     parser.add_argument("--covering", action="store_true", help="no part of the organ is far from all marks")
     parser.add_argument(
         "--remesh-below",
-        type=float,
+        type=number(*RANGES["remesh_below"]),
         default=known.remesh_below,
         help="smallest dihedral angle in degrees below which tets are made anew; 0: never",
     )
-    parser.add_argument("--young", type=float, default=known.material.young, help="kPa")
-    parser.add_argument("--poisson", type=float, default=known.material.poisson)
+    parser.add_argument("--young", type=number(1e-6, 1e9), default=known.material.young, help="kPa")
+    parser.add_argument("--poisson", type=number(0.0, 0.4999), default=known.material.poisson)
     parser.add_argument("--verbose", action="store_true")
     return parser
 

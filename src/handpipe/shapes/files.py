@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from handpipe.errors import InputError
 from handpipe.fem import plasticity
 from handpipe.imaging.markers import read_landmarks
 from handpipe.mesh.surface import Surface, write_surface
+from handpipe.mesh.tet_files import read_tets
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
 
@@ -22,32 +24,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-METRES = 1.0  # mm; a body that is smaller is given in metres
-
 
 def read_template(path: str | Path) -> TetMesh:
-    """Read a tet mesh in mm (VTK, VTU, Gmsh, MEDIT... by its suffix), without vertices that no tet uses.
-
-    Raises `InputError` where the file is missing, is no mesh or has no tets, where some tets are inverted or
-    flat, and where it looks like metres.
-    """
-    if not Path(path).exists():
-        raise InputError(path, "file", "does not exist", "Check the path")
-    try:
-        mesh = meshio.read(path)
-    except (Exception, SystemExit) as error:  # meshio exits or raises anything on a malformed file
-        raise InputError(path, "content", f"cannot be read ({error})", "Export the mesh again") from error
-    blocks = [block.data for block in mesh.cells if block.type == "tetra"]
-    if sum(len(block) for block in blocks) == 0:
-        raise InputError(path, "tets", "there are none", "Fill the surface with tetrahedra first")
-    used, tets = np.unique(np.concatenate(blocks), return_inverse=True)
-    found = TetMesh(mesh.points[used, :3], tets.reshape(-1, 4))
-    extent = float(np.ptp(found.vertices, axis=0).max())
-    if extent < METRES:
-        raise InputError(path, "units", f"looks like metres (extent {extent:.3g})", "Give mm: scale by 1000")
-    if (found.volumes() < 0).all():
-        found = TetMesh(found.vertices, found.tets[:, [0, 2, 1, 3]])
-    return found.checked(path)
+    """Read a tet mesh in mm (VTK, VTU, Gmsh, MEDIT... by its suffix), as `read_tets` does."""
+    return read_tets(path)
 
 
 def read_pairs(template: str | Path, image: str | Path) -> Pairs:
@@ -66,9 +46,17 @@ def read_pairs(template: str | Path, image: str | Path) -> Pairs:
 
 def write_fit(folder: str | Path, fit: OrganFit, inputs: list[str | Path]) -> None:
     """Write fitted.vtu, surface.ply, quality.json and fit.h5 (mesh, strains, kept marks, doubtful
-    attachments, every step).
+    attachments, every step): all of them, or none where one cannot be written.
     """
     folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".fit-", dir=folder) as name:
+        _write_all(Path(name), fit, inputs)
+        for file in sorted(Path(name).iterdir()):
+            file.replace(folder / file.name)
+
+
+def _write_all(folder: Path, fit: OrganFit, inputs: list[str | Path]) -> None:
     stretches = plasticity.eigenvalues(fit.strains)
     cells = {"plastic_strain": [fit.strains], "principal_strains": [stretches]}
     mesh = meshio.Mesh(fit.mesh.vertices, [("tetra", fit.mesh.tets)], cell_data=cells)

@@ -18,6 +18,7 @@ from handpipe.imaging.volume import Volume
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.metrics import Metrics
 from handpipe.shapes.doubts import Doubts, examine
+from handpipe.shapes.given_frame import Sources, require_in_image, require_reached, require_sizes
 from handpipe.shapes.marks import BoundaryMarks, Pairs
 from handpipe.shapes.placement import placed
 from handpipe.shapes.remeshing import Given, OnMesh
@@ -64,6 +65,7 @@ def fit_organ(
     volume: Volume | None = None,
     settings: Settings | None = None,
     checkpoint: str | Path | None = None,
+    sources: Sources | None = None,
 ) -> OrganFit:
     """Deform a template tet mesh to the marks of one organ in an image (003 chapter 5).
 
@@ -71,24 +73,29 @@ def fit_organ(
     template that other organs hold, and where; landmarks: points of the template whose places in the image
     are known; loads: potentials that act on the organ besides; volume: an image in which marks are sought
     along the surface's normals, at the end; checkpoint: a file that is written after every step and removed
-    at the end, from which a fit of the same input goes on. An organ that nothing holds is placed by its
-    landmarks, or else by its marks, or else it is where the template is. Tets that strains ruin are replaced
-    (`remeshing.py`). Raises `InputError` for input that cannot be used, `ConvergenceError` where no
-    equilibrium is found at the start.
+    at the end, from which a fit of the same input goes on; sources: what messages call these. An organ that
+    nothing holds is placed by its landmarks, or else by its marks, or else it is where the template is. Tets
+    that strains ruin are replaced (`remeshing.py`). Raises `InputError` for input that cannot be used,
+    `ConvergenceError` where no equilibrium is found at the start.
     """
     settings = settings or Settings()
-    template = template.checked("template")
+    sources = sources or Sources()
+    template = template.checked(sources.template)
     points = _checked_marks(marks)
     if len(points) == 0 and landmarks is None and attachments is None and volume is None:
         raise InputError("organ", "marks", "there are none", "Give marks, landmarks, attachments or a volume")
-    attachments, landmarks = loosened(
-        None if attachments is None else attachments.checked("attachments"),
-        None if landmarks is None else landmarks.checked("landmarks"),
-    )
+    attachments = None if attachments is None else attachments.checked("attachments")
+    landmarks = None if landmarks is None else landmarks.checked("landmarks")
+    named = {sources.attachments: attachments, sources.landmarks: landmarks}
+    require_sizes(template, points, {name: p for name, p in named.items() if p is not None}, sources)
+    attachments, landmarks = loosened(attachments, landmarks)
     held = None if attachments is None else attachments.attached(template)
     known = None if landmarks is None else landmarks.attached(template)
     given = Given(template, points, held, known, tuple(loads), volume, settings)
     start = _start(given)
+    require_reached(template.moved(start), points, settings.outliers, sources)
+    if volume is not None:
+        require_in_image(template.moved(start), volume, sources)
     doubts = examine(given, start)
     given = doubts.heeded(given)
     if doubts.attachments.any():

@@ -9,6 +9,7 @@ Unlike 003, strains are logarithms, and positive definite whatever the step.
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from handpipe.errors import ConvergenceError
+from handpipe.errors import ConvergenceError, InputError
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
@@ -70,6 +71,27 @@ class Settings:
     covering: bool = False
     remesh_below: float = 5.0
     material: Material = field(default=MUSCLE)
+
+    def __post_init__(self) -> None:
+        for name, (lower, upper) in RANGES.items():
+            value = getattr(self, name)
+            if not (math.isfinite(value) and lower <= value <= upper):
+                problem = f"is {value}, not between {lower:g} and {upper:g}"
+                raise InputError("Settings", name, problem, "Give a number in this range")
+
+
+# Of each number in `Settings`.
+RANGES: dict[str, tuple[float, float]] = {
+    "alpha": (1e-6, 1e6),
+    "beta": (1e-6, 1e6),
+    "spring": (1e-6, 1e9),
+    "tangential": (0.0, 1.0),
+    "iterations": (0, 10_000),
+    "enough": (0.0, 100.0),
+    "progress": (0.0, 1.0),
+    "mark_error": (1e-6, 100.0),
+    "remesh_below": (0.0, 60.0),
+}
 
 
 @dataclass(frozen=True)
