@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from handpipe.artifacts import read_text
 from handpipe.errors import InputError
@@ -16,13 +16,27 @@ T = TypeVar("T", bound=BaseModel)
 Vector = tuple[float, float, float]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 Subject = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
+Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
 HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
 COUPLED_HANDS = ("phantom-hand-complete", "zanatomy-hand")  # generators whose truth is a coupled simulation
 SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
 
 
+class UndeclaredFieldError(Exception):
+    """A stage reads a field that its rule does not declare, and whose change would not rerun it."""
+
+
 class Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Only what is no attribute comes here: a field only in a selection of `handpipe.selection`."""
+            if name in type(self).model_fields:
+                kind = type(self).__name__
+                raise UndeclaredFieldError(f"{kind}.{name} is not declared by the rule of this script")
+            return super().__getattr__(name)
 
 
 class Role(StrEnum):
@@ -164,7 +178,7 @@ class Dataset(Model):
     ligaments: dict[Name, Muscle] = {}
     tendons: dict[Name, Tendon] = {}
     nails: dict[Name, Nail] = {}
-    muscle_interpolation: Literal["inverse-distance", "inverse-square", "rbf"] = Field(
+    muscle_interpolation: Interpolation = Field(
         "rbf",
         description="of muscle strains over poses: rbf follows trends, the others stay within the examples",
     )
@@ -277,6 +291,37 @@ class Scene(Model):
             needed.add(layer)
             pending.extend(n for n in LAYERS[layer] if n not in needed)
         return [layer for layer in LAYERS if layer in needed]
+
+
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]  # mm
+
+
+class Edges(Model):
+    """Edge lengths in mm."""
+
+    muscle: Length = Field(description="of the muscles' tetrahedra")
+    fascia: Length = Field(description="of the fasciae's triangles")
+    skin: Length = Field(description="of the skin's triangles")
+    fat: Length = Field(description="of the tetrahedra of the fat and of the single soft tissue")
+
+
+def _listed(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+class Settings(Model):
+    """What is built: config/config.yaml, with what the command line puts in its place."""
+
+    subjects: Annotated[tuple[Subject, ...], BeforeValidator(_listed)]
+    scenes: Annotated[tuple[str, ...], BeforeValidator(_listed)]
+    edges: Edges
+    interpolation: Interpolation = Field(description="of fat strains over poses")
+    truth: Literal["toy", "full"] = Field(description="resolution of coupled simulations that make subjects")
+
+
+def settings_of(content: Any, source: str | Path = "config") -> Settings:
+    """The configuration as Snakemake merged it; `InputError` names the first wrong key."""
+    return _checked(source, content, Settings)
 
 
 def load_yaml(path: str | Path, model: type[T]) -> T:

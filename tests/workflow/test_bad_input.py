@@ -115,8 +115,8 @@ RUNS = [
     (no_seeds_of_a_bone, SEGMENT, ("small/bent-seeds.nii.gz", "seeds", "bone 'near' (label 1) has none")),
     (left_handed, SEGMENT, ("small/bent.nii.gz", "handedness", "left-handed")),
     (not_a_number, SEGMENT, ("small/bent.nii.gz", "values", "1 voxels are NaN")),
-    (scan_in_metres, SEGMENT, ("small/bent.ply", "units", "looks like metres")),
-    (unknown_bone, SEGMENT, ("small/flexor.json", "thumb", "is not a bone of the dataset")),
+    (scan_in_metres, "segmentation", ("small/bent.ply", "units", "looks like metres")),
+    (unknown_bone, "segmentation", ("small/flexor.json", "thumb", "is not a bone of the dataset")),
     (unknown_layer, SIMULATE, ("config/scenes/flexion.yaml", "layers", "'nerves' is not a layer")),
     (
         beyond_limit,

@@ -110,4 +110,4 @@ def test_scribbles_rerun_their_bone_alone(built_small: Path, tmp_path: Path) -> 
 def test_changed_scan_is_checked_but_images_stay(built_small: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(built_small, tmp_path / "copy"))
     write_mesh(folder / "small" / "bent.ply", ball().apply_scale(1.1))
-    assert planned(folder, "segmentation", *SMALL) == {"check_subject": 1}
+    assert planned(folder, "segmentation", *SMALL) == {"check_subject": 1, "segmentation": 1}

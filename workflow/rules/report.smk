@@ -3,13 +3,12 @@
 
 rule report:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         metrics=lambda w: report_metrics(w.subject),
         poses=lambda w: report_poses(w.subject),
         scenes=lambda w: expand(
             "results/{subject}/simulation/{scene}/{scene}.glb",
-            scene=listed("scenes"),
+            scene=SETTINGS.scenes,
             allow_missing=True,
         ),
     output:
@@ -23,7 +22,23 @@ rule report:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(
+            "name",
+            "hand",
+            "generator",
+            "seed",
+            "truth",
+            "root",
+            "poses.*.role",
+            "poses.*.volume",
+            "poses.*.scan",
+            "bones.names",
+            "joints.names",
+            "muscles.names",
+            "ligaments.names",
+            "tendons.names",
+            "nails.names",
+        ),
         scenes=lambda w: {
             s: expand(
                 "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
@@ -31,9 +46,9 @@ rule report:
                 scene=s,
                 chunk=chunks(w.subject, s),
             )
-            for s in listed("scenes")
+            for s in SETTINGS.scenes
         },
-        settings={k: str(v) for k, v in config.items()},
+        settings={k: str(v) for k, v in SETTINGS.model_dump(mode="json").items()},
     message:
         "{wildcards.subject}: report"
     script:

@@ -2,12 +2,11 @@
 
 import json
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
     from handpipe import artifacts
-    from handpipe.config import load_dataset
     from handpipe.hand.subject import check_surfaces
 
-    check_surfaces(load_dataset(snakemake.input.dataset))
+    check_surfaces(dataset_of(snakemake))
     artifacts.write_text(snakemake.output[0], json.dumps({"checked": [*snakemake.input]}, indent=2) + "\n")

@@ -7,7 +7,19 @@ from contextlib import contextmanager
 
 os.environ.setdefault("NUMBA_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
 
+from handpipe.config import Dataset, Scene
 from handpipe.errors import HandpipeError
+from handpipe.selection import restored
+
+
+def dataset_of(job):
+    """The fields of the subject's dataset that the rule declares; reading another one raises."""
+    return restored(job.params.dataset, Dataset)
+
+
+def scene_of(job):
+    """The fields of the scene that the rule declares; reading another one raises."""
+    return restored(job.params.scene, Scene)
 
 
 @contextmanager

@@ -3,11 +3,10 @@
 import json
 from pathlib import Path
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
     from handpipe import metrics
-    from handpipe.config import load_dataset
     from handpipe.evaluation.build import read_jobs
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.hand.frames import read_frames
@@ -16,7 +15,7 @@ with stage(snakemake):
     from handpipe.skeleton.rig import Rig
     from truth import surfaces_in, true_pose
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     base = Path("results") / snakemake.wildcards.subject
     BENCHMARKS = Path("results/benchmarks/fem.json")  # shown where someone has made it
@@ -31,10 +30,10 @@ with stage(snakemake):
         return {kind: [*surfaces_in(group).values()] for kind, group in found.items()}
 
     def view(pose):
-        [(frame, layers)] = read_frames(base / f"poses/{pose}/inner.h5")
-        skin = base / f"poses/{pose}/skin.h5"
-        if str(skin) in snakemake.input.poses:
-            [(_, skins)] = read_frames(skin)
+        files = {Path(p).stem.split("-")[0]: p for p in snakemake.input.poses if Path(p).parent.name == pose}
+        [(frame, layers)] = read_frames(files["inner"])
+        if "skin" in files:
+            [(_, skins)] = read_frames(files["skin"])
             layers |= {"fat": skins["m0"]}
         data = dataset.poses[pose]
         return PoseView.from_scanner(

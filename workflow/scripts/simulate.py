@@ -1,9 +1,8 @@
 """One chunk of a scene's frames, every layer that the scene needs."""
 
-from common import stage
+from common import dataset_of, scene_of, stage
 
 with stage(snakemake):
-    from handpipe.config import load_dataset, load_scene
     from handpipe.hand.frames import write_frames
     from handpipe.hand.simulation import simulate
     from handpipe.layers import Frame
@@ -11,7 +10,7 @@ with stage(snakemake):
     from handpipe.skeleton.rig import Rig
     from layers import layers_of
 
-    dataset, scene = load_dataset(snakemake.input.dataset), load_scene(snakemake.input.scene)
+    dataset, scene = dataset_of(snakemake), scene_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     driven = read_frames(snakemake.input.frames, rig, hand=dataset.hand, bones=scene.bones)
     frames = list(driven.items())
