@@ -85,3 +85,12 @@ def test_text_changes_with_declared_fields_and_with_order_alone(finger: Dataset)
 def test_a_field_that_no_model_has_is_refused(finger: Dataset) -> None:
     with pytest.raises(ValueError, match="Bone has no field lable"):
         select(finger, ["bones.*.lable"])
+
+
+def test_what_follows_from_fields_can_be_read_without_them(finger: Dataset) -> None:
+    found = part(finger, "neutral", "examples", "fleshed", "root_bone")
+    assert (found.neutral, found.examples) == ("neutral", finger.examples)
+    assert found.fleshed is True
+    assert found.root_bone == "metacarpal2"
+    with pytest.raises(UndeclaredFieldError):
+        _ = found.heldout

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
@@ -209,16 +210,17 @@ class Dataset(Model):
             raise ValueError("joints: must form one tree over the bones, each bone a child at most once")
         return self
 
-    @property
+    # What follows from fields; a stage may read it alone, without them (`handpipe.selection`).
+    @cached_property
     def root_bones(self) -> list[str]:
         children = {j.child for j in self.joints.values()}
         return [b for b in self.bones if b not in children]
 
-    @property
+    @cached_property
     def root_bone(self) -> str:
         return self.root_bones[0]
 
-    @property
+    @cached_property
     def neutral(self) -> str:
         return next(n for n, p in self.poses.items() if p.role is Role.neutral)
 
@@ -226,15 +228,15 @@ class Dataset(Model):
         """Names of the poses with one of the roles, in file order."""
         return [n for n, p in self.poses.items() if p.role in roles]
 
-    @property
+    @cached_property
     def examples(self) -> list[str]:
         return self.poses_of(Role.example)
 
-    @property
+    @cached_property
     def heldout(self) -> list[str]:
         return self.poses_of(Role.heldout)
 
-    @property
+    @cached_property
     def fleshed(self) -> bool:
         """Whether one soft tissue between bones and skin can be made, which carries tendons and muscles."""
         return self.poses[self.neutral].scan is not None

@@ -1,13 +1,15 @@
 """The part of a dataset or scene that one stage reads; any other field raises there.
 
 A field is a path of names: "bones.*.label" is the label of every bone, "poses.{pose}.volume" a field of one
-pose, "joints" all joints with all that they have, "muscles.names" the names of the muscles alone, "*" everything.
+pose, "joints" all joints with all that they have, "muscles.names" the names of the muscles, "*" everything.
+What a model computes of its fields can be selected by its name, as "neutral", without these fields.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
 from types import UnionType
 from typing import Any, NoReturn, TypeVar, Union, get_args, get_origin
 
@@ -60,20 +62,26 @@ def _selected(value: Any, paths: Paths) -> Any:
         return to_jsonable_python(value)
     heads = {path[0] for path in paths}
     if isinstance(value, Model):
-        unknown = heads - {*type(value).model_fields, EVERY}
+        computed = [name for name in sorted(heads) if _is_computed(type(value), name)]
+        unknown = heads - {*type(value).model_fields, *computed, EVERY}
         if unknown:
             raise ValueError(f"{type(value).__name__} has no field {', '.join(sorted(unknown))}")
-        return {
+        found = {
             name: _selected(getattr(value, name), tails)
             for name in type(value).model_fields
             if (tails := _tails(paths, name))
         }
+        return found | {name: getattr(value, name) for name in computed}
     whole = _is_whole(heads)
     return {
         name: _selected(item, tails)
         for name, item in value.items()
         if (tails := _tails(paths, name)) or whole
     }
+
+
+def _is_computed(kind: type[Model], name: str) -> bool:
+    return isinstance(getattr(kind, name, None), cached_property)
 
 
 def _is_whole(heads: set[str]) -> bool:
@@ -94,8 +102,10 @@ def _restored(annotation: Any, content: Any, paths: Paths) -> Any:
     values = {
         name: _restored(kind.model_fields[name].annotation, item, _tails(paths, name))
         for name, item in content.items()
+        if name in kind.model_fields
     }
     model = kind.model_construct(**values)
+    model.__dict__.update({name: item for name, item in content.items() if name not in values})
     for name in set(kind.model_fields) - set(values):  # pydantic fills them with defaults
         model.__dict__.pop(name, None)
     return model

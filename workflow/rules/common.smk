@@ -84,7 +84,7 @@ def reads_scene(*fields):
 
 # What `layers_of` in workflow/scripts/layers.py reads of the dataset for each layer.
 LAYER_FIELDS = {
-    "flesh": ("poses.*.role", "poses.{neutral}.scan"),
+    "flesh": ("fleshed",),
     "tendons": ("tendons.names",),
     "muscles": ("muscles.names",),
     "muscle_fascia": ("muscles.names",),
@@ -404,10 +404,17 @@ def template_files(subject):
         return [data.path("templates")]
     organs = [*data.muscles.values(), *data.ligaments.values()]
     files = [o.template for o in organs] + [o.attachments for o in organs]
-    files += [b.template for b in data.bones.values() if b.template] + [
-        n.surface for n in data.nails.values()
-    ]
+    files += [o.landmarks for o in organs if o.landmarks]
+    files += [b.template for b in data.bones.values() if b.template]
     return [data.path(f) for f in files]
+
+
+def nail_files(subject):
+    """The nails' patches: the generated folder, or the files that the dataset names."""
+    data = dataset(subject)
+    if data.generator:
+        return [data.path("templates")]
+    return [data.path(nail.surface) for nail in data.nails.values()]
 
 
 def curve_folder(subject, path):

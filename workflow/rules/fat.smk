@@ -4,7 +4,7 @@
 rule make_skin:
     input:
         scan=neutral_scan,
-        templates=lambda w: template_files(w.subject),
+        nails=lambda w: nail_files(w.subject),
     output:
         "results/{subject}/skin.h5",
     log:
@@ -16,7 +16,7 @@ rule make_skin:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads("root", "nails", "bones.names", "joints.*.child"),
+        dataset=reads("root", "nails", "root_bone"),
         edge=SETTINGS.edges.skin,
     message:
         "{wildcards.subject}: neutral skin from its scan"
@@ -62,7 +62,7 @@ rule mesh_soft_tissue:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=reads("poses.*.role", "joints.*.parent", "joints.*.child"),
+        dataset=reads("neutral", "joints.*.parent", "joints.*.child"),
         edge=SETTINGS.edges.fat,
     message:
         "{wildcards.subject}: one soft tissue between the bones and the skin"
@@ -136,7 +136,7 @@ rule collect_fat_strains:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads("poses.*.role"),
+        dataset=reads("neutral", "examples"),
         interpolation=SETTINGS.interpolation,
     message:
         "{wildcards.subject}: pose space of the fat"

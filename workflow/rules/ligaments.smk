@@ -16,7 +16,7 @@ rule fit_ligament:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads("poses.*.role"),
+        dataset=reads("neutral"),
     message:
         "{wildcards.subject}: place the {wildcards.ligament} ligament"
     script:

@@ -97,7 +97,7 @@ rule extract_muscle_shapes:
     params:
         dataset=reads(
             "root",
-            "poses.*.role",
+            "examples",
             "poses.{examples}.volume",
             "poses.{examples}.markers",
             "poses.{examples}.landmarks",
@@ -150,7 +150,7 @@ rule fit_muscle_strains:
         mem_mb=1500,
         runtime=20,
     params:
-        dataset=reads("poses.*.role", "muscle_interpolation"),
+        dataset=reads("neutral", "examples", "muscle_interpolation"),
     message:
         "{wildcards.subject}: plastic strains of {wildcards.muscle} over the poses"
     script:

@@ -17,7 +17,7 @@ rule register_bones:
         runtime=10,
     params:
         dataset=reads(
-            "poses.*.role",
+            "neutral",
             "bones.names",
             "joints.*.parent",
             "joints.*.child",
@@ -46,7 +46,7 @@ rule evaluate_registration:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads("poses.*.role", "bones.names", "truth", "root"),
+        dataset=reads("poses.names", "neutral", "bones.names", "truth", "root"),
     message:
         "{wildcards.subject}: registration against truth"
     script:

@@ -16,7 +16,7 @@ rule segment_pose:
         mem_mb=2500,
         runtime=20,
     params:
-        dataset=reads("bones.*.label", "poses.*.role", "poses.{pose}.seeds"),
+        dataset=reads("bones.*.label", "neutral", "poses.{pose}.seeds"),
         scribbled=scribbled_bones,
     message:
         "{wildcards.subject}: segment the bones of {wildcards.pose}"
@@ -70,7 +70,7 @@ rule merge_labels:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=reads("bones.*.label", "poses.*.role", "poses.{pose}.scribbles"),
+        dataset=reads("bones.*.label", "neutral", "poses.{pose}.scribbles"),
     message:
         "{wildcards.subject}: labels and surfaces of {wildcards.pose}"
     script:
@@ -92,7 +92,7 @@ rule evaluate_segmentation:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads("bones.*.label", "poses.*.role", "truth", "root"),
+        dataset=reads("bones.*.label", "poses.names", "neutral", "truth", "root"),
     message:
         "{wildcards.subject}: segmentation against truth"
     script:

@@ -96,7 +96,7 @@ rule fit_hooks:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads("poses.*.role", "tendons.{tendon}.bones"),
+        dataset=reads("neutral", "examples", "tendons.{tendon}.bones"),
     message:
         "{wildcards.subject}: fit the hooks of the {wildcards.tendon} tendon"
     script:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 os.environ.setdefault("NUMBA_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
 
+from handpipe import artifacts
 from handpipe.config import Dataset, Scene
 from handpipe.errors import HandpipeError
 from handpipe.selection import restored
@@ -34,7 +35,9 @@ def stage(job):
     )
     log = logging.getLogger(job.rule)
     try:
-        yield log
+        artifacts.check_inputs(job.input)
+        with artifacts.made_by(job.rule, {name: str(value) for name, value in job.params.items()}):
+            yield log
     except HandpipeError as error:
         log.error("%s", error)
         print(f"handpipe: {job.rule}: {error}", file=sys.stderr)
