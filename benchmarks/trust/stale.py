@@ -59,9 +59,9 @@ CHANGES = [
         {
             "root": (
                 "moved",
-                f"{BY_TRUTH} correct_bone extract_muscle extract_muscle_shapes extract_tendon fit_fat_strains "
-                "make_bone_fascia make_muscle_fascia make_skin merge_labels place_templates register_tendon "
-                "report segment_pose",
+                f"{BY_TRUTH} correct_bone extract_muscle extract_muscle_shapes extract_tendon "
+                "fit_fat_strains make_bone_fascia make_muscle_fascia make_skin merge_labels place_templates "
+                "register_tendon report segment_pose",
             ),
             "hand": ("left", "evaluate_frames report simulate"),
             "poses.fist.role": (
