@@ -557,7 +557,7 @@ def generator_file(subject):
 
 
 def depend_on_code():
-    """Give every rule the digest of its code as a parameter: a change of the library reruns what imports it."""
+    """Give every rule the digest of its code as a parameter. So a change of the library reruns what imports it."""
     for each in workflow.rules:
         if each.script:
             each.set_params(code=code_of(each))

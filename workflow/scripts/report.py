@@ -49,18 +49,19 @@ with stage(snakemake):
     def bend(pose):
         return sum(abs(angle) for angle in rig.poses[pose].angles.values())
 
+    asked = {Path(p).stem: metrics.read(p) for p in snakemake.input.metrics}
+
     def table(name):
+        """A stage's table, where this report has the stage; an older build may have left others."""
         path = base / f"tables/{name}.json"
-        return json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
+        return json.loads(path.read_text(encoding="utf-8")) if name in asked else []
 
     simulated = sorted({Path(p).parent.name for p in snakemake.input.poses})
     bent = sorted((p for p in simulated if p in dataset.examples), key=bend)[-2:]
     shown = [p for p in dataset.poses if p in simulated and (p in bent or p not in dataset.examples)]
     scenes = {
-        name: [
-            f for path in sorted((base / "simulation" / name).glob("frames-*.h5")) for f in read_frames(path)
-        ]
-        for name in snakemake.params.scenes
+        name: [frame for path in paths for frame in read_frames(path)]
+        for name, paths in snakemake.params.scenes.items()
     }
     write_report(
         snakemake.output[0],
@@ -70,7 +71,7 @@ with stage(snakemake):
             skin_rows=table("skin"),
             muscle_rows=table("muscles"),
             rig_rows=table("rig"),
-            metrics={Path(p).stem: metrics.read(p) for p in snakemake.input.metrics},
+            metrics=asked,
             scenes=scenes,
             jobs=read_jobs(base / "benchmarks"),
             benchmarks=metrics.read(BENCHMARKS) if BENCHMARKS.exists() else {},
