@@ -41,6 +41,10 @@ def missing_scan(folder: Path) -> None:
     (folder / "small" / "bent.ply").unlink()
 
 
+def missing_regions(folder: Path) -> None:
+    edit(folder, lambda d: d.update(regions={"bone_fascia": "painted.json"}))
+
+
 def no_scan_of_an_example(folder: Path) -> None:
     edit(folder, lambda d: d["poses"]["bent"].pop("scan"))
 
@@ -184,6 +188,7 @@ CHECKS = [
     (unknown_bone, "small/flexor.json", "thumb", "is not a bone of the dataset"),
     (unknown_child, DATASET, "joints.hinge", "names the bone 'thumb'"),
     (missing_scan, DATASET, "poses.bent.scan", "small/bent.ply does not exist"),
+    (missing_regions, DATASET, "regions.bone_fascia", "small/painted.json does not exist"),
 ]
 
 

@@ -72,7 +72,9 @@ def test_an_edit_of_the_library_reruns_what_imports_it(
     assert planned(folder, "segmentation", *SMALL) == {"evaluate_segmentation": 1, "segmentation": 1}
 
 
-def test_a_changed_limit_is_in_the_rig_after_one_call(built_small: Path, tmp_path: Path) -> None:
+def test_a_changed_limit_is_in_the_rig_after_one_call(
+    built_small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = Path(shutil.copytree(built_small, tmp_path / "copy"))
     assert run(folder, "-j2", "rig", *SMALL).returncode == 0
     file = folder / "config/datasets/small.yaml"
@@ -84,3 +86,9 @@ def test_a_changed_limit_is_in_the_rig_after_one_call(built_small: Path, tmp_pat
     [[_, upper]] = [np.degrees(limit) for limit in Rig.load(folder / "results/small/rig.h5").limits.values()]
     assert upper == pytest.approx(80)
     assert planned(folder, "rig", *SMALL) == {}
+
+    shutil.copytree(CHECKOUT / "src", folder / "src")
+    monkeypatch.setitem(ENVIRONMENT, "PYTHONPATH", str(folder / "src"))
+    registration = folder / "src/handpipe/skeleton/registration.py"
+    registration.write_text(registration.read_text(encoding="utf-8") + "\nNEW = 1\n", encoding="utf-8")
+    assert planned(folder, "rig", *SMALL) == {"register_bones": 2, "fit_rig": 1, "rig": 1}
