@@ -63,6 +63,7 @@ localrules:
 rule all:
     default_target: True
     input:
+        subject_checks(),
         each_subject("report.html"),
         each_subject("metrics/build.json"),
         obj_sequences(),
@@ -85,6 +86,7 @@ rule truth:
 
 rule seeds:
     input:
+        subject_checks(),
         [
             f"results/{s}/metrics/seeds.json"
             for s in buildable_subjects()
@@ -94,47 +96,59 @@ rule seeds:
 
 rule segmentation:
     input:
+        subject_checks(),
         each_subject("metrics/segmentation.json"),
 
 
 rule registration:
     input:
+        subject_checks(),
         each_subject("metrics/registration.json"),
 
 
 rule rig:
     input:
+        subject_checks(),
         each_subject("metrics/rig.json"),
 
 
 rule tendons:
     input:
+        subject_checks(),
         each_subject("metrics/tendons.json"),
 
 
 rule muscles:
     input:
+        subject_checks(),
         each_subject("metrics/muscles.json"),
 
 
 rule ligaments:
     input:
+        subject_checks(),
         each_subject("ligaments/{ligament}.h5"),
 
 
 rule fasciae:
     input:
+        subject_checks(),
         each_subject("fascia/bone.h5"),
         each_subject("fascia/muscle.h5"),
 
 
 rule fat:
     input:
+        subject_checks(),
         each_subject("metrics/skin.json"),
 
 
 rule simulation:
     input:
+        subject_checks(),
         each_subject("simulation/{scene}/{scene}.glb"),
         obj_sequences(),
         each_subject("simulation/complete.json"),
+
+
+depend_on_code()

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from handpipe.config import LAYERS, Scene, load_dataset, load_scene
+from handpipe.config import LAYERS, Edges, Scene, load_dataset, load_scene, settings_of
 from handpipe.errors import InputError
 
 CONFIG = Path(__file__).parents[1] / "config"
@@ -127,3 +127,38 @@ def test_a_dataset_is_like_one_that_is_whole_itself(tmp_path, like):
     path.write_text(f"name: mine\nroot: .\nlike: {like}\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"mine\.yaml: like"):
         load_dataset(path)
+
+
+GIVEN = {
+    "subjects": "one-hand",
+    "scenes": ["pinch", "fist"],
+    "edges": {"muscle": "1.8", "fascia": 2, "skin": "25e-1", "fat": 4.0},
+    "interpolation": "rbf",
+    "truth": "toy",
+}
+
+
+def test_settings_have_one_form_however_they_are_given():
+    found = settings_of(GIVEN)
+    assert found.subjects == ("one-hand",)
+    assert found.scenes == ("pinch", "fist")
+    assert found.edges == Edges(muscle=1.8, fascia=2.0, skin=2.5, fat=4.0)
+    assert {type(value) for _, value in found.edges} == {float}
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"edges": {**GIVEN["edges"], "muscle": "wide"}}, "edges.muscle"),
+        ({"edges": {**GIVEN["edges"], "fat": 0}}, "edges.fat"),
+        ({"edges": {**GIVEN["edges"], "skin": "nan"}}, "edges.skin"),
+        ({"edges": {"muscle": 1}}, "edges.fascia"),
+        ({"interpolation": "linear"}, "interpolation"),
+        ({"subjects": ["One Hand"]}, "subjects.0"),
+        ({"subject": "one-hand"}, "subject"),
+    ],
+)
+def test_wrong_settings_are_named(change, field):
+    with pytest.raises(InputError) as caught:
+        settings_of({**GIVEN, **change}, "config.yaml")
+    assert (caught.value.source, caught.value.field) == ("config.yaml", field)

@@ -10,7 +10,17 @@ import pytest
 
 CHECKOUT = Path(__file__).parents[1]
 SOURCE = CHECKOUT / "src" / "handpipe"
-BASE = ("errors", "command", "artifacts", "metrics", "config", "schema", "settling")
+BASE = (
+    "errors",
+    "command",
+    "artifacts",
+    "metrics",
+    "config",
+    "schema",
+    "selection",
+    "code_digest",
+    "settling",
+)
 TISSUES = ("tendons", "muscles", "ligaments", "fascia", "fat")
 # What each package may import, besides itself and the base; everything else is upwards.
 FLOORS: dict[str, tuple[str, ...]] = {

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from handpipe.artifacts import read_text
 from handpipe.errors import InputError
@@ -17,13 +18,27 @@ T = TypeVar("T", bound=BaseModel)
 Vector = tuple[float, float, float]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 Subject = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
+Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
 HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
 COUPLED_HANDS = ("phantom-hand-complete", "zanatomy-hand")  # generators whose truth is a coupled simulation
 SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
 
 
+class UndeclaredFieldError(Exception):
+    """A stage reads a field that its rule does not declare, and whose change would not rerun it."""
+
+
 class Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Only what is no attribute comes here: a field only in a selection of `handpipe.selection`."""
+            if name in type(self).model_fields:
+                kind = type(self).__name__
+                raise UndeclaredFieldError(f"{kind}.{name} is not declared by the rule of this script")
+            return super().__getattr__(name)
 
 
 class Role(StrEnum):
@@ -180,7 +195,7 @@ class Dataset(Model):
     ligaments: dict[Name, Muscle] = {}
     tendons: dict[Name, Tendon] = {}
     nails: dict[Name, Nail] = {}
-    muscle_interpolation: Literal["inverse-distance", "inverse-square", "rbf"] = Field(
+    muscle_interpolation: Interpolation = Field(
         "rbf",
         description="of muscle strains over poses: rbf follows trends, the others stay within the examples",
     )
@@ -220,16 +235,17 @@ class Dataset(Model):
             raise ValueError("joints: must form one tree over the bones, each bone a child at most once")
         return self
 
-    @property
+    # What follows from fields; a stage may read it alone, without them (`handpipe.selection`).
+    @cached_property
     def root_bones(self) -> list[str]:
         children = {j.child for j in self.joints.values()}
         return [b for b in self.bones if b not in children]
 
-    @property
+    @cached_property
     def root_bone(self) -> str:
         return self.root_bones[0]
 
-    @property
+    @cached_property
     def neutral(self) -> str:
         return next(n for n, p in self.poses.items() if p.role is Role.neutral)
 
@@ -242,15 +258,15 @@ class Dataset(Model):
         """Names of the poses with one of the roles, in file order."""
         return [n for n, p in self.poses.items() if p.role in roles]
 
-    @property
+    @cached_property
     def examples(self) -> list[str]:
         return self.poses_of(Role.example)
 
-    @property
+    @cached_property
     def heldout(self) -> list[str]:
         return self.poses_of(Role.heldout)
 
-    @property
+    @cached_property
     def fleshed(self) -> bool:
         """Whether one soft tissue between bones and skin can be made, which carries tendons and muscles."""
         return self.poses[self.neutral].scan is not None
@@ -307,6 +323,37 @@ class Scene(Model):
             needed.add(layer)
             pending.extend(n for n in LAYERS[layer] if n not in needed)
         return [layer for layer in LAYERS if layer in needed]
+
+
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]  # mm
+
+
+class Edges(Model):
+    """Edge lengths in mm."""
+
+    muscle: Length = Field(description="of the muscles' tetrahedra")
+    fascia: Length = Field(description="of the fasciae's triangles")
+    skin: Length = Field(description="of the skin's triangles")
+    fat: Length = Field(description="of the tetrahedra of the fat and of the single soft tissue")
+
+
+def _listed(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+class Settings(Model):
+    """What is built: config/config.yaml, with what the command line puts in its place."""
+
+    subjects: Annotated[tuple[Subject, ...], BeforeValidator(_listed)]
+    scenes: Annotated[tuple[str, ...], BeforeValidator(_listed)]
+    edges: Edges
+    interpolation: Interpolation = Field(description="of fat strains over poses")
+    truth: Literal["toy", "full"] = Field(description="resolution of coupled simulations that make subjects")
+
+
+def settings_of(content: Any, source: str | Path = "config") -> Settings:
+    """The configuration as Snakemake merged it; `InputError` names the first wrong key."""
+    return _checked(source, content, Settings)
 
 
 def load_yaml(path: str | Path, model: type[T]) -> T:

@@ -12,13 +12,13 @@ from pathlib import Path
 
 from handpipe.artifacts import write_text
 from handpipe.command import Parser, reported
-from handpipe.config import Dataset, Model, Scene
+from handpipe.config import Dataset, Model, Scene, Settings
 
-MODELS: dict[str, type[Model]] = {"dataset": Dataset, "scene": Scene}
+MODELS: dict[str, type[Model]] = {"config": Settings, "dataset": Dataset, "scene": Scene}
 
 
 def schema(name: str) -> str:
-    """The JSON schema of a kind of file, "dataset" or "scene", as text."""
+    """The JSON schema of a kind of file, as text."""
     dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     found = MODELS[name].model_json_schema()
     if name == "dataset":  # one that is like another need not have everything itself

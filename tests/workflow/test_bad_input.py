@@ -41,6 +41,10 @@ def missing_scan(folder: Path) -> None:
     (folder / "small" / "bent.ply").unlink()
 
 
+def missing_regions(folder: Path) -> None:
+    edit(folder, lambda d: d.update(regions={"bone_fascia": "painted.json"}))
+
+
 def no_scan_of_an_example(folder: Path) -> None:
     edit(folder, lambda d: d["poses"]["bent"].pop("scan"))
 
@@ -134,8 +138,8 @@ RUNS = [
     (no_seeds_of_a_bone, SEGMENT, ("small/bent-seeds.nii.gz", "seeds", "bone 'near' (label 1) has none")),
     (damaged_volume, SEGMENT, ("small/bent.nii.gz", "content", "cannot be read as NIfTI")),
     (not_a_number, SEGMENT, ("small/bent.nii.gz", "values", "1 voxels are NaN")),
-    (scan_in_metres, SEGMENT, ("small/bent.ply", "units", "looks like metres")),
-    (unknown_bone, SEGMENT, ("small/flexor.json", "thumb", "is not a bone of the dataset")),
+    (scan_in_metres, "segmentation", ("small/bent.ply", "units", "looks like metres")),
+    (unknown_bone, "segmentation", ("small/flexor.json", "thumb", "is not a bone of the dataset")),
     (unknown_layer, SIMULATE, ("config/scenes/flexion.yaml", "layers", "'nerves' is not a layer")),
     (
         beyond_limit,
@@ -209,6 +213,7 @@ CHECKS = [
     (seeds_of_another_grid, "small/bent-seeds.nii.gz", "grid", "40 x 30 x 29 voxels of 0.8 x 0.8 x 0.8 mm"),
     (seeds_of_no_bone, "small/bent-seeds.nii.gz", "seeds", "bone 'near' (label 1) has none"),
     (scribbles_of_no_bone, DATASET, "poses.bent.scribbles", "names the bone 'thumb'"),
+    (missing_regions, DATASET, "regions.bone_fascia", "small/painted.json does not exist"),
 ]
 
 

@@ -1,11 +1,17 @@
 """A build makes what its target and its scenes need, and a change reruns what depends on it."""
 
 import shutil
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from benchmarks.trust.job_plans import JobPlan, plan
+from benchmarks.trust.stale import Workbench, workbench
+
+from handpipe.config import Scene
 
 from .running import planned, run, working_copy
 from .small_subject import LABELS, ball, seeds, write_dataset, write_image, write_mesh
@@ -23,17 +29,79 @@ def nothing_built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return working_copy(tmp_path_factory.mktemp("needed") / "copy")
 
 
-@pytest.mark.parametrize("target", ["simulation", "all"])
-def test_bones_and_skin_need_no_inner_tissue(nothing_built: Path, target: str) -> None:
-    rules = planned(nothing_built, target, "--config", "scenes=[bones-and-skin]")
-    assert {"segment_pose", "fit_rig", "mesh_soft_tissue", "simulate", "export_scene"} <= set(rules)
-    assert deeper(rules) == set()
+ALWAYS = {
+    "all", "generate_pose", "segment_pose", "merge_labels", "register_bones", "fit_rig",
+    "simulate", "export_scene", "evaluate_segmentation", "evaluate_registration", "evaluate_frames", "report",
+    "evaluate_build",
+}  # fmt: skip
+FLESH = {
+    "generate_templates",
+    "make_skin",
+    "mesh_soft_tissue",
+}  # and what carries tendons and muscles: `simulate_flesh`
+TENDONS = {"extract_tendon", "register_tendon", "fit_hooks", "evaluate_tendons", "simulate_flesh", *FLESH}
+MUSCLES = {
+    "place_templates", "extract_muscle", "separate_neutral", "extract_muscle_shapes", "separate_muscles",
+    "fit_muscle_strains", "simulate_inner", "evaluate_muscles", *TENDONS,
+}  # fmt: skip
+# The rules that each layer brings, with those that it stands on.
+RULES_OF = {
+    "bones": set(),
+    "bone_fascia": {"make_bone_fascia"},
+    "tendons": TENDONS,
+    "muscles": MUSCLES,
+    "muscle_fascia": {"make_muscle_fascia", *MUSCLES},
+    "ligaments": {"generate_templates", "place_templates", "fit_ligament"},
+    "fat": {
+        "make_bone_fascia", "make_muscle_fascia", "fit_ligament", "mesh_fat", "fit_fat_strains",
+        "collect_fat_strains", "simulate_skin", "evaluate_skin", *MUSCLES,
+    },
+    "skin": FLESH,
+}  # fmt: skip
 
 
-def test_every_layer_needs_every_tissue(nothing_built: Path) -> None:
-    rules = planned(nothing_built, "simulation")
-    tissues = {"extract_muscle", "fit_hooks", "fit_ligament", "make_muscle_fascia", "mesh_fat"}
-    assert tissues <= deeper(rules)
+def needs_of_subsets() -> dict[frozenset[str], tuple[str, ...]]:
+    """One subset of the layers for each set of layers that some subset needs."""
+    subsets = (c for size in range(1, len(RULES_OF) + 1) for c in combinations(RULES_OF, size))
+    found: dict[frozenset[str], tuple[str, ...]] = {}
+    for layers in subsets:
+        needed = frozenset(Scene(layers=layers, frames=Path("x.csv")).needed)
+        found.setdefault(needed - {"skin"} if "fat" in needed else needed, layers)
+    return found
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Workbench]:
+    with workbench() as made:
+        yield made
+
+
+def plan_of(bench: Workbench, layers: Sequence[str], target: str = "all") -> JobPlan:
+    bench.before("phantom-finger")
+    bench.write("scenes/flexion", {**bench.contents["scene"], "layers": list(layers)})
+    given = {"subjects": ["phantom-finger"], "scenes": ["flexion"]}
+    return plan(bench.folder, [target], given)
+
+
+@pytest.mark.parametrize("layers", needs_of_subsets().values(), ids="-".join)
+def test_all_builds_what_the_layers_need(bench: Workbench, layers: tuple[str, ...]) -> None:
+    expected = ALWAYS.union(*(RULES_OF[layer] for layer in layers))
+    assert plan_of(bench, layers).rules() == expected
+
+
+@pytest.mark.parametrize("layers", [("tendons",), ("ligaments", "bone_fascia"), ("muscles",), ("fat",)])
+def test_all_adds_nothing_but_figures_to_the_simulation(bench: Workbench, layers: tuple[str, ...]) -> None:
+    """Whole jobs, not only rules: scanned poses are simulated where a stage or its comparison needs them."""
+    figures = {"all", "simulation", "report", "simulate_skin"}
+    further = {
+        (job.rule, dict(job.wildcards).get("pose"))
+        for job in plan_of(bench, layers).compared.keys()
+        - plan_of(bench, layers, "simulation").compared.keys()
+        if not job.rule.startswith("evaluate_") and job.rule not in figures
+    }
+    assert further <= {("simulate_flesh", "half"), ("simulate_inner", "half")} | (
+        {("simulate_inner", pose) for pose in ("bow", "fist")} if layers == ("muscles",) else set()
+    )
 
 
 def test_rig_needs_no_tissue(nothing_built: Path) -> None:
@@ -110,4 +178,4 @@ def test_scribbles_rerun_their_bone_alone(built_small: Path, tmp_path: Path) -> 
 def test_changed_scan_is_checked_but_images_stay(built_small: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(built_small, tmp_path / "copy"))
     write_mesh(folder / "small" / "bent.ply", ball().apply_scale(1.1))
-    assert planned(folder, "segmentation", *SMALL) == {"check_subject": 1}
+    assert planned(folder, "segmentation", *SMALL) == {"check_subject": 1, "segmentation": 1}

@@ -31,8 +31,6 @@ rule template_hand:
 
 
 rule zanatomy_hand:
-    input:
-        dataset=ancient(of_dataset),
     output:
         tissue="results/{subject}/anatomy/template.h5",
         subject="results/{subject}/anatomy/subject.h5",
@@ -49,6 +47,7 @@ rule zanatomy_hand:
         mem_mb=4000,
         runtime=30,
     params:
+        dataset=reads("name", "anatomy"),
         edges=HAND_EDGES,
     message:
         "{wildcards.subject}: template of real organs"

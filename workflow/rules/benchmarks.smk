@@ -66,7 +66,7 @@ rule benchmark_shapes:
 
 rule benchmark_segmentation:
     input:
-        dataset=ancient(SEEDED),
+        dataset=SEEDED,
         files=expand(
             "results/phantom-hand-seeded/data/{part}.nii.gz",
             part=[

@@ -1,15 +1,26 @@
 # Helpers of the rules: datasets and scenes by name, the build's lock. No rules here.
 
+import atexit
 import fcntl
 import functools
-import hashlib
-import json
 from pathlib import Path
 
+import handpipe
 import yaml
 from snakemake.exceptions import WorkflowError
 
-from handpipe.config import AIDS, COUPLED_HANDS, LAYERS, Role, load_dataset, load_scene
+from handpipe import selection
+from handpipe.code_digest import CodeDigests
+from handpipe.config import (
+    AIDS,
+    COUPLED_HANDS,
+    LAYERS,
+    Role,
+    load_dataset,
+    load_scene,
+    settings_of,
+)
+from handpipe.datasets import generators
 from handpipe.errors import HandpipeError
 from handpipe.hand.subject import joint_limits, named_files, require_files, require_scan
 from handpipe.skeleton.drivers.scene_frames import frame_names
@@ -21,6 +32,11 @@ def checked(load, *arguments):
         return load(*arguments)
     except HandpipeError as error:
         raise WorkflowError(f"handpipe: {error}") from None
+
+
+SETTINGS = checked(
+    settings_of, config, "configuration (config/config.yaml, --configfile or --config)"
+)
 
 
 @functools.cache
@@ -35,19 +51,62 @@ def dataset_file(subject):
     return f"config/datasets/{subject}.yaml"
 
 
-def of_dataset(wildcards):
-    return dataset_file(wildcards.subject)
+@functools.cache
+def selected(subject, fields, names):
+    """Fields of a dataset as text: a parameter of rules, of which their script makes the dataset."""
+    return selection.select(dataset(subject), fields, **dict(names))
 
 
-def dataset_digest(wildcards):
-    """What a dataset file says, but for scribbles, which are inputs of their own bones alone.
+def reads(*fields):
+    """Parameter function: the fields of the dataset that the rule's script reads, and no others.
 
-    Rules take the file as ancient and this as a parameter: a comment or a scribble added to it reruns nothing else.
+    Fields are those of `handpipe.selection`; wildcards stand in braces, and {neutral}, {examples} and
+    {proposed} for the names of such poses. A change of another field does not rerun the rule.
     """
-    data = dataset(wildcards.subject).model_dump(mode="json")
-    for pose in data["poses"].values():
-        del pose["scribbles"]
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+    def values(wildcards):
+        data = dataset(wildcards.subject)
+        names = {
+            **dict(wildcards.items()),
+            "neutral": data.neutral,
+            "examples": tuple(data.examples),
+            "proposed": tuple(proposed_poses(wildcards.subject)),
+        }
+        return selected(wildcards.subject, fields, tuple(names.items()))
+
+    return values
+
+
+def image_of(pose="{pose}"):
+    """Fields of the dataset that `pose_volume` reads of a pose."""
+    return ["root", *(f"poses.{pose}.{part}" for part in ("volume", "series", "echo"))]
+
+
+def reads_scene(*fields):
+    """Parameter function: the same of the fields of a scene."""
+    return lambda w: selection.select(scene(w.scene), fields)
+
+
+# What `layers_of` in workflow/scripts/layers.py reads of the dataset for each layer.
+LAYER_FIELDS = {
+    "flesh": ("fleshed",),
+    "tendons": ("tendons.names",),
+    "muscles": ("muscles.names",),
+    "muscle_fascia": ("muscles.names",),
+    "ligaments": ("ligaments.names",),
+}
+
+
+def layer_fields(layers):
+    return [field for layer in layers for field in LAYER_FIELDS.get(layer, ())]
+
+
+def of_layers(layers, *further):
+    """Parameter function: the fields of the dataset that a simulation of layers reads, and further ones.
+
+    layers: names of the layers by wildcards.
+    """
+    return lambda w: reads(*further, *layer_fields(layers(w)))(w)
 
 
 @functools.cache
@@ -55,16 +114,10 @@ def scene(name):
     return checked(load_scene, f"config/scenes/{name}.yaml")
 
 
-def listed(key):
-    """A list of the configuration that may have been given as one name on the command line."""
-    value = config[key]
-    return [value] if isinstance(value, str) else list(value)
-
-
 def buildable_subjects():
     """Subjects of the configuration whose source data are here; others are skipped with a reason."""
     kept = []
-    for subject in listed("subjects"):
+    for subject in SETTINGS.subjects:
         source = dataset(subject).anatomy
         if source is not None and not source.exists():
             logger.warning(
@@ -123,7 +176,7 @@ def each_subject(pattern):
             f"results/{{subject}}/{pattern}",
             subject=subject,
             ligament=list(dataset(subject).ligaments),
-            scene=listed("scenes"),
+            scene=SETTINGS.scenes,
         )
     ]
 
@@ -154,11 +207,17 @@ def surface_files(wildcards):
     ]
 
 
-def subject_check(wildcards):
-    """The check of a scanned subject; a later change of a scan does not make its images new."""
-    if dataset(wildcards.subject).generator:
-        return []
-    return ancient(f"results/{wildcards.subject}/check.json")
+def subject_checks():
+    """The checks of scanned subjects. Every target has them; no job waits for them.
+
+    As an input of the segmentation the check would have to be `ancient`, for a scan does not change images;
+    but Snakemake does not look at the parameters of jobs behind an ancient input that is made anew.
+    """
+    return [
+        f"results/{subject}/check.json"
+        for subject in buildable_subjects()
+        if not dataset(subject).generator
+    ]
 
 
 def neutral(subject):
@@ -234,6 +293,42 @@ def layer_files(subject, layers):
 INNER_LAYERS = [layer for layer in LAYERS if layer not in (*AIDS, "fat", "skin")]
 
 
+def scene_layers():
+    """The layers that any scene needs, inside out."""
+    needed = {layer for name in SETTINGS.scenes for layer in scene(name).needed}
+    return [layer for layer in LAYERS if layer in needed]
+
+
+def inner_name(layers):
+    """Name of the file of a scanned pose with layers under the fat: "inner" is all of them."""
+    given = [layer for layer in INNER_LAYERS if layer in layers]
+    return "inner" if given == INNER_LAYERS else "-".join(["inner", *given])
+
+
+def layers_in(name):
+    """The layers of a file that `inner_name` names."""
+    return name.split("-")[1:] or INNER_LAYERS
+
+
+def flesh_under_inner(wildcards):
+    """The flesh of a scanned pose, where one of its layers needs it."""
+    needs = any("flesh" in LAYERS[layer] for layer in layers_in(wildcards.inner))
+    if not needs or not dataset(wildcards.subject).fleshed:
+        return []
+    return f"results/{wildcards.subject}/poses/{wildcards.pose}/flesh.h5"
+
+
+def muscle_poses(subject):
+    """Scanned poses with the muscles and what else the scenes need under the fat, to compare with truth."""
+    data = dataset(subject)
+    layers = scene_layers()
+    name = inner_name(
+        layers if "muscles" in layers else ("bones", "tendons", "muscles")
+    )
+    poses = data.poses_of(Role.example, Role.heldout)
+    return [f"results/{subject}/poses/{pose}/{name}.h5" for pose in poses]
+
+
 @functools.cache
 def frames(subject, name):
     """Names of a scene's frames; the file is checked here, angles against limits too, not after hours of fitting."""
@@ -278,19 +373,9 @@ def obj_sequences():
     return [
         f"results/{subject}/simulation/{name}/obj"
         for subject in buildable_subjects()
-        for name in listed("scenes")
+        for name in SETTINGS.scenes
         if scene(name).obj
     ]
-
-
-def layered(subject):
-    """Whether any scene asks for more than bones in one soft tissue."""
-    return any(set(scene(s).needed) - {"bones", "skin"} for s in listed("scenes"))
-
-
-def fatted(subject):
-    """Whether any scene asks for the fat, and so for scans of all example poses."""
-    return any("fat" in scene(s).needed for s in listed("scenes"))
 
 
 def scribbles(subject, pose, bone):
@@ -309,6 +394,11 @@ def all_scribbles(wildcards):
     """The scribbles of a pose, in the order of its corrected bones."""
     data = dataset(wildcards.subject)
     return [data.path(file) for file in data.poses[wildcards.pose].scribbles.values()]
+
+
+def scribbled_bones(wildcards, input):
+    """Bones that may lack seeds. As a function of `input` it reruns nothing: it decides failure alone."""
+    return [*dataset(wildcards.subject).poses[wildcards.pose].scribbles]
 
 
 def corrected_bones(wildcards):
@@ -335,10 +425,17 @@ def template_files(subject):
         return [data.path("templates")]
     organs = [*data.muscles.values(), *data.ligaments.values()]
     files = [o.template for o in organs] + [o.attachments for o in organs]
-    files += [b.template for b in data.bones.values() if b.template] + [
-        n.surface for n in data.nails.values()
-    ]
+    files += [o.landmarks for o in organs if o.landmarks]
+    files += [b.template for b in data.bones.values() if b.template]
     return [data.path(f) for f in files]
+
+
+def nail_files(subject):
+    """The nails' patches: the generated folder, or the files that the dataset names."""
+    data = dataset(subject)
+    if data.generator:
+        return [data.path("templates")]
+    return [data.path(nail.surface) for nail in data.nails.values()]
 
 
 def curve_folder(subject, path):
@@ -355,26 +452,30 @@ def scanned(subject):
 
 def report_metrics(subject):
     """The stages that the scenes ask for."""
-    data = dataset(subject)
+    data, layers = dataset(subject), scene_layers()
     stages = ["seeds"] if proposed_poses(subject) else []
     stages += ["segmentation", "registration", "rig"]
-    if layered(subject):
-        stages += ["tendons"] if data.tendons else []
-        stages += ["muscles"] if data.muscles else []
-        stages += ["skin"] if fatted(subject) else []
-    stages += [f"frames-{name}" for name in listed("scenes")]
+    stages += ["tendons"] if "tendons" in layers and data.tendons else []
+    stages += ["muscles"] if "muscles" in layers and data.muscles else []
+    stages += ["skin"] if "fat" in layers else []
+    stages += [f"frames-{name}" for name in SETTINGS.scenes]
     return [f"results/{subject}/metrics/{stage}.json" for stage in stages]
 
 
 def report_poses(subject):
-    """Simulated scanned poses that the report draws."""
-    if not layered(subject):
-        return []
-    return [
-        f"results/{subject}/poses/{n}/{part}.h5"
-        for n in [neutral(subject), *scanned(subject)]
-        for part in (["inner", "skin"] if fatted(subject) else ["inner"])
-    ]
+    """Simulated scanned poses that the report draws: those that other stages need, too."""
+    layers = scene_layers()
+    if "fat" in layers:
+        return [
+            f"results/{subject}/poses/{pose}/{part}.h5"
+            for pose in [neutral(subject), *scanned(subject)]
+            for part in ("inner", "skin")
+        ]
+    return (
+        muscle_poses(subject)
+        if "muscles" in layers and dataset(subject).muscles
+        else []
+    )
 
 
 def neutral_volume(wildcards):
@@ -442,3 +543,42 @@ def template_hands():
         if dataset(subject).generator in ("phantom-hand", *COUPLED_HANDS)
         and dataset(subject).hand == "right"
     ]
+
+
+def has_organs(subject):
+    """Whether the subject has organs, which are fitted in every pose."""
+    data = dataset(subject)
+    return bool(data.tendons or data.muscles or data.ligaments)
+
+
+CODE = CodeDigests(
+    packages=(Path(handpipe.__file__).parent, Path("benchmarks").absolute()),
+    cache=Path(handpipe.__file__).parent / "__pycache__" / "code_digests.json",
+)
+atexit.register(CODE.save)
+SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
+
+
+def code_of(each):
+    """Parameter function: a digest of the code that a rule's script runs."""
+    script = SCRIPTS / Path(each.script).name
+    if each.name.startswith("benchmark_"):
+        name = next(v for k, v in each.params._allitems() if k == "name")
+        further = sorted(Path("benchmarks", name).absolute().glob("*.py"))
+        return lambda wildcards: CODE.of(script, *further)
+    if each.name in ("generate_templates", "generate_pose", "generate_bones"):
+        return lambda w: CODE.of(script, generator_file(w.subject))
+    return lambda wildcards: CODE.of(script)
+
+
+def generator_file(subject):
+    """The module that makes a generated subject, which `generators` imports by its name."""
+    name = generators.MODULES[dataset(subject).generator]
+    return Path(generators.__file__).with_name(f"{name}.py")
+
+
+def depend_on_code():
+    """Give every rule the digest of its code as a parameter. So a change of the library reruns what imports it."""
+    for each in workflow.rules:
+        if each.script:
+            each.set_params(code=code_of(each))

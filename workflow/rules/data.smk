@@ -2,8 +2,6 @@
 
 
 rule generate_templates:
-    input:
-        dataset=ancient(of_dataset),
     output:
         directory("results/{subject}/data/templates"),
         directory("results/{subject}/data/curves"),
@@ -18,7 +16,22 @@ rule generate_templates:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(
+            "name",
+            "generator",
+            "anatomy",
+            "seed",
+            "hand",
+            "root",
+            "poses.*.scan",
+            "bones.*.template",
+            "muscles.*.template",
+            "muscles.*.attachments",
+            "ligaments.*.template",
+            "ligaments.*.attachments",
+            "tendons.*.path",
+            "nails",
+        ),
     message:
         "{wildcards.subject}: templates, tendon curves and nails"
     script:
@@ -26,8 +39,6 @@ rule generate_templates:
 
 
 rule generate_pose:
-    input:
-        dataset=ancient(of_dataset),
     output:
         volume="results/{subject}/data/volumes/{pose}.nii.gz",
         seeds="results/{subject}/data/seeds/{pose}.nii.gz",
@@ -46,7 +57,20 @@ rule generate_pose:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(
+            "name",
+            "generator",
+            "anatomy",
+            "seed",
+            "hand",
+            "scanner",
+            "truth",
+            "root",
+            "poses.{pose}.scan",
+            "poses.{pose}.volume",
+            "poses.{pose}.seeds",
+            "bones.*.label",
+        ),
     message:
         "{wildcards.subject}: images, scan and truth of {wildcards.pose}"
     script:
@@ -54,8 +78,6 @@ rule generate_pose:
 
 
 rule generate_bones:
-    input:
-        dataset=ancient(of_dataset),
     output:
         volume="results/{subject}/data/volumes/{pose}.nii.gz",
         truth="results/{subject}/data/truth/{pose}.h5",
@@ -72,7 +94,24 @@ rule generate_bones:
         mem_mb=2000,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(
+            "name",
+            "generator",
+            "anatomy",
+            "seed",
+            "hand",
+            "scanner",
+            "truth",
+            "root",
+            "poses.*.scan",
+            "poses.{pose}.volume",
+            "poses.{pose}.seeds",
+            "bones.*.label",
+            "muscles.names",
+            "ligaments.names",
+            "tendons.names",
+            "nails.names",
+        ),
     message:
         "{wildcards.subject}: image and truth of the bones of {wildcards.pose}"
     script:
@@ -81,7 +120,6 @@ rule generate_bones:
 
 rule generate_seeds:
     input:
-        dataset=ancient(of_dataset),
         bones="results/{subject}/data/truth/{pose}.bones.nii.gz",
         marrow="results/{subject}/data/truth/{pose}.marrow.nii.gz",
     output:
@@ -97,7 +135,7 @@ rule generate_seeds:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads("name", "seed", "truth", "root", "poses.{pose}.seeds"),
     message:
         "{wildcards.subject}: seeds of {wildcards.pose} as a person would draw them"
     script:
@@ -106,7 +144,6 @@ rule generate_seeds:
 
 rule check_subject:
     input:
-        dataset=ancient(of_dataset),
         files=surface_files,
     output:
         "results/{subject}/check.json",
@@ -114,12 +151,13 @@ rule check_subject:
         "results/{subject}/logs/check_subject/all.log",
     benchmark:
         "results/{subject}/benchmarks/check_subject/all.tsv"
+    priority: 1  # before any job
     threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads("*"),
     message:
         "{wildcards.subject}: images, scans, templates and attachments are what the dataset says"
     script:

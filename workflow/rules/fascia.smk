@@ -3,7 +3,6 @@
 
 rule make_bone_fascia:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         regions=lambda w: painted_regions(w.subject, "bone_fascia"),
     output:
@@ -17,8 +16,8 @@ rule make_bone_fascia:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
-        edge=config["edges"]["fascia"],
+        dataset=reads("joints.*.parent", "joints.*.child"),
+        edge=SETTINGS.edges.fascia,
     message:
         "{wildcards.subject}: bone fascia"
     script:
@@ -27,7 +26,6 @@ rule make_bone_fascia:
 
 rule make_muscle_fascia:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         muscles=lambda w: expand(
             "results/{subject}/muscles/{muscle}/strains.h5",
@@ -46,8 +44,8 @@ rule make_muscle_fascia:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
-        edge=config["edges"]["fascia"],
+        dataset=reads("muscles.names"),
+        edge=SETTINGS.edges.fascia,
     message:
         "{wildcards.subject}: muscle fascia"
     script:

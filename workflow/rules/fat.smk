@@ -3,9 +3,8 @@
 
 rule make_skin:
     input:
-        dataset=ancient(of_dataset),
         scan=neutral_scan,
-        templates=lambda w: template_files(w.subject),
+        nails=lambda w: nail_files(w.subject),
     output:
         "results/{subject}/skin.h5",
     log:
@@ -17,8 +16,8 @@ rule make_skin:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
-        edge=config["edges"]["skin"],
+        dataset=reads("root", "nails", "root_bone"),
+        edge=SETTINGS.edges.skin,
     message:
         "{wildcards.subject}: neutral skin from its scan"
     script:
@@ -41,7 +40,7 @@ rule mesh_fat:
         mem_mb=2500,
         runtime=10,
     params:
-        edge=config["edges"]["fat"],
+        edge=SETTINGS.edges.fat,
     message:
         "{wildcards.subject}: tetrahedra between the inner surface and the skin"
     script:
@@ -50,7 +49,6 @@ rule mesh_fat:
 
 rule mesh_soft_tissue:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         skin="results/{subject}/skin.h5",
     output:
@@ -64,8 +62,8 @@ rule mesh_soft_tissue:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=dataset_digest,
-        edge=config["edges"]["fat"],
+        dataset=reads("neutral", "joints.*.parent", "joints.*.child"),
+        edge=SETTINGS.edges.fat,
     message:
         "{wildcards.subject}: one soft tissue between the bones and the skin"
     script:
@@ -75,26 +73,23 @@ rule mesh_soft_tissue:
 rule simulate_inner:
     input:
         rig="results/{subject}/rig.h5",
-        dataset=ancient(of_dataset),
-        layers=lambda w: layer_files(w.subject, INNER_LAYERS),
-        flesh=lambda w: (
-            "results/{subject}/poses/{pose}/flesh.h5"
-            if dataset(w.subject).fleshed
-            else []
-        ),
+        layers=lambda w: layer_files(w.subject, layers_in(w.inner)),
+        flesh=flesh_under_inner,
     output:
-        "results/{subject}/poses/{pose}/inner.h5",
+        "results/{subject}/poses/{pose}/{inner}.h5",
     log:
-        "results/{subject}/logs/simulate_inner/{pose}.log",
+        "results/{subject}/logs/simulate_inner/{pose}/{inner}.log",
     benchmark:
-        "results/{subject}/benchmarks/simulate_inner/{pose}.tsv"
+        "results/{subject}/benchmarks/simulate_inner/{pose}/{inner}.tsv"
+    wildcard_constraints:
+        inner="inner(?:-[a-z_]+)*",
     threads: 1
     resources:
         mem_mb=2000,
         runtime=30,
     params:
-        dataset=dataset_digest,
-        layers=INNER_LAYERS,
+        dataset=of_layers(lambda w: layers_in(w.inner)),
+        layers=lambda w: layers_in(w.inner),
     message:
         "{wildcards.subject}: layers under the fat in {wildcards.pose}"
     script:
@@ -103,7 +98,6 @@ rule simulate_inner:
 
 rule fit_fat_strains:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         mesh="results/{subject}/fat/mesh.h5",
         inner="results/{subject}/poses/{pose}/inner.h5",
@@ -119,7 +113,7 @@ rule fit_fat_strains:
         mem_mb=3000,
         runtime=30,
     params:
-        dataset=dataset_digest,
+        dataset=reads("nails.names"),
     message:
         "{wildcards.subject}: plastic strains of the fat in {wildcards.pose}"
     script:
@@ -128,7 +122,6 @@ rule fit_fat_strains:
 
 rule collect_fat_strains:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         mesh="results/{subject}/fat/mesh.h5",
         poses=in_poses("results/{subject}/fat/poses/{pose}.h5", Role.example),
@@ -143,8 +136,8 @@ rule collect_fat_strains:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
-        interpolation=config["interpolation"],
+        dataset=reads("neutral", "examples"),
+        interpolation=SETTINGS.interpolation,
     message:
         "{wildcards.subject}: pose space of the fat"
     script:
@@ -153,7 +146,6 @@ rule collect_fat_strains:
 
 rule simulate_skin:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         inner="results/{subject}/poses/{pose}/inner.h5",
         fat="results/{subject}/fat/mesh.h5",
@@ -169,8 +161,6 @@ rule simulate_skin:
     resources:
         mem_mb=2500,
         runtime=10,
-    params:
-        dataset=dataset_digest,
     message:
         "{wildcards.subject}: skin of {wildcards.pose} by the full, the strain-free and the single-tissue model"
     script:
@@ -179,7 +169,6 @@ rule simulate_skin:
 
 rule evaluate_skin:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         skin="results/{subject}/skin.h5",
         scans=lambda w: [
@@ -207,7 +196,7 @@ rule evaluate_skin:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads("poses.*.role", "truth", "root"),
     message:
         "{wildcards.subject}: skin against scans"
     script:

@@ -3,7 +3,6 @@
 
 rule fit_ligament:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         templates="results/{subject}/templates.h5",
     output:
@@ -17,7 +16,7 @@ rule fit_ligament:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads("neutral"),
     message:
         "{wildcards.subject}: place the {wildcards.ligament} ligament"
     script:

@@ -3,7 +3,6 @@
 
 rule place_templates:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         templates=lambda w: template_files(w.subject),
     output:
@@ -17,7 +16,7 @@ rule place_templates:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads("root", "bones.*.template", "muscles", "ligaments"),
     message:
         "{wildcards.subject}: place the templates of muscles and ligaments on the bones"
     script:
@@ -26,7 +25,6 @@ rule place_templates:
 
 rule extract_muscle:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         templates="results/{subject}/templates.h5",
         volume=neutral_volume,
@@ -43,7 +41,7 @@ rule extract_muscle:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(*image_of("{neutral}"), "neutral", "muscles.names"),
     message:
         "{wildcards.subject}: shape of {wildcards.muscle} in neutral"
     script:
@@ -65,7 +63,8 @@ rule separate_neutral:
         mem_mb=2000,
         runtime=30,
     params:
-        edge=config["edges"]["muscle"],
+        dataset=reads("muscles.names"),
+        edge=SETTINGS.edges.muscle,
     message:
         "{wildcards.subject}: separate the muscles in neutral"
     script:
@@ -75,7 +74,6 @@ rule separate_neutral:
 # One job for all: each pose starts from the most similar one that is known, and muscles know their neighbours.
 rule extract_muscle_shapes:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         neutral="results/{subject}/muscles/neutral.h5",
         volumes=lambda w: [
@@ -97,7 +95,12 @@ rule extract_muscle_shapes:
         mem_mb=2000,
         runtime=60,
     params:
-        dataset=dataset_digest,
+        dataset=reads(
+            *image_of("{examples}"),
+            "examples",
+            "poses.{examples}.markers",
+            "poses.{examples}.landmarks",
+        ),
     message:
         "{wildcards.subject}: shapes of the muscles in the example poses"
     script:
@@ -128,7 +131,6 @@ rule separate_muscles:
 
 rule fit_muscle_strains:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         neutral="results/{subject}/muscles/neutral.h5",
         shapes="results/{subject}/muscles/shapes.h5",
@@ -147,7 +149,7 @@ rule fit_muscle_strains:
         mem_mb=1500,
         runtime=20,
     params:
-        dataset=dataset_digest,
+        dataset=reads("neutral", "examples", "muscle_interpolation"),
     message:
         "{wildcards.subject}: plastic strains of {wildcards.muscle} over the poses"
     script:
@@ -156,16 +158,13 @@ rule fit_muscle_strains:
 
 rule evaluate_muscles:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         templates="results/{subject}/templates.h5",
         muscles=of_muscles("results/{subject}/muscles/{muscle}/strains.h5"),
         separated=in_poses(
             "results/{subject}/muscle_separation/{pose}.h5", Role.example
         ),
-        inner=in_poses(
-            "results/{subject}/poses/{pose}/inner.h5", Role.example, Role.heldout
-        ),
+        inner=lambda w: muscle_poses(w.subject),
     output:
         metrics="results/{subject}/metrics/muscles.json",
         table="results/{subject}/tables/muscles.json",
@@ -178,7 +177,7 @@ rule evaluate_muscles:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads("poses.*.role", "muscles.names", "truth", "root"),
     message:
         "{wildcards.subject}: muscles against truth"
     script:

@@ -3,7 +3,6 @@
 
 rule register_bones:
     input:
-        dataset=ancient(of_dataset),
         neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
         target="results/{subject}/segmentation/{pose}/surfaces.h5",
     output:
@@ -17,7 +16,14 @@ rule register_bones:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(
+            "neutral",
+            "bones.names",
+            "joints.*.parent",
+            "joints.*.child",
+            "joints.*.angles",
+            "joints.*.axis_hints",
+        ),
     message:
         "{wildcards.subject}: register the bones of {wildcards.pose}"
     script:
@@ -26,7 +32,6 @@ rule register_bones:
 
 rule evaluate_registration:
     input:
-        dataset=ancient(of_dataset),
         neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
         registrations=in_poses("results/{subject}/registration/{pose}.h5"),
     output:
@@ -41,7 +46,7 @@ rule evaluate_registration:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads("poses.names", "neutral", "bones.names", "truth", "root"),
     message:
         "{wildcards.subject}: registration against truth"
     script:

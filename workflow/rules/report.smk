@@ -3,14 +3,13 @@
 
 rule report:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         metrics=lambda w: report_metrics(w.subject),
         poses=lambda w: report_poses(w.subject),
         chunks=chunks_of_scenes,
         scenes=lambda w: expand(
             "results/{subject}/simulation/{scene}/{scene}.glb",
-            scene=listed("scenes"),
+            scene=SETTINGS.scenes,
             allow_missing=True,
         ),
     output:
@@ -24,7 +23,22 @@ rule report:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(
+            "name",
+            "hand",
+            "generator",
+            "seed",
+            "truth",
+            *image_of("*"),
+            "poses.*.role",
+            "poses.*.scan",
+            "bones.names",
+            "joints.names",
+            "muscles.names",
+            "ligaments.names",
+            "tendons.names",
+            "nails.names",
+        ),
         scenes=lambda w: {
             s: expand(
                 "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
@@ -32,9 +46,9 @@ rule report:
                 scene=s,
                 chunk=chunks(w.subject, s),
             )
-            for s in listed("scenes")
+            for s in SETTINGS.scenes
         },
-        settings={k: str(v) for k, v in config.items()},
+        settings={k: str(v) for k, v in SETTINGS.model_dump(mode="json").items()},
     message:
         "{wildcards.subject}: report"
     script:

@@ -3,7 +3,6 @@
 
 rule fit_rig:
     input:
-        dataset=ancient(of_dataset),
         neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
         registrations=in_poses("results/{subject}/registration/{pose}.h5"),
     output:
@@ -20,7 +19,8 @@ rule fit_rig:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        organs=lambda w: has_organs(w.subject),
+        dataset=reads("name", "poses.*.role", "bones.names", "joints", "truth", "root"),
     message:
         "{wildcards.subject}: fit the rig"
     script:

@@ -3,8 +3,6 @@
 
 rule propose_seeds:
     input:
-        dataset=ancient(of_dataset),
-        check=subject_check,
         volume=of_pose("volume"),
         neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
     output:
@@ -20,7 +18,14 @@ rule propose_seeds:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(
+            *image_of(),
+            "bones.*.label",
+            "joints.*.parent",
+            "joints.*.child",
+            "joints.*.axis_hints",
+            "joints.*.limits_deg",
+        ),
     message:
         "{wildcards.subject}: propose seeds of {wildcards.pose}"
     script:
@@ -29,7 +34,6 @@ rule propose_seeds:
 
 rule evaluate_seeds:
     input:
-        dataset=ancient(of_dataset),
         neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
         located=lambda w: expand(
             "results/{subject}/segmentation/{pose}/located.h5",
@@ -47,7 +51,7 @@ rule evaluate_seeds:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(*image_of("{proposed}"), "bones.*.label", "truth"),
         poses=lambda w: proposed_poses(w.subject),
     message:
         "{wildcards.subject}: proposed seeds, and how many bones need a person"

@@ -3,8 +3,6 @@
 
 rule segment_pose:
     input:
-        dataset=ancient(of_dataset),
-        check=subject_check,
         volume=of_pose("volume"),
         seeds=seeds_of_pose,
     output:
@@ -18,7 +16,8 @@ rule segment_pose:
         mem_mb=2500,
         runtime=20,
     params:
-        dataset=dataset_digest,
+        dataset=reads(*image_of(), "bones.*.label", "neutral", "poses.{pose}.seeds"),
+        scribbled=scribbled_bones,
     message:
         "{wildcards.subject}: segment the bones of {wildcards.pose}"
     script:
@@ -28,8 +27,6 @@ rule segment_pose:
 # A bone with scribbles again: they are an input of this rule and of the merging alone.
 rule correct_bone:
     input:
-        dataset=ancient(of_dataset),
-        check=subject_check,
         volume=of_pose("volume"),
         seeds=seeds_of_pose,
         scribbles=lambda w: scribbles(w.subject, w.pose, w.bone),
@@ -44,7 +41,7 @@ rule correct_bone:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(*image_of(), "bones.*.label"),
     message:
         "{wildcards.subject}: segment {wildcards.bone} in {wildcards.pose} with its scribbles"
     script:
@@ -53,7 +50,6 @@ rule correct_bone:
 
 rule merge_labels:
     input:
-        dataset=ancient(of_dataset),
         volume=of_pose("volume"),
         seeds=seeds_of_pose,
         bones="results/{subject}/segmentation/{pose}/bones.h5",
@@ -74,7 +70,7 @@ rule merge_labels:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(*image_of(), "bones.*.label", "neutral", "poses.{pose}.scribbles"),
     message:
         "{wildcards.subject}: labels and surfaces of {wildcards.pose}"
     script:
@@ -83,7 +79,6 @@ rule merge_labels:
 
 rule evaluate_segmentation:
     input:
-        dataset=ancient(of_dataset),
         labels=in_poses("results/{subject}/segmentation/{pose}/labels.nii.gz"),
         looks=in_poses("results/{subject}/segmentation/{pose}/looks.json"),
     output:
@@ -97,7 +92,7 @@ rule evaluate_segmentation:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads("bones.*.label", "poses.names", "neutral", "truth", "root"),
     message:
         "{wildcards.subject}: segmentation against truth"
     script:

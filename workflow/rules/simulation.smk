@@ -4,8 +4,6 @@
 rule simulate:
     input:
         rig="results/{subject}/rig.h5",
-        dataset=ancient(of_dataset),
-        scene="config/scenes/{scene}.yaml",
         frames=frames_file,
         layers=lambda w: layer_files(w.subject, scene(w.scene).needed),
     output:
@@ -19,8 +17,9 @@ rule simulate:
         mem_mb=3000,
         runtime=30,
     params:
-        dataset=dataset_digest,
         partial=lambda w, output: partial_chunk(output[0]),
+        dataset=of_layers(lambda w: scene(w.scene).needed, "hand"),
+        scene=reads_scene("layers", "bones", "chunk"),
     message:
         "{wildcards.subject}: {wildcards.scene}, frames of chunk {wildcards.chunk}"
     script:
@@ -30,8 +29,6 @@ rule simulate:
 rule evaluate_frames:
     input:
         rig="results/{subject}/rig.h5",
-        dataset=ancient(of_dataset),
-        scene="config/scenes/{scene}.yaml",
         frames=frames_file,
         chunks=scene_chunks,
     output:
@@ -46,7 +43,8 @@ rule evaluate_frames:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        scene=reads_scene("bones"),
+        dataset=reads("hand", "poses.*.role"),
     message:
         "{wildcards.subject}: {wildcards.scene}, figures of the frames"
     script:

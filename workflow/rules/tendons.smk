@@ -3,7 +3,6 @@
 
 rule extract_tendon:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         volume=neutral_volume,
         path=lambda w: curve_folder(
@@ -20,7 +19,13 @@ rule extract_tendon:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(
+            *image_of("{neutral}"),
+            "neutral",
+            "tendons.{tendon}.bones",
+            "tendons.{tendon}.path",
+            "tendons.{tendon}.radius",
+        ),
     message:
         "{wildcards.subject}: extract the {wildcards.tendon} tendon in neutral"
     script:
@@ -29,7 +34,6 @@ rule extract_tendon:
 
 rule register_tendon:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         volume=of_pose("volume"),
         neutral="results/{subject}/tendons/{tendon}/neutral.h5",
@@ -45,7 +49,7 @@ rule register_tendon:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(*image_of(), "tendons.{tendon}.bones"),
     message:
         "{wildcards.subject}: register the {wildcards.tendon} tendon in {wildcards.pose}"
     script:
@@ -54,7 +58,6 @@ rule register_tendon:
 
 rule simulate_flesh:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         layers=lambda w: layer_files(w.subject, ["bones", "flesh"]),
     output:
@@ -68,7 +71,7 @@ rule simulate_flesh:
         mem_mb=2000,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads(*layer_fields(["bones", "flesh"])),
     message:
         "{wildcards.subject}: the flesh in {wildcards.pose}, which carries tendons and muscles"
     script:
@@ -77,7 +80,6 @@ rule simulate_flesh:
 
 rule fit_hooks:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         neutral="results/{subject}/tendons/{tendon}/neutral.h5",
         poses=in_poses(
@@ -95,7 +97,7 @@ rule fit_hooks:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads("neutral", "examples", "tendons.{tendon}.bones"),
     message:
         "{wildcards.subject}: fit the hooks of the {wildcards.tendon} tendon"
     script:
@@ -104,7 +106,6 @@ rule fit_hooks:
 
 rule evaluate_tendons:
     input:
-        dataset=ancient(of_dataset),
         rig="results/{subject}/rig.h5",
         tendons=lambda w: expand(
             "results/{subject}/tendons/{tendon}/hooks.h5",
@@ -123,7 +124,7 @@ rule evaluate_tendons:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=dataset_digest,
+        dataset=reads("poses.*.role", "truth", "root"),
     message:
         "{wildcards.subject}: simulated tendons against truth"
     script:

@@ -6,7 +6,6 @@ TRUTH_MEMORY = {"toy": 4000, "full": 12000}  # MiB
 
 rule coupled_body:
     input:
-        dataset=ancient(of_dataset),
         template="results/{subject}/anatomy/template.h5",
         subject="results/{subject}/anatomy/subject.h5",
     output:
@@ -21,6 +20,8 @@ rule coupled_body:
     resources:
         mem_mb=2000,
         runtime=10,
+    params:
+        dataset=reads("name", "generator", "anatomy"),
     message:
         "{wildcards.subject}: the template as one body whose joints can open"
     script:
@@ -29,7 +30,6 @@ rule coupled_body:
 
 rule coupled_pose:
     input:
-        dataset=ancient(of_dataset),
         body="results/{subject}/anatomy/coupled.h5",
         subject="results/{subject}/anatomy/subject.h5",
     output:
@@ -42,10 +42,11 @@ rule coupled_pose:
         subject=COUPLED,
     threads: 1
     resources:
-        mem_mb=lambda w: TRUTH_MEMORY[config["truth"]],
+        mem_mb=lambda w: TRUTH_MEMORY[SETTINGS.truth],
         runtime=120,
     params:
-        order=lambda w: TRUTH_ORDER[config["truth"]],
+        dataset=reads("name", "generator", "anatomy"),
+        order=lambda w: TRUTH_ORDER[SETTINGS.truth],
     message:
         "{wildcards.subject}: equilibrium of the coupled body in {wildcards.pose}"
     script:
@@ -54,7 +55,6 @@ rule coupled_pose:
 
 rule coupled_images:
     input:
-        dataset=ancient(of_dataset),
         body="results/{subject}/anatomy/coupled.h5",
         subject="results/{subject}/anatomy/subject.h5",
         positions="results/{subject}/coupled/{pose}.h5",
@@ -75,8 +75,20 @@ rule coupled_images:
         mem_mb=3000,
         runtime=20,
     params:
-        dataset=dataset_digest,
-        order=lambda w: TRUTH_ORDER[config["truth"]],
+        dataset=reads(
+            "name",
+            "generator",
+            "anatomy",
+            "seed",
+            "scanner",
+            "truth",
+            "root",
+            "poses.{pose}.volume",
+            "poses.{pose}.scan",
+            "bones.*.label",
+            "nails.*.bone",
+        ),
+        order=lambda w: TRUTH_ORDER[SETTINGS.truth],
     message:
         "{wildcards.subject}: image, scan and truth of {wildcards.pose}"
     script:
@@ -85,7 +97,6 @@ rule coupled_images:
 
 rule coupled_templates:
     input:
-        dataset=ancient(of_dataset),
         template="results/{subject}/anatomy/template.h5",
         body="results/{subject}/anatomy/coupled.h5",
         subject="results/{subject}/anatomy/subject.h5",
@@ -104,8 +115,22 @@ rule coupled_templates:
         mem_mb=3000,
         runtime=10,
     params:
-        dataset=dataset_digest,
-        order=lambda w: TRUTH_ORDER[config["truth"]],
+        dataset=reads(
+            "name",
+            "generator",
+            "anatomy",
+            "seed",
+            "root",
+            "poses.*.role",
+            "bones.*.template",
+            "muscles.*.template",
+            "muscles.*.attachments",
+            "ligaments.*.template",
+            "ligaments.*.attachments",
+            "tendons.*.path",
+            "nails",
+        ),
+        order=lambda w: TRUTH_ORDER[SETTINGS.truth],
     message:
         "{wildcards.subject}: templates, tendon curves and nails"
     script:
@@ -114,7 +139,6 @@ rule coupled_templates:
 
 rule evaluate_truth:
     input:
-        dataset=ancient(of_dataset),
         body="results/{subject}/anatomy/coupled.h5",
         subject="results/{subject}/anatomy/subject.h5",
         positions=in_poses("results/{subject}/coupled/{pose}.h5"),
@@ -128,10 +152,11 @@ rule evaluate_truth:
         subject=COUPLED,
     threads: 1
     resources:
-        mem_mb=lambda w: TRUTH_MEMORY[config["truth"]],
-        runtime=lambda w: {"toy": 20, "full": 120}[config["truth"]],
+        mem_mb=lambda w: TRUTH_MEMORY[SETTINGS.truth],
+        runtime=lambda w: {"toy": 20, "full": 120}[SETTINGS.truth],
     params:
-        order=lambda w: TRUTH_ORDER[config["truth"]],
+        dataset=reads("name", "generator", "anatomy"),
+        order=lambda w: TRUTH_ORDER[SETTINGS.truth],
     message:
         "{wildcards.subject}: what the coupled truth says of itself"
     script:

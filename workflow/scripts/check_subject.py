@@ -2,14 +2,13 @@
 
 import json
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
     from handpipe import artifacts
-    from handpipe.config import load_dataset
     from handpipe.hand.subject import check_frames, check_images, check_surfaces
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     check_surfaces(dataset)
     check_images(dataset)
     check_frames(dataset)

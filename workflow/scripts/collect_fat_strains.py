@@ -1,19 +1,18 @@
 """The fat's strains and nail corrections over the poses, neutral (none) among them."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
     import numpy as np
 
     from handpipe import artifacts
-    from handpipe.config import load_dataset
     from handpipe.fat.layer import FatStrains
     from handpipe.fat.tissue import Tissue
     from handpipe.mesh.rigid import RigidTransform
     from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
     from handpipe.skeleton.rig import Rig
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     fits = [artifacts.read(path, "fat_fit") for path in snakemake.input.poses]
     transforms = {dataset.neutral: dict.fromkeys(rig.bones, RigidTransform.identity())}

@@ -7,7 +7,20 @@ from contextlib import contextmanager
 
 os.environ.setdefault("NUMBA_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
 
+from handpipe import artifacts
+from handpipe.config import Dataset, Scene
 from handpipe.errors import HandpipeError, plain
+from handpipe.selection import restored
+
+
+def dataset_of(job):
+    """The fields of the subject's dataset that the rule declares; reading another one raises."""
+    return restored(job.params.dataset, Dataset)
+
+
+def scene_of(job):
+    """The fields of the scene that the rule declares; reading another one raises."""
+    return restored(job.params.scene, Scene)
 
 
 @contextmanager
@@ -22,7 +35,9 @@ def stage(job):
     )
     log = logging.getLogger(job.rule)
     try:
-        yield log
+        artifacts.check_inputs(job.input)
+        with artifacts.made_by(job.rule, {name: str(value) for name, value in job.params.items()}):
+            yield log
     except HandpipeError as error:
         log.error("%s", error)
         end(job, plain(error))

@@ -1,14 +1,13 @@
 """Marrow probability of one bone in one pose, with the scribbles that correct it."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
-    from handpipe.config import load_dataset
     from handpipe.imaging.claims import save
     from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, check_seeds, segment_bone
     from handpipe.imaging.volume import pose_volume, read_labels
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     volume = pose_volume(dataset, snakemake.wildcards.pose)
     path, bone = snakemake.input.scribbles, snakemake.wildcards.bone
     bones = dataset.labels

@@ -1,10 +1,9 @@
 """What a person would bring to a subject that is made from a coupled body."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
     from handpipe.anatomy.template import Template
-    from handpipe.config import load_dataset
     from handpipe.datasets import coupled_hand
     from handpipe.datasets.marked_ends import marked_ends
 
@@ -12,4 +11,4 @@ with stage(snakemake):
     hand = coupled_hand.hand_body(given.body, given.subject, snakemake.params.order)
     marked = marked_ends(Template.load(given.template), hand.subject)
     neutral = coupled_hand.load(given.positions)
-    coupled_hand.write_templates(load_dataset(given.dataset), hand, neutral, marked)
+    coupled_hand.write_templates(dataset_of(snakemake), hand, neutral, marked)

@@ -2,18 +2,18 @@
 
 import json
 
-from common import stage
+from common import dataset_of, scene_of, stage
 
 with stage(snakemake):
     from handpipe import artifacts, metrics
-    from handpipe.config import Role, load_dataset, load_scene
+    from handpipe.config import Role
     from handpipe.evaluation.frames import figure_metrics, figure_names, with_figures
     from handpipe.hand.frames import read_simulated
     from handpipe.skeleton.drivers.scene_frames import read_frames
     from handpipe.skeleton.rig import Rig
     from handpipe.skeleton.validity import PoseValidity, validity_table
 
-    dataset, scene = load_dataset(snakemake.input.dataset), load_scene(snakemake.input.scene)
+    dataset, scene = dataset_of(snakemake), scene_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     frames = read_frames(snakemake.input.frames, rig, hand=dataset.hand, bones=scene.bones)
     seen = [p for p in dataset.poses_of(Role.neutral, Role.example) if p in rig.poses]

@@ -2,7 +2,7 @@
 
 import json
 
-from common import stage
+from common import dataset_of, stage
 from figures import contact_figures, stage_cost
 
 PREFIXES = {"example": "", "heldout": "heldout_"}
@@ -13,7 +13,6 @@ with stage(snakemake):
     import numpy as np
 
     from handpipe import artifacts, metrics
-    from handpipe.config import load_dataset
     from handpipe.evaluation.muscles import deepest, error_rows, surface_errors
     from handpipe.fem import plasticity
     from handpipe.hand.frames import read_frames
@@ -26,7 +25,7 @@ with stage(snakemake):
     from muscle_files import read_guesses
     from truth import surfaces_in, true_pose
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     base = Path("results") / snakemake.wildcards.subject
     muscles = {m.name: m for m in map(Muscle.load, snakemake.input.muscles)}

@@ -2,18 +2,17 @@
 
 import json
 
-from common import stage
+from common import dataset_of, stage
 from figures import stage_cost
 from truth import bone_errors
 
 with stage(snakemake):
     from handpipe import artifacts, metrics
-    from handpipe.config import load_dataset
     from handpipe.skeleton.bones import read_surfaces
     from handpipe.skeleton.registration_result import read_registrations
     from handpipe.skeleton.registration_table import registration_figures, registration_rows
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     figures = stage_cost(snakemake, "register_bones")
     centroids = {b: s.centroid() for b, s in read_surfaces(snakemake.input.neutral, "whole").items()}
     rows, missing = [], []

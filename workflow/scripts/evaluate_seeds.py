@@ -2,12 +2,11 @@
 
 from pathlib import Path
 
-from common import stage
+from common import dataset_of, stage
 from figures import stage_cost
 
 with stage(snakemake) as log:
     from handpipe import metrics
-    from handpipe.config import load_dataset
     from handpipe.imaging.proposed_seeds import marrow_core, share_outside
     from handpipe.imaging.volume import pose_volume, read_labels
     from handpipe.skeleton.bones import read_surfaces
@@ -16,7 +15,7 @@ with stage(snakemake) as log:
 
     WRONG = 0.2  # of a bone's seeds outside its true marrow
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     neutral = read_surfaces(snakemake.input.neutral, "marrow")
     confidences, manual, wrong, unnoticed = [], 0, 0, 0
     for pose, located in zip(snakemake.params.poses, snakemake.input.located, strict=True):

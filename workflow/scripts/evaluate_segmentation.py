@@ -2,20 +2,19 @@
 
 from pathlib import Path
 
-from common import stage
+from common import dataset_of, stage
 from figures import pose_cost, stage_cost
 
 RULES = ("segment_pose", "correct_bone", "merge_labels")
 
 with stage(snakemake) as log:
     from handpipe import metrics
-    from handpipe.config import load_dataset
     from handpipe.evaluation.segmentation import looks_figures
     from handpipe.evaluation.surfaces import dice
     from handpipe.imaging.claims import read_looks
     from handpipe.imaging.volume import read_labels, read_volume
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     figures = stage_cost(snakemake, *RULES) | pose_cost(snakemake, dataset.poses, *RULES)
     read = {p: read_looks(f) for p, f in zip(dataset.poses, snakemake.input.looks, strict=True)}
     looks, left_out = ({pose: parts[i] for pose, parts in read.items()} for i in range(2))

@@ -3,7 +3,7 @@
 import json
 from itertools import product
 
-from common import stage
+from common import dataset_of, stage
 from figures import contact_figures, stage_cost
 
 PREFIXES = {"m0": "", "m1": "m1_", "m2": "m2_"}
@@ -13,7 +13,6 @@ with stage(snakemake):
     import xarray as xr
 
     from handpipe import artifacts, metrics
-    from handpipe.config import load_dataset
     from handpipe.evaluation.surfaces import surface_distance
     from handpipe.evaluation.table import skin_metrics, skin_rows
     from handpipe.fat.skin import Skin
@@ -23,7 +22,7 @@ with stage(snakemake):
     from handpipe.skeleton.rig import Rig
     from truth import true_pose
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     rigid = Skin.load(snakemake.input.skin).rigid
     cut = rigid["cut_end"].vertices if "cut_end" in rigid else []

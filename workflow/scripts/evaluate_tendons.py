@@ -1,13 +1,13 @@
 """Simulated tendons against truth, in example and held-out poses."""
 
-from common import stage
+from common import dataset_of, stage
 from figures import stage_cost
 
 with stage(snakemake):
     import numpy as np
 
     from handpipe import metrics
-    from handpipe.config import Role, load_dataset
+    from handpipe.config import Role
     from handpipe.skeleton.rig import Rig
     from handpipe.tendons.registration import centreline_errors
     from handpipe.tendons.rod import length_change
@@ -15,7 +15,7 @@ with stage(snakemake):
     from layers import flesh_in_poses
     from truth import true_pose
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     figures = stage_cost(snakemake, "simulate_flesh", "extract_tendon", "register_tendon", "fit_hooks")
     errors, changes = {Role.example: [], Role.heldout: []}, []

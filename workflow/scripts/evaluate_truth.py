@@ -2,21 +2,20 @@
 
 from pathlib import Path
 
-from common import stage
+from common import dataset_of, stage
 from figures import stage_cost
 
 with stage(snakemake) as log:
     import numpy as np
 
     from handpipe import metrics
-    from handpipe.config import load_dataset
     from handpipe.datasets import coupled_hand
     from handpipe.datasets.known_hands import known_hand
     from handpipe.truth.validation import patch_test, volume_changes
 
     given = snakemake.input
     hand = coupled_hand.hand_body(given.body, given.subject, snakemake.params.order)
-    motion = known_hand(load_dataset(given.dataset)).motion
+    motion = known_hand(dataset_of(snakemake)).motion
     positions = {Path(file).stem: coupled_hand.load(file) for file in given.positions}
     body, changes, ratios, inverted, crossing = hand.body, [], [], 0, 0
     found = {"tets": (len(body.anatomy.mesh.tets), "1"), "nodes": (len(body.rest), "1")}

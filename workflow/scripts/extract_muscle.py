@@ -1,9 +1,8 @@
 """The shape of one muscle in neutral, from its placed template and the image (003 sections 5.3 and 5.4)."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
-    from handpipe.config import load_dataset
     from handpipe.imaging.markers import read_landmarks, read_markers
     from handpipe.imaging.volume import pose_volume
     from handpipe.mesh.distance import Distance
@@ -12,7 +11,7 @@ with stage(snakemake) as log:
     from handpipe.skeleton.rig import Rig
     from muscle_files import read_guesses, write_bodies
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     name = snakemake.wildcards.muscle
     guesses = read_guesses(snakemake.input.templates, dataset.muscles)
     others = [guess.surface for other, guess in guesses.items() if other != name]

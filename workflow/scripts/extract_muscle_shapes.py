@@ -1,12 +1,11 @@
 """Shapes of all muscles in the example poses (000 section 4.4, stage 1)."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
     from dataclasses import replace
 
     from handpipe import artifacts
-    from handpipe.config import load_dataset
     from handpipe.imaging.markers import read_landmarks, read_markers
     from handpipe.imaging.volume import pose_volume
     from handpipe.muscles.extraction import extract_poses
@@ -15,7 +14,7 @@ with stage(snakemake):
     from layers import flesh_in_poses
     from muscle_files import read_bodies
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     bones = rig.surfaces
     transforms = {

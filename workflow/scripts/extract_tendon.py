@@ -1,10 +1,9 @@
 """A tendon's neutral rod and tube from the volume and a clicked curve."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
     from handpipe import artifacts
-    from handpipe.config import load_dataset
     from handpipe.imaging.markers import read_markers
     from handpipe.imaging.volume import pose_volume
     from handpipe.mesh.distance import Distance
@@ -12,7 +11,7 @@ with stage(snakemake) as log:
     from handpipe.skeleton.rig import Rig
     from handpipe.tendons.extraction import extract
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     tendon = dataset.tendons[snakemake.wildcards.tendon]
     rig = Rig.load(snakemake.input.rig)
     clicked, _ = read_markers(dataset.path(tendon.path))

@@ -1,10 +1,9 @@
 """Nail corrections and plastic strains of the fat in one example pose (000 sections 7.2 and 7.3)."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
     from handpipe import artifacts
-    from handpipe.config import load_dataset
     from handpipe.fat.nails import as_vector, fit_correction
     from handpipe.fat.strains import FitSettings, fit_strains
     from handpipe.fat.tissue import Tissue
@@ -12,7 +11,7 @@ with stage(snakemake) as log:
     from handpipe.mesh.scan import read_scan
     from handpipe.skeleton.rig import Rig
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     tissue = Tissue.load(snakemake.input.mesh)
     [(frame, below)] = read_frames(snakemake.input.inner)

@@ -1,17 +1,16 @@
 """Hooks of a tendon: skinning weights and pose-space corrections from registered rods (000 section 5.4)."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
     from handpipe import artifacts
-    from handpipe.config import load_dataset
     from handpipe.mesh.rigid import RigidTransform
     from handpipe.skeleton.rig import Rig
     from handpipe.tendons.rest import RestTendon
     from handpipe.tendons.tendon import build_tendon
     from layers import flesh_in_poses
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     name = snakemake.wildcards.tendon
     rig = Rig.load(snakemake.input.rig)
     neutral = artifacts.read(snakemake.input.neutral, "neutral_tendon")

@@ -1,14 +1,13 @@
 """A ligament: its placed template as an elastic body held by its bones, without contact (000 section 4.1)."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
-    from handpipe.config import load_dataset
     from handpipe.ligaments.fitting import fit_ligament
     from handpipe.skeleton.rig import Rig
     from muscle_files import read_guesses
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     name = snakemake.wildcards.ligament
     rig = Rig.load(snakemake.input.rig)
     [guess] = read_guesses(snakemake.input.templates, [name]).values()

@@ -1,10 +1,9 @@
 """Plastic strains of a muscle, smooth in space and over poses (000 section 4.4, stage 3, Eq. 3)."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
     from handpipe import artifacts
-    from handpipe.config import load_dataset
     from handpipe.mesh.surface import each_moved
     from handpipe.muscles.muscle import Muscle
     from handpipe.muscles.separation import load_surfaces
@@ -12,7 +11,7 @@ with stage(snakemake) as log:
     from layers import flesh_in_poses
     from muscle_files import read_bodies
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     name = snakemake.wildcards.muscle
     rig = Rig.load(snakemake.input.rig)
     body = read_bodies(snakemake.input.neutral)[name]

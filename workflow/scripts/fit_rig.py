@@ -2,12 +2,12 @@
 
 import json
 
-from common import stage
+from common import dataset_of, stage
 from truth import bone_errors
 
 with stage(snakemake) as log:
     from handpipe import artifacts, metrics
-    from handpipe.config import Role, load_dataset
+    from handpipe.config import Role
     from handpipe.errors import InputError
     from handpipe.skeleton.bones import read_surfaces
     from handpipe.skeleton.limits import limit_rows
@@ -16,7 +16,7 @@ with stage(snakemake) as log:
     from handpipe.skeleton.rig import Rig
     from handpipe.skeleton.table import joint_table
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     surfaces = read_surfaces(snakemake.input.neutral, "whole")
     registered = dict(zip(dataset.poses, map(read_registrations, snakemake.input.registrations), strict=True))
     doubtful = {(p, b): r.doubt for p, found in registered.items() for b, r in found.items() if r.doubt}
@@ -38,7 +38,7 @@ with stage(snakemake) as log:
     figures["doubtful_bones"] = (len(doubtful | odd), "1")
     figures |= {f"doubtful_{pose}_{bone}": (1, "1") for pose, bone in doubtful | odd}
     for pose in dataset.poses:
-        if pose not in rig.poses and (dataset.tendons or dataset.muscles or dataset.ligaments):
+        if pose not in rig.poses and snakemake.params.organs:
             problem = f"its root bone {rig.root} is missing or in doubt"
             raise InputError(dataset.name, f"poses.{pose}", problem, "Mend its seeds, or leave the pose out")
     if dataset.truth is not None:

@@ -1,10 +1,9 @@
 """Volume, seeds, scan and truth of one pose of a generated subject."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
-    from handpipe.config import load_dataset
     from handpipe.datasets import generators
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     generators.of(dataset).generate_pose(dataset, snakemake.wildcards.pose)

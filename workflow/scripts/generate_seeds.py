@@ -1,10 +1,9 @@
 """Seeds of one pose of a generated subject, drawn into its true bones."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
-    from handpipe.config import load_dataset
     from handpipe.datasets.seeds import draw
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     draw(dataset, snakemake.wildcards.pose)

@@ -1,10 +1,9 @@
 """Templates, tendon curves and nails of a generated subject."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
-    from handpipe.config import load_dataset
     from handpipe.datasets import generators
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     generators.of(dataset).generate_templates(dataset)

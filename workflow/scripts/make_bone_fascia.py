@@ -1,16 +1,15 @@
 """The cloth around the bones, and how each of its vertices is held."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
-    from handpipe.config import load_dataset
     from handpipe.fascia.fascia import ClothSettings, Fascia
     from handpipe.fascia.regions import read_regions
     from handpipe.fascia.wrapping import bone_wrap
     from handpipe.skeleton.layer import bone_regions
     from handpipe.skeleton.rig import Rig
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     bones = Rig.load(snakemake.input.rig).surfaces
     joints = [(j.parent, j.child) for j in dataset.joints.values()]
     surface = bone_wrap(bones, joints, snakemake.params.edge)

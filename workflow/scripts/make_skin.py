@@ -1,18 +1,17 @@
 """The neutral skin from its scan, with nails and the cut end: for the fat and the soft tissue."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
     import numpy as np
 
-    from handpipe.config import load_dataset
     from handpipe.fat.constraints import cut_end
     from handpipe.fat.nails import nail_vertices
     from handpipe.fat.skin import Rigid, Skin, closed_skin
     from handpipe.mesh.scan import read_scan
     from handpipe.mesh.surface import read_surface
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     scan = read_scan(snakemake.input.scan)
     skin, notes = closed_skin(scan, snakemake.params.edge)
     for note in notes:

@@ -1,9 +1,8 @@
 """Labels of a pose without conflicts between bones, and the bones' surfaces."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
-    from handpipe.config import load_dataset
     from handpipe.errors import InputError
     from handpipe.imaging import claims
     from handpipe.imaging.cortical import whole_bone
@@ -13,7 +12,7 @@ with stage(snakemake) as log:
     from handpipe.imaging.volume import pose_volume, read_labels, write_labels
     from handpipe.skeleton.bones import write_surfaces
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     pose = snakemake.wildcards.pose
     volume = pose_volume(dataset, pose)
     table = dataset.labels

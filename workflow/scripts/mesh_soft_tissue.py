@@ -1,9 +1,8 @@
 """One soft tissue between the bones and the skin (004 section 5)."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
-    from handpipe.config import load_dataset
     from handpipe.fascia.wrapping import bone_wrap
     from handpipe.fat.skin import Skin
     from handpipe.skeleton.layer import BoneLayer
@@ -11,7 +10,7 @@ with stage(snakemake) as log:
     from layers import scanned_frame
     from tissue import make_tissue
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     below = {"bones": BoneLayer(rig.surfaces).solve(scanned_frame(rig, dataset.neutral), {})}
     inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in dataset.joints.values()], edge=1.5)

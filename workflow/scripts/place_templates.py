@@ -1,17 +1,16 @@
 """Templates of muscles and ligaments carried onto the subject's bones (003 section 6.1)."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
     from handpipe import artifacts
-    from handpipe.config import load_dataset
     from handpipe.errors import InputError
     from handpipe.imaging.markers import read_landmarks
     from handpipe.mesh.surface import read_surface
     from handpipe.muscles.templates import Warp, place, read_attachments, require_near_bones
     from handpipe.skeleton.rig import Rig
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     bones = Rig.load(snakemake.input.rig).surfaces
     templates = {
         name: read_surface(dataset.path(bone.template), closed=True)

@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
     from handpipe import metrics
-    from handpipe.config import load_dataset
     from handpipe.imaging.marrow_evidence import MarrowEvidence
     from handpipe.imaging.proposed_seeds import propose
     from handpipe.imaging.volume import pose_volume, write_labels
@@ -15,7 +14,7 @@ with stage(snakemake) as log:
     from handpipe.skeleton.location_confidence import confidences, write_located
     from handpipe.skeleton.sought_again import sought_again
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     labels = dataset.labels
     evidence = MarrowEvidence.of(pose_volume(dataset, snakemake.wildcards.pose))
     marrow, whole = (read_surfaces(snakemake.input.neutral, part) for part in ("marrow", "whole"))

@@ -1,10 +1,9 @@
 """A tendon's rod in one pose: simulated, then drawn to the image's dark centre and tube (000 section 5.3)."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake) as log:
     from handpipe import artifacts
-    from handpipe.config import load_dataset
     from handpipe.imaging.tubes import tube_surface
     from handpipe.imaging.volume import pose_volume
     from handpipe.mesh.distance import Distance
@@ -16,7 +15,7 @@ with stage(snakemake) as log:
     from handpipe.tendons.rest import RestTendon
     from handpipe.tendons.surface_fit import Target
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     tendon = dataset.tendons[snakemake.wildcards.tendon]
     rig = Rig.load(snakemake.input.rig)
     neutral = artifacts.read(snakemake.input.neutral, "neutral_tendon")

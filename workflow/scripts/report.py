@@ -3,11 +3,10 @@
 import json
 from pathlib import Path
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
     from handpipe import metrics
-    from handpipe.config import load_dataset
     from handpipe.evaluation.build import read_jobs
     from handpipe.evaluation.frames import frame_warnings
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
@@ -17,7 +16,7 @@ with stage(snakemake):
     from handpipe.skeleton.rig import Rig
     from truth import surfaces_in, true_pose
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     base = Path("results") / snakemake.wildcards.subject
     BENCHMARKS = Path("results/benchmarks/fem.json")  # shown where someone has made it
@@ -32,10 +31,10 @@ with stage(snakemake):
         return {kind: [*surfaces_in(group).values()] for kind, group in found.items()}
 
     def view(pose):
-        [(frame, layers)] = read_frames(base / f"poses/{pose}/inner.h5")
-        skin = base / f"poses/{pose}/skin.h5"
-        if str(skin) in snakemake.input.poses:
-            [(_, skins)] = read_frames(skin)
+        files = {Path(p).stem.split("-")[0]: p for p in snakemake.input.poses if Path(p).parent.name == pose}
+        [(frame, layers)] = read_frames(files["inner"])
+        if "skin" in files:
+            [(_, skins)] = read_frames(files["skin"])
             layers |= {"fat": skins["m0"]}
         data = dataset.poses[pose]
         return PoseView.from_scanner(
@@ -51,9 +50,12 @@ with stage(snakemake):
     def bend(pose):
         return sum(abs(angle) for angle in rig.poses[pose].angles.values())
 
+    asked = {Path(p).stem: metrics.read(p) for p in snakemake.input.metrics}
+
     def table(name):
+        """A stage's table, where this report has the stage; an older build may have left others."""
         path = base / f"tables/{name}.json"
-        return json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
+        return json.loads(path.read_text(encoding="utf-8")) if name in asked else []
 
     simulated = sorted({Path(p).parent.name for p in snakemake.input.poses})
     bent = sorted((p for p in simulated if p in dataset.examples), key=bend)[-2:]
@@ -71,7 +73,7 @@ with stage(snakemake):
             skin_rows=table("skin"),
             muscle_rows=table("muscles"),
             rig_rows=table("rig"),
-            metrics={Path(p).stem: metrics.read(p) for p in snakemake.input.metrics},
+            metrics=asked,
             scenes=scenes,
             warnings=warnings,
             jobs=read_jobs(base / "benchmarks"),

@@ -6,10 +6,9 @@ Finished frames of a killed job, or of one with failed frames, are beside the ou
 import sys
 from pathlib import Path
 
-from common import stage
+from common import dataset_of, scene_of, stage
 
 with stage(snakemake):
-    from handpipe.config import load_dataset, load_scene
     from handpipe.hand.frames import finished_frames, write_frames
     from handpipe.hand.resume import key_of
     from handpipe.hand.simulation import simulate
@@ -18,7 +17,7 @@ with stage(snakemake):
     from handpipe.skeleton.rig import Rig
     from layers import layers_of
 
-    dataset, scene = load_dataset(snakemake.input.dataset), load_scene(snakemake.input.scene)
+    dataset, scene = dataset_of(snakemake), scene_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     driven = read_frames(snakemake.input.frames, rig, hand=dataset.hand, bones=scene.bones)
     frames = list(driven.items())
@@ -30,8 +29,8 @@ with stage(snakemake):
     layers = layers_of(scene.needed, rig, dataset, f"results/{snakemake.wildcards.subject}")
     output = Path(snakemake.output[0])
     partial = Path(snakemake.params.partial)
-    made_of = [snakemake.input.rig, snakemake.input.dataset, *snakemake.input.layers]
-    key = key_of(made_of, scene.needed)
+    parameters = {name: snakemake.params[name] for name in ("dataset", "code")}
+    key = key_of([snakemake.input.rig, *snakemake.input.layers], {**parameters, "layers": scene.needed})
 
     def keep(found):
         """Finished frames beside the output, but for the last frame: the output follows."""

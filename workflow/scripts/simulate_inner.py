@@ -1,15 +1,14 @@
 """All layers under the fat in one scanned pose."""
 
-from common import stage
+from common import dataset_of, stage
 
 with stage(snakemake):
-    from handpipe.config import load_dataset
     from handpipe.hand.frames import read_frames, write_frames
     from handpipe.hand.simulation import simulate_frame
     from handpipe.skeleton.rig import Rig
     from layers import layers_of, scanned_frame
 
-    dataset = load_dataset(snakemake.input.dataset)
+    dataset = dataset_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
     layers = layers_of(snakemake.params.layers, rig, dataset, f"results/{snakemake.wildcards.subject}")
     frame = scanned_frame(rig, snakemake.wildcards.pose)

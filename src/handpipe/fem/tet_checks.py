@@ -22,7 +22,9 @@ def check_tets(vertices: Array, tets: IntArray) -> None:
     if equal.any():
         at = int(np.argmax(equal))
         first, second = sorted((int(order[at]), int(order[at + 1])))
-        problem = f"tets {first} and {second} have the same four vertices ({int(equal.sum())} tets are repeated)"
+        problem = (
+            f"tets {first} and {second} have the same four vertices ({int(equal.sum())} tets are repeated)"
+        )
         raise InputError("tetrahedra", "tets", problem, "Keep one of them: two would be twice as stiff")
     faces = corners[:, FACES].reshape(-1, 3)
     keys = (faces[:, 0] * len(vertices) + faces[:, 1]) * len(vertices) + faces[:, 2]

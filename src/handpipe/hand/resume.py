@@ -4,27 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import handpipe
 from handpipe.artifacts import content_hash
 
 
-def key_of(inputs: Sequence[str | Path], layers: Sequence[str]) -> str:
-    """A digest of input files, the layers' names and the code of the package."""
-    said = {
-        "inputs": [content_hash(path) for path in inputs],
-        "layers": list(layers),
-        "code": _code(),
-    }
-    return hashlib.sha256(json.dumps(said).encode()).hexdigest()
-
-
-def _code() -> str:
-    """A digest of the package's Python files."""
-    folder = Path(handpipe.__file__).parent
-    files = sorted(folder.rglob("*.py"))
-    return hashlib.sha256(
-        "".join(f"{f.relative_to(folder)} {content_hash(f)}\n" for f in files).encode()
-    ).hexdigest()
+def key_of(inputs: Sequence[str | Path], parameters: Mapping[str, str | Sequence[str]]) -> str:
+    """A digest of input files and of the parameters of the job, among them the digest of its code."""
+    said = {"inputs": [content_hash(path) for path in inputs], "parameters": dict(parameters)}
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()

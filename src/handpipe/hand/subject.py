@@ -35,6 +35,7 @@ def named_files(dataset: Dataset) -> dict[str, Path]:
         }
     found |= {f"tendons.{name}.path": tendon.path for name, tendon in dataset.tendons.items()}
     found |= {f"nails.{name}.surface": nail.surface for name, nail in dataset.nails.items()}
+    found |= {f"regions.{fascia}": path for fascia, path in dataset.regions.items()}
     return {field: dataset.path(path) for field, path in found.items() if path is not None}
 
 

@@ -1,0 +1,329 @@
+"""Fields of dataset, scene and configuration, and the rules that have to run again after a change of each.
+
+Nothing is built: what Snakemake compares of each job is taken before and after the change.
+"""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import UnionType
+from typing import Any, Union, get_args, get_origin
+
+import yaml
+
+from benchmarks.trust.job_plans import JobPlan, plan
+from handpipe.config import Dataset, Model, Scene, Settings, load_dataset
+from handpipe.hand.subject import named_files
+from handpipe.metrics import Metrics
+
+CHECKOUT = Path(__file__).parents[2]
+POSES = ("neutral", "bow", "fist", "half")  # of the finger; fewer jobs, the same rules
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Change:
+    """A new value of a field, and the rules whose jobs have to run again of themselves, not behind others.
+
+    where: "person", a scanned subject with all that people may give; a generated subject's name; "scene" or
+    "config".
+    """
+
+    where: str
+    field: str
+    value: Any
+    rules: frozenset[str]
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.field}"
+
+
+def _changes(where: str, table: Mapping[str, tuple[Any, str]]) -> list[Change]:
+    return [Change(where, field, value, frozenset(rules.split())) for field, (value, rules) in table.items()]
+
+
+BY_TRUTH = (
+    "evaluate_muscles evaluate_registration evaluate_segmentation evaluate_skin evaluate_tendons fit_rig"
+)
+CHANGES = [
+    *_changes(
+        "person",
+        {
+            "root": (
+                "moved",
+                f"{BY_TRUTH} correct_bone extract_muscle extract_muscle_shapes extract_tendon "
+                "fit_fat_strains make_bone_fascia make_muscle_fascia make_skin merge_labels place_templates "
+                "register_tendon report segment_pose",
+            ),
+            "hand": ("left", "evaluate_frames report simulate"),
+            "poses.fist.role": (
+                "heldout",
+                "collect_fat_strains evaluate_frames evaluate_muscles evaluate_skin evaluate_tendons "
+                "extract_muscle_shapes fit_hooks fit_muscle_strains fit_rig report",
+            ),
+            "poses.fist.volume": (
+                "new/fist.nii.gz",
+                "correct_bone extract_muscle_shapes merge_labels register_tendon report segment_pose",
+            ),
+            "poses.fist.seeds": ("new/seeds.nii.gz", "correct_bone merge_labels segment_pose"),
+            "poses.fist.scan": ("new/fist.ply", "evaluate_skin fit_fat_strains report"),
+            "poses.fist.scribbles.distal2": ("new/distal2.nii.gz", "correct_bone merge_labels"),
+            "poses.neutral.markers.lumbrical1": ("new/n.mrk.json", "extract_muscle"),
+            "poses.fist.markers.lumbrical1": ("new/m.mrk.json", "extract_muscle_shapes"),
+            "poses.fist.landmarks.lumbrical1": ("new/l.mrk.json", "extract_muscle_shapes"),
+            "bones.distal2.label": (9, "correct_bone evaluate_segmentation merge_labels segment_pose"),
+            "bones.distal2.template": ("new/distal2.ply", "place_templates"),
+            "joints.DIP2.parent": ("proximal2", "fit_rig make_bone_fascia mesh_soft_tissue register_bones"),
+            "joints.DIP2.child": ("middle2", "fit_rig make_bone_fascia mesh_soft_tissue register_bones"),
+            "joints.MP2.angles": (["MP2_abduction", "MP2_flexion"], "fit_rig register_bones"),
+            "joints.MP2.type": ("saddle", "fit_rig"),
+            "joints.DIP2.limits_deg": ([[-10, 70]], "fit_rig"),
+            "joints.DIP2.axis_hints": ([[0, 1, 0.1]], "fit_rig register_bones"),
+            "muscles.lumbrical1.template": ("new/lumbrical1.ply", "place_templates"),
+            "muscles.lumbrical1.attachments": ("new/lumbrical1.json", "place_templates"),
+            "muscles.lumbrical1.landmarks": ("new/lumbrical1.mrk.json", "place_templates"),
+            "ligaments.PIP2_ulnar.template": ("new/ligament.ply", "place_templates"),
+            "ligaments.PIP2_ulnar.attachments": ("new/ligament.json", "place_templates"),
+            "ligaments.PIP2_ulnar.landmarks": ("new/ligament.mrk.json", "place_templates"),
+            "tendons.flexor2.bone": ("middle2", ""),
+            "tendons.flexor2.bones": (
+                ["distal2", "middle2", "proximal2"],
+                "extract_tendon fit_hooks register_tendon",
+            ),
+            "tendons.flexor2.path": ("new/flexor2.mrk.json", "extract_tendon"),
+            "tendons.flexor2.radius": (1.9, "extract_tendon"),
+            "nails.nail2.bone": ("middle2", "make_skin"),
+            "nails.nail2.surface": ("new/nail.ply", "make_skin"),
+            "muscle_interpolation": ("inverse-square", "fit_muscle_strains"),
+            "regions.bone_fascia": ("new/bone.json", "make_bone_fascia"),
+            "regions.muscle_fascia": ("new/muscle.json", "make_muscle_fascia"),
+        },
+    ),
+    *_changes(
+        "phantom-finger",
+        {
+            "seed": (2, "generate_pose generate_templates report"),
+            "truth.folder": ("elsewhere", f"{BY_TRUTH} generate_pose report"),
+            "joints.DIP2.limits_deg": ([[-10, 70]], "fit_rig"),
+            "tendons.flexor2.radius": (1.9, "extract_tendon"),
+        },
+    ),
+    *_changes(
+        "phantom-hand",
+        {
+            "seed": (2, "generate_bones generate_seeds report"),
+            "hand": ("left", "evaluate_frames generate_bones report simulate"),
+            "scanner.spacing": (0.6, "generate_bones"),
+            "scanner.bias": (0.1, "generate_bones"),
+            "scanner.noise": (0.1, "generate_bones"),
+            "joints.DIP2.limits_deg": ([[-10, 75]], "fit_rig propose_seeds"),
+        },
+    ),
+    *_changes(
+        "scene",
+        {
+            "layers": (["bones", "skin"], "report simulate"),
+            "frames": ("config/scenes/moved.csv", "evaluate_frames simulate"),
+            "bones": ({"distal2": "Index3"}, "evaluate_frames simulate"),
+            "chunk": (5, "simulate"),
+            "obj": (True, "export_obj"),
+        },
+    ),
+    *_changes(
+        "config",
+        {
+            "scenes": (["bones-and-skin"], "evaluate_frames export_scene report simulate"),
+            "edges.muscle": (1.9, "report separate_neutral"),
+            "edges.fascia": (1.9, "make_bone_fascia make_muscle_fascia report"),
+            "edges.skin": (1.9, "make_skin report"),
+            "edges.fat": (2.6, "mesh_fat mesh_soft_tissue report"),
+            "interpolation": ("inverse-square", "collect_fat_strains report"),
+            "truth": ("full", "report"),
+        },
+    ),
+]
+# Every field of a scanned subject's file is checked; whatever changes, so it is after these.
+ALWAYS = {"person": {"check_subject"}}
+# Fields that name the subject or its kind: with another value it is another subject, built anew.
+IDENTITY = {"name", "like", "generator", "anatomy", "units", "subjects"}
+SCENE_OF = {"phantom-hand": "hand-poses"}  # of the others: flexion
+
+
+@dataclass
+class Workbench:
+    """A working folder where nothing is built, and the plans of its subjects as they are."""
+
+    folder: Path
+
+    def __post_init__(self) -> None:
+        self._plans: dict[str, JobPlan] = {}
+
+    @cached_property
+    def contents(self) -> dict[str, dict[str, Any]]:
+        """Datasets, the scene and the configuration as they are, by `Change.where`."""
+        finger = _dataset(self.folder, "phantom-finger")
+        finger["poses"] = {pose: finger["poses"][pose] for pose in POSES}
+        scene = self.folder / "config" / "scenes" / "flexion.yaml"
+        return {
+            "phantom-finger": finger,
+            "person": _person(finger),
+            "phantom-hand": _dataset(self.folder, "phantom-hand"),
+            "scene": yaml.safe_load(scene.read_text(encoding="utf-8")),
+            "config": {},
+        }
+
+    def before(self, where: str) -> JobPlan:
+        """The plan of `all` of the subject of a change, without the change."""
+        subject = where if where in ("phantom-finger", "phantom-hand") else "person"
+        if subject not in self._plans:
+            for name in ("person", "phantom-finger", "phantom-hand"):
+                self.write(f"datasets/{name}", self.contents[name])
+            self._plans[subject] = self.plan(subject)
+        return self._plans[subject]
+
+    def after(self, change: Change) -> JobPlan:
+        """The plan with the change."""
+        old, where = self.contents[change.where], change.where
+        new = _with(old, change.field, change.value)
+        if where == "config":
+            return self.plan("person", **new)
+        name = "scenes/flexion" if where == "scene" else f"datasets/{where}"
+        subject = "person" if where == "scene" else where
+        try:
+            self.write(name, new)
+            return self.plan(subject)
+        finally:
+            self.write(name, old)
+
+    def plan(self, subject: str, **config: Any) -> JobPlan:
+        given = {"subjects": [subject], "scenes": [SCENE_OF.get(subject, "flexion")], **config}
+        return plan(self.folder, ["all"], given)
+
+    def write(self, name: str, content: Mapping[str, Any]) -> None:
+        """Write a file of the configuration, and empty files that a dataset of it names."""
+        text = yaml.safe_dump(dict(content), sort_keys=False)
+        (self.folder / "config" / f"{name}.yaml").write_text(text, encoding="utf-8")
+        if name.startswith("datasets/") and "generator" not in content:
+            for file in _files(content):
+                path = self.folder / file
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.touch()
+
+    def unlike(self, change: Change) -> tuple[set[str], set[str]]:
+        """Rules that a change does not rerun but has to, and rules that it reruns for nothing."""
+        before = self.before(change.where)
+        found = {job.rule for job in self.after(change).changed(before)} - {"all"}
+        expected = change.rules | ALWAYS.get(change.where, set())
+        return set(expected - found), found - expected
+
+
+def _files(content: Mapping[str, Any]) -> list[Path]:
+    try:
+        return [*named_files(Dataset.model_validate(content)).values()]
+    except ValueError:  # the workflow will say what is wrong
+        return []
+
+
+@contextmanager
+def workbench() -> Iterator[Workbench]:
+    """A temporary working folder."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for part in ("workflow", "config", "profiles"):
+            shutil.copytree(CHECKOUT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(CHECKOUT / "Snakefile", folder)
+        scenes = folder / "config" / "scenes"
+        shutil.copy(scenes / "flexion.csv", scenes / "moved.csv")
+        yield Workbench(folder)
+
+
+def _person(finger: Mapping[str, Any]) -> dict[str, Any]:
+    """The generated finger as a scanned subject, with all that people may add."""
+    found = deepcopy(dict(finger)) | {"name": "person", "root": "person"}
+    for key in ("generator", "truth", "seed"):
+        del found[key]
+    found["poses"]["fist"]["scribbles"] = {"distal2": "scribbles/fist.nii.gz"}
+    for pose in ("neutral", "fist"):
+        for kind in ("markers", "landmarks"):
+            found["poses"][pose][kind] = {"lumbrical1": f"{kind}/{pose}.mrk.json"}
+    found["muscles"]["lumbrical1"]["landmarks"] = "templates/lumbrical1.mrk.json"
+    found["joints"]["MP2"]["limits_deg"] = [[-20, 90], [-20, 90]]  # so that its angles can change names
+    found["regions"] = {kind: f"regions/{kind}.json" for kind in ("bone_fascia", "muscle_fascia")}
+    return found
+
+
+def _dataset(folder: Path, subject: str) -> dict[str, Any]:
+    """A dataset's content, completed by the one that it is like."""
+    data = load_dataset(folder / "config" / "datasets" / f"{subject}.yaml")
+    return data.model_dump(mode="json", exclude_defaults=True)
+
+
+def _with(content: Mapping[str, Any], field: str, value: Any) -> dict[str, Any]:
+    found = deepcopy(dict(content))
+    *path, last = field.split(".")
+    inner = found
+    for key in path:
+        inner = inner.setdefault(key, {})
+    inner[last] = value
+    if field == "joints.DIP2.child":  # the joints have to stay a tree: the two outer bones change places
+        inner["parent"], found["joints"]["PIP2"]["child"] = "distal2", "distal2"
+    return found
+
+
+def fields(model: type[Model], before: str = "") -> Iterator[str]:
+    """Every field of a model, entries of mappings as "*"."""
+    for name, field in model.model_fields.items():
+        kind = field.annotation
+        if get_origin(kind) in (Union, UnionType):
+            kind = next(a for a in get_args(kind) if a is not type(None))
+        if get_origin(kind) is dict:
+            name, kind = f"{name}.*", get_args(kind)[1]
+        if isinstance(kind, type) and issubclass(kind, Model):
+            yield from fields(kind, f"{before}{name}.")
+        else:
+            yield f"{before}{name}"
+
+
+def unchecked_fields(changes: Sequence[Change] = CHANGES) -> set[str]:
+    """Fields of the schemas that no change of the table is about, and that do not name the subject."""
+    found = set()
+    for kind, model in (("scene", Scene), ("config", Settings), ("dataset", Dataset)):
+        given = [
+            c.field for c in changes if (c.where if c.where in ("scene", "config") else "dataset") == kind
+        ]
+        for field in fields(model):
+            if field not in IDENTITY and not any(_is(field, name) for name in given):
+                found.add(f"{kind}: {field}")
+    return found
+
+
+def _is(field: str, name: str) -> bool:
+    """Whether a name, as "bones.distal2.label", is of a field, as "bones.*.label"."""
+    parts, names = field.split("."), name.split(".")
+    if parts[-1] == "*" and len(names) == len(parts) - 1:  # a mapping as a whole
+        parts = parts[:-1]
+    return len(parts) == len(names) and all(p in ("*", n) for p, n in zip(parts, names, strict=True))
+
+
+def measure(results: Path) -> Metrics:
+    """`stale_fields`: fields whose change leaves a job as it was that has to run; of `fields_checked`."""
+    stale, needless = 0, 0
+    with workbench() as bench:
+        for change in CHANGES:
+            missing, extra = bench.unlike(change)
+            if missing or extra:
+                log.info("%s: not rerun: %s; rerun for nothing: %s", change, sorted(missing), sorted(extra))
+            stale, needless = stale + bool(missing), needless + bool(extra)
+    return {
+        "stale_fields": (stale + len(unchecked_fields()), "1"),
+        "fields_rerunning_for_nothing": (needless, "1"),
+        "fields_checked": (len(CHANGES), "1"),
+    }
