@@ -134,14 +134,14 @@ def _springs(scene: Scene, rng: np.random.Generator) -> None:
 
 
 def _embedded(scene: Scene, rng: np.random.Generator) -> None:
-    """Springs on points inside of the tets at the root, up to a stiffness whose rounding leaves digits."""
+    """Springs on points inside of the tets at the root: their stiffness is no vertex's own."""
     centres = scene.body.vertices[scene.body.tets].mean(axis=1)
     chosen = np.argsort(centres[:, 0])[:8]
     weights = rng.dirichlet(np.ones(4), len(chosen))
     starts = np.arange(0, 4 * len(chosen) + 1, 4)
     shape = (len(chosen), len(scene.body.vertices))
     points = sp.csr_matrix((weights.ravel(), scene.body.tets[chosen].ravel(), starts), shape=shape)
-    _hold(scene, points, 0.0, float(scene.young[0]) * 10 ** rng.uniform(0, 9, len(chosen)))
+    _hold(scene, points, 0.0, float(scene.young[0]) * 10 ** rng.uniform(0, 12, len(chosen)))
 
 
 def _prestressed(scene: Scene, rng: np.random.Generator) -> None:
