@@ -86,6 +86,8 @@ def neighbours(mesh: ipctk.CollisionMesh, count: int, distance: float) -> set[tu
     ids = np.array(members)
     pairs = np.concatenate([ids[:, [a, b]] for a in range(4) for b in range(a + 1, 4)])
     pairs = np.unique(np.sort(pairs[(pairs < count).all(axis=1)], axis=1), axis=0)
+    if not len(pairs):  # only the obstacle is near
+        return set()
     link = sp.csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(rest), len(rest)))
     ring = link + link.T + sp.eye(len(rest))
     near = ring

@@ -44,7 +44,7 @@ class Options:
             if not getattr(self, name) > 0:
                 problem = f"is {getattr(self, name)}"
                 raise InputError(self.name, name, problem, "Give a number above zero")
-        if self.max_iterations < 0:
+        if not self.max_iterations >= 0:
             problem = f"is {self.max_iterations}"
             raise InputError(self.name, "max_iterations", problem, "Give zero or more")
 
