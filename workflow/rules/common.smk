@@ -237,7 +237,9 @@ INNER_LAYERS = [layer for layer in LAYERS if layer not in (*AIDS, "fat", "skin")
 @functools.cache
 def frames(subject, name):
     """Names of a scene's frames; the file is checked here, angles against limits too, not after hours of fitting."""
-    return checked(frame_names, scene(name).frames, joint_limits(dataset(subject)))
+    data, made = dataset(subject), scene(name)
+    bones = [data.root_bone, *(b for b in data.bones if b != data.root_bone)]
+    return checked(frame_names, made.frames, joint_limits(data), bones, made.bones)
 
 
 def frames_file(wildcards):
