@@ -4,6 +4,7 @@ import fcntl
 import functools
 import hashlib
 import json
+import re
 from pathlib import Path
 
 import yaml
@@ -11,7 +12,7 @@ from snakemake.exceptions import WorkflowError
 
 from handpipe.config import AIDS, COUPLED_HANDS, LAYERS, Role, load_dataset, load_scene
 from handpipe.errors import HandpipeError
-from handpipe.hand.subject import joint_limits, named_files, require_files, require_scan
+from handpipe.hand.subject import joint_limits, named_files, require_files, require_plain, require_scan
 from handpipe.skeleton.drivers.scene_frames import frame_names
 
 
@@ -50,8 +51,16 @@ def dataset_digest(wildcards):
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
+SCENE_NAME = "[A-Za-z][A-Za-z0-9_-]*"
+
+
 @functools.cache
 def scene(name):
+    if not re.fullmatch(SCENE_NAME, str(name)):
+        raise WorkflowError(
+            f"handpipe: scenes: {name!r} is no name of a scene. Name its file with a letter first, "
+            "then letters, digits, _ and -"
+        )
     return checked(load_scene, f"config/scenes/{name}.yaml")
 
 
@@ -238,6 +247,7 @@ INNER_LAYERS = [layer for layer in LAYERS if layer not in (*AIDS, "fat", "skin")
 def frames(subject, name):
     """Names of a scene's frames; the file is checked here, angles against limits too, not after hours of fitting."""
     data, made = dataset(subject), scene(name)
+    checked(require_plain, f"config/scenes/{name}.yaml", "frames", made.frames)
     bones = [data.root_bone, *(b for b in data.bones if b != data.root_bone)]
     return checked(frame_names, made.frames, joint_limits(data), bones, made.bones)
 
