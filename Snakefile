@@ -35,7 +35,7 @@ wildcard_constraints:
     muscle="[A-Za-z][A-Za-z0-9_]*",
     ligament="[A-Za-z][A-Za-z0-9_]*",
     tendon="[A-Za-z][A-Za-z0-9_]*",
-    scene="[A-Za-z][A-Za-z0-9_-]*",
+    scene=SCENE_NAME,
     chunk="[0-9]+",
 
 

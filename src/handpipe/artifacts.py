@@ -268,6 +268,8 @@ def read_text(path: str | Path) -> str:
         return Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         raise InputError(path, "file", "does not exist", "Check the path") from error
+    except OSError as error:
+        raise InputError(path, "file", f"cannot be read ({error.strerror})", "Check the path") from error
     except UnicodeDecodeError as error:
         raise InputError(path, "file", f"is not text ({error})", "Save it in UTF-8") from error
 

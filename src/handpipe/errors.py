@@ -48,7 +48,7 @@ def plain(error: BaseException) -> str:
             if getattr(cause, "errno", None) == number or f"errno = {number}," in str(cause):
                 return words
         if isinstance(cause, MemoryError):
-            return f"not enough memory ({_first_line(cause)}). Use fewer jobs at a time, or larger edges or voxels"
+            return f"not enough memory ({_first_line(cause)}). Use fewer jobs at a time or larger edges"
     return (
         f"unexpected {type(error).__name__}: {_first_line(error)}. This is a fault of handpipe or its setup"
     )

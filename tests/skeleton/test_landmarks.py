@@ -124,3 +124,27 @@ def test_wrong_tables(tmp_path):
     (tmp_path / "a.csv").write_text(text.replace("PINKY_TIP_z", "PINKY_END_z"))
     with pytest.raises(InputError, match=r"column 64 is not 'PINKY_TIP_z \[m\]'"):
         read_landmarks(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("suffix", ["json", "csv", "semicolons"])
+def test_frames_in_which_no_hand_was_found_are_refused_by_name(tmp_path, suffix):
+    """A detector writes zeros for a hand that it does not find, and one point for what it hides."""
+    good = seen(random_angles(1, 0.7))
+    hidden = good.copy()
+    hidden[LANDMARKS.index("PINKY_TIP")] = hidden[LANDMARKS.index("PINKY_DIP")]
+    for bad, problem in (
+        (np.zeros((21, 3)), "all points are 0, 0, 0: no hand was found"),
+        (hidden, "PINKY_DIP, PINKY_TIP are at one point"),
+    ):
+        path = tmp_path / ("hand.JSON" if suffix == "json" else "hand.csv")
+        if suffix == "json":
+            path.write_text(json.dumps({"units": "m", "frames": [good.tolist(), bad.tolist()]}))
+        else:
+            write_csv(path, [good, bad])
+        if suffix == "semicolons":
+            path.write_text(path.read_text().replace(",", ";").replace(".", ","))
+            assert is_landmark_table(path)
+        with pytest.raises(InputError) as error:
+            read_landmarks(path)
+        assert problem in error.value.problem
+        assert ("frames[1]" if suffix == "json" else "row 3 (frame f1)") in error.value.field

@@ -33,3 +33,20 @@ def test_angles_beyond_limits_are_refused_before_a_rig_is_there(tmp_path):
         frame_names(tmp_path / "a.csv", RIG.limits)
     with pytest.raises(InputError, match="does not exist"):
         frame_names(tmp_path / "b.csv", RIG.limits)
+
+
+def test_a_scene_without_frames_and_unknown_joints_are_refused_before_a_rig_is_there(tmp_path):
+    header = ["frame", *(f"{n} [deg]" for n in RIG.angle_names)]
+    for content in ("", ",".join(header), ";".join(header) + "\n\n"):
+        (tmp_path / "empty.csv").write_text(content)
+        with pytest.raises(InputError, match="rows: there are none|header: does not begin"):
+            frame_names(tmp_path / "empty.csv", RIG.limits)
+    with pytest.raises(InputError, match="cannot be read"):
+        frame_names(tmp_path, RIG.limits)
+    (tmp_path / "motion.bvh").write_text(text([TRUTH]))
+    bones = list(RIG.bones)
+    assert frame_names(tmp_path / "motion.bvh", RIG.limits, bones, {}) == ["frame1"]
+    with pytest.raises(InputError, match="thumb: is not a joint of this file"):
+        frame_names(tmp_path / "motion.bvh", RIG.limits, bones, {"proximal1": "thumb"})
+    with pytest.raises(InputError, match="none is named as a bone"):
+        frame_names(tmp_path / "motion.bvh", RIG.limits, ["a", "b"], {})

@@ -131,6 +131,15 @@ def beyond_limit(folder: Path) -> None:
     (folder / "config/scenes/flexion.csv").write_text("frame,hinge_flexion [deg]\nrest,0\nfar,95\n")
 
 
+def no_frames(folder: Path) -> None:
+    (folder / "config/scenes/flexion.csv").write_text("frame,hinge_flexion [deg]\n")
+
+
+def braces(folder: Path) -> None:
+    (folder / "small").rename(folder / "small {left}")
+    edit(folder, lambda d: d.update(root="small {left}"))
+
+
 # What is wrong, what is asked for, and the file, field and problem that the message names.
 RUNS = [
     (missing_volume, SEGMENT, (DATASET, "poses.bent.volume", "small/bent.nii.gz does not exist")),
@@ -141,6 +150,7 @@ RUNS = [
     (scan_in_metres, "segmentation", ("small/bent.ply", "units", "looks like metres")),
     (unknown_bone, "segmentation", ("small/flexor.json", "thumb", "is not a bone of the dataset")),
     (unknown_layer, SIMULATE, ("config/scenes/flexion.yaml", "layers", "'nerves' is not a layer")),
+    (no_frames, SIMULATE, ("config/scenes/flexion.csv", "rows", "there are none")),
     (
         beyond_limit,
         SIMULATE,
@@ -206,6 +216,7 @@ CHECKS = [
     (open_muscle, "small/flexor.ply", "triangles", "is open"),
     (unknown_bone, "small/flexor.json", "thumb", "is not a bone of the dataset"),
     (unknown_child, DATASET, "joints.hinge", "names the bone 'thumb'"),
+    (braces, DATASET, "poses.flat.volume", "has braces in its name"),
     (missing_scan, DATASET, "poses.bent.scan", "small/bent.ply does not exist"),
     (damaged_volume, "small/bent.nii.gz", "content", "cannot be read as NIfTI"),
     (not_a_number, "small/bent.nii.gz", "values", "1 voxels are NaN"),

@@ -66,13 +66,14 @@ def build(folder: Path) -> tuple[int, list[str], list[str]]:
 
 
 def test_a_failed_frame_is_named_left_out_and_simulated_again(small: Path) -> None:
+    small = small.rename(small.with_name("Hände {x} [1] 'copy'"))
     hinge_rig().save(small / "results/small/rig.h5")
     scenes, base = small / "config/scenes", small / "results/small/simulation/close"
-    (scenes / "close.csv").write_text(
+    (scenes / "Häm [1].csv").write_text(
         f"frame,hinge_flexion [deg]\nrest,0\n{BAD},40\nend,80\nafter,30\n", encoding="utf-8"
     )
     (scenes / "close.yaml").write_text(
-        "layers: [bones]\nchunk: 3\nobj: true\nframes: config/scenes/close.csv\n"
+        "layers: [bones]\nchunk: 3\nobj: true\nframes: config/scenes/Häm [1].csv\n", encoding="utf-8"
     )
     layers = small / "workflow/scripts/layers.py"
     text = layers.read_text(encoding="utf-8")

@@ -3,6 +3,7 @@
 import atexit
 import fcntl
 import functools
+import re
 from pathlib import Path
 
 import handpipe
@@ -22,7 +23,7 @@ from handpipe.config import (
 )
 from handpipe.datasets import generators
 from handpipe.errors import HandpipeError
-from handpipe.hand.subject import joint_limits, named_files, require_files, require_scan
+from handpipe.hand.subject import joint_limits, named_files, require_files, require_plain, require_scan
 from handpipe.skeleton.drivers.scene_frames import frame_names
 
 
@@ -109,8 +110,16 @@ def of_layers(layers, *further):
     return lambda w: reads(*further, *layer_fields(layers(w)))(w)
 
 
+SCENE_NAME = "[A-Za-z][A-Za-z0-9_-]*"
+
+
 @functools.cache
 def scene(name):
+    if not re.fullmatch(SCENE_NAME, str(name)):
+        raise WorkflowError(
+            f"handpipe: scenes: {name!r} is no name of a scene. Name its file with a letter first, "
+            "then letters, digits, _ and -"
+        )
     return checked(load_scene, f"config/scenes/{name}.yaml")
 
 
@@ -332,7 +341,10 @@ def muscle_poses(subject):
 @functools.cache
 def frames(subject, name):
     """Names of a scene's frames; the file is checked here, angles against limits too, not after hours of fitting."""
-    return checked(frame_names, scene(name).frames, joint_limits(dataset(subject)))
+    data, made = dataset(subject), scene(name)
+    checked(require_plain, f"config/scenes/{name}.yaml", "frames", made.frames)
+    bones = [data.root_bone, *(b for b in data.bones if b != data.root_bone)]
+    return checked(frame_names, made.frames, joint_limits(data), bones, made.bones)
 
 
 def frames_file(wildcards):

@@ -26,15 +26,9 @@ def scene_of(job):
 @contextmanager
 def stage(job):
     """Run a script's body: log into the rule's log; an error for people ends it with one message."""
-    logging.basicConfig(
-        level=logging.INFO,
-        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
-        datefmt="%H:%M:%S",
-        handlers=[logging.FileHandler(job.log[0], mode="w")],
-        force=True,
-    )
     log = logging.getLogger(job.rule)
     try:
+        log_to(job.log[0])
         artifacts.check_inputs(job.input)
         with artifacts.made_by(job.rule, {name: str(value) for name, value in job.params.items()}):
             yield log
@@ -44,6 +38,18 @@ def stage(job):
     except Exception as error:
         log.exception("unexpected error in %s", job.rule)
         end(job, f"{plain(error)}. See {job.log[0]}")
+
+
+def log_to(path):
+    """Log into a file; where it cannot be written, as on a full disk, logging is silent."""
+    logging.raiseExceptions = False
+    logging.basicConfig(
+        level=logging.INFO,
+        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
+        datefmt="%H:%M:%S",
+        handlers=[logging.FileHandler(path, mode="w")],
+        force=True,
+    )
 
 
 def end(job, message):

@@ -46,11 +46,19 @@ def _organs(dataset: Dataset) -> dict[str, Muscle]:
 
 
 def require_files(source: str | Path, dataset: Dataset) -> None:
-    """Raise `InputError` for the first file that the dataset file `source` names and that is not there."""
+    """Raise `InputError` for the first file that the dataset file `source` names and that cannot be used."""
     for field, path in named_files(dataset).items():
+        require_plain(source, field, path)
         if not path.exists():
             problem = f"{path} does not exist"
             raise InputError(source, field, problem, "Check the path; it is relative to the dataset's root")
+
+
+def require_plain(source: str | Path, field: str, path: Path) -> None:
+    """Raise `InputError` for a path with braces, which the workflow would take for a wildcard."""
+    if "{" in str(path) or "}" in str(path):
+        remedy = "Rename the file or folder; blanks, brackets and accents are no obstacle"
+        raise InputError(source, field, f"{path} has braces in its name", remedy)
 
 
 def require_scan(source: str | Path, dataset: Dataset, pose: str, layer: str) -> Path:

@@ -6,7 +6,6 @@ fist,80,0,95
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 from handpipe.artifacts import write_text
 from handpipe.errors import InputError
+from handpipe.skeleton.frame_table import frame_name, number_in, read_table
 
 Angles = dict[str, float]  # angle name -> rad
 Limits = Mapping[str, tuple[float, float]]  # angle name -> lower and upper in rad
@@ -53,31 +53,27 @@ def check_angles(angles: Mapping[str, float], limits: Limits, source: str | Path
 def read_angles(path: str | Path, limits: Limits) -> dict[str, Angles]:
     """Frames of a CSV file: frame name -> angle name -> rad, in file order.
 
-    Raises `InputError` naming row and column for an unknown or missing column, a repeated frame, a value
-    that is not a number, and an angle beyond its limits (rad).
+    Cells are parted by commas, semicolons or tabs; with the latter two, numbers may have a decimal comma.
+    Raises `InputError` naming row and column for a file without frames, an unknown or missing column, a
+    repeated frame, a value that is not a number, and an angle beyond its limits (rad).
     """
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-    except FileNotFoundError as error:
-        raise InputError(path, "file", "does not exist", "Check the path") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(path, "file", f"is not CSV text ({error})", "Save it as CSV in UTF-8") from error
-    columns = _columns(path, rows[0] if rows else [], limits)
+    header, lines, decimal_comma = read_table(path)
+    columns = _columns(path, header, limits)
     frames: dict[str, Angles] = {}
-    for number, row in enumerate(rows[1:], start=2):
-        name = row[0].strip()
+    for number, row in lines:
         if len(row) != len(columns) + 1:
             raise InputError(
                 path, f"row {number}", f"has {len(row)} cells, not {len(columns) + 1}", "Complete it"
             )
-        if not name or name in frames:
-            problem = f"{name!r} names another frame already" if name else "is empty"
-            raise InputError(path, f"row {number}, frame", problem, "Give every frame a name of its own")
+        name = frame_name(path, (number, row), [*frames])
         where = f"row {number} (frame {name})"
-        angles = {c: _radians(path, where, c, cell) for c, cell in zip(columns, row[1:], strict=True)}
+        angles = {
+            c: _radians(path, where, c, cell, decimal_comma) for c, cell in zip(columns, row[1:], strict=True)
+        }
         check_angles(angles, limits, path, where)
         frames[name] = angles
+    if not frames:
+        raise InputError(path, "rows", "there are none", "Give a row for each frame")
     return frames
 
 
@@ -100,6 +96,11 @@ def _columns(path: str | Path, header: list[str], limits: Limits) -> list[str]:
     for cell in header[1:]:
         name = cell.strip()
         if not name.endswith(UNIT):
+            plain, _, unit = name.partition(" [")
+            if unit:
+                problem = f"is in {unit.removesuffix(']')!r}, not in degrees"
+                remedy = f"Convert it and name it {plain + UNIT!r}"
+                raise InputError(path, f"column {name!r}", problem, remedy)
             raise InputError(
                 path, f"column {name!r}", "does not say its unit", f"Name it like {name + UNIT!r}"
             )
@@ -117,8 +118,8 @@ def _columns(path: str | Path, header: list[str], limits: Limits) -> list[str]:
     return names
 
 
-def _radians(path: str | Path, where: str, name: str, cell: str) -> float:
+def _radians(path: str | Path, where: str, name: str, cell: str, decimal_comma: bool) -> float:
     try:
-        return float(np.radians(float(cell)))
+        return float(np.radians(number_in(cell, decimal_comma)))
     except ValueError as error:
         raise InputError(path, f"{where}, {name}", f"{cell!r} is not a number", "Give degrees") from error

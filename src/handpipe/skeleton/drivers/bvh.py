@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.artifacts import read_text, write_text
 from handpipe.errors import InputError
+from handpipe.skeleton.frame_table import number_in
 
 Array = NDArray[np.float64]
 POSITIONS = ("Xposition", "Yposition", "Zposition")
@@ -76,7 +77,10 @@ def read_bvh(path: str | Path) -> Bvh:
     joints: list[BvhJoint] = []
     if (first := lines.next())[0] != "ROOT":
         raise lines.error("has no ROOT")
-    _read_joint(lines, " ".join(first[1:]), None, joints)
+    try:
+        _read_joint(lines, " ".join(first[1:]), None, joints)
+    except RecursionError:
+        raise lines.error("is in joints that are nested too deep") from None
     return _read_motion(lines, tuple(joints))
 
 
@@ -94,9 +98,16 @@ class _Lines:
                 return line.split()
         raise self.error("ends too early")
 
+    def rest(self) -> Iterator[list[str]]:
+        """Words of all further lines."""
+        for number, line in self._lines:
+            self.number = number
+            if line.strip():
+                yield line.split()
+
     def numbers(self, words: Sequence[str], count: int) -> Array:
         try:
-            values = np.array([float(w) for w in words])
+            values = np.array([number_in(w) for w in words])
         except ValueError as error:
             raise self.error(f"has something that is not a number ({error})") from error
         if len(values) != count or not np.isfinite(values).all():
@@ -156,14 +167,19 @@ def _read_motion(lines: _Lines, joints: tuple[BvhJoint, ...]) -> Bvh:
         raise lines.error("should be MOTION")
     if (words := lines.next())[0] != "Frames:":
         raise lines.error("should be the number of Frames:")
-    count = int(lines.numbers(words[1:], 1)[0])
+    [count] = lines.numbers(words[1:], 1)
+    if count != int(count) or count < 1:
+        raise lines.error("is no number of frames, one at least")
+    stated = lines.number
     if (words := lines.next())[:2] != ["Frame", "Time:"]:
         raise lines.error("should be the Frame Time:")
     seconds = float(lines.numbers(words[2:], 1)[0])
     channels = sum(len(j.channels) for j in joints)
-    if count < 1:
-        raise lines.error("gives no frames")
-    values = np.array([lines.numbers(lines.next(), channels) for _ in range(count)])
+    rows = [lines.numbers(words, channels) for words in lines.rest()]
+    if len(rows) != count:
+        problem = f"line {stated} gives {count:.0f} frames, but {len(rows)} rows follow"
+        raise InputError(lines.path, "Frames", problem, "Correct the number, or export the file anew")
+    values = np.array(rows)
     return Bvh(joints, values, seconds)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +27,17 @@ UNLIKE = 0.3  # distance of the joints from the rig's, beside their spread
 CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 
 
-def bvh_frame_names(path: str | Path) -> list[str]:
-    """Names of a BVH file's frames, which have none of their own: frame1, frame2, ..."""
-    return _names(read_bvh(path))
+def bvh_frame_names(
+    path: str | Path, bones: Sequence[str] = (), names: Mapping[str, str] | None = None
+) -> list[str]:
+    """Names of a BVH file's frames, which have none of their own: frame1, frame2, ...
+
+    bones: the rig's, its root first; without them the joints' names are not checked.
+    """
+    bvh = read_bvh(path)
+    if bones:
+        _matching(path, bvh, bones, names or {})
+    return _names(bvh)
 
 
 def read_bvh_angles(path: str | Path, rig: Rig, names: Mapping[str, str] | None = None) -> dict[str, Angles]:
@@ -42,7 +50,7 @@ def read_bvh_angles(path: str | Path, rig: Rig, names: Mapping[str, str] | None 
     whose shape is not that of the rig.
     """
     bvh = read_bvh(path)
-    joints = _matching(path, bvh, rig, names or {})
+    joints = _matching(path, bvh, [rig.root, *(b for b in rig.bones if b != rig.root)], names or {})
     turn = _alignment(path, bvh, rig, joints)
     rest = _rest_turns(bvh, rig, joints, turn)
     rotations = bvh.rotations()
@@ -100,24 +108,20 @@ def _names(bvh: Bvh) -> list[str]:
     return [f"frame{i}" for i in range(1, len(bvh.values) + 1)]
 
 
-def _matching(path: str | Path, bvh: Bvh, rig: Rig, names: Mapping[str, str]) -> dict[str, str]:
-    """The rig's bones, in its order, with the BVH joints that turn them."""
+def _matching(path: str | Path, bvh: Bvh, bones: Sequence[str], names: Mapping[str, str]) -> dict[str, str]:
+    """The rig's bones, its root first, with the BVH joints that turn them."""
     there = {j.name for j in bvh.joints}
     for bone, joint in names.items():
-        if bone not in rig.bones:
-            raise InputError(
-                path, f"bones.{bone}", "is not a bone of the rig", f"Bones: {', '.join(rig.bones)}"
-            )
+        if bone not in bones:
+            raise InputError(path, f"bones.{bone}", "is not a bone of the rig", f"Bones: {', '.join(bones)}")
         if joint not in there:
             raise InputError(
                 path, joint, "is not a joint of this file", f"Joints: {', '.join(sorted(there))}"
             )
-    joints = {b: names.get(b, b) for b in rig.bones if names.get(b, b) in there}
-    if not set(joints) - {rig.root}:
+    joints = {b: names.get(b, b) for b in bones if names.get(b, b) in there}
+    if not set(joints) - {bones[0]}:
         remedy = "Name the joints by `bones` in the scene file"
-        raise InputError(
-            path, "joints", f"none is named as a bone of the rig ({', '.join(rig.bones)})", remedy
-        )
+        raise InputError(path, "joints", f"none is named as a bone of the rig ({', '.join(bones)})", remedy)
     return joints
 
 

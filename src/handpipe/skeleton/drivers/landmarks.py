@@ -6,7 +6,6 @@ JSON: {"units": "m", "handedness": "Right", "frames": [[[x, y, z], ... 21 points
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from handpipe.artifacts import read_text
 from handpipe.errors import InputError
+from handpipe.skeleton.frame_table import delimiter_of, frame_name, number_in, read_table
 
 Array = NDArray[np.float64]
 Hand = Literal["right", "left"]
@@ -46,23 +46,23 @@ class HandLandmarks:
 
 def read_landmarks(path: str | Path) -> HandLandmarks:
     """Read landmarks from a .json or .csv file; raises `InputError` naming frame and landmark."""
-    text = read_text(path)
-    return _from_json(path, text) if Path(path).suffix == ".json" else _from_csv(path, text)
+    return _from_json(path, read_text(path)) if Path(path).suffix.lower() == ".json" else _from_csv(path)
 
 
 def is_landmark_table(path: str | Path) -> bool:
     """Whether a CSV file holds landmarks and not joint angles, by its header."""
     try:
         with open(path, encoding="utf-8-sig", errors="replace") as file:
-            return any(cell.strip().startswith("WRIST_") for cell in file.readline().split(","))
-    except FileNotFoundError:
+            header = file.readline()
+            return any(cell.strip('" ').startswith("WRIST_") for cell in header.split(delimiter_of(header)))
+    except OSError:
         return False
 
 
 def _from_json(path: str | Path, text: str) -> HandLandmarks:
     try:
         data = json.loads(text)
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(path, "JSON", str(error), "Mend the syntax") from error
     example = '{"units": "m", "handedness": "Right", "frames": [[[x, y, z], ... 21 points], ...]}'
     if not isinstance(data, dict) or not isinstance(data.get("frames"), list) or not data["frames"]:
@@ -85,12 +85,25 @@ def _json_points(path: str | Path, number: int, frame: Any) -> Array:
     for name, point in zip(LANDMARKS, frame, strict=True):
         values = [point.get(c) for c in "xyz"] if isinstance(point, dict) else point
         points.append(_numbers(path, f"{where}, {name}", values))
-    return np.array(points)
+    return _checked(path, where, np.array(points))
 
 
-def _from_csv(path: str | Path, text: str) -> HandLandmarks:
-    rows = [row for row in csv.reader(text.splitlines()) if any(cell.strip() for cell in row)]
-    header = [cell.strip() for cell in rows[0]] if rows else []
+def _checked(path: str | Path, where: str, points: Array) -> Array:
+    """The points (21, 3) of a frame; detectors write one point again and again for what they do not find."""
+    remedy = "Leave the frame out, or give all points"
+    if not points.any():
+        raise InputError(path, where, "all points are 0, 0, 0: no hand was found", remedy)
+    places, counts = np.unique(points, axis=0, return_counts=True)
+    if (counts > 1).any():
+        place = places[counts > 1][0]
+        names = [name for name, point in zip(LANDMARKS, points, strict=True) if (point == place).all()]
+        problem = f"{', '.join(names)} are at one point, {', '.join(f'{c:g}' for c in place)}"
+        raise InputError(path, where, problem, remedy)
+    return points
+
+
+def _from_csv(path: str | Path) -> HandLandmarks:
+    header, lines, decimal_comma = read_table(path)
     unit = header[1].partition(" [")[2].removesuffix("]") if len(header) > 1 else None
     _check_units(path, "header", unit)
     wanted = ["frame", *(f"{name}_{c} [{unit}]" for name in LANDMARKS for c in "xyz")]
@@ -100,22 +113,18 @@ def _from_csv(path: str | Path, text: str) -> HandLandmarks:
             raise InputError(path, "header", problem, f"The header is: {','.join(wanted[:5])},...")
     names: list[str] = []
     frames = []
-    for number, row in enumerate(rows[1:], start=2):
-        name = row[0].strip()
-        if not name or name in names:
-            remedy = "Give every frame a name of its own"
-            raise InputError(path, f"row {number}, frame", f"{name!r} is empty or stands twice", remedy)
+    for number, row in lines:
+        name = frame_name(path, (number, row), names)
+        where = f"row {number} (frame {name})"
         if len(row) != len(wanted):
-            problem = f"has {len(row)} cells, not {len(wanted)}"
-            raise InputError(path, f"row {number} (frame {name})", problem, "Complete it")
+            raise InputError(path, where, f"has {len(row)} cells, not {len(wanted)}", "Complete it")
         names.append(name)
         cells = np.array(row[1:]).reshape(-1, 3)
-        frames.append(
-            [
-                _numbers(path, f"row {number} (frame {name}), {landmark}", cell)
-                for landmark, cell in zip(LANDMARKS, cells, strict=True)
-            ]
-        )
+        points = [
+            _numbers(path, f"{where}, {landmark}", cell, decimal_comma)
+            for landmark, cell in zip(LANDMARKS, cells, strict=True)
+        ]
+        frames.append(_checked(path, where, np.array(points)))
     if not frames:
         raise InputError(path, "rows", "there are none", "Give a row for each frame")
     return HandLandmarks(tuple(names), np.array(frames), None)
@@ -128,9 +137,9 @@ def _check_units(path: str | Path, field: str, unit: str | None) -> None:
         )
 
 
-def _numbers(path: str | Path, where: str, values: Iterable[Any]) -> list[float]:
+def _numbers(path: str | Path, where: str, values: Iterable[Any], decimal_comma: bool = False) -> list[float]:
     try:
-        numbers = [float(v) for v in values]
+        numbers = [number_in(v, decimal_comma) if isinstance(v, str) else float(v) for v in values]
     except (TypeError, ValueError) as error:
         raise InputError(path, where, f"{values} are not numbers", "Give x, y and z") from error
     if len(numbers) != 3 or not np.isfinite(numbers).all():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from handpipe.skeleton.angles import Angles, Limits, read_angles
@@ -12,14 +12,17 @@ from handpipe.skeleton.drivers.landmarks import Hand, is_landmark_table, read_la
 from handpipe.skeleton.rig import Rig
 
 
-def frame_names(path: str | Path, limits: Limits) -> list[str]:
+def frame_names(
+    path: str | Path, limits: Limits, bones: Sequence[str] = (), joints: Mapping[str, str] | None = None
+) -> list[str]:
     """Names of the frames, in file order, known without a rig.
 
+    bones: the rig's, its root first, and joints: a bone's joint in a BVH file, for the check of their names.
     Raises `InputError` for all that is wrong with the file itself: joint angles beyond limits (rad) too.
     """
     kind = _kind(path)
     if kind == "bvh":
-        return bvh_frame_names(path)
+        return bvh_frame_names(path, bones, joints)
     if kind == "landmarks":
         return list(read_landmarks(path).names)
     return list(read_angles(path, limits))
