@@ -61,12 +61,12 @@ def test_wrong_dataset_is_refused_by_field(tmp_path, content, change, field):
         (lambda c: c.update(root="results/phantom-finger/data"), "root: .* stays under results/subject"),
         (
             lambda c: c["poses"]["hook"].update(volume="../../../x.nii.gz"),
-            r"hook\.volume: .* leads out",
+            r".*hook\.volume: .* leads out",
         ),
-        (lambda c: c["poses"]["hook"].update(scan="/tmp/x.ply"), r"poses\.hook\.scan: .* leads out"),
+        (lambda c: c["poses"]["hook"].update(scan="/x.ply"), r"poses\.hook\.scan: .* leads out"),
         (
             lambda c: c["tendons"]["flexor2"].update(path="../../x.json"),
-            r"flexor2\.path: .* leads out",
+            r".*flexor2\.path: .* leads out",
         ),
         (lambda c: c.update(truth={"folder": ".."}), r"truth\.folder: is \.\., which leads out"),
     ],

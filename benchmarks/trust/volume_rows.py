@@ -16,19 +16,8 @@ from benchmarks.trust.volume_table import Table, grey, oblique
 
 def rows() -> list[Row]:
     """All rows; a file lives as long as its row."""
-    tables = (
-        nifti,
-        nifti_labels,
-        nrrd_volumes,
-        segmentations,
-        meta_images,
-        dicom,
-        dicom_choices,
-        paths,
-        real,
-    )
     found = []
-    for table in tables:
+    for table in TABLES:
         with tempfile.TemporaryDirectory() as folder:
             made = Table(Path(folder))
             table(made)

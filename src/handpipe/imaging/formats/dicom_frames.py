@@ -73,11 +73,11 @@ def frames_of(path: Path) -> list[Frame]:
     found: list[Frame] = []
     foreign = []
     for file in files:
-        header = _header(file)
-        if header is None:
-            foreign.append(file.name)
-        elif _is_image(file, header):
-            with reading(file, "DICOM"):
+        with reading(file, "DICOM"):
+            header = _header(file)
+            if header is None:
+                foreign.append(file.name)
+            elif _is_image(file, header):
                 found += _frames(file, header)
     if foreign and path.is_dir():
         log.warning("%s: passed over %d files that are not DICOM: %s", path, len(foreign), ", ".join(foreign))
@@ -94,13 +94,12 @@ def _header(file: Path) -> pydicom.Dataset | None:
     """All elements, long ones unread; None of a file that is not DICOM."""
     if file.name.startswith("."):
         return None
-    with reading(file, "DICOM"):
-        try:
-            return pydicom.dcmread(file, defer_size=LONG)
-        except InvalidDicomError:
-            if file.suffix.lower() in SUFFIXES or file.stat().st_size == 0:
-                raise
-            return None
+    try:
+        return pydicom.dcmread(file, defer_size=LONG)
+    except InvalidDicomError:
+        if file.suffix.lower() in SUFFIXES or file.stat().st_size == 0:
+            raise
+        return None
 
 
 def _is_image(file: Path, header: pydicom.Dataset) -> bool:
