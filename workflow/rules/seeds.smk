@@ -23,6 +23,7 @@ rule propose_seeds:
             "bones.*.label",
             "joints.*.parent",
             "joints.*.child",
+            "joints.*.angles",
             "joints.*.axis_hints",
             "joints.*.limits_deg",
         ),
