@@ -164,6 +164,7 @@ def test_scribbles_rerun_their_bone_alone(built_small: Path, tmp_path: Path) -> 
     drawn = np.where(seeds() == LABELS["far"], LABELS["far"], 0).astype(np.uint8)
     write_image(folder / "small" / "bent-far.nii.gz", drawn)
     assert planned(folder, "segmentation", *SMALL) == {
+        "check_subject": 1,
         "correct_bone": 1,
         "merge_labels": 1,
         "evaluate_segmentation": 1,

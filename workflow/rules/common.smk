@@ -207,13 +207,9 @@ def take_lock():
     )  # a file that nothing refers to is closed, and its lock is gone
 
 
-def surface_files(wildcards):
-    """What `check_subject` reads: everything that a person made but the images."""
-    files = named_files(dataset(wildcards.subject))
-    images = (".volume", ".seeds", ".scribbles.")
-    return [
-        path for field, path in files.items() if not any(i in field for i in images)
-    ]
+def given_files(wildcards):
+    """Every file that a dataset names."""
+    return list(named_files(dataset(wildcards.subject)).values())
 
 
 def subject_checks():
@@ -369,7 +365,7 @@ def chunks_of_scenes(wildcards):
     base = f"results/{wildcards.subject}/simulation"
     return [
         f"{base}/{name}/frames-{c}.h5"
-        for name in listed("scenes")
+        for name in SETTINGS.scenes
         for c in chunks(wildcards.subject, name)
     ]
 

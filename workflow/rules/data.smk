@@ -144,7 +144,7 @@ rule generate_seeds:
 
 rule check_subject:
     input:
-        files=surface_files,
+        files=given_files,
     output:
         "results/{subject}/check.json",
     log:

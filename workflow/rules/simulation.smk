@@ -108,7 +108,7 @@ rule require_frames:
         mem_mb=1500,
         runtime=10,
     params:
-        scenes=listed("scenes"),
+        scenes=SETTINGS.scenes,
         partial=lambda w, input: {c: partial_chunk(c) for c in input.chunks},
     message:
         "{wildcards.subject}: whether every frame was simulated"
