@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from handpipe import artifacts
 from handpipe.metrics import Metrics
 
 CHECKOUT = Path(__file__).parents[2]
@@ -118,14 +119,23 @@ def working_copy(folder: Path) -> Path:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """All that a build wrote, temporary files too, but for what tells of its costs."""
+    """All that a build wrote by its path, temporary files too, but for what tells of its costs."""
     base = folder / "results"
     found = {}
     for path in sorted(p for p in base.rglob("*") if p.is_file() and p.name != ".snakemake_timestamp"):
         inside = path.relative_to(base).as_posix().partition("/")[2]
         if not inside.startswith(OF_COSTS):
-            found[path.relative_to(base).as_posix()] = path.read_bytes()
+            found[path.relative_to(base).as_posix()] = content(path)
     return found
+
+
+def content(path: Path) -> bytes:
+    """Bytes of a file; the hash of an artifact's data, for it also records the commit of the code."""
+    if path.suffix != ".h5" or path.name.startswith("."):
+        return path.read_bytes()
+    recorded = artifacts.read_attributes(path)
+    artifacts.read(path, recorded["kind"])  # which checks the hash
+    return str(recorded["data_hash"]).encode()
 
 
 def mismatches(folder: Path, other: Path) -> list[str]:

@@ -121,7 +121,7 @@ rule coupled_templates:
             "anatomy",
             "seed",
             "root",
-            "poses.*.role",
+            "neutral",
             "bones.*.template",
             "muscles.*.template",
             "muscles.*.attachments",
