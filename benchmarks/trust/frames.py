@@ -1,4 +1,4 @@
-"""Frames of the embedded hand: whether an inverted tet is handed on, whether a refusal says why, and jumps."""
+"""Frames of the embedded hand: inverted tets that are handed on, refusals, and jumps along a path."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def volume_ratios(rest: Array, vertices: Array, cells: NDArray[np.int64]) -> Arr
 
 
 def curled(limits: Limits, count: int, seed: int = 0) -> list[dict[str, float]]:
-    """Random poses in rad towards a fist: each flexion at half to all of its limit, other angles near zero."""
+    """Random poses in rad towards a fist: each flexion at half to all of its limit, other angles small."""
     rng, poses = np.random.default_rng(seed), []
     for _ in range(count):
         share = rng.uniform(*CURL, len(limits))

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from handpipe.errors import ConvergenceError
 from handpipe.fat.layer import FatStrains, TissueLayer
 from handpipe.fat.nails import from_vector
-from handpipe.fat.tissue import CONTACTS
+from handpipe.fat.tissue import CONTACTS, Tissue
 from handpipe.fem import plasticity
 from handpipe.layers import Frame, Region
 from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.settling import Settled
 from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
 
 from .limb import below, limb
@@ -102,6 +105,35 @@ def test_a_bent_frame_gives_skin_and_mesh():
     tip = tissue.rigid["tip"].vertices
     wanted = layer.rigid(bent)["tip"](tissue.skin.vertices[tip])
     assert np.linalg.norm(corrected["skin"].vertices[tip] - wanted, axis=1).mean() < 0.05
+
+
+def _hinged(degrees):
+    """The bone's vertices with its distal half turned, and the tissue's moved alike."""
+    turn = Rotation.from_rotvec([0, np.radians(degrees), 0]).as_matrix()
+    core, mesh = below()["bones"]["core"].rest, limb(Region.fixed).mesh
+    return (np.where(x[:, :1] > 0, x @ turn.T, x) for x in (core, mesh.vertices))
+
+
+def test_a_bone_that_cuts_through_itself_inverts_no_tet(monkeypatch):
+    tissue, (core, start) = limb(Region.fixed), _hinged(80.0)
+    layer = TissueLayer("fat", ("bones",), tissue)
+    monkeypatch.setattr(TissueLayer, "starts", lambda self, bones: [start])
+    shapes = layer.solve(Frame("hinged", {}, REST), below(core))
+    mesh = shapes["fat_mesh"]
+    assert TetMesh(mesh.vertices, mesh.cells).volumes().min() > 0
+    told = mesh.figures
+    assert told["inverted_tets"] == 0 < told["least_det"] < 0.1
+    assert told["unsettled"] == shapes["skin"].figures["contact_unsettled"]
+    assert told["contact_motion"] == shapes["skin"].figures["contact_motion"]
+    assert {"residual", "tangles"} <= set(told)
+
+
+def test_an_inverted_tet_is_not_handed_on(monkeypatch):
+    core, inverted = _hinged(80.0)
+    layer = TissueLayer("fat", ("bones",), limb(Region.fixed))
+    monkeypatch.setattr(Tissue, "at_rest", lambda *arguments: Settled(inverted, 1, 0.0))
+    with pytest.raises(ConvergenceError, match=r"fat of hinged .* tets are inverted, .* mm from core"):
+        layer.solve(Frame("hinged", {}, REST), below(core))
 
 
 @pytest.mark.parametrize("bare", [{}, {"nails": {}}, {"shifts": None}])
