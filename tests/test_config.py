@@ -18,7 +18,7 @@ def content():
 
 def written(tmp_path, content):
     path = tmp_path / "subject.yaml"
-    path.write_text(yaml.safe_dump(content))
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return path
 
 
@@ -44,6 +44,17 @@ def test_shipped_scenes_are_valid(path):
         (lambda c: c["tendons"]["flexor2"].update(bone="femur"), r"tendons\.flexor2.*'femur'"),
         (lambda c: c["joints"]["PIP2"].update(limits_deg=[]), r"joints\.PIP2.*same length"),
         (lambda c: c.update(units="m"), "units"),
+        (lambda c: c["tendons"]["flexor2"].update(radius=float("nan")), r"tendons\.flexor2\.radius.*finite"),
+        (lambda c: c["tendons"]["flexor2"].update(radius=-1), r"tendons\.flexor2\.radius"),
+        (lambda c: c["joints"]["PIP2"].update(limits_deg=[[float("inf"), 1]]), r"joints\.PIP2.*finite"),
+        (lambda c: c["joints"]["PIP2"].update(limits_deg=[[9, 1]]), r"joints\.PIP2.*no range"),
+        (lambda c: c["joints"]["PIP2"].update(axis_hints=[[0, 0, 0]]), r"joints\.PIP2.*zero length"),
+        (lambda c: c["joints"]["PIP2"].update(angles=["DIP2_flexion"]), "angle 'DIP2_flexion' stands twice"),
+        (lambda c: c["bones"]["middle2"].update(label=1), "bones: the label 1 stands twice"),
+        (
+            lambda c: c["muscles"].update({"Müller 1": c["muscles"]["lumbrical1"]}),
+            r"muscles\.Müller 1: .*no name",
+        ),
         (lambda c: c.update(colour="blue"), "colour"),
     ],
 )
@@ -61,12 +72,12 @@ def test_wrong_dataset_is_refused_by_field(tmp_path, content, change, field):
         (lambda c: c.update(root="results/phantom-finger/data"), "root: .* stays under results/subject"),
         (
             lambda c: c["poses"]["hook"].update(volume="../../../x.nii.gz"),
-            r".*hook\.volume: .* leads out",
+            r"poses\.hook\.volume: .* leads out",
         ),
         (lambda c: c["poses"]["hook"].update(scan="/x.ply"), r"poses\.hook\.scan: .* leads out"),
         (
             lambda c: c["tendons"]["flexor2"].update(path="../../x.json"),
-            r".*flexor2\.path: .* leads out",
+            r"tendons\.flexor2\.path: .* leads out",
         ),
         (lambda c: c.update(truth={"folder": ".."}), r"truth\.folder: is \.\., which leads out"),
     ],
@@ -88,6 +99,13 @@ def test_a_link_out_of_the_results_is_refused(tmp_path, monkeypatch, content):
     content["root"] = "results/subject/data"
     with pytest.raises(InputError, match="root: is results/subject/data"):
         load_dataset(written(tmp_path, content))
+
+
+def test_a_key_that_stands_twice_is_refused(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text("layers: [bones]\nframes: a.csv\nframes: b.csv\n")
+    with pytest.raises(InputError, match=r"scene\.yaml: YAML: .*'frames' stands twice.*line 3"):
+        load_scene(path)
 
 
 def test_unknown_layer_is_refused(tmp_path):

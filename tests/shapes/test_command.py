@@ -11,13 +11,16 @@ from tests.muscles.shapes import box
 
 from handpipe import artifacts, metrics
 from handpipe.errors import InputError
-from handpipe.imaging.markers import write_markers
+from handpipe.imaging.markers import read_markers, write_markers
 from handpipe.imaging.volume import Volume, write_volume
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface, read_surface
 from handpipe.shapes.__main__ import main
 from handpipe.shapes.files import read_pairs, read_template
+from handpipe.shapes.marks import Pairs
+from handpipe.shapes.organ import fit_organ
+from handpipe.shapes.search import Settings
 
 MESH = box((6, 2, 2), (30.0, 8.0, 8.0))
 GROWN = MESH.moved(MESH.vertices * [1.0, 1.3, 0.9] - [0.0, 1.0, 0.0])
@@ -87,6 +90,127 @@ def test_errors_name_the_file(folder: Path, capsys: pytest.CaptureFixture) -> No
     (folder / "places.mrk.json").write_text(json.dumps({"markups": []}))
     with pytest.raises(InputError, match=r"places.mrk.json"):
         read_pairs(folder / "points.mrk.json", folder / "places.mrk.json")
+
+
+CASES = Path(__file__).parents[3] / "shared" / "cases"
+shared = pytest.mark.skipif(not CASES.is_dir(), reason="the shared cases are not beside the checkout")
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        ("--alpha", "nan"),
+        ("--alpha", "-1"),
+        ("--alpha", "0"),
+        ("--beta", "inf"),
+        ("--iterations", "-3"),
+        ("--iterations", "2.5"),
+        ("--enough", "nan"),
+        ("--remesh-below", "-1"),
+        ("--young", "0"),
+        ("--poisson", "0.5"),
+    ],
+    ids=" ".join,
+)
+def test_numbers_out_of_range_are_refused_by_option(
+    folder: Path, capsys: pytest.CaptureFixture, option: tuple[str, str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(
+            [
+                str(folder / "organ.vtk"),
+                str(folder / "marks.mrk.json"),
+                *option,
+                "--output",
+                str(folder / "o"),
+            ]
+        )
+    assert caught.value.code == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"handpipe: argument {option[0]}: ")
+    assert not (folder / "o").exists()
+
+
+@pytest.mark.parametrize(("name", "value"), [("alpha", float("nan")), ("spring", -1.0), ("progress", 2.0)])
+def test_settings_are_in_range(name: str, value: float) -> None:
+    with pytest.raises(InputError, match=name):
+        Settings(**{name: value})
+
+
+@shared
+def test_a_template_in_centimetres_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    case = CASES / "units-cm"
+    assert main([str(case / "cm.vtk"), str(case / "marks.mrk.json"), "--output", str(tmp_path / "out")]) == 1
+    [line] = capsys.readouterr().err.splitlines()
+    assert "cm.vtk: units: " in line
+    assert "centimetres: scale by 10" in line
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+@shared
+@pytest.mark.parametrize("marks", ["u1", "u3"])
+def test_points_that_are_not_placed_do_not_count(marks: str, caplog: pytest.LogCaptureFixture) -> None:
+    """All other points are within the template's reach; the old position is 200 mm off."""
+    template = read_template(CASES / "marks-not-placed" / "organ.vtk")
+    points, labels = read_markers(CASES / "marks-not-placed" / f"{marks}.mrk.json")
+    assert len(points) == 111
+    assert "F-4" not in labels
+    assert np.abs(points - template.vertices.mean(axis=0)).max() < np.ptp(template.vertices, axis=0).max()
+    assert "1 points are not placed and are skipped: F-4" in caplog.text
+
+
+def given(**changes: object) -> dict:
+    """What `fit_organ` gets, with a change."""
+    held = Pairs(MESH.vertices[:8], GROWN.vertices[:8])
+    return {"template": MESH, "marks": GROWN.boundary().vertices, "attachments": held} | changes
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"template": MESH.moved(MESH.vertices / 10)}, "centimetres"),
+        ({"marks": GROWN.vertices / 25.4, "attachments": None}, "inches: scale by 25.4"),
+        ({"marks": GROWN.vertices * 1000, "attachments": None}, "micrometres: scale by 0.001"),
+        (
+            {"attachments": Pairs(MESH.vertices[:8] * [-1, -1, 1] - [20, 20, 0], GROWN.vertices[:8])},
+            "away from it",
+        ),
+        ({"marks": np.vstack([GROWN.vertices, [[200.0, 0, 0]]])}, "is mark 147 at (200, 0, 0)"),
+        (
+            {"volume": Volume(np.zeros((60, 40, 40), np.float32), np.eye(4) - 99 * np.eye(4, k=3))},
+            "0 % of its vertices are in the image",
+        ),
+    ],
+)
+def test_what_is_in_another_frame_or_unit_is_refused(changes: dict, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        fit_organ(**given(**changes))
+    assert said in str(caught.value)
+
+
+def test_a_foreign_exception_is_one_line(
+    folder: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise np.linalg.LinAlgError("singular\nmatrix")
+
+    monkeypatch.setattr("handpipe.shapes.__main__.fit_organ", fail)
+    assert (
+        main([str(folder / "organ.vtk"), str(folder / "marks.mrk.json"), "--output", str(folder / "o")]) == 1
+    )
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith("handpipe: unexpected LinAlgError: singular matrix. The log is ")
+    log = Path(line.split("The log is ")[1])
+    assert "Traceback" in log.read_text()
+    log.unlink()
+
+
+def test_an_output_that_cannot_be_made_is_said_first(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    (folder / "file").write_text("no folder")
+    output = str(folder / "file" / "out")
+    assert main([str(folder / "organ.vtk"), str(folder / "marks.mrk.json"), "--output", output]) == 1
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"handpipe: {output}: ")
 
 
 def test_unequal_labels_are_refused(folder: Path) -> None:

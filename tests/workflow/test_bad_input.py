@@ -15,7 +15,7 @@ from handpipe.errors import InputError
 from handpipe.hand.subject import check_frames, check_images, check_surfaces, require_files
 
 from .running import run
-from .small_subject import ball, image, opened, seeds, write_dataset, write_image, write_mesh
+from .small_subject import ball, body, image, opened, seeds, write_dataset, write_image, write_mesh
 
 SMALL = ("--config", "subjects=[small]")
 SEGMENT = "results/small/segmentation/bent/bones.h5"
@@ -97,6 +97,21 @@ def not_a_number(folder: Path) -> None:
 
 def scan_in_metres(folder: Path) -> None:
     write_mesh(folder / "small" / "bent.ply", ball().apply_scale(1e-3))
+
+
+def scan_in_centimetres(folder: Path) -> None:
+    write_mesh(folder / "small" / "bent.ply", body().apply_scale(0.1))
+
+
+def scan_with_island(folder: Path) -> None:
+    island = trimesh.creation.icosphere(subdivisions=2, radius=4.0).apply_translation([60, 0, 0])
+    write_mesh(folder / "small" / "bent.ply", trimesh.util.concatenate([body(), island]))
+
+
+def muscle_in_centimetres(folder: Path) -> None:
+    write_mesh(folder / "small" / "flexor.ply", ball().apply_translation([60, 0, 0]).apply_scale(0.1))
+    for bone in ("near", "far"):
+        write_mesh(folder / "small" / f"{bone}.ply", ball().apply_translation([60, 0, 0]))
 
 
 def scan_with_nan(folder: Path) -> None:
@@ -211,6 +226,9 @@ def test_truncated_artifact(built_small: Path, tmp_path: Path) -> None:
 # What the rules' own functions say, without a run for each.
 CHECKS = [
     (scan_in_metres, "small/bent.ply", "units", "looks like metres"),
+    (scan_in_centimetres, "small/bent.ply", "frame", "overlaps the body in the pose's image"),
+    (scan_with_island, "small/bent.ply", "parts", "1 of 2 parts touch no other"),
+    (muscle_in_centimetres, "small/flexor.ply", "frame", "attaches to near, but is"),
     (scan_with_nan, "small/bent.ply", "vertices", "NaN or infinite coordinates in 1 vertices"),
     (open_bone, "small/far.ply", "triangles", "is open"),
     (open_muscle, "small/flexor.ply", "triangles", "is open"),

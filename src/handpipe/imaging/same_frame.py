@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from skimage.filters import threshold_li
 
 from handpipe.errors import InputError
@@ -31,7 +32,8 @@ AIR = 0.15  # of bright tissue: what is darker in an image with air around the b
 # and 0.42 to 0.67 in another; real scans fit less well, as skin and coil move.
 REFUSED, DOUBTED = 0.6, 0.8
 CLEARLY = 0.15  # by which another frame or pose must fit better to be the cause
-BEYOND = 5.0  # mm outside the image at which a point is not in its frame
+BEYOND = 8.0  # mm from the body at which a point is not in the image's frame
+SMALLEST = 1.0  # mm across all points: fewer are no points of an organ
 
 UNITS = {"centimetres": 10.0, "metres": 1000.0, "inches": 25.4, "micrometres": 0.001}
 _AXES = {
@@ -44,8 +46,8 @@ _AXES = {
 }
 # What may be wrong, with the matrix (3, 3) that mends it.
 CAUSES: dict[str, Array] = {
-    **{f"{unit} (scale by {factor:g})": factor * np.eye(3) for unit, factor in UNITS.items()},
     **_AXES,
+    **{f"{unit} (scale by {factor:g})": factor * np.eye(3) for unit, factor in UNITS.items()},
     **{
         f"{unit} (scale by {factor:g}) and {axes}": factor * matrix
         for unit, factor in UNITS.items()
@@ -92,6 +94,14 @@ class Foreground:
         """Lower and upper corner (2, 3) of the image."""
         return np.stack([self.points.min(axis=0), self.points.max(axis=0)])
 
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.points[self.body])
+
+    def distances(self, points: Array) -> Array:
+        """Distances (k,) in mm of points (k, 3) from the nearest place in the body."""
+        return np.asarray(self._tree.query(points)[0])
+
     def agreement(self, scan: Surface, matrix: Array | None = None) -> float:
         """Dice coefficient of the body and the inside of the scan, moved by a matrix (3, 3)."""
         points = self.points if matrix is None else self.points @ np.linalg.inv(matrix).T
@@ -113,6 +123,7 @@ def require_scan_in_image(
         Where the scan does not fit the image, or fits clearly better after one of `CAUSES` is mended, or
         with the image of another pose: with what is likely.
     """
+    scan = scan if scan.volume() > 0 else scan.flipped()
     own = image.agreement(scan)
     if own >= DOUBTED:
         return own
@@ -139,23 +150,23 @@ def require_scan_in_image(
 def require_points_in_image(
     path: str | Path, points: Array, labels: list[str], image: Foreground, where: str
 ) -> None:
-    """Raise `InputError` for points (k, 3) that are outside the box of an image, with the likely cause."""
-    beyond = _beyond(points, image.box)
-    bad = np.flatnonzero(beyond > BEYOND)
+    """Raise `InputError` for points (k, 3) that are not in the body in an image, with the likely cause."""
+    distances = image.distances(points)
+    bad = np.flatnonzero(distances > BEYOND)
     if len(bad) == 0:
         return
+
+    def inside(matrix: Array) -> float:
+        moved = points @ matrix.T
+        large = len(points) < 2 or np.ptp(moved, axis=0).max() >= SMALLEST
+        return float((image.distances(moved) <= BEYOND).mean()) if large else 0.0
+
     first = labels[bad[0]] or str(bad[0])
-    problem = f"{len(bad)} of {len(points)} points are outside {where}, {first!r} by {beyond[bad[0]]:.0f} mm"
-    cause = None
-    if len(bad) > len(points) // 2:
-        cause = likely_cause(lambda m: float((_beyond(points @ m.T, image.box) <= BEYOND).mean()), 0.99)
+    problem = f"{len(bad)} of {len(points)} points are outside the body in {where}, "
+    problem += f"{first!r} by {distances[bad[0]]:.0f} mm"
+    cause = likely_cause(inside, 0.99) if len(bad) > len(points) // 2 else None
     remedy = f"They would fit if they are in {cause}" if cause else f"{_boxes(points, image.box)}. Place them"
     raise InputError(path, "points", problem, remedy)
-
-
-def _beyond(points: Array, box: Array) -> Array:
-    """Distance (k,) in mm of points (k, 3) from a box (2, 3); 0 inside."""
-    return np.linalg.norm(np.maximum(np.maximum(box[0] - points, points - box[1]), 0.0), axis=1)
 
 
 def _boxes(points: Array, box: Array) -> str:

@@ -66,5 +66,5 @@ def _islands(parts: list[Surface]) -> list[Surface]:
 
 
 def _described(part: Surface, area: float) -> str:
-    place = ", ".join(f"{c:.0f}" for c in part.vertices.mean(axis=0))
+    place = ", ".join(f"{c:.0f}" for c in np.round(part.vertices.mean(axis=0)) + 0.0)
     return f"{100 * part.area() / area:.2g} % of the area near ({place})"
