@@ -22,9 +22,19 @@ with stage(snakemake) as log:
     motions = locate(hand, evidence)
     motions, sure = sought_again(hand, evidence, motions, confidences(hand, evidence.fine, motions))
     for bone, confidence in sure.items():
-        log.info("%s: confidence %.2f%s", bone, confidence.value, ": MARKED" if confidence.marked else "")
+        log.info("%s: %s", bone, confidence.verdict)
         log.info("    %s", confidence)
     marked = [bone for bone, confidence in sure.items() if confidence.marked]
+    for bone in (b for b, c in sure.items() if c.near and not c.marked):
+        log.warning("%s is %s: look at its seeds", bone, sure[bone].verdict)
+    for link in hand.links:
+        if link.gapes:
+            named = " or ".join(body for i in (link.parent, link.child) for body in hand.bodies[i].bones)
+            log.warning(
+                "joint %s: its bones are %.1f mm apart in neutral: one of them lacks its end there, and its"
+                " place in other poses is doubtful; draw scribbles of %s under poses.%s.scribbles",
+                *(link.name, link.neutral_gap, named, dataset.neutral),
+            )
     if marked:
         field = f"poses.{snakemake.wildcards.pose}.scribbles"
         log.warning("draw scribbles of %s and name them under %s", ", ".join(marked), field)
@@ -37,4 +47,6 @@ with stage(snakemake) as log:
     write_located(snakemake.output.located, motions, sure, [*snakemake.input])
     figures = {f"confidence_{b}": (c.value, "1") for b, c in sure.items()}
     figures |= {f"marked_{b}": (float(c.marked), "1") for b, c in sure.items()}
+    figures |= {f"doubtful_{b}": (1.0, "1") for b, c in sure.items() if c.near}
+    figures |= {f"neutral_gap_{link.name}": (link.neutral_gap, "mm") for link in hand.links if link.gapes}
     metrics.write(Path(snakemake.output.confidence), figures)

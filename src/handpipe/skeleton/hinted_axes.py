@@ -14,13 +14,14 @@ OFF = np.radians(30.0)  # by which a hint may be off
 DIRECTIONS, STEPS = 24, 3  # of the tilts that are tried
 
 
-def beyond_hints(axes: Axes, rotation: Array) -> float:
-    """Angle in rad of a rotation (3, 3) that no turns about axes within `OFF` of the hinted ones explain.
+def tilted_axes(axes: Axes) -> list[Axes]:
+    """The hinted axes, and all of them tilted together by up to `OFF` in many directions."""
+    return [Axes(axes.directions @ tilt.T, axes.order) for tilt in _TILTS]
 
-    All axes tilt together.
-    """
-    tilted = [Axes(axes.directions @ tilt.T, axes.order) for tilt in _TILTS]
-    return min(float(np.linalg.norm(leftover(a, rotation[None]))) for a in tilted)
+
+def beyond_hints(axes: Axes, rotation: Array) -> float:
+    """Angle in rad of a rotation (3, 3) that no turns about axes within `OFF` of the hinted ones explain."""
+    return min(float(np.linalg.norm(leftover(a, rotation[None]))) for a in tilted_axes(axes))
 
 
 def _tilts() -> Array:

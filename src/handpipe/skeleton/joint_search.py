@@ -16,6 +16,7 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.axes import Axes
 from handpipe.skeleton.bone_probes import Body
+from handpipe.skeleton.hinted_axes import tilted_axes
 from handpipe.skeleton.motion_search import Motions
 from handpipe.skeleton.rig import joint_point
 
@@ -26,6 +27,8 @@ WIDENED = np.radians(15.0)  # beyond the limits on either side
 STEP = 2.5  # mm at the far end of the bone between two trials
 DEPTHS = (-0.6, 0.0, 0.6, 1.2, 1.8)  # of the centre inside the parent, in half thicknesses of the child
 ROLLS = np.radians([-22.0, 0.0, 22.0])  # by which a hinge may be off: a phalanx hardly shows its roll
+OFF_AXES, BEYOND = (10.0, 32.0), (12.0, 35.0)  # deg: from where to where a motion loses its plausibility
+USUAL_GAP, GAPING = 2.5, 4.0  # mm between bones of a joint; beyond the latter one of them lacks its end
 CONTACT = 300  # vertices of the child that may touch the parent
 
 
@@ -34,7 +37,8 @@ class Link:
     """A joint between two bodies, by their numbers, with what its search needs.
 
     axes: the hints; limits (dof, 2) in rad; trials: motions of the child with the parent at rest; near
-    (n, 3): the child's outer vertices; parent_surface: distances to the whole parent bone.
+    (n, 3): the child's outer vertices; parent_surface: distances to the whole parent bone; neutral_gap: mm
+    between the two bones in neutral.
     """
 
     name: str
@@ -45,31 +49,57 @@ class Link:
     trials: Motions
     near: Array
     parent_surface: Distance
+    neutral_gap: float = 0.0
+
+    @property
+    def gapes(self) -> bool:
+        """Whether the bones are so far apart in neutral that one of them must lack its end there."""
+        return self.neutral_gap > GAPING
 
     def departure(self, parent: RigidTransform, child: RigidTransform) -> Departure:
         """How far a found motion is from what the joint can do."""
         relative = parent.inverse() @ child
-        angles = self.axes.nearest(relative.rotation[None])[0]
-        left = self.axes.rotation(angles).T @ relative.rotation
-        beyond = np.maximum(np.maximum(self.limits[:, 0] - angles, angles - self.limits[:, 1]), 0.0)
+        turn, beyond = self._departure(self.axes, relative.rotation)
+        near = turn, beyond
+        if near != (0.0, 0.0) and not Departure(turn, beyond, 0.0, turn).expected:
+            tilted = (self._departure(axes, relative.rotation) for axes in tilted_axes(self.axes))
+            near = min(tilted, key=sum)
         gap = float(self.parent_surface.closest(relative(self.near))[0].min())
-        turn = float(np.degrees(Rotation.from_matrix(left).magnitude()))
-        return Departure(turn, float(np.degrees(beyond.max())), gap)
+        return Departure(turn, near[1], gap, near[0], self.neutral_gap)
+
+    def _departure(self, axes: Axes, rotation: Array) -> tuple[float, float]:
+        """Degrees that turns about the axes do not explain, and degrees beyond the limits."""
+        angles = axes.nearest(rotation[None])[0]
+        left = axes.rotation(angles).T @ rotation
+        beyond = np.maximum(np.maximum(self.limits[:, 0] - angles, angles - self.limits[:, 1]), 0.0)
+        return float(np.degrees(Rotation.from_matrix(left).magnitude())), float(np.degrees(beyond.max()))
 
 
 @dataclass(frozen=True)
 class Departure:
-    """turn: rotation in deg that the joint's axes do not explain; beyond: deg beyond the limits; gap: mm
-    between the two bones."""
+    """turn: rotation in deg that the joint's hinted axes do not explain; off: that no axes near them do (by
+    30 deg, as hints may be off); beyond: deg beyond the limits; gap: mm between the two bones; neutral_gap:
+    the same in neutral."""
 
     turn: float
     beyond: float
     gap: float
+    off: float
+    neutral_gap: float = 0.0
 
     @property
     def plausible(self) -> float:
-        """One for a motion that the joint can have, towards zero for one that it cannot."""
-        return falling(self.turn, 14, 40) * falling(self.beyond, 12, 35) * falling(self.gap, 2.5, 6)
+        """One for a motion that the joint can have, towards zero for one that it cannot.
+
+        A gap that neutral has says nothing of this pose.
+        """
+        opened = self.gap - max(self.neutral_gap - USUAL_GAP, 0.0)
+        return falling(self.off, *OFF_AXES) * falling(self.beyond, *BEYOND) * falling(opened, USUAL_GAP, 6)
+
+    @property
+    def expected(self) -> bool:
+        """Whether nothing of the joint's turn speaks against it."""
+        return self.off <= OFF_AXES[0] and self.beyond <= BEYOND[0]
 
 
 def falling(value: float, good: float, bad: float) -> float:
@@ -105,7 +135,9 @@ def _link(
         rolls = [RigidTransform.about(centres[0], Rotation.from_rotvec(r * along).as_matrix()) for r in ROLLS]
         trials = Motions.joined([trials.seen_from(roll) for roll in rolls])
     near = surface.vertices[:: max(len(surface.vertices) // CONTACT, 1)]
-    return Link(name, parent, child, axes, limits, trials, near, Distance(whole[joint.parent]))
+    of_parent = Distance(whole[joint.parent])
+    neutral_gap = float(of_parent.closest(near)[0].min())
+    return Link(name, parent, child, axes, limits, trials, near, of_parent, neutral_gap)
 
 
 def _centres(parent: Surface, child: Surface) -> Array:

@@ -15,6 +15,7 @@ from handpipe.skeleton.locating import HandModel
 
 KIND = "located_bones"
 SURE = 0.5  # below it a person has to look
+MARGIN = 0.15  # either side of it a verdict is no certain one
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,17 @@ class Confidence:
     def marked(self) -> bool:
         """Whether a person has to look."""
         return self.value < SURE
+
+    @property
+    def near(self) -> bool:
+        """Whether the value lies so near the threshold that the verdict may be wrong."""
+        return abs(self.value - SURE) < MARGIN
+
+    @property
+    def verdict(self) -> str:
+        """What follows from the value, with its figure."""
+        kind = "marked" if self.marked else "doubtful" if self.near else "sure"
+        return f"{kind}, confidence {self.value:.2f}" + (f" near the limit of {SURE}" if self.near else "")
 
 
 def of_edges(share: float) -> float:
@@ -89,7 +101,7 @@ def write_located(
         data[bone] = {**place, **evidence, "confidence": c.value, **joint}
     units = {f"{bone}/translation": "mm" for bone in motions}
     for bone in (b for b, c in sure.items() if c.departure):
-        of_parts = {"turn": "deg", "beyond": "deg", "gap": "mm"}
+        of_parts = {"turn": "deg", "off": "deg", "beyond": "deg", "gap": "mm", "neutral_gap": "mm"}
         units |= {f"{bone}/departure/{part}": unit for part, unit in of_parts.items()}
     artifacts.write(path, data, kind=KIND, units=units, inputs=inputs)
 

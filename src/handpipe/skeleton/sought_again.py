@@ -1,4 +1,4 @@
-"""Marked bones sought again: every motion that the joint may have, brought onto the image's edges by itself.
+"""A second search for marked and doubtful bones: each motion that the joint allows, fitted to the edges.
 
 The search that comes first follows the coarse images, in which a marrow of two or three voxels across shows
 less than the fat beside it; it may slip off a trial that lay within a millimetre of the bone. Nor does it
@@ -31,7 +31,7 @@ def sought_again(
     motions: Mapping[str, RigidTransform],
     sure: Mapping[str, Confidence],
 ) -> tuple[dict[str, RigidTransform], dict[str, Confidence]]:
-    """Motions and confidences by bone, where a marked bone may have come to a place that is surer.
+    """Motions and confidences by bone; a marked or doubtful bone may have come to a surer place.
 
     evidence of the pose; motions, sure: what `locate` and `confidences` gave. Parents come before what they
     carry. A bone stays where it was if nothing surer is found; the root is not sought.
@@ -39,7 +39,7 @@ def sought_again(
     motions, sure = dict(motions), dict(sure)
     for link in hand.links:
         bones, parent = hand.bodies[link.child].bones, hand.bodies[link.parent].bones[0]
-        if not any(sure[bone].marked for bone in bones):
+        if not any(sure[bone].marked or sure[bone].near for bone in bones):
             continue
         for motion in _places(evidence, hand.bodies[link.child], link.trials.carried(motions[parent])):
             trial = motions | dict.fromkeys(bones, motion)
