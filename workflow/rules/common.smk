@@ -23,7 +23,13 @@ from handpipe.config import (
 )
 from handpipe.datasets import generators
 from handpipe.errors import HandpipeError
-from handpipe.hand.subject import joint_limits, named_files, require_files, require_plain, require_scan
+from handpipe.hand.subject import (
+    joint_limits,
+    named_files,
+    require_files,
+    require_plain,
+    require_scan,
+)
 from handpipe.skeleton.drivers.scene_frames import frame_names
 
 
