@@ -175,7 +175,7 @@ def given(**changes: object) -> dict:
             {"attachments": Pairs(MESH.vertices[:8] * [-1, -1, 1] - [20, 20, 0], GROWN.vertices[:8])},
             "away from it",
         ),
-        ({"marks": np.vstack([GROWN.vertices, [[200.0, 0, 0]]])}, "is mark 147 at (200, 0, 0)"),
+        ({"marks": np.vstack([GROWN.vertices, [[200.0, 0, 0]]])}, "is mark 63 at (200, 0, 0)"),
         (
             {"volume": Volume(np.zeros((60, 40, 40), np.float32), np.eye(4) - 99 * np.eye(4, k=3))},
             "0 % of its vertices are in the image",

@@ -228,7 +228,7 @@ CHECKS = [
     (scan_in_metres, "small/bent.ply", "units", "looks like metres"),
     (scan_in_centimetres, "small/bent.ply", "frame", "overlaps the body in the pose's image"),
     (scan_with_island, "small/bent.ply", "parts", "1 of 2 parts touch no other"),
-    (muscle_in_centimetres, "small/flexor.ply", "frame", "attaches to near, but is"),
+    (muscle_in_centimetres, "small/flexor.ply", "frame", "attaches to far, but is"),
     (scan_with_nan, "small/bent.ply", "vertices", "NaN or infinite coordinates in 1 vertices"),
     (open_bone, "small/far.ply", "triangles", "is open"),
     (open_muscle, "small/flexor.ply", "triangles", "is open"),

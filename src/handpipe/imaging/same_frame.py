@@ -35,6 +35,7 @@ CLEARLY = 0.15  # by which another frame or pose must fit better to be the cause
 BEYOND = 8.0  # mm from the body at which a point is not in the image's frame
 SMALLEST = 1.0  # mm across all points: fewer are no points of an organ
 
+ORGANS = (2.0, 600.0)  # mm across an organ, from the smallest ligament to a forearm
 UNITS = {"centimetres": 10.0, "metres": 1000.0, "inches": 25.4, "micrometres": 0.001}
 _AXES = {
     "LPS, not RAS (turn the signs of x and y)": np.diag([-1.0, -1.0, 1.0]),
@@ -63,10 +64,13 @@ def likely_cause(fit: Fit, least: float) -> str | None:
     return best if fits[best] >= least else None
 
 
-def unit_of(ratio: float) -> str | None:
-    """The unit in which something is given that is so many times as large as it should be, in mm."""
+def unit_of(ratio: float, size: float) -> str | None:
+    """The unit in which something is given that is so many times as large as it should be.
+
+    size: what it measures in mm as it stands; in the unit it must be a size of organs.
+    """
     for unit, factor in UNITS.items():
-        if 0.6 < ratio * factor < 1.7:
+        if 0.6 < ratio * factor < 1.7 and ORGANS[0] < size * factor < ORGANS[1]:
             return f"{unit}: scale by {factor:g}"
     return None
 

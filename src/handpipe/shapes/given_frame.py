@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 # Times as large or as small as its template is no organ; the least mistake of a unit makes ten.
 LARGER = 6.0
 OFF = 0.25  # of the template's size: points of the template are nearer to it
+SPREAD = 0.05  # of the template's size: the extent of points in it
 INSIDE = 0.9  # of the template's vertices: so many are in the image
 
 
@@ -45,14 +46,15 @@ def require_sizes(
         Where points of pairs are not on the template, or targets or marks are so much larger or smaller than
         the template that they are in another unit.
     """
+    size = _size(template)
     for source, given in pairs.items():
         _require_on_template(source, template, given.points)
         if len(given.points) > 1:
             ratio = _spread(given.targets) / max(_spread(given.points), 1e-300)
-            _require_ratio(source, "targets", ratio, 1 / LARGER, LARGER, sources)
+            _require_ratio(source, "targets", ratio, 1 / LARGER, LARGER, size, sources)
     if len(marks) > 1:
         ratio = _spread(marks) / _spread(template.vertices[template.boundary_vertices()])
-        _require_ratio(sources.marks, "marks", ratio, 0.0 if pairs else 1 / LARGER, LARGER, sources)
+        _require_ratio(sources.marks, "marks", ratio, 0.0 if pairs else 1 / LARGER, LARGER, size, sources)
 
 
 def require_reached(start: TetMesh, marks: Array, outliers: bool, sources: Sources) -> None:
@@ -94,23 +96,31 @@ def _require_on_template(source: str | Path, template: TetMesh, points: Array) -
         distances, *_ = surface.signed(points @ matrix.T)
         return float((distances < OFF * size).mean())
 
+    def spread_out(matrix: Array) -> float:
+        """A unit that shrinks all points to one place explains nothing."""
+        extent = float(np.ptp(points @ matrix.T, axis=0).max())
+        return near(matrix) if len(points) == 1 or extent > SPREAD * size else 0.0
+
     if near(np.eye(3)) < 1.0:
         worst = float(surface.signed(points)[0].max())
         problem = f"points of the template are up to {worst:.3g} mm away from it; its size is {size:.3g} mm"
-        cause = likely_cause(near, 0.99)
+        cause = likely_cause(spread_out, 0.99)
+        other = likely_cause(lambda matrix: spread_out(np.asarray(np.linalg.inv(matrix), float)), 0.99)
         remedy = f"They would fit if they are in {cause}" if cause else "Place them on the template"
+        if cause is None and other is not None:
+            remedy = f"They would fit if the template is in {other}"
         raise InputError(source, "points", problem, remedy)
 
 
 def _require_ratio(
-    source: str | Path, what: str, ratio: float, least: float, most: float, sources: Sources
+    source: str | Path, what: str, ratio: float, least: float, most: float, size: float, sources: Sources
 ) -> None:
     if least <= ratio <= most:
         return
-    unit = unit_of(1 / max(ratio, 1e-300))
+    unit = unit_of(1 / max(ratio, 1e-300), size)
     if unit is not None:  # the template is the smaller one
         name, remedy = sources.template, f"Is it in {unit}?"
-    elif (unit := unit_of(ratio)) is not None:
+    elif (unit := unit_of(ratio, ratio * size)) is not None:
         name, remedy = source, f"Are they in {unit}?"
     else:
         name, remedy = source, "Give both in mm"
