@@ -93,9 +93,7 @@ def drifting(energy: Sum, x: Array, start: Array) -> str:
 def described(vertices: IntArray, energy: Sum) -> str:
     """A body by its vertices (k,), for messages."""
     if len(vertices) == 1:
-        free = not any(
-            p.resistance()[vertices[0]] > 0 for p in energy.potentials if hasattr(p, "resistance")
-        )
+        free = not any(p.resistance()[vertices[0]] > 0 for p in energy.potentials if hasattr(p, "resistance"))
         return f"vertex {vertices[0]}" + (", which no element has" if free else "")
     first = ", ".join(str(v) for v in vertices[:4])
     return f"the body of vertices {first}{', …' if len(vertices) > 4 else ''} ({len(vertices)} in all)"
