@@ -1,7 +1,7 @@
 """Whether the solver's "converged" is true: random scenes, judged by forces computed apart from the solver.
 
 The material's stresses are derivatives of its energy density by complex steps. Springs are judged through
-their forces as further unknowns (a mixed system, solved dense), so that the rounding of a stiff spring's force
+their forces as further unknowns (a mixed system, solved dense). So the rounding of a stiff spring's force
 does not hide whether the shape is at rest.
 """
 
@@ -170,12 +170,12 @@ def _tangent(scene: Scene, x: Array, gradients: Array) -> Array:
     f, volumes = _deformations(scene, x), _volumes(scene)
     blocks = np.empty((len(f), 4, 3, 4, 3))
     for j in range(3):
-        for l in range(3):
+        for k in range(3):
             shift = np.zeros((3, 3))
-            shift[j, l] = DIFFERENCE
+            shift[j, k] = DIFFERENCE
             change = (_first_piola(scene, f + shift) - _first_piola(scene, f - shift)) / (2 * DIFFERENCE)
-            part = np.einsum("m,mik,mak,mb->maib", volumes, change, gradients, gradients[:, :, l])
-            blocks[:, :, :, :, j] = part if l == 0 else blocks[:, :, :, :, j] + part
+            part = np.einsum("m,mik,mak,mb->maib", volumes, change, gradients, gradients[:, :, k])
+            blocks[:, :, :, :, j] = part if k == 0 else blocks[:, :, :, :, j] + part
     out = np.zeros((x.size, x.size))
     degrees = (3 * scene.body.tets[:, :, None] + np.arange(3)).reshape(len(f), 12)
     np.add.at(out, (degrees[:, :, None], degrees[:, None, :]), blocks.reshape(len(f), 12, 12))

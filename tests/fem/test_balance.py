@@ -96,7 +96,7 @@ def test_a_stray_tet_under_gravity_is_refused():
     tets = np.vstack([TETS, len(VERTICES) + np.arange(4)])
     springs = Attachment(_every(x)[np.flatnonzero(ROOT)], VERTICES[ROOT], 1e3)
     weight = Pull(_every(x), np.tile([0, 0, -1e-3], (len(x), 1)))
-    with pytest.raises(ConvergenceError, match=r"nothing resists .*the body of vertices 81, 82, 83, 84 \(4 in"):
+    with pytest.raises(ConvergenceError, match=r"nothing resists .*vertices 81, 82, 83, 84 \(4 in all"):
         solve([Elastic(x, tets, SOFT), springs, weight], x)
 
 
@@ -121,9 +121,7 @@ def test_a_block_that_slides_off_another_is_named(gap):
     side = np.where(np.arange(len(x))[:, None] >= len(lower), [0.01, 0.0, -0.001], 0.0)
     barrier = Barrier(_every(x), TetMesh(x, tets).boundary_faces()[0], x, NEAR, 6.0)
     with pytest.raises(ConvergenceError, match="the body of vertices 48, .* has moved"):
-        solve(
-            [Elastic(x, tets, SOFT), Pull(_every(x), side), barrier], x, fixed=np.repeat(x[:, 2] < 1e-9, 3)
-        )
+        solve([Elastic(x, tets, SOFT), Pull(_every(x), side), barrier], x, fixed=np.repeat(x[:, 2] < 1e-9, 3))
 
 
 def test_a_block_above_a_floor_falls_onto_it():
@@ -177,7 +175,7 @@ def test_tets_that_are_no_mesh_are_refused_by_name():
         Elastic(VERTICES, repeated, SOFT)
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -1], [1, 1, 2]])
     three = np.array([[0, 1, 2, 3], [0, 2, 1, 4], [0, 1, 2, 5]])
-    with pytest.raises(InputError, match=r"face of vertices 0, 1, 2 belongs to three tets or more \(0, 1, 2\)"):
+    with pytest.raises(InputError, match=r"vertices 0, 1, 2 belongs to three tets or more \(0, 1, 2\)"):
         Elastic(corners, three, SOFT)
     with pytest.raises(InputError, match="quadratic tets"):
         Elastic(VERTICES, np.hstack([TETS, TETS, TETS[:, :2]]), SOFT)

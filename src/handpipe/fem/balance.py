@@ -80,13 +80,10 @@ def rounding(stiffness: sp.csr_matrix, x: Array) -> Array:
 
 def vertex_parts(stiffness: sp.csr_matrix) -> IntArray:
     """Number (n,) of the connected part of the matrix (3n, 3n) that each vertex belongs to."""
-    every = np.repeat(
-        np.arange(stiffness.shape[0] // 3), np.diff(stiffness.indptr).reshape(-1, 3).sum(axis=1)
-    )
     count = stiffness.shape[0] // 3
-    graph = sp.csr_matrix(
-        (np.ones(stiffness.nnz, dtype=bool), (every, stiffness.indices // 3)), (count, count)
-    )
+    rows = np.repeat(np.arange(count), np.diff(stiffness.indptr[::3]))
+    entries = np.ones(stiffness.nnz, dtype=bool)
+    graph = sp.csr_matrix((entries, (rows, stiffness.indices // 3)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 

@@ -30,8 +30,8 @@ class Elastic:
 
     vertices (n, 3) rest positions in mm, tets (m, 4) of positive volume, strains (m, 6) symmetric plastic
     strains (none: identity), weights (m,) scale the stiffness, e.g. by the share of a tet that tissue fills.
-    Raises `InputError` where a tet or a plastic strain has no positive volume, where tets are repeated or more
-    than two share a face, and for tets that are not linear.
+    Raises `InputError` where a tet or a plastic strain has no positive volume, where tets are repeated or
+    more than two share a face, and for tets that are not linear.
     """
 
     def __init__(

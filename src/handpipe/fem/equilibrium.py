@@ -40,7 +40,7 @@ def solve(
     `fixed` is a mask (3n,) or (n, 3), or indices of degrees of freedom. Fix vertices where they should end
     and let `continuation` take large moves in steps. Rigid motions that no potential resists are fixed of
     themselves. With a `checkpoint`, a killed solve goes on from its last state.
-    Raises `ConvergenceError`, unless `options.allow_partial`, and `InputError` for a start that is not finite.
+    Raises `ConvergenceError`, unless `options.allow_partial`, and `InputError` where x is not finite.
     """
     options = options or Options()
     x, free = finite(x, options.name), _free(fixed, x.size)

@@ -261,8 +261,8 @@ class Newton:
         small = self._balance.limits(self.x, self._gradients)
         worst = int(np.argmax(residuals - small))
         text = (
-            f"{problem}, unbalanced force {residuals[worst]:.3g} mN of {small[worst]:.3g} mN allowed on vertex "
-            f"{worst}, next step {length:.3g} mm"
+            f"{problem}, unbalanced force {residuals[worst]:.3g} mN of {small[worst]:.3g} mN allowed "
+            f"on vertex {worst}, next step {length:.3g} mm"
         )
         noise = rounding(self._directions.tangent(self.x), self.x)[worst]
         if residuals[worst] <= noise:

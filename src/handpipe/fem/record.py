@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 class Options:
     """When to stop, and what to do where that fails.
 
-    Converged: the next Newton step moves no vertex by more than `displacement_tolerance` mm, and the unbalanced
-    force on every vertex is below `force_tolerance` times the forces on that vertex, as `Balance` measures
-    them. Forces that are rounding alone do not count against it; see `Newton`. `max_step` bounds a
+    Converged: the next Newton step moves no vertex by more than `displacement_tolerance` mm, and the
+    unbalanced force on every vertex is below `force_tolerance` times the forces on that vertex, as `Balance`
+    measures them. Where rounding hides forces, the Newton step decides (docs/fem.md). `max_step` bounds a
     vertex's move in one iteration, in mm. `allow_partial`: hand back the best state instead of raising.
     `untangle`: try other ways where a minimum has tangles; without, the first minimum is taken as it is, as
     befits bodies that constraints tangle anyway. `barrier`: add a barrier on the volume of tets

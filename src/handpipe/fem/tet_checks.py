@@ -14,7 +14,7 @@ FACES = np.array([(1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)])
 
 
 def check_tets(vertices: Array, tets: IntArray) -> None:
-    """Raise `InputError` unless tets (m, 4) of vertices (n, 3) are distinct and share faces by two at most."""
+    """Raise `InputError` unless tets (m, 4) of vertices (n, 3) are distinct and at most two share a face."""
     _check_arrays(vertices, tets)
     corners = np.sort(tets, axis=1)
     order = np.lexsort(corners.T)
@@ -22,18 +22,17 @@ def check_tets(vertices: Array, tets: IntArray) -> None:
     if equal.any():
         at = int(np.argmax(equal))
         first, second = sorted((int(order[at]), int(order[at + 1])))
-        problem = (
-            f"tets {first} and {second} have the same four vertices ({int(equal.sum())} tets are repeated)"
-        )
+        problem = f"tets {first} and {second} have the same four vertices ({int(equal.sum())} such tets)"
         raise InputError("tetrahedra", "tets", problem, "Keep one of them: two would be twice as stiff")
     faces = corners[:, FACES].reshape(-1, 3)
     keys = (faces[:, 0] * len(vertices) + faces[:, 1]) * len(vertices) + faces[:, 2]
     order = np.argsort(keys)
     third = keys[order[2:]] == keys[order[:-2]]
     if third.any():
-        at = order[int(np.argmax(third)) : int(np.argmax(third)) + 3]
-        owners = ", ".join(str(i) for i in np.sort(at // 4))
-        face = ", ".join(str(v) for v in faces[at[0]])
+        first = int(np.argmax(third))
+        shared = order[first : first + 3]
+        owners = ", ".join(str(i) for i in np.sort(shared // 4))
+        face = ", ".join(str(v) for v in faces[shared[0]])
         problem = f"the face of vertices {face} belongs to three tets or more ({owners})"
         raise InputError("tetrahedra", "tets", problem, "Mesh the body anew: tets overlap there")
 
