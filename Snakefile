@@ -43,6 +43,10 @@ onstart:
     take_lock()
 
 
+onerror:
+    set_aside_failed_chunks()
+
+
 localrules:
     all,
     anatomy,

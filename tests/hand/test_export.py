@@ -17,7 +17,7 @@ from handpipe.config import LAYERS
 from handpipe.errors import InputError
 from handpipe.hand import export
 from handpipe.hand.appearance import shown
-from handpipe.hand.frames import finished_frames, read_frames, read_simulated, write_frames
+from handpipe.hand.frames import failures_in, finished_frames, read_frames, read_simulated, write_frames
 from handpipe.hand.simulation import Failure
 from handpipe.layers import Frame, Shape
 from handpipe.mesh.rigid import RigidTransform
@@ -136,6 +136,9 @@ def test_failures_stand_beside_the_frames(tmp_path: Path):
     write_frames(tmp_path / "frames.h5", simulated(1), failures=failures)
     frames, found = read_simulated(tmp_path / "frames.h5")
     assert ([f.name for f, _ in frames], found) == (["step_10"], failures)
+    assert failures_in(tmp_path / "frames.h5") == failures
+    with pytest.raises(InputError, match="cannot be read"):
+        failures_in(tmp_path / "no.h5")
     write_frames(tmp_path / "frames.h5", [], failures=failures)
     assert read_simulated(tmp_path / "frames.h5") == ([], failures)
 

@@ -23,6 +23,7 @@ from handpipe.config import (
 )
 from handpipe.datasets import generators
 from handpipe.errors import HandpipeError
+from handpipe.hand.frames import failures_in
 from handpipe.hand.subject import (
     joint_limits,
     named_files,
@@ -380,6 +381,21 @@ def partial_chunk(chunk):
     """Where finished frames of a chunk are kept while others are missing."""
     folder, _, name = str(chunk).rpartition("/")
     return f"{folder}/partial-{name.removeprefix('frames-')}"
+
+
+def set_aside_failed_chunks():
+    """Keep only the finished frames of chunks with failed ones: the next build makes these chunks again.
+
+    At the end of a build, when no other job reads them.
+    """
+    for subject in listed("subjects"):
+        for chunk in Path(f"results/{subject}/simulation").glob("*/frames-*.h5"):
+            try:
+                failed = failures_in(chunk)
+            except HandpipeError:
+                continue  # what reads the chunk next says so
+            if failed:
+                chunk.replace(partial_chunk(chunk))
 
 
 def obj_sequences():

@@ -90,7 +90,8 @@ rule export_obj:
         "../scripts/export_obj.py"
 
 
-# The last job of `all`: whatever frames failed, everything else is made before it fails.
+# The last job of `all`: whatever frames failed, everything else is made before it fails. The finished frames of
+# a chunk with failed ones are then set aside (`onerror` in the Snakefile), and the next build goes on from them.
 rule require_frames:
     input:
         chunks=chunks_of_scenes,
@@ -109,7 +110,6 @@ rule require_frames:
         runtime=10,
     params:
         scenes=SETTINGS.scenes,
-        partial=lambda w, input: {c: partial_chunk(c) for c in input.chunks},
     message:
         "{wildcards.subject}: whether every frame was simulated"
     script:

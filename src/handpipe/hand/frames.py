@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from handpipe import artifacts
@@ -70,6 +71,17 @@ def read_simulated(path: str | Path) -> tuple[list[tuple[Frame, dict[str, Shapes
         _frame(str(name), data["frames"][_number(i)], data["bodies"]) for i, name in enumerate(data["names"])
     ]
     return frames, [Failure(*map(str, row)) for row in rows]
+
+
+def failures_in(path: str | Path) -> list[Failure]:
+    """The failed frames alone; raises `InputError` for a file that cannot be read."""
+    try:
+        with h5py.File(path, "r") as file:
+            columns = [file["failures"][part].asstr()[()] for part in ("frame", "layer", "reason")]
+    except (OSError, KeyError) as error:
+        remedy = "Delete the file and run the workflow again"
+        raise InputError(path, "content", f"cannot be read as frames ({error})", remedy) from error
+    return [Failure(*row) for row in zip(*columns, strict=True)]
 
 
 def finished_frames(path: str | Path, key: str, wanted: Iterable[Frame]) -> dict[str, SimulatedFrame]:
