@@ -207,7 +207,7 @@ def _mixed_step(scene: Scene, x: Array, tangent: Array, unbalance: Array) -> Arr
 def _merged(scene: Scene) -> tuple[Array, Array, Array]:
     """Springs as (s, n), (s, 3), (s,), those of one point as one: opposed forces cancel without rounding."""
     operator, number = np.unique(scene.spring_points.toarray(), axis=0, return_inverse=True)
-    stiffness = np.bincount(number.ravel(), scene.spring_stiffness)
+    stiffness = np.bincount(number.ravel(), scene.spring_stiffness).astype(float)
     shares = scene.spring_stiffness / stiffness[number.ravel()]
     targets = np.zeros((len(operator), 3))
     np.add.at(targets, number.ravel(), shares[:, None] * scene.targets)

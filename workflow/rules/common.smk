@@ -388,7 +388,7 @@ def set_aside_failed_chunks():
 
     At the end of a build, when no other job reads them.
     """
-    for subject in listed("subjects"):
+    for subject in SETTINGS.subjects:
         for chunk in Path(f"results/{subject}/simulation").glob("*/frames-*.h5"):
             try:
                 failed = failures_in(chunk)

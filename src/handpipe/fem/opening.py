@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.fem.balance import lengths
+from handpipe.fem.barrier import Barrier
 from handpipe.fem.potential import Sum
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ def opened(energy: Sum, x: Array, free: NDArray[np.bool_], name: str) -> Array:
     Vertices move along the barrier's forces, as far as contact lets them; fixed degrees of freedom (those not
     in the mask `free` (3n,)) stay, and gaps between these with them.
     """
-    for barrier in (p for p in energy.potentials if hasattr(p, "gap")):
+    for barrier in (p for p in energy.potentials if isinstance(p, Barrier)):
         narrow = NEARLY * barrier.distance
         before = gap = barrier.gap(x)
         for _ in range(ROUNDS):
