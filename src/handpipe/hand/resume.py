@@ -7,14 +7,13 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-import handpipe
-from handpipe.artifacts import content_hash
+from handpipe import artifacts
 
 
 def key_of(inputs: Sequence[str | Path], layers: Sequence[str]) -> str:
     """A digest of input files, the layers' names and the code of the package."""
     said = {
-        "inputs": [content_hash(path) for path in inputs],
+        "inputs": [artifacts.content_hash(path) for path in inputs],
         "layers": list(layers),
         "code": _code(),
     }
@@ -23,8 +22,8 @@ def key_of(inputs: Sequence[str | Path], layers: Sequence[str]) -> str:
 
 def _code() -> str:
     """A digest of the package's Python files."""
-    folder = Path(handpipe.__file__).parent
+    folder = Path(artifacts.__file__).parent
     files = sorted(folder.rglob("*.py"))
     return hashlib.sha256(
-        "".join(f"{f.relative_to(folder)} {content_hash(f)}\n" for f in files).encode()
+        "".join(f"{f.relative_to(folder)} {artifacts.content_hash(f)}\n" for f in files).encode()
     ).hexdigest()
