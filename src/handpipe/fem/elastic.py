@@ -112,7 +112,7 @@ class Elastic:
         sizes = np.sqrt((self._body.gradients**2).sum(axis=2))
         forces = 2.0 * (self._body.weights * self._body.mu)[:, None] * sizes
         corners = self._body.tets.ravel()
-        return np.bincount(corners, forces.ravel(), minlength=len(self.vertices))
+        return np.asarray(np.bincount(corners, forces.ravel(), len(self.vertices)), dtype=float)
 
     def deformation_gradients(self, x: Array) -> Array:
         """F (m, 3, 3) from the rest positions, plastic part included."""
