@@ -53,6 +53,7 @@ def _changes(where: str, table: Mapping[str, tuple[Any, str]]) -> list[Change]:
 BY_TRUTH = (
     "evaluate_muscles evaluate_registration evaluate_segmentation evaluate_skin evaluate_tendons fit_rig"
 )
+IMAGE_READERS = "correct_bone extract_muscle_shapes merge_labels register_tendon report segment_pose"
 CHANGES = [
     *_changes(
         "person",
@@ -69,10 +70,9 @@ CHANGES = [
                 "collect_fat_strains evaluate_frames evaluate_muscles evaluate_skin evaluate_tendons "
                 "extract_muscle_shapes fit_hooks fit_muscle_strains fit_rig report",
             ),
-            "poses.fist.volume": (
-                "new/fist.nii.gz",
-                "correct_bone extract_muscle_shapes merge_labels register_tendon report segment_pose",
-            ),
+            "poses.fist.volume": ("new/fist.nii.gz", IMAGE_READERS),
+            "poses.fist.series": (2, IMAGE_READERS),
+            "poses.fist.echo": (2, IMAGE_READERS),
             "poses.fist.seeds": ("new/seeds.nii.gz", "correct_bone merge_labels segment_pose"),
             "poses.fist.scan": ("new/fist.ply", "evaluate_skin fit_fat_strains report"),
             "poses.fist.scribbles.distal2": ("new/distal2.nii.gz", "correct_bone merge_labels"),

@@ -50,7 +50,7 @@ class Membrane:
         """Force (n,) in mN on each vertex with which its triangles resist a shear strain of one, at rest."""
         sizes = np.sqrt((self._gradients**2).sum(axis=2))
         forces = 2.0 * (self._energies * self._mu)[:, None] * sizes
-        return np.bincount(self.triangles.ravel(), forces.ravel(), minlength=self._count).astype(float)
+        return np.asarray(np.bincount(self.triangles.ravel(), forces.ravel(), self._count), dtype=float)
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         data = self.pattern.data()

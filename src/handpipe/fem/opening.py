@@ -8,12 +8,12 @@ step.
 from __future__ import annotations
 
 import logging
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.fem.balance import lengths
-from handpipe.fem.barrier import Barrier
 from handpipe.fem.potential import Sum
 
 Array = NDArray[np.float64]
@@ -31,7 +31,8 @@ def opened(energy: Sum, x: Array, free: NDArray[np.bool_], name: str) -> Array:
     Vertices move along the barrier's forces, as far as contact lets them; fixed degrees of freedom (those not
     in the mask `free` (3n,)) stay, and gaps between these with them.
     """
-    for barrier in (p for p in energy.potentials if isinstance(p, Barrier)):
+    barriers: list[Any] = [p for p in energy.potentials if hasattr(p, "gap")]
+    for barrier in barriers:
         narrow = NEARLY * barrier.distance
         before = gap = barrier.gap(x)
         for _ in range(ROUNDS):

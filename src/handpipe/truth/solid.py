@@ -45,7 +45,7 @@ class Solid(DensityPotential):
         e = self.elements
         mu = self._mu.reshape(e.volumes.shape)
         forces = np.einsum("mq,mqa->ma", 2.0 * mu * e.volumes, np.sqrt((e.gradients**2).sum(axis=3)))
-        return np.bincount(e.cells.ravel(), forces.ravel(), minlength=len(e.nodes)).astype(float)
+        return np.asarray(np.bincount(e.cells.ravel(), forces.ravel(), len(e.nodes)), dtype=float)
 
     def volume_ratios(self, x: Array) -> Array:
         """det F (m, q) at every point: positive where tissue is not inside out."""
