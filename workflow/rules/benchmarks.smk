@@ -140,7 +140,7 @@ rule benchmark_anatomy:
 TRUST = {  # parts of the benchmark of trust: what each needs to be built
     "solver": [],
     "frames": ["results/phantom-hand-preview/metrics/skin.json"],
-    "seeds": [],
+    "seeds": ["results/phantom-hand-preview/metrics/segmentation.json"],
     "readers": [],
     "stale": [],
     "kills": [],

@@ -11,6 +11,7 @@ with stage(snakemake) as log:
     from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, merge
     from handpipe.imaging.volume import pose_volume, read_labels, write_labels
     from handpipe.skeleton.bones import write_surfaces
+    from handpipe.skeleton.neutral_doubts import neutral_doubts
 
     dataset = dataset_of(snakemake)
     pose = snakemake.wildcards.pose
@@ -31,16 +32,20 @@ with stage(snakemake) as log:
     neutral = claims.read_looks(snakemake.input.neutral)[0] if snakemake.input.neutral else {}
     left_out = {name: "it has no seeds in its marrow" for name in table if name not in bones}
     left_out |= claims.doubted(looks, neutral, corrected)
+    marrows = {name: marrow_surface(volume, b) for name, b in bones.items() if name not in left_out}
+    if pose == dataset.neutral:
+        for name, reason in neutral_doubts(marrows, dataset.joints).items():
+            log.warning("%s: doubted, since %s", name, reason)
+            if name not in corrected:
+                left_out[name] = reason
     if left_out and pose == dataset.neutral:
         problem = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
-        raise InputError(
-            snakemake.input.seeds, "seeds", problem, "Mend its strokes, or draw scribbles for it"
-        )
+        remedy = f"Mend its strokes, or name a label volume of more under poses.{pose}.scribbles"
+        raise InputError(snakemake.input.seeds, "seeds", problem, remedy)
     for name, reason in left_out.items():
         log.warning("%s is left out: %s", name, reason)
     bones = {name: bone for name, bone in bones.items() if name not in left_out}
 
-    marrows = {name: marrow_surface(volume, bone) for name, bone in bones.items()}
     surfaces = {name: {"marrow": marrow} for name, marrow in marrows.items()}
     if pose == dataset.neutral:
         for name, marrow in marrows.items():

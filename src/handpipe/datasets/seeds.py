@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Labels = NDArray[np.uint8]
 
 BACKGROUND = 255
-STROKES = 8  # in a bone; three times as many around it
+STROKES, AROUND = 8, 24  # in a bone, and around it
 LENGTH = 6.0  # mm
 
 
@@ -28,8 +28,13 @@ def scribble(
     whole: Labels,
     grid: Grid,
     rng: np.random.Generator,
+    strokes: int = STROKES,
+    outside: int = AROUND,
+    length: float = LENGTH,
 ) -> Labels:
     """Seeds on the grid: for each label of `marrow`, strokes of the label inside and of 255 around the bone.
+
+    strokes, outside: how many inside and around each bone; length: of a stroke in mm.
 
     Strokes in marrow keep a voxel's distance from its edge where it is wide enough; those in the background
     lie 1.5 to 6 mm from the bone and at least 1.5 mm from any other.
@@ -38,10 +43,10 @@ def scribble(
     far = distance_transform_edt(whole == 0) * grid.spacing
     for value in np.unique(marrow[marrow > 0]):
         inside = _widest(distance_transform_edt(marrow == value) * grid.spacing, grid.spacing)
-        _draw(seeds, inside, int(value), grid, rng, STROKES)
+        _draw(seeds, inside, int(value), grid, rng, strokes, length)
         near = distance_transform_edt(whole != value) * grid.spacing
         around = (far > 1.5) & (near < 6.0)
-        _draw(seeds, around, BACKGROUND, grid, rng, 3 * STROKES)
+        _draw(seeds, around, BACKGROUND, grid, rng, outside, length)
     return seeds
 
 
@@ -50,6 +55,9 @@ def scribble_locally(
     whole: Labels,
     grid: Grid,
     rng: np.random.Generator,
+    strokes: int = STROKES,
+    outside: int = AROUND,
+    length: float = LENGTH,
 ) -> Labels:
     """As `scribble`, each bone in a box around it: for volumes with many bones."""
     seeds = np.zeros(grid.shape, dtype=np.uint8)
@@ -60,7 +68,7 @@ def scribble_locally(
         x, y, z = (slice(max(s.start - reach, 0), s.stop + reach) for s in box)
         local = Grid(seeds[x, y, z].shape, grid.origin, grid.spacing)
         own = np.where(marrow[x, y, z] == value, marrow[x, y, z], 0)
-        drawn = scribble(own, whole[x, y, z], local, rng)
+        drawn = scribble(own, whole[x, y, z], local, rng, strokes, outside, length)
         seeds[x, y, z] = np.where(drawn > 0, drawn, seeds[x, y, z])
     return seeds
 
@@ -98,6 +106,7 @@ def _draw(
     grid: Grid,
     rng: np.random.Generator,
     strokes: int,
+    length: float,
 ) -> None:
     """Straight strokes clipped to the allowed voxels, spread over their longest axis, along or across it."""
     places = np.argwhere(allowed)
@@ -111,7 +120,7 @@ def _draw(
         middle = candidates[rng.integers(len(candidates))]
         direction = rng.standard_normal(3) * (np.arange(3) != rng.integers(3))
         direction = axis if number % 2 == 0 else direction / np.linalg.norm(direction)
-        reach = np.arange(-0.5 * LENGTH, 0.5 * LENGTH, 0.4 * grid.spacing) / grid.spacing
+        reach = np.arange(-0.5 * length, 0.5 * length, 0.4 * grid.spacing) / grid.spacing
         line = np.unique(np.round(middle + reach[:, None] * direction).astype(int), axis=0)
         line = line[((line >= 0) & (line < grid.shape)).all(axis=1)]
         line = line[allowed[tuple(line.T)]]

@@ -11,6 +11,7 @@ import logging
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +20,13 @@ from scipy import ndimage
 from handpipe import artifacts
 from handpipe.artifacts import write_text
 from handpipe.errors import ConvergenceError, InputError
+from handpipe.imaging.open_boundary import open_patch
 from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, segment_bone
 from handpipe.imaging.volume import Labels, Volume
 
 logger = logging.getLogger(__name__)
 
+Place = tuple[float, float, float]
 KIND = "bone_probabilities"
 NEIGHBOURS = 5  # bones around one whose marrow it is compared with
 LEAST_LEVEL = 0.65  # of their marrow: muscle has half of it, a bias field changes little from bone to bone
@@ -32,6 +35,8 @@ DARK = 0.6  # of the marrow's level, in a voxel of a shell thinner than it
 SAME = 0.2  # of its marrow's volume by which a rigid bone may differ between poses: noise, partial volume
 BORDER = 1 / 3  # of a voxel by which its boundary may, where that is more: bones of few voxels
 STAIRS = 2 / 3  # a ball's surface over that of its voxels
+OPEN_FACES = 12  # of voxels: a patch of boundary without a shell; right bones of 0.5 mm have up to 7
+UNDECIDED = 0.1  # of a bone's volume: a part that its strokes do not decide
 SHELL = 1.0  # mm from the marrow's boundary within which the shell is dark
 
 
@@ -55,8 +60,16 @@ def segment(
 
 def save(path: str | Path, bones: Mapping[str, BoneProbability], inputs: Iterable[str | Path] = ()) -> None:
     """Write the bones' probabilities as an artifact."""
-    data = {name: {"offset": b.offset, "probability": b.probability} for name, b in bones.items()}
-    units = {f"{name}/probability": "1" for name in bones}
+    data = {
+        name: {
+            "offset": b.offset,
+            "probability": b.probability,
+            "undecided": np.float64(b.undecided),
+            "undecided_at": np.array(b.undecided_at),
+        }
+        for name, b in bones.items()
+    }
+    units = {f"{name}/probability": "1" for name in bones} | {f"{name}/undecided": "mm^3" for name in bones}
     artifacts.write(path, data, kind=KIND, units=units, inputs=list(inputs))
 
 
@@ -68,8 +81,13 @@ def load(path: str | Path, corrected: Iterable[str | Path] = ()) -> dict[str, Bo
     found: dict[str, BoneProbability] = {}
     for file in (path, *corrected):
         groups = artifacts.read(file, KIND)
-        found |= {name: BoneProbability(g["offset"], g["probability"]) for name, g in groups.items()}
+        found |= {name: _bone(group) for name, group in groups.items()}
     return found
+
+
+def _bone(group: Mapping[str, Any]) -> BoneProbability:
+    x, y, z = group["undecided_at"].tolist()
+    return BoneProbability(group["offset"], group["probability"], float(group["undecided"]), (x, y, z))
 
 
 @dataclass(frozen=True)
@@ -78,7 +96,10 @@ class Appearance:
 
     volume: of the marrow in mm^3; border: share of it that a layer of `BORDER` voxels at its boundary has;
     level: its median intensity; relative_level: that over the median of the bones around it; enclosed: share
-    of its boundary with a dark shell; cut_off: whether it reaches the volume's border.
+    of its boundary with a dark shell; cut_off: whether it reaches the volume's border; spans: whether it
+    reaches two opposite faces of it; open_area: mm^2 of the largest part of its boundary without a shell,
+    open_at: the middle of that part in world mm; open_limit: mm^2 of it that the voxels' steps explain;
+    undecided: mm^3 of the largest bright part that the strokes do not decide, undecided_at: where.
     """
 
     volume: float
@@ -87,6 +108,12 @@ class Appearance:
     relative_level: float
     enclosed: float
     cut_off: bool
+    spans: bool = False
+    open_area: float = 0.0
+    open_at: Place = (0.0, 0.0, 0.0)
+    open_limit: float = 1.0
+    undecided: float = 0.0
+    undecided_at: Place = (0.0, 0.0, 0.0)
 
     def doubts(self, neutral: Appearance | None = None) -> list[str]:
         """What speaks against a bone, in words; nothing where all is well. neutral: how it looks there."""
@@ -96,10 +123,32 @@ class Appearance:
         if self.enclosed < LEAST_ENCLOSED:
             doubts.append(f"a dark shell encloses only {100 * self.enclosed:.0f} % of it")
         if neutral is not None and not (self.cut_off or neutral.cut_off):
-            change = self.volume / neutral.volume - 1
+            change = self.volume / max(neutral.volume, 1e-12) - 1
             if abs(change) > max(SAME, neutral.border):
                 doubts.append(f"its marrow's volume differs by {100 * change:+.0f} % from neutral")
+        return doubts if neutral is not None else doubts + self._ends()
+
+    def _ends(self) -> list[str]:
+        """What speaks against its ends, where no other pose tells its size; with what to draw."""
+        doubts = []
+        if self.spans:
+            doubts.append("it reaches from one face of the volume to the opposite one")
+        if self.open_area > self.open_limit:
+            doubts.append(
+                f"no dark shell closes {self.open_area:.0f} mm^2 of it about {_words(self.open_at)}: draw a "
+                "stroke of its label there if its marrow goes on, else one of the background"
+            )
+        if self.undecided > UNDECIDED * self.volume:
+            doubts.append(
+                f"its strokes do not decide {self.undecided:.0f} mm^3 about {_words(self.undecided_at)}: draw "
+                "a stroke of its label there if that is its marrow, else one of the background"
+            )
         return doubts
+
+
+def _words(place: Place) -> str:
+    x, y, z = place
+    return f"({x:.1f}, {y:.1f}, {z:.1f}) mm"
 
 
 def appearances(volume: Volume, bones: Mapping[str, BoneProbability]) -> dict[str, Appearance]:
@@ -123,15 +172,24 @@ def _appearance(
     places: Mapping[str, NDArray],
 ) -> Appearance:
     claimed = bone.probability > 0.5
+    voxel = float(np.prod(volume.spacing))
+    values = volume.values[bone.slices] / max(levels[name], 1e-12)
+    patch = open_patch(values, claimed, volume.spacing)
     others = sorted((n for n in levels if n != name), key=lambda n: np.linalg.norm(places[n] - places[name]))
     around = float(np.median([levels[n] for n in others[:NEIGHBOURS] or [name]]))
     return Appearance(
-        volume=float(claimed.sum() * np.prod(volume.spacing)),
+        volume=float(claimed.sum()) * voxel,
         border=_border(claimed),
         level=levels[name],
         relative_level=levels[name] / max(around, 1e-12),
         enclosed=_enclosed(volume, bone, claimed, levels[name]),
         cut_off=_cut_off(bone, claimed, volume.shape),
+        spans=_spans(bone, claimed, volume.shape),
+        open_area=patch.area,
+        open_at=_place(volume, patch.middle + bone.offset),
+        open_limit=OPEN_FACES * voxel ** (2 / 3),
+        undecided=bone.undecided,
+        undecided_at=_place(volume, np.array(bone.undecided_at)),
     )
 
 
@@ -162,6 +220,17 @@ def _cut_off(bone: BoneProbability, claimed: NDArray[np.bool_], shape: tuple[int
     return bool(((index == 0) | (index == np.array(shape) - 1)).any())
 
 
+def _spans(bone: BoneProbability, claimed: NDArray[np.bool_], shape: tuple[int, int, int]) -> bool:
+    """Whether claimed voxels lie on two opposite faces of the whole volume."""
+    index = np.argwhere(claimed) + bone.offset
+    return bool(((index == 0).any(axis=0) & (index == np.array(shape) - 1).any(axis=0)).any())
+
+
+def _place(volume: Volume, index: NDArray) -> Place:
+    x, y, z = volume.to_world(index[None])[0].tolist()
+    return x, y, z
+
+
 def doubted(
     looks: Mapping[str, Appearance], neutral: Mapping[str, Appearance], corrected: Collection[str] = ()
 ) -> dict[str, str]:
@@ -190,4 +259,7 @@ def write_looks(path: str | Path, looks: Mapping[str, Appearance], left_out: Map
 def read_looks(path: str | Path) -> tuple[dict[str, Appearance], dict[str, str]]:
     """Read what `write_looks` wrote."""
     data = json.loads(Path(path).read_text(encoding="utf-8"))
+    places = ("open_at", "undecided_at")
+    for fields in data["bones"].values():
+        fields |= {key: tuple(fields[key]) for key in places if key in fields}
     return {name: Appearance(**fields) for name, fields in data["bones"].items()}, data["left_out"]

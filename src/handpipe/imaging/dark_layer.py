@@ -150,7 +150,7 @@ def _normal_equations(profile, offsets, dark, blur, noise, window, p, h, g):  # 
             g[a] += weight * r * j[a] / noise
             for b in range(4):
                 h[a, b] += weight * j[a] * j[b] / noise**2
-    return energy, energy / weight_sum
+    return energy, energy / weight_sum if weight_sum > 0 else np.inf  # no sample near the faces
 
 
 @njit(cache=True)

@@ -10,6 +10,7 @@ from scipy import ndimage
 from skimage import measure
 
 from handpipe.errors import InputError
+from handpipe.imaging.bridges import bridged
 from handpipe.imaging.dark_layer import WINDOW, DarkLayers, fit_dark_layers, fit_dark_level
 from handpipe.imaging.profiles import BLUR, graph_laplacian, sample_profiles, smooth_field, summed_curvature
 from handpipe.imaging.segmentation import BoneProbability
@@ -78,7 +79,8 @@ def marrow_surface(volume: Volume, bone: BoneProbability) -> Surface:
     is fitted along its normals, where the image shows it clearly.
     """
     local = volume.crop(bone.offset, bone.offset + bone.probability.shape)
-    surface = taubin(contour(local.like(_smoothed(bone.probability)), 0.5), 10)
+    whole = bridged(_smoothed(bridged(bone.probability, local.values)), local.values)
+    surface = taubin(contour(local.like(whole), 0.5), 10)
     cortex = Cortex.estimate(local, BoneProbability(np.zeros(3, int), bone.probability), surface)
     laplacian = graph_laplacian(surface.triangles, len(surface.vertices))
     for _ in range(2):

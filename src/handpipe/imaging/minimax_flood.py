@@ -18,7 +18,11 @@ HIGHEST = 1.25  # in units of the values: what costs more is not reached
 
 
 def flood(
-    values: NDArray, sources: NDArray[np.bool_], allowed: NDArray[np.bool_], brighter: bool = False
+    values: NDArray,
+    sources: NDArray[np.bool_],
+    allowed: NDArray[np.bool_],
+    references: NDArray | None = None,
+    brighter: bool = False,
 ) -> NDArray[np.float32]:
     """Cost (nx, ny, nz) of the best path from any source to each voxel; infinite where none leads.
 
@@ -28,6 +32,8 @@ def flood(
         Intensities in units of a tissue's level.
     sources, allowed : (nx, ny, nz) bool
         Where paths start, and where they may go.
+    references : (nx, ny, nz)
+        Intensity at sources from which departures count; by default that of the source itself.
     brighter : bool
         Whether brighter voxels than the source cost as much as darker ones; else they are free.
 
@@ -37,6 +43,7 @@ def flood(
     """
     steps = _flood(
         np.pad(np.asarray(values, np.float32), 1),
+        np.pad(np.asarray(values if references is None else references, np.float32), 1),
         np.pad(sources, 1),
         np.pad(allowed | sources, 1),
         np.float32(STEPS / HIGHEST),
@@ -46,18 +53,18 @@ def flood(
 
 
 @njit(cache=True)
-def _flood(values, sources, allowed, scale, brighter):  # type: ignore[no-untyped-def]
+def _flood(values, references, sources, allowed, scale, brighter):  # type: ignore[no-untyped-def]
     """Costs in whole steps, by Dial's buckets; more than `STEPS` where a voxel is not reached."""
     shape = values.shape
     stride = (shape[1] * shape[2], shape[2], 1)
-    v, free = values.ravel(), allowed.ravel()
+    v, levels, free = values.ravel(), references.ravel(), allowed.ravel()
     cost = np.full(v.size, STEPS + 1, np.int16)
     root = np.zeros(v.size, np.float32)
     after = np.full(v.size, -1, np.int32)
     before = np.full(v.size, -1, np.int32)
     head = np.full(STEPS + 1, -1, np.int32)
     for i in np.flatnonzero(sources.ravel()):
-        cost[i], root[i] = 0, v[i]
+        cost[i], root[i] = 0, levels[i]
         after[i] = head[0]
         if head[0] >= 0:
             before[head[0]] = i

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ BRIGHT_PERCENTILE = 99.0  # of the volume: fat and marrow
 DARKEST = 0.2  # of that: air and cortical bone lie below, marrow at the dark end of a bias field far above
 LONGEST = 110.0  # mm of marrow: half as much again as a long third metacarpal
 TYPICAL = 0.75  # quantile of the intensities at a bone's seeds: in a narrow canal many voxels are half cortex
+RISE = (1.15, 1.7)  # times the strokes' level, at which the marrow around them tells the level
 UNDECIDED = 2e-4  # of the claimed voxels
 AROUND_CONFLICT = 4  # voxels of sure labels around a conflict
 SURROUNDINGS = 5.0  # mm around the marrow that the shell and its neighbourhood take
@@ -44,10 +45,16 @@ class SegmentationSettings(Model):
 
 @dataclass(frozen=True)
 class BoneProbability:
-    """Probability (nx, ny, nz) of marrow in a local region, whose first voxel is voxel `offset` (3,)."""
+    """Probability (nx, ny, nz) of marrow in a local region, whose first voxel is voxel `offset` (3,).
+
+    undecided: mm^3 of the largest bright part that the strokes do not decide; undecided_at (3,): its middle,
+    in voxels of the whole volume.
+    """
 
     offset: NDArray[np.int64]
     probability: NDArray[np.float32]
+    undecided: float = 0.0
+    undecided_at: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def slices(self) -> tuple[slice, slice, slice]:
@@ -115,7 +122,7 @@ def segment_bone(
     while True:
         walked = walk(problem, volume.spacing, settings.beta, start)
         probability = _connected(walked, problem.marks == INSIDE)
-        bone = BoneProbability(problem.offset, probability.astype(np.float32))
+        bone = BoneProbability(problem.offset, probability.astype(np.float32), *problem.undecided)
         lower, upper = problem.offset, problem.offset + probability.shape
         if not touched(probability > 0.5, lower, upper, volume.shape).any():
             return _fitted(bone, volume)
@@ -130,35 +137,47 @@ def segment_bone(
 class LocalProblem:
     """What a bone's walker is given in a box whose first voxel is voxel `offset` (3,).
 
-    values (nx, ny, nz): intensities by the marrow's `level`; marks (nx, ny, nz): the walker's seeds.
+    values (nx, ny, nz): intensities by the marrow's `level`; marks (nx, ny, nz): the walker's seeds;
+    undecided: volume and middle of the largest part that no stroke decides, as `BoneProbability` has it.
     """
 
     offset: IntArray
     level: float
     values: NDArray[np.float32]
     marks: NDArray[np.uint8]
+    undecided: tuple[float, tuple[float, float, float]]
 
 
 def local_problem(volume: Volume, seeds: Labels, label: int, settings: SegmentationSettings) -> LocalProblem:
     """The walker's problem in a box around all that a bone's strokes reach. Raises as `segment_bone` does."""
     lower, upper, level = _around_seeds(volume, seeds, label)
     lower, upper = _enlarged(volume, lower, upper, settings.margin)
+    level = _risen(_problem(volume, seeds, label, level, lower, upper, settings))
     reach = settings.margin
     while True:
-        problem = _problem(volume, seeds, label, level, lower, upper, settings)
-        inside = problem.marks == INSIDE
-        faces = touched(inside, lower, upper, volume.shape)
+        problem, wanted = _growing(volume, seeds, label, level, lower, upper, settings)
+        faces = touched(wanted, lower, upper, volume.shape)
         if not faces.any():
             break
-        _check_length(inside, volume.spacing, label)
+        inside = problem.marks == INSIDE
+        if touched(inside, lower, upper, volume.shape).any():
+            _check_length(inside, volume.spacing, label)
+        elif float(np.max((upper - lower) * volume.spacing)) > LONGEST:
+            break  # what lies behind a barrier goes on farther than any bone
         low, high = _enlarged(volume, lower, upper, reach)
         lower, upper = np.where(faces[0], low, lower), np.where(faces[1], high, upper)
         reach *= 2
-    low, high = bounds(inside)
+    low, high = bounds(problem.marks == INSIDE)
     low, high = _enlarged(volume, problem.offset + low, problem.offset + high, SURROUNDINGS)
     low, high = np.maximum(low, lower), np.minimum(high, upper)
     region = box(low - lower, high - lower)
-    return LocalProblem(low, level, problem.values[region], problem.marks[region])
+    return replace(problem, offset=low, values=problem.values[region], marks=problem.marks[region])
+
+
+def _risen(problem: LocalProblem) -> float:
+    """The marrow's level around the strokes, which may lie in a canal's blurred voxels."""
+    level = float(np.median(problem.values[problem.marks == INSIDE]))
+    return problem.level * (level if RISE[0] < level < RISE[1] else 1.0)
 
 
 def walk(
@@ -178,10 +197,26 @@ def _problem(
     settings: SegmentationSettings,
 ) -> LocalProblem:
     """The problem in the box lower <= index < upper. Outside are other seeds and all dark voxels."""
+    return _growing(volume, seeds, label, level, lower, upper, settings)[0]
+
+
+def _growing(
+    volume: Volume,
+    seeds: Labels,
+    label: int,
+    level: float,
+    lower: IntArray,
+    upper: IntArray,
+    settings: SegmentationSettings,
+) -> tuple[LocalProblem, NDArray[np.bool_]]:
+    """The problem in a box, and the voxels (nx, ny, nz) that have to end inside the box."""
     values, marked = volume.values[box(lower, upper)] / np.float32(level), seeds[box(lower, upper)]
     dark, other = values < settings.dark, (marked != 0) & (marked != label)
-    marks = sure_marks(values, (marked == label) & ~dark, other & ~dark, ~dark)
-    return LocalProblem(lower, level, values, np.where(dark | other, OUTSIDE, marks).astype(np.uint8))
+    found = sure_marks(values, (marked == label) & ~dark, other & ~dark, ~dark)
+    marks = np.where(dark | other, OUTSIDE, found.marks).astype(np.uint8)
+    x, y, z = (found.middle + lower).tolist()
+    undecided = found.undecided * float(np.prod(volume.spacing)), (x, y, z)
+    return LocalProblem(lower, level, values, marks, undecided), (marks == INSIDE) | found.growing
 
 
 def _enlarged(volume: Volume, lower: IntArray, upper: IntArray, margin: float) -> tuple[IntArray, IntArray]:
@@ -216,7 +251,7 @@ def _fitted(bone: BoneProbability, volume: Volume) -> BoneProbability:
     """The same probability in a box that holds the claimed voxels and `SURROUNDINGS` mm around them."""
     low, high = bounds(bone.probability > 0.5)
     lower, upper = _enlarged(volume, bone.offset + low, bone.offset + high, SURROUNDINGS)
-    return BoneProbability(lower, _in_box(bone, lower, upper))
+    return replace(bone, offset=lower, probability=_in_box(bone, lower, upper))
 
 
 def _in_box(bone: BoneProbability, lower: IntArray, upper: IntArray) -> NDArray[np.float32]:
@@ -273,7 +308,7 @@ def merge(
         claims[bone.slices] += claimed
         labels[bone.slices][claimed] = label
     labels[claims > 1] = 0
-    resolved = {label: BoneProbability(bone.offset, bone.probability.copy()) for label, bone in bones.items()}
+    resolved = {label: replace(bone, probability=bone.probability.copy()) for label, bone in bones.items()}
     disputed = claims > 1
     if not disputed.any():
         return labels, resolved

@@ -1,0 +1,60 @@
+"""A short stroke in the marrow and three around the bone: right, or doubted."""
+
+import numpy as np
+import pytest
+from phalanx import grid_points
+from slim_bone import SlimBone
+
+from handpipe.imaging.bridges import bridged
+from handpipe.imaging.minimax_flood import flood
+from handpipe.imaging.open_boundary import open_patch
+from handpipe.imaging.segmentation import SegmentationSettings, segment_bone
+
+SETTINGS = SegmentationSettings()
+
+
+def dice(a, b):
+    return 2 * (a & b).sum() / (a.sum() + b.sum())
+
+
+def test_a_flood_costs_the_greatest_departure_on_the_best_path() -> None:
+    """Two ways from left to right: one has a dip of 0.4, the other, longer one of 0.2."""
+    values = np.zeros((5, 3, 1), np.float32)
+    values[:, 0, 0] = [1.0, 1.0, 0.6, 1.0, 1.0]
+    values[:, 2, 0] = [1.0, 0.9, 0.8, 0.9, 1.0]
+    values[[0, 4], 1, 0] = 1.0
+    source = np.zeros(values.shape, bool)
+    source[0, 0] = True
+    cost = flood(values, source, values > 0.3)
+    assert cost[4, 0, 0] == pytest.approx(0.2, abs=0.006)
+    assert cost[2, 0, 0] == pytest.approx(0.4, abs=0.006)
+    assert np.isinf(cost[2, 1, 0])
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_one_stroke_finds_both_ends_beyond_a_canal_of_three_voxels(side) -> None:
+    truth = SlimBone(length=25.7, canal=1.5, side=side)
+    volume = truth.volume()
+    bone = segment_bone(volume, truth.seeds(volume, seed=1), 1, SETTINGS)
+    found = np.zeros(volume.shape, bool)
+    found[bone.slices] = bone.probability > 0.5
+    assert dice(found, truth.marrow(grid_points(volume))) > 0.93
+
+
+def test_a_claim_that_ends_across_the_marrow_is_open_there() -> None:
+    truth = SlimBone(length=25.7, canal=3.0)
+    volume = truth.volume()
+    points = grid_points(volume)
+    marrow = truth.marrow(points)
+    assert open_patch(volume.values, marrow, volume.spacing).area < 3.0
+    patch = open_patch(volume.values, marrow & (points[..., 0] < 0), volume.spacing)
+    assert patch.area > 5.0
+    assert abs(volume.to_world(patch.middle[None])[0, 0]) < 1.0
+
+
+def test_parts_of_one_marrow_are_joined() -> None:
+    values = np.full((24, 9, 9), 0.1, np.float32)
+    values[2:9, 3:6, 3:6] = values[15:22, 3:6, 3:6] = 1.0
+    joined = bridged((values > 0.5).astype(np.float32), values)
+    assert (joined[2:22, 4, 4] > 0.5).all()
+    assert (joined > 0.5).sum() < 2 * 7 * 9 + 6 * 9

@@ -1,0 +1,44 @@
+"""A neutral bone that lost an end is doubted by name; whole ones are not."""
+
+import numpy as np
+import trimesh
+
+from handpipe.config import Joint
+from handpipe.mesh.surface import Surface
+from handpipe.skeleton.neutral_doubts import LENGTHS, neutral_doubts
+
+RAY = ("metacarpal3", "proximal3", "middle3", "distal3")
+JOINTS = {
+    f"joint{i}": Joint(parent=a, child=b, angles=("bend",), axis_hints=((0.0, 1.0, 0.0),))
+    for i, (a, b) in enumerate(zip(RAY[:-1], RAY[1:], strict=True))
+}
+
+
+def ray(kept=1.0, lost="proximal3", scale=1.0):
+    """Ellipsoids of published lengths one after another, 2 mm apart; of one bone a share is kept."""
+    marrows, start = {}, 0.0
+    for name in RAY:
+        length = scale * LENGTHS[name] - 1.4
+        mesh = trimesh.creation.icosphere(3)
+        vertices = mesh.vertices * [0.5 * length, 4.0, 4.0]
+        if name == lost:
+            vertices[:, 0] = np.minimum(vertices[:, 0], (kept - 0.5) * length)
+        marrows[name] = Surface(vertices + [start + 0.5 * length, 0, 0], np.asarray(mesh.faces, np.int64))
+        start += length + 2.0
+    return marrows
+
+
+def test_whole_bones_of_any_hand_are_not_doubted() -> None:
+    for scale in (0.8, 1.0, 1.2):
+        assert neutral_doubts(ray(scale=scale), JOINTS) == {}
+
+
+def test_a_bone_without_its_end_is_named_with_what_to_draw() -> None:
+    found = neutral_doubts(ray(kept=0.6), JOINTS)
+    assert set(found) == {"proximal3"}
+    assert "draw" in found["proximal3"]
+    assert "gapes" in found["proximal3"]
+
+
+def test_a_lost_tip_of_a_distal_phalanx_is_told_by_its_length() -> None:
+    assert set(neutral_doubts(ray(kept=0.7, lost="distal3"), JOINTS)) == {"distal3"}
