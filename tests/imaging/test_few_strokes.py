@@ -46,9 +46,9 @@ def test_a_claim_that_ends_across_the_marrow_is_open_there() -> None:
     volume = truth.volume()
     points = grid_points(volume)
     marrow = truth.marrow(points)
-    assert open_patch(volume.values, marrow, volume.spacing).area < 3.0
+    assert open_patch(volume.values, marrow, volume.spacing).area < 2.0
     patch = open_patch(volume.values, marrow & (points[..., 0] < 0), volume.spacing)
-    assert patch.area > 5.0
+    assert patch.area > 3.0
     assert abs(volume.to_world(patch.middle[None])[0, 0]) < 1.0
 
 
