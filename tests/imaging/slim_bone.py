@@ -2,7 +2,7 @@
 
 A bone is a solid of revolution about an oblique axis: a base and a head of spongy bone under thin cortex,
 and a shaft whose thick cortex leaves a canal of few voxels, or none for a while. Lengths are those of a
-median male hand (Buryanov and Kotiuk 2010); widths are shares of the length, narrower than the phantom hand's.
+median male hand (Buryanov and Kotiuk 2010); widths are shares of the length, slimmer than the phantom hand's.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from phalanx import grid_points
+from scipy import ndimage
 from slim_bone import SlimBone
 
 from handpipe.imaging.bridges import bridged
@@ -48,7 +49,7 @@ def test_a_claim_that_ends_across_the_marrow_is_open_there() -> None:
     marrow = truth.marrow(points)
     assert open_patch(volume.values, marrow, volume.spacing).area < 3.0
     patch = open_patch(volume.values, marrow & (points[..., 0] < 0), volume.spacing)
-    assert patch.area > 5.0
+    assert patch.area > 3.0
     assert abs(volume.to_world(patch.middle[None])[0, 0]) < 1.0
 
 
@@ -56,5 +57,5 @@ def test_parts_of_one_marrow_are_joined() -> None:
     values = np.full((24, 9, 9), 0.1, np.float32)
     values[2:9, 3:6, 3:6] = values[15:22, 3:6, 3:6] = 1.0
     joined = bridged((values > 0.5).astype(np.float32), values)
-    assert (joined[2:22, 4, 4] > 0.5).all()
+    assert ndimage.label(joined > 0.5)[1] == 1
     assert (joined > 0.5).sum() < 2 * 7 * 9 + 6 * 9

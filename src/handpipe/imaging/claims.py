@@ -138,11 +138,6 @@ class Appearance:
                 f"no dark shell closes {self.open_area:.0f} mm^2 of it about {_words(self.open_at)}: draw a "
                 "stroke of its label there if its marrow goes on, else one of the background"
             )
-        if self.undecided > UNDECIDED * self.volume:
-            doubts.append(
-                f"its strokes do not decide {self.undecided:.0f} mm^3 about {_words(self.undecided_at)}: draw "
-                "a stroke of its label there if that is its marrow, else one of the background"
-            )
         return doubts
 
 
@@ -243,6 +238,13 @@ def doubted(
     for name, look in looks.items():
         if look.cut_off:
             logger.warning("%s: cut off by the volume's border; its surface is closed there", name)
+        if name not in neutral and look.undecided > UNDECIDED * look.volume:
+            logger.warning(
+                "%s: its strokes leave %.0f mm^3 about %s undecided; draw there if its surface is wrong",
+                name,
+                look.undecided,
+                _words(look.undecided_at),
+            )
         if doubts := look.doubts(neutral.get(name)):
             logger.warning("%s: doubted, since %s", name, " and ".join(doubts))
             if name not in corrected:

@@ -78,7 +78,7 @@ def sure_marks(
     large[0] = False
     marks[large[parts]] = OUTSIDE
     growing = behind & ~large[parts]
-    bright, count = ndimage.label(growing & (values > BRIGHT))
+    bright, count = ndimage.label(growing & (values > BRIGHT) & (own < other))
     if count == 0:
         return SureMarks(marks, growing, 0.0, np.zeros(3))
     sizes = np.bincount(bright.ravel())
