@@ -77,11 +77,11 @@ def judged(dataset: Dataset, volume: Volume, seeds: Labels, marrow: Labels) -> d
     sizes = np.bincount(marrow.ravel(), minlength=256)
     found = {}
     for name, label in labels.items():
-        both = own = 0
+        both, own = 0, 0
         if name in bones:
             claimed = bones[name].probability > 0.5
-            first, own = bones[name].offset, np.count_nonzero(claimed)
-            both = np.count_nonzero(claimed & (marrow[box(first, first + claimed.shape)] == label))
+            first, own = bones[name].offset, int(np.count_nonzero(claimed))
+            both = int(np.count_nonzero(claimed & (marrow[box(first, first + claimed.shape)] == label)))
         found[name] = Drawn(float(2 * both / (own + sizes[label])), wrong.get(name, ""))
     return found
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from handpipe.errors import InputError
 from handpipe.fem import plasticity, tet_kernels
 from handpipe.fem.assembly import Pattern
+from handpipe.fem.crushing import Crushing
 from handpipe.fem.materials import MODELS, Material, piola, stiffness
 from handpipe.fem.partition import Partition, spatial_order
 from handpipe.fem.tangles import Tangles
@@ -79,6 +80,16 @@ class Elastic:
         """Whether some tet has a Poisson's ratio above `poisson`."""
         return bool(np.any(self._lam > self._mu * 2 * poisson / (1 - 2 * poisson)))
 
+    def crushing(self, steepest: float) -> Crushing:
+        """The barrier that keeps this body's tets from inversion, quadratic below a share of its onset."""
+        return Crushing(self._body, self.pattern, steepest)
+
+    def volume_ratios(self, x: Array) -> Array:
+        """det(F Fp^-1) (m,) of the tets."""
+        out = np.empty(len(self.tets))
+        out[self._order] = tet_kernels.volume_ratios(_coordinates(x), self._body)
+        return out
+
     def _set_strains(self, strains: Array) -> None:
         self.strains = np.ascontiguousarray(strains, dtype=float)
         # F Fp^-1 is linear in x with the gradients B Fp^-1: plastic strain costs the kernels nothing.
@@ -112,7 +123,7 @@ class Elastic:
         sizes = np.sqrt((self._body.gradients**2).sum(axis=2))
         forces = 2.0 * (self._body.weights * self._body.mu)[:, None] * sizes
         corners = self._body.tets.ravel()
-        return np.asarray(np.bincount(corners, forces.ravel(), len(self.vertices)), dtype=float)
+        return np.bincount(corners, forces.ravel(), minlength=len(self.vertices)).astype(float)
 
     def deformation_gradients(self, x: Array) -> Array:
         """F (m, 3, 3) from the rest positions, plastic part included."""
