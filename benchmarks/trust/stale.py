@@ -81,9 +81,15 @@ CHANGES = [
             "poses.fist.landmarks.lumbrical1": ("new/l.mrk.json", "extract_muscle_shapes"),
             "bones.distal2.label": (9, "correct_bone evaluate_segmentation merge_labels segment_pose"),
             "bones.distal2.template": ("new/distal2.ply", "place_templates"),
-            "joints.DIP2.parent": ("proximal2", "fit_rig make_bone_fascia mesh_soft_tissue register_bones"),
-            "joints.DIP2.child": ("middle2", "fit_rig make_bone_fascia mesh_soft_tissue register_bones"),
-            "joints.MP2.angles": (["MP2_abduction", "MP2_flexion"], "fit_rig register_bones"),
+            "joints.DIP2.parent": (
+                "proximal2",
+                "fit_rig make_bone_fascia merge_labels mesh_soft_tissue register_bones",
+            ),
+            "joints.DIP2.child": (
+                "middle2",
+                "fit_rig make_bone_fascia merge_labels mesh_soft_tissue register_bones",
+            ),
+            "joints.MP2.angles": (["MP2_abduction", "MP2_flexion"], "fit_rig merge_labels register_bones"),
             "joints.MP2.type": ("saddle", "fit_rig"),
             "joints.DIP2.limits_deg": ([[-10, 70]], "fit_rig"),
             "joints.DIP2.axis_hints": ([[0, 1, 0.1]], "fit_rig register_bones"),
@@ -134,13 +140,16 @@ CHANGES = [
             "frames": ("config/scenes/moved.csv", "evaluate_frames simulate"),
             "bones": ({"distal2": "Index3"}, "evaluate_frames simulate"),
             "chunk": (5, "simulate"),
-            "obj": (True, "export_obj"),
+            "obj": (True, "export_obj require_frames"),
         },
     ),
     *_changes(
         "config",
         {
-            "scenes": (["bones-and-skin"], "evaluate_frames export_scene report simulate"),
+            "scenes": (
+                ["bones-and-skin"],
+                "evaluate_frames export_scene report require_frames simulate",
+            ),
             "edges.muscle": (1.9, "report separate_neutral"),
             "edges.fascia": (1.9, "make_bone_fascia make_muscle_fascia report"),
             "edges.skin": (1.9, "make_skin report"),

@@ -90,6 +90,14 @@ def image_of(pose="{pose}"):
     return ["root", *(f"poses.{pose}.{part}" for part in ("volume", "series", "echo"))]
 
 
+def of_labels(wildcards):
+    """Parameter function: the fields that merging the labels of a pose reads; joints, too, in neutral."""
+    fields = [*image_of(), "bones.*.label", "neutral", "poses.{pose}.scribbles"]
+    if wildcards.pose == neutral(wildcards.subject):
+        fields += ["joints.*.parent", "joints.*.child", "joints.*.angles"]
+    return reads(*fields)(wildcards)
+
+
 def reads_scene(*fields):
     """Parameter function: the same of the fields of a scene."""
     return lambda w: selection.select(scene(w.scene), fields)

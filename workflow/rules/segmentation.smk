@@ -70,7 +70,7 @@ rule merge_labels:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=reads(*image_of(), "bones.*.label", "neutral", "poses.{pose}.scribbles"),
+        dataset=of_labels,
     message:
         "{wildcards.subject}: labels and surfaces of {wildcards.pose}"
     script:
