@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from handpipe.evaluation.table import Row
-from handpipe.hand.frames import LENGTHS
+from handpipe.hand.frames import UNITS as ARTIFACT_UNITS
 from handpipe.hand.simulation import Failure, SimulatedFrame
 from handpipe.layers import Shapes
 from handpipe.metrics import Metrics
 
-UNITS = {**dict.fromkeys(LENGTHS, "mm"), "inverted_tets": "tets"}
+UNITS = ARTIFACT_UNITS | {"inverted_tets": "tets"}
 LEAST = ("least_det",)  # figures of which the least is the worst
 OVERLAP = 0.01  # mm; a smaller overlap of the skin is not told
 COMPRESSION = 0.01  # of a tendon's pull; a smaller one is not told

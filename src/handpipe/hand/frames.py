@@ -18,7 +18,7 @@ from handpipe.mesh.rigid import RigidTransform
 LayerShapes = Mapping[str, Shapes]  # by the layer's name
 
 KIND = "frames"
-LENGTHS = {"contact_motion", "skin_overlap"}  # figures in mm
+UNITS = {"contact_motion": "mm", "skin_overlap": "mm", "residual": "mN"}  # of figures; of others 1
 
 
 def write_frames(
@@ -152,7 +152,7 @@ def _units(data: Mapping[str, Any]) -> dict[str, str]:
             base = f"frames/{name}/layers/{layer}"
             units |= {f"{base}/{body}/vertices": "mm" for body in shapes}
             figures = [(body, name) for body, shape in shapes.items() for name in shape["figures"]]
-            units |= {f"{base}/{body}/figures/{name}": "mm" for body, name in figures if name in LENGTHS}
+            units |= {f"{base}/{body}/figures/{name}": UNITS[name] for body, name in figures if name in UNITS}
     return units
 
 
