@@ -53,9 +53,16 @@ def segment(
         try:
             found[name] = segment_bone(volume, seeds, label, settings)
         except (InputError, ConvergenceError) as error:
-            wrong[name] = error.problem if isinstance(error, InputError) else str(error)
+            wrong[name] = _in_words(error)
             logger.warning("%s: %s", name, wrong[name])
     return found, wrong
+
+
+def _in_words(error: InputError | ConvergenceError) -> str:
+    """What is wrong with one bone's seeds, and what to draw."""
+    if isinstance(error, InputError):
+        return f"{error.problem}: {error.remedy[0].lower()}{error.remedy[1:]}"
+    return str(error)
 
 
 def save(path: str | Path, bones: Mapping[str, BoneProbability], inputs: Iterable[str | Path] = ()) -> None:
@@ -119,9 +126,15 @@ class Appearance:
         """What speaks against a bone, in words; nothing where all is well. neutral: how it looks there."""
         doubts = []
         if self.relative_level < LEAST_LEVEL:
-            doubts.append(f"it is only {self.relative_level:.2f} times as bright as the bones around it")
+            doubts.append(
+                f"it is only {self.relative_level:.2f} times as bright as the bones around it: "
+                "draw its strokes in its marrow"
+            )
         if self.enclosed < LEAST_ENCLOSED:
-            doubts.append(f"a dark shell encloses only {100 * self.enclosed:.0f} % of it")
+            doubts.append(
+                f"a dark shell encloses only {100 * self.enclosed:.0f} % of it: "
+                "draw strokes of the background where it leaves its shell"
+            )
         if neutral is not None and not (self.cut_off or neutral.cut_off):
             change = self.volume / max(neutral.volume, 1e-12) - 1
             if abs(change) > max(SAME, neutral.border):
@@ -132,7 +145,10 @@ class Appearance:
         """What speaks against its ends, where no other pose tells its size; with what to draw."""
         doubts = []
         if self.spans:
-            doubts.append("it reaches from one face of the volume to the opposite one")
+            doubts.append(
+                "it reaches from one face of the volume to the opposite one: "
+                "draw strokes of the background around it"
+            )
         if self.open_area > self.open_limit:
             doubts.append(
                 f"no dark shell closes {self.open_area:.0f} mm^2 of it about {_words(self.open_at)}: draw a "
