@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-BRIGHT = (0.4, 0.5, 0.65)  # of the marrow's level: thresholds at which a shell may be closed
+BRIGHT = (0.4, 0.65)  # of the marrow's level: thresholds at which a shell may be closed
 RIM = 2  # voxels around a claim that its blurred boundary takes
 FARTHEST = 25.0  # mm of solid bone between two parts of one marrow
 AROUND = 2.0  # mm across a slim shaft
