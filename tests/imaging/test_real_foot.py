@@ -1,7 +1,7 @@
 """A real foot at three echo times: no bone passes that the echoes do not agree on.
 
 Its marrow is darker than muscle, and no dark shell ends it: what the pipeline promises of generated hands
-does not hold there. Refused or doubted, each bone by name, is the right answer to strokes that do not suffice.
+does not hold there. Refused or doubted, each bone by name, is right where strokes do not suffice.
 """
 
 import json
