@@ -7,9 +7,11 @@ from scipy import ndimage
 from slim_bone import SlimBone
 
 from handpipe.imaging.bridges import bridged
+from handpipe.imaging.claims import appearances
 from handpipe.imaging.minimax_flood import flood
 from handpipe.imaging.open_boundary import open_patch
-from handpipe.imaging.segmentation import SegmentationSettings, segment_bone
+from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, segment_bone
+from handpipe.imaging.volume import Volume
 
 SETTINGS = SegmentationSettings()
 
@@ -59,3 +61,41 @@ def test_parts_of_one_marrow_are_joined() -> None:
     joined = bridged((values > 0.5).astype(np.float32), values)
     assert ndimage.label(joined > 0.5)[1] == 1
     assert (joined > 0.5).sum() < 2 * 7 * 9 + 6 * 9
+
+
+@pytest.mark.parametrize("shape", [{"canal": 0.5}, {"canal": 1.0}, {"parted": 3.0}], ids=str)
+def test_a_bone_of_which_half_is_lost_beyond_solid_bone_is_doubted(shape) -> None:
+    truth = SlimBone(**shape)
+    volume = truth.volume()
+    bone = segment_bone(volume, truth.seeds(volume, seed=0), 1, SETTINGS)
+    found = np.zeros(volume.shape, bool)
+    found[bone.slices] = bone.probability > 0.5
+    marrow = truth.marrow(grid_points(volume))
+    look = appearances(volume, {"bone": bone})["bone"]
+    assert dice(found, marrow) < 0.93
+    assert look.unclaimed == pytest.approx((marrow & ~found).sum() * 0.125, rel=0.4)
+    assert any("draw a stroke of its label there" in doubt for doubt in look.doubts())
+
+
+def test_a_whole_bone_leaves_no_marrow_over_though_its_neighbour_beyond_a_joint_does() -> None:
+    """Two bones end to end with 1.5 mm of grey cartilage between them; nobody claims the second one."""
+    bone = SlimBone(length=25.7, canal=3.0)
+    volume = bone.volume()
+    marrow = bone.marrow(grid_points(volume))
+    inside = np.flatnonzero(bone.bone(grid_points(volume)).any(axis=(1, 2)))
+    first, last = inside[0], inside[-1] + 1
+    gap = np.full((3, *volume.shape[1:]), 0.6, np.float32)
+    ends = volume.values[:last], gap, volume.values[first:]
+    both = Volume(np.concatenate(ends).astype(np.float32), volume.affine)
+    claimed = np.zeros(both.shape, np.float32)
+    claimed[:last] = marrow[:last]
+    look = appearances(both, {"bone": BoneProbability(np.zeros(3, np.int64), claimed)})["bone"]
+    assert look.unclaimed < 0.1 * look.volume
+
+
+def test_a_claim_of_few_voxels_is_doubted() -> None:
+    values = np.full((20, 20, 20), 0.05, np.float32)
+    values[9:11, 9:11, 9:11] = 1.0
+    bone = BoneProbability(np.zeros(3, np.int64), (values > 0.5).astype(np.float32))
+    doubts = appearances(Volume(values, np.diag([0.5, 0.5, 0.5, 1])), {"bone": bone})["bone"].doubts()
+    assert any("only 1.0 mm^3" in doubt for doubt in doubts)

@@ -22,7 +22,8 @@ from handpipe.artifacts import write_text
 from handpipe.errors import ConvergenceError, InputError
 from handpipe.imaging.open_boundary import open_patch
 from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, segment_bone
-from handpipe.imaging.volume import Labels, Volume
+from handpipe.imaging.unclaimed_marrow import NOTHING, Unclaimed, unclaimed_marrow
+from handpipe.imaging.volume import Labels, Volume, box
 
 logger = logging.getLogger(__name__)
 
@@ -37,6 +38,9 @@ BORDER = 1 / 3  # of a voxel by which its boundary may, where that is more: bone
 STAIRS = 2 / 3  # a ball's surface over that of its voxels
 OPEN_FACES = 12  # of voxels: a patch of boundary without a shell; right bones of 0.5 mm have up to 7
 UNDECIDED = 0.1  # of a bone's volume: a part that its strokes do not decide
+LEAST_VOLUME = 8.0  # mm^3 of marrow: a small distal phalanx has 20
+UNCLAIMED = 0.1  # of its volume that is left over within its shell
+BEYOND = 30.0  # mm around a bone in which its other part is looked for: half of a metacarpal
 SHELL = 1.0  # mm from the marrow's boundary within which the shell is dark
 
 
@@ -53,9 +57,16 @@ def segment(
         try:
             found[name] = segment_bone(volume, seeds, label, settings)
         except (InputError, ConvergenceError) as error:
-            wrong[name] = error.problem if isinstance(error, InputError) else str(error)
+            wrong[name] = _in_words(error)
             logger.warning("%s: %s", name, wrong[name])
     return found, wrong
+
+
+def _in_words(error: InputError | ConvergenceError) -> str:
+    """What is wrong with one bone's seeds, and what to draw."""
+    if isinstance(error, InputError):
+        return f"{error.problem}: {error.remedy[0].lower()}{error.remedy[1:]}"
+    return str(error)
 
 
 def save(path: str | Path, bones: Mapping[str, BoneProbability], inputs: Iterable[str | Path] = ()) -> None:
@@ -99,7 +110,8 @@ class Appearance:
     of its boundary with a dark shell; cut_off: whether it reaches the volume's border; spans: whether it
     reaches two opposite faces of it; open_area: mm^2 of the largest part of its boundary without a shell,
     open_at: the middle of that part in world mm; open_limit: mm^2 of it that the voxels' steps explain;
-    undecided: mm^3 of the largest bright part that the strokes do not decide, undecided_at: where.
+    undecided: mm^3 of the largest bright part that the strokes do not decide, undecided_at: where;
+    unclaimed: mm^3 of the largest bright part within its shell that no bone claims, unclaimed_at: where.
     """
 
     volume: float
@@ -114,14 +126,22 @@ class Appearance:
     open_limit: float = 1.0
     undecided: float = 0.0
     undecided_at: Place = (0.0, 0.0, 0.0)
+    unclaimed: float = 0.0
+    unclaimed_at: Place = (0.0, 0.0, 0.0)
 
     def doubts(self, neutral: Appearance | None = None) -> list[str]:
         """What speaks against a bone, in words; nothing where all is well. neutral: how it looks there."""
         doubts = []
         if self.relative_level < LEAST_LEVEL:
-            doubts.append(f"it is only {self.relative_level:.2f} times as bright as the bones around it")
+            doubts.append(
+                f"it is only {self.relative_level:.2f} times as bright as the bones around it: "
+                "draw its strokes in its marrow"
+            )
         if self.enclosed < LEAST_ENCLOSED:
-            doubts.append(f"a dark shell encloses only {100 * self.enclosed:.0f} % of it")
+            doubts.append(
+                f"a dark shell encloses only {100 * self.enclosed:.0f} % of it: "
+                "draw strokes of the background where it leaves its shell"
+            )
         if neutral is not None and not (self.cut_off or neutral.cut_off):
             change = self.volume / max(neutral.volume, 1e-12) - 1
             if abs(change) > max(SAME, neutral.border):
@@ -131,12 +151,22 @@ class Appearance:
     def _ends(self) -> list[str]:
         """What speaks against its ends, where no other pose tells its size; with what to draw."""
         doubts = []
+        if self.volume < LEAST_VOLUME:
+            doubts.append(f"its marrow has only {self.volume:.1f} mm^3: draw strokes along its whole marrow")
         if self.spans:
-            doubts.append("it reaches from one face of the volume to the opposite one")
+            doubts.append(
+                "it reaches from one face of the volume to the opposite one: "
+                "draw strokes of the background around it"
+            )
         if self.open_area > self.open_limit:
             doubts.append(
                 f"no dark shell closes {self.open_area:.0f} mm^2 of it about {_words(self.open_at)}: draw a "
                 "stroke of its label there if its marrow goes on, else one of the background"
+            )
+        if self.unclaimed > UNCLAIMED * self.volume:
+            doubts.append(
+                f"{self.unclaimed:.0f} mm^3 about {_words(self.unclaimed_at)} look like marrow in the same "
+                "shell: draw a stroke of its label there"
             )
         return doubts
 
@@ -156,7 +186,8 @@ def appearances(volume: Volume, bones: Mapping[str, BoneProbability]) -> dict[st
         index = np.argwhere(claimed if len(values) else np.ones_like(claimed))
         middle = bone.offset + index.mean(0)
         places[name] = volume.to_world(middle[None])[0]
-    return {name: _appearance(volume, bone, name, levels, places) for name, bone in bones.items()}
+    left = {name: _left_over(volume, bones, name, levels[name]) for name in bones}
+    return {name: _appearance(volume, bone, name, levels, places, left[name]) for name, bone in bones.items()}
 
 
 def _appearance(
@@ -165,6 +196,7 @@ def _appearance(
     name: str,
     levels: Mapping[str, float],
     places: Mapping[str, NDArray],
+    left: Unclaimed,
 ) -> Appearance:
     claimed = bone.probability > 0.5
     voxel = float(np.prod(volume.spacing))
@@ -185,7 +217,27 @@ def _appearance(
         open_limit=OPEN_FACES * voxel ** (2 / 3),
         undecided=bone.undecided,
         undecided_at=_place(volume, np.array(bone.undecided_at)),
+        unclaimed=left.volume,
+        unclaimed_at=_place(volume, left.middle),
     )
+
+
+def _left_over(volume: Volume, bones: Mapping[str, BoneProbability], name: str, level: float) -> Unclaimed:
+    """Marrow within `BEYOND` of a bone that it lacks; its middle in voxels of the whole volume."""
+    claimed = np.argwhere(bones[name].probability > 0.5) + bones[name].offset
+    if len(claimed) == 0:
+        return NOTHING
+    reach = np.ceil(BEYOND / volume.spacing).astype(np.int64)
+    lower = np.maximum(claimed.min(axis=0) - reach, 0)
+    upper = np.minimum(claimed.max(axis=0) + 1 + reach, volume.shape)
+    own, others = np.zeros((2, *(upper - lower)), bool)
+    for other, bone in bones.items():
+        first, last = np.maximum(lower, bone.offset), np.minimum(upper, bone.offset + bone.probability.shape)
+        if (first < last).all():
+            part = bone.probability[box(first - bone.offset, last - bone.offset)] > 0.5
+            (own if other == name else others)[box(first - lower, last - lower)] |= part
+    left = unclaimed_marrow(volume.values[box(lower, upper)] / max(level, 1e-12), own, others, volume.spacing)
+    return Unclaimed(left.volume, left.middle + lower)
 
 
 def _border(claimed: NDArray[np.bool_]) -> float:
@@ -261,7 +313,7 @@ def write_looks(path: str | Path, looks: Mapping[str, Appearance], left_out: Map
 def read_looks(path: str | Path) -> tuple[dict[str, Appearance], dict[str, str]]:
     """Read what `write_looks` wrote."""
     data = json.loads(Path(path).read_text(encoding="utf-8"))
-    places = ("open_at", "undecided_at")
+    places = ("open_at", "undecided_at", "unclaimed_at")
     for fields in data["bones"].values():
         fields |= {key: tuple(fields[key]) for key in places if key in fields}
     return {name: Appearance(**fields) for name, fields in data["bones"].items()}, data["left_out"]

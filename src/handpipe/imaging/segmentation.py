@@ -244,7 +244,12 @@ def _check_length(claimed: NDArray[np.bool_], spacing: NDArray, label: int) -> N
     length = float(np.max((high - low) * spacing))
     if length > LONGEST:
         problem = f"what its seeds lie in goes on for more than {length:.0f} mm, and no dark shell ends it"
-        raise InputError("seeds", f"label {label}", problem, "Draw its strokes in the bone's marrow alone")
+        raise InputError(
+            "seeds",
+            f"label {label}",
+            problem,
+            "Draw its strokes in the bone's marrow alone, and strokes of the background around it",
+        )
 
 
 def _fitted(bone: BoneProbability, volume: Volume) -> BoneProbability:
