@@ -65,7 +65,7 @@ import sys
 from types import SimpleNamespace
 sys.path.insert(0, sys.argv[1])
 from common import stage
-with stage(SimpleNamespace(log=[sys.argv[2]], rule="some_rule", input=[], params={})):
+with stage(SimpleNamespace(log=[sys.argv[2]], rule="some_rule", input=[], params=dict())):
     import numpy as np
     from handpipe import artifacts
     {}

@@ -254,7 +254,7 @@ class Newton:
 
     def _why(self, problem: str, gradient: Array, length: float) -> str:
         """What keeps the solve from its end: a body that slides away, rounding, or forces out of balance."""
-        drift = unheld.drifting(self.energy, self.x, self._start)
+        drift = unheld.drifting(self.energy, self.x, self._start, self.free)
         if drift:
             return f"{drift} ({problem})"
         residuals = self._unbalanced(gradient)
@@ -273,7 +273,7 @@ class Newton:
         """Whether some body has moved away for good, since nothing resists its load."""
         if _largest(self.x - self._start) < FLIGHT * self._extent:
             return False
-        self.record.reason = unheld.drifting(self.energy, self.x, self._start)
+        self.record.reason = unheld.drifting(self.energy, self.x, self._start, self.free)
         return bool(self.record.reason)
 
     def _leave(self) -> bool:

@@ -64,8 +64,11 @@ def unbalanced(energy: Sum, matrix: sp.csr_matrix, x: Array, free: Mask) -> str:
     return ""
 
 
-def drifting(energy: Sum, x: Array, start: Array) -> str:
-    """Which body has moved far from `start` (n, 3) under a net load against which it has no stiffness."""
+def drifting(energy: Sum, x: Array, start: Array, free: Mask) -> str:
+    """Which body has moved far from `start` (n, 3) under a net load against which it has no stiffness.
+
+    A fixed degree of freedom, one that is not in the mask `free` (3n,), stops its body in that direction.
+    """
     load = loads(energy, x)
     if load is None:
         return ""
@@ -83,7 +86,8 @@ def drifting(energy: Sum, x: Array, start: Array) -> str:
         if np.linalg.norm(moved) < FAR * extent:
             continue
         shifts = np.eye(3) if stiffness is None else _free_shifts(stiffness, vertices)
-        net = shifts @ (shifts.T @ total[vertices].sum(axis=0))
+        movable = free.reshape(-1, 3)[vertices].all(axis=0)
+        net = shifts @ (shifts.T @ np.where(movable, total[vertices].sum(axis=0), 0.0))
         if np.linalg.norm(net) > SHARE * np.linalg.norm(load[vertices].sum(axis=0)):
             body = described(vertices, energy)
             return f"{body} has moved {np.linalg.norm(moved):.3g} mm: nothing resists {_vector(net)} mN on it"
