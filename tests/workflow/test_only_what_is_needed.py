@@ -32,7 +32,7 @@ def nothing_built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 ALWAYS = {
     "all", "generate_pose", "segment_pose", "merge_labels", "register_bones", "fit_rig",
     "simulate", "export_scene", "evaluate_segmentation", "evaluate_registration", "evaluate_frames", "report",
-    "evaluate_build",
+    "evaluate_build", "require_frames",
 }  # fmt: skip
 FLESH = {
     "generate_templates",
@@ -92,7 +92,7 @@ def test_all_builds_what_the_layers_need(bench: Workbench, layers: tuple[str, ..
 @pytest.mark.parametrize("layers", [("tendons",), ("ligaments", "bone_fascia"), ("muscles",), ("fat",)])
 def test_all_adds_nothing_but_figures_to_the_simulation(bench: Workbench, layers: tuple[str, ...]) -> None:
     """Whole jobs, not only rules: scanned poses are simulated where a stage or its comparison needs them."""
-    figures = {"all", "simulation", "report", "simulate_skin"}
+    figures = {"all", "simulation", "report", "simulate_skin", "require_frames"}
     further = {
         (job.rule, dict(job.wildcards).get("pose"))
         for job in plan_of(bench, layers).compared.keys()
