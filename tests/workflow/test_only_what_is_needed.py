@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from benchmarks.trust.__main__ import PARTS
 from benchmarks.trust.job_plans import JobPlan, plan
 from benchmarks.trust.stale import Workbench, workbench
 
@@ -102,6 +103,12 @@ def test_all_adds_nothing_but_figures_to_the_simulation(bench: Workbench, layers
     assert further <= {("simulate_flesh", "half"), ("simulate_inner", "half")} | (
         {("simulate_inner", pose) for pose in ("bow", "fist")} if layers == ("muscles",) else set()
     )
+
+
+def test_benchmark_of_trust_has_every_part(nothing_built: Path) -> None:
+    """As docs/trust.md gives the command."""
+    counts = planned(nothing_built, "benchmark_trust")
+    assert (counts["benchmark_trust_part"], counts["benchmark_trust"]) == (len(PARTS), 1)
 
 
 def test_rig_needs_no_tissue(nothing_built: Path) -> None:
