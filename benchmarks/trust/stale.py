@@ -67,7 +67,7 @@ CHANGES = [
             "hand": ("left", "evaluate_frames report simulate"),
             "poses.fist.role": (
                 "heldout",
-                "collect_fat_strains evaluate_frames evaluate_muscles evaluate_skin evaluate_tendons "
+                "collect_fat_strains evaluate_frames evaluate_muscles evaluate_poses evaluate_skin evaluate_tendons "
                 "extract_muscle_shapes fit_hooks fit_muscle_strains fit_rig report",
             ),
             "poses.fist.volume": ("new/fist.nii.gz", IMAGE_READERS),
