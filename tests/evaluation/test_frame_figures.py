@@ -73,8 +73,8 @@ def test_warnings_name_frame_layer_and_size() -> None:
         "Scene close: bones penetrate each other: good (a b, 0.40 mm).",
         "Scene close: contact has not settled: tangled (muscles).",
         "Scene close: inverted tets are handed on: tangled (fat: 2, least det F -0.14).",
-        "Scene close: tissue penetrates the organs inside: tangled (1.60 mm).",
-        "Scene close: the skin penetrates itself: tangled (0.05 mm).",
+        "Scene close: tissue penetrates the organs inside: tangled (fat: 1.60 mm).",
+        "Scene close: the skin penetrates itself: tangled (fat: 0.05 mm).",
         "Scene close: tendons are compressed and folded: tangled (3.0 of the pull).",
         "Scene close: not simulated and left out: lost (tendons: Tendon x did not converge).",
     ]

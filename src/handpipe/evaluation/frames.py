@@ -110,15 +110,20 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
         if name.endswith("_unsettled") and _positive(row, name):
             yield "contact has not settled", name.removesuffix("_unsettled").removesuffix("_contact")
         if name.endswith("_skin_overlap") and _positive(row, name, OVERLAP):
-            yield "the skin penetrates itself", f"{_number(row, name):.2f} mm"
+            yield "the skin penetrates itself", _depth(row, name, "_skin_overlap")
         if name.endswith("_inner_overlap") and _positive(row, name, INNER_OVERLAP):
-            yield "tissue penetrates the organs inside", f"{_number(row, name):.2f} mm"
+            yield "tissue penetrates the organs inside", _depth(row, name, "_inner_overlap")
         if name.endswith("_compression") and _positive(row, name, COMPRESSION):
             yield "tendons are compressed and folded", f"{_number(row, name):.1f} of the pull"
     if _number(row, "beyond"):
         yield "outside the range of the scans", f"{row['angle']} by {_number(row, 'beyond'):+.1f} deg"
     if _positive(row, "depth"):
         yield "bones penetrate each other", f"{row['bones']}, {_number(row, 'depth'):.2f} mm"
+
+
+def _depth(row: Row, name: str, figure: str) -> str:
+    """The layer and the depth that a figure tells."""
+    return f"{name.removesuffix(figure)}: {_number(row, name):.2f} mm"
 
 
 def _has(row: Row, layer: str) -> bool:
