@@ -108,13 +108,15 @@ def test_poses_have_their_own_figures_beside_the_worst() -> None:
 
 def test_warnings_of_fits_name_the_pose_once() -> None:
     rows = fits()
+    rows[0] |= {"fat_fit_tangles": 2.0, "muscles_tangles": 0.0}
     rows[1] |= {"fat_unsettled": 1.0, "fat_contact_unsettled": 1.0}
     assert pose_warnings(rows) == [
+        "Scanned poses: tangles are left: bow (fat_fit: 2).",
         "Scanned poses: contact has not settled: fist (fat_fit), fist (fat).",
         "Scanned poses: inverted tets are handed on: fist (fat_fit: 1, least det F -0.2).",
     ]
 
 
-@pytest.mark.parametrize("name", ["fat_inverted_tets", "fat_skin_overlap", "fat_unsettled"])
+@pytest.mark.parametrize("name", ["fat_inverted_tets", "fat_skin_overlap", "fat_unsettled", "fat_tangles"])
 def test_a_figure_that_is_no_number_is_a_warning(name: str) -> None:
     assert len(frame_warnings("close", [{"frame": "odd", **PLAIN, name: np.nan}])) == 1

@@ -107,6 +107,8 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
         if name.endswith("_inverted_tets") and _positive(row, name):
             least = f", least det F {_number(row, f'{layer}_least_det'):.3g}" if _has(row, layer) else ""
             yield "inverted tets are handed on", f"{layer}: {_number(row, name):.0f}{least}"
+        if name.endswith("_tangles") and _positive(row, name):
+            yield "tangles are left", f"{name.removesuffix('_tangles')}: {_number(row, name):.0f}"
         if name.endswith("_unsettled") and _positive(row, name):
             yield "contact has not settled", name.removesuffix("_unsettled").removesuffix("_contact")
         if name.endswith("_skin_overlap") and _positive(row, name, OVERLAP):
