@@ -1,6 +1,7 @@
 """The code's own rules: formatting, types, floors of docs/architecture.md, what every rule gives."""
 
 import ast
+import graphlib
 import re
 import subprocess
 import sys
@@ -141,6 +142,33 @@ def entries(known: Mapping[str, Path]) -> set[str]:
     names += [f"handpipe.datasets.{module}" for module in generators.MODULES.values()]
     commands = {n for n, p in known.items() if '__name__ == "__main__"' in p.read_text(encoding="utf-8")}
     return commands | {found for name in names if (found := module_of(name, known))}
+
+
+def test_no_modules_import_one_another_in_a_circle() -> None:
+    """Imports inside functions and under TYPE_CHECKING count: a circle that these hide is a circle."""
+    known = modules()
+    below = {
+        name: {m for other in imported(path) if (m := module_of(other, known))} - {name}
+        for name, path in known.items()
+    }
+    try:
+        graphlib.TopologicalSorter(below).prepare()
+    except graphlib.CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+def test_no_module_of_the_library_is_imported_for_types_alone() -> None:
+    found = []
+    for path in PYTHON:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+                lines = [
+                    ast.unparse(inner)
+                    for inner in ast.walk(node)
+                    if isinstance(inner, ast.ImportFrom | ast.Import)
+                ]
+                found += [f"{path.relative_to(CHECKOUT)}: {line}" for line in lines if "handpipe" in line]
+    assert found == []
 
 
 def test_no_module_is_for_tests_or_benchmarks_alone() -> None:
