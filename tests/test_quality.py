@@ -1,15 +1,21 @@
 """The code's own rules: formatting, types, floors of docs/architecture.md, what every rule gives."""
 
 import ast
+import graphlib
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
 
+from handpipe.datasets import generators
+
 CHECKOUT = Path(__file__).parents[1]
 SOURCE = CHECKOUT / "src" / "handpipe"
+PYTHON = sorted(SOURCE.rglob("*.py"))
 BASE = (
     "errors",
     "command",
@@ -59,6 +65,7 @@ def test_tools_find_nothing(tool: str) -> None:
     assert process.returncode == 0, process.stdout + process.stderr
 
 
+@cache
 def imported(path: Path) -> list[str]:
     """Dotted names of all that a file imports, inside functions too."""
     names = []
@@ -103,6 +110,77 @@ def test_nothing_imports_what_stands_beside() -> None:
         if name.startswith(tuple(f"handpipe.{b}" for b in BESIDE)) and package_of(path) != name.split(".")[1]
     ]
     assert wrong == []
+
+
+def modules() -> dict[str, Path]:
+    """Every module of the library by its dotted name; a package is its `__init__`."""
+    dotted = {path: ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts) for path in PYTHON}
+    return {name.removesuffix(".__init__"): path for path, name in dotted.items()}
+
+
+def module_of(name: str, known: Mapping[str, Path]) -> str | None:
+    """The module that defines an imported name, behind the packages that pass it on."""
+    if name in known:
+        return name
+    package, _, last = name.rpartition(".")
+    if package not in known:
+        return None
+    passed_on = [other for other in imported(known[package]) if other.endswith(f".{last}")]
+    if known[package].name == "__init__.py" and passed_on:
+        return module_of(passed_on[0], known)
+    return package
+
+
+def entries(known: Mapping[str, Path]) -> set[str]:
+    """What users and the workflow begin with: scripts, commands, generators, examples of the documents."""
+    names = [name for path in (CHECKOUT / "workflow").rglob("*.py") for name in imported(path)]
+    rules = [CHECKOUT / "Snakefile", *(CHECKOUT / "workflow").rglob("*.smk")]
+    for path in (*rules, CHECKOUT / "README.md", *(CHECKOUT / "docs").rglob("*.md")):
+        text = path.read_text(encoding="utf-8")
+        for module, found in re.findall(r"^from (handpipe[.\w]*) import (.*)$", text, re.MULTILINE):
+            names += [f"{module}.{name}" for name in re.findall(r"\w+", found)]
+    names += [f"handpipe.datasets.{module}" for module in generators.MODULES.values()]
+    commands = {n for n, p in known.items() if '__name__ == "__main__"' in p.read_text(encoding="utf-8")}
+    return commands | {found for name in names if (found := module_of(name, known))}
+
+
+def test_no_modules_import_one_another_in_a_circle() -> None:
+    """Imports inside functions and under TYPE_CHECKING count: a circle that these hide is a circle."""
+    known = modules()
+    below = {
+        name: {m for other in imported(path) if (m := module_of(other, known))} - {name}
+        for name, path in known.items()
+    }
+    try:
+        graphlib.TopologicalSorter(below).prepare()
+    except graphlib.CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+def test_no_module_of_the_library_is_imported_for_types_alone() -> None:
+    found = []
+    for path in PYTHON:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+                lines = [
+                    ast.unparse(inner)
+                    for inner in ast.walk(node)
+                    if isinstance(inner, ast.ImportFrom | ast.Import)
+                ]
+                found += [f"{path.relative_to(CHECKOUT)}: {line}" for line in lines if "handpipe" in line]
+    assert found == []
+
+
+def test_no_module_is_for_tests_or_benchmarks_alone() -> None:
+    known = modules()
+    reached, left = set[str](), list(entries(known))
+    while left:
+        name = left.pop()
+        if name not in reached:
+            reached.add(name)
+            left += [m for other in imported(known[name]) if (m := module_of(other, known))]
+    unused = {name for name, path in known.items() if path.name != "__init__.py"} - reached
+    assert unused == set()
 
 
 def test_snakemake_and_gmsh_stay_outside() -> None:

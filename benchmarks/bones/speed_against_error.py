@@ -6,13 +6,18 @@ import functools
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 from unittest import mock
+
+import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.bones.cases import Case
 from benchmarks.bones.hard_cases import Pair, judge
 from benchmarks.bones.outcome import SETTINGS, registered, run, segmented
 from benchmarks.bones.subject import FIVE, Conditions, Part
 from handpipe.imaging import segmentation
+from handpipe.imaging.random_walker import Stop, random_walker
 from handpipe.imaging.segmentation import SegmentationSettings
 
 log = logging.getLogger(__name__)
@@ -56,12 +61,17 @@ def measure(
     for spacing in voxels:
         yield _point("voxel size", spacing, Conditions(spacing=spacing), part, SETTINGS)
     for tolerance in tolerances:
-        walker = functools.partial(segmentation.random_walker, tolerance=tolerance)
-        with mock.patch.object(segmentation, "random_walker", walker):
+        with mock.patch.object(segmentation, "random_walker", functools.partial(_walked, tolerance)):
             yield _point("tolerance", tolerance, Conditions(), part, SETTINGS)
     for name, values in ({n: v for n, (_, v) in SWEPT.items()} if swept is None else swept).items():
         for value in values:
             yield _point(name, value, Conditions(), part, SETTINGS.model_copy(update={name: value}))
+
+
+def _walked(tolerance: float, *given: Any, **more: Any) -> NDArray[np.float64]:
+    """What the random walker finds with another tolerance."""
+    more["stop"] = more.get("stop", Stop())._replace(tolerance=tolerance)
+    return random_walker(*given, **more)
 
 
 def _point(

@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.fem.machine import REPEATS, Figures, figure, peak_memory, watched
 from benchmarks.fem.thin_body import thin_body
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, continuation
+from handpipe.fem.equilibrium import Options, Steps, continuation
 from handpipe.fem.materials import Material
 
 log = logging.getLogger(__name__)
@@ -58,9 +58,7 @@ def _frame(cache: str | Path, scale: float) -> dict[str, tuple[float, str]]:
             fixed=np.repeat(body.inner, 3),
             prescribed=lambda t: body.flexed(t * FLEXION),
             options=OPTIONS,
-            intermediate=ON_THE_WAY,
-            first_step=STEP,
-            largest_step=STEP,
+            steps=Steps(first=STEP, largest=STEP, intermediate=ON_THE_WAY),
         )
     seconds = time.perf_counter() - begun
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.fem.machine import REPEATS, Figures, figure, median_seconds, watched
 from benchmarks.fem.scenes import box, turned
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, continuation
+from handpipe.fem.equilibrium import Options, Steps, continuation
 from handpipe.fem.linear import factorise
 from handpipe.fem.materials import Material
 from handpipe.fem.reduction import FreeBlock
@@ -82,7 +82,7 @@ def _one(n: int, repeats: int) -> dict[str, float]:
                 fixed=held,
                 prescribed=lambda t: turned(x, right, (1.0, 0.0, 0.0), TURN * t),
                 options=OPTIONS,
-                first_step=1.0,
+                steps=Steps(first=1.0),
             )
         runs.append((time.perf_counter() - begun, found.record, linear))
     runs.sort(key=lambda run: run[0])

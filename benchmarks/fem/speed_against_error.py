@@ -17,7 +17,7 @@ from benchmarks.fem.scenes import turned
 from benchmarks.fem.twist import Beam
 from handpipe.fem import system_sequence
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, continuation
+from handpipe.fem.equilibrium import Options, Steps, continuation
 from handpipe.fem.materials import Material, Model
 
 Array = NDArray[np.float64]
@@ -114,9 +114,7 @@ def _solved(cells: int, material: str, tolerance: float) -> tuple[Array, Array]:
         fixed=np.repeat(beam.held, 3),
         prescribed=lambda t: turned(x, right, (1.0, 0.0, 0.0), TURN * t, (0.0, 0.5, 0.5)),
         options=last,
-        intermediate=loose,
-        first_step=STEP,
-        largest_step=STEP,
+        steps=Steps(first=STEP, largest=STEP, intermediate=loose),
     )
     return x, found.x
 

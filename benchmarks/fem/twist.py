@@ -13,7 +13,7 @@ from benchmarks.fem import skfem_newton
 from benchmarks.fem.machine import REPEATS, Figures, LinearWatch, figure, watched
 from benchmarks.fem.scenes import Body, grid, turned
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, Record, continuation, solve
+from handpipe.fem.equilibrium import Options, Record, Steps, continuation, solve
 from handpipe.fem.materials import Material
 
 Array = NDArray[np.float64]
@@ -103,8 +103,7 @@ def ours(beam: Beam) -> Run:
             fixed=np.repeat(beam.held, 3),
             prescribed=prescribed,
             options=OPTIONS,
-            first_step=1 / STEPS,
-            largest_step=1 / STEPS,
+            steps=Steps(first=1 / STEPS, largest=1 / STEPS),
         )
     seconds = time.perf_counter() - begun
     residual = max(_residual(body, x, beam) for x in [*ends[1:], found.x])

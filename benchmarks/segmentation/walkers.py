@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skimage import segmentation
 
 from benchmarks.segmentation.regions import SETTINGS, Region
-from handpipe.imaging.random_walker import random_walker
+from handpipe.imaging.random_walker import Stop, random_walker
 from handpipe.imaging.segmentation import walk
 
 Array = NDArray[np.float64]
@@ -48,9 +48,8 @@ def exact(region: Region) -> Array:
         problem.values,
         problem.marks,
         SETTINGS.beta,
-        tolerance=EXACT,
-        max_iterations=2000,
         spacing=region.spacing,
+        stop=Stop(tolerance=EXACT, max_iterations=2000),
     )
 
 

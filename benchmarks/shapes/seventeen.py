@@ -23,7 +23,7 @@ from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.muscles.muscle import TOUCHING
 from handpipe.muscles.neighbours import touching
-from handpipe.muscles.pose_strains import PoseStrains, fit_pose_strains
+from handpipe.muscles.pose_strains import KnownShape, PoseStrains, fit_pose_strains
 from handpipe.muscles.separation import separate
 
 Array = NDArray[np.float64]
@@ -154,10 +154,11 @@ def fitted(
     fit = fit_pose_strains(
         body.mesh,
         body.embedding.matrix(len(body.mesh.vertices)),
-        [s[name].vertices for s in separated],
+        [
+            KnownShape(s[name].vertices, start, ids)
+            for s, start, ids in zip(separated, starts, near, strict=True)
+        ],
         np.array([pose.vector for pose in poses]),
-        starts,
-        touching=near,
     )
     log.info("%s: %d tets, %.3f mm, gamma %.2g", name, len(body.mesh.tets), fit.distances.max(), fit.gamma)
     return fit

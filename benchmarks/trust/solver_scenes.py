@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from benchmarks.fem.scenes import Body, box, with_slivers
-from handpipe.fem.barrier import Barrier
+from handpipe.fem.barrier import Barrier, CollidingPairs
 from handpipe.fem.constraints import Attachment, Contact
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
@@ -67,7 +67,11 @@ class Scene:
             corners = np.array([[-300.0, -200, 0], [300, -200, 0], [0, 400, 0]])
             obstacle = corners + [0.0, 0.0, self.plate], np.array([[0, 1, 2]])
             faces = self.body.triangles
-            parts.append(Barrier(every, faces, x, REACH, 6.0, obstacle=obstacle, self_contact=False))
+            parts.append(
+                Barrier(
+                    every, faces, x, REACH, 6.0, obstacle=obstacle, pairs=CollidingPairs(self_contact=False)
+                )
+            )
         return parts
 
 

@@ -6,6 +6,7 @@ import json
 import struct
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -98,43 +99,47 @@ def measures(volume: float, area: float) -> Callable[[Surface], str]:
     return mistake
 
 
-def write_ply(
-    path: Path,
-    vertices: Array,
-    faces: list[list[int]],
-    *,
-    order: str = "<",
-    real: str = "float",
-    length: str = "uchar",
-    index: str = "int",
-    name: str = "vertex_indices",
-    vertex_extra: tuple[str, ...] = (),
-    face_before: tuple[str, ...] = (),
-    face_after: tuple[str, ...] = (),
-    texture: bool = False,
-    more: str = "",
-) -> Path:
-    """Write a PLY of some dialect; order "" writes text; extras are properties of type uchar or int."""
+@dataclass(frozen=True)
+class Dialect:
+    """How a PLY is written; order "" is text; extras are properties of type uchar or int."""
+
+    order: str = "<"
+    real: str = "float"
+    length: str = "uchar"
+    index: str = "int"
+    name: str = "vertex_indices"
+    vertex_extra: tuple[str, ...] = ()
+    face_before: tuple[str, ...] = ()
+    face_after: tuple[str, ...] = ()
+    texture: bool = False
+    more: str = ""
+
+
+def write_ply(path: Path, vertices: Array, faces: list[list[int]], dialect: Dialect | None = None) -> Path:
+    """Write a PLY of some dialect."""
+    d = dialect or Dialect()
     codes = {"float": "f", "float32": "f", "double": "d", "uchar": "B", "uint8": "B", "int": "i"}
     codes |= {"uint": "I", "int32": "i", "ushort": "H", "short": "h"}
-    kind = {"<": "binary_little_endian", ">": "binary_big_endian", "": "ascii"}[order]
+    kind = {"<": "binary_little_endian", ">": "binary_big_endian", "": "ascii"}[d.order]
     lines = ["ply", f"format {kind} 1.0", "comment of a program", f"element vertex {len(vertices)}"]
-    lines += [f"property {real} {axis}" for axis in "xyz"] + [f"property {p}" for p in vertex_extra]
-    lines += [f"element face {len(faces)}", *(f"property {p}" for p in face_before)]
-    lines += [f"property list {length} {index} {name}"]
-    lines += ["property list uchar float texcoord"] * texture
-    lines += [*(f"property {p}" for p in face_after), *([more] if more else []), "end_header"]
+    lines += [f"property {d.real} {axis}" for axis in "xyz"] + [f"property {p}" for p in d.vertex_extra]
+    lines += [f"element face {len(faces)}", *(f"property {p}" for p in d.face_before)]
+    lines += [f"property list {d.length} {d.index} {d.name}"]
+    lines += ["property list uchar float texcoord"] * d.texture
+    lines += [*(f"property {p}" for p in d.face_after), *([d.more] if d.more else []), "end_header"]
     rows: list[list[tuple[str, Any]]] = []
-    extra = [(codes[p.split()[0]], 7) for p in vertex_extra]
-    rows += [[*((codes[real], c) for c in vertex), *extra] for vertex in vertices]
+    extra = [(codes[p.split()[0]], 7) for p in d.vertex_extra]
+    rows += [[*((codes[d.real], c) for c in vertex), *extra] for vertex in vertices]
     for face in faces:
-        row: list[tuple[str, Any]] = [(codes[p.split()[0]], 3) for p in face_before]
-        row += [(codes[length], len(face)), *((codes[index], i) for i in face)]
-        row += [("B", 2 * len(face)), *[("f", 0.25)] * (2 * len(face))] if texture else []
-        rows.append(row + [(codes[p.split()[0]], 200) for p in face_after])
+        row: list[tuple[str, Any]] = [(codes[p.split()[0]], 3) for p in d.face_before]
+        row += [(codes[d.length], len(face)), *((codes[d.index], i) for i in face)]
+        row += [("B", 2 * len(face)), *[("f", 0.25)] * (2 * len(face))] if d.texture else []
+        rows.append(row + [(codes[p.split()[0]], 200) for p in d.face_after])
     header = ("\n".join(lines) + "\n").encode()
-    if order:
-        body = b"".join(struct.pack(order + "".join(c for c, _ in row), *(v for _, v in row)) for row in rows)
+    if d.order:
+        body = b"".join(
+            struct.pack(d.order + "".join(c for c, _ in row), *(v for _, v in row)) for row in rows
+        )
     else:
         body = "".join(" ".join(f"{v:.9g}" for _, v in row) + "\n" for row in rows).encode()
     path.write_bytes(header + body)
@@ -169,7 +174,7 @@ def _ply(folder: Path) -> list[Row]:
     }
     found = []
     for dialect, options in dialects.items():
-        path = write_ply(folder / "ball.ply", vertices, faces, **options)
+        path = write_ply(folder / "ball.ply", vertices, faces, Dialect(**options))
         found.append(read_right("PLY", dialect, _closed(path), is_ball_in_order))
     mesh.export(folder / "ball.ply")
     found.append(read_right("PLY", "trimesh", _closed(folder / "ball.ply"), is_ball_in_order))
@@ -180,10 +185,10 @@ def _ply(folder: Path) -> list[Row]:
             ("quads", quads(), measures(1920.0, 2 * (240 + 160 + 96))),
             ("concave polygons beside quads", prism(), measures(L_VOLUME, L_AREA)),
         ):
-            path = write_ply(folder / "polygons.ply", *shape, order=order)
+            path = write_ply(folder / "polygons.ply", *shape, Dialect(order))
             kind = {"": "text", "<": "little endian", ">": "big endian"}[order]
             found.append(read_right("PLY", f"{kind}, {dialect}", _closed(path), known))
-    text = write_ply(folder / "lines.ply", vertices, faces, order="").read_bytes()
+    text = write_ply(folder / "lines.ply", vertices, faces, Dialect("")).read_bytes()
     (folder / "lines.PLY").write_bytes(text.replace(b"\n", b"\r\n"))
     found.append(
         read_right("PLY", "CRLF, upper-case suffix", _closed(folder / "lines.PLY"), is_ball_in_order)
@@ -194,7 +199,7 @@ def _ply(folder: Path) -> list[Row]:
 def _damaged_ply(folder: Path) -> list[Row]:
     mesh = ball()
     good = write_ply(folder / "good.ply", mesh.vertices, mesh.faces.tolist()).read_bytes()
-    text = write_ply(folder / "text.ply", mesh.vertices, mesh.faces.tolist(), order="").read_bytes()
+    text = write_ply(folder / "text.ply", mesh.vertices, mesh.faces.tolist(), Dialect("")).read_bytes()
     header = good[: good.index(b"end_header")]
     huge = header.replace(b"element vertex 642", b"element vertex 1000000000")
     # what is broken, the content, and what the message says
@@ -309,7 +314,7 @@ def _any_surface(folder: Path) -> list[Row]:
 
     def write(v: Array, f: list[list[int]]) -> Callable[[], Surface]:
         target = folder / f"surface-{len(list(folder.iterdir()))}.ply"
-        return _closed(write_ply(target, v, f, real="double"))
+        return _closed(write_ply(target, v, f, Dialect(real="double")))
 
     nan = vertices.copy()
     nan[3, 1] = np.nan
@@ -359,7 +364,8 @@ def _scans(folder: Path) -> list[Row]:
         other = trimesh.creation.icosphere(subdivisions=2, radius=radius)
         both = np.vstack([vertices, other.vertices + CENTRE + [shift, 0, 0]])
         path = folder / f"scan-{radius}-{shift}.ply"
-        return write_ply(path, both, [*faces, *(other.faces + len(vertices)).tolist()], real="double")
+        more = (other.faces + len(vertices)).tolist()
+        return write_ply(path, both, [*faces, *more], Dialect(real="double"))
 
     dust, island, wart = with_ball(0.5, 20), with_ball(2.1, 20), with_ball(3.0, RADIUS)
     expected = measures(mesh.volume + 0.0, mesh.area)

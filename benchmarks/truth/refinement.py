@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.truth import toy
 from handpipe.fem.equilibrium import Options
-from handpipe.truth import toy
 from handpipe.truth.body import Anatomy, Body
 from handpipe.truth.follow import follow
 from handpipe.truth.validation import difference, solved_from, volume_changes

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from benchmarks.truth import toy
 from tests.fem.bodies import sphere
 
 from handpipe.datasets import coupled_hand, phantom_hand
 from handpipe.datasets.phantom_hand_joints import POSES, joints
 from handpipe.datasets.posed_hand import Motion
 from handpipe.errors import InputError
-from handpipe.truth import toy
 from handpipe.truth.surfaces import outer_faces
 
 MOTION = Motion("phantom-hand", joints(), POSES)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from benchmarks.truth import toy
 from scipy.spatial.transform import Rotation
 
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateJoint, TemplateMuscle, TemplateTendon
@@ -11,7 +12,6 @@ from handpipe.fem.equilibrium import Options
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-from handpipe.truth import toy
 from handpipe.truth.follow import follow
 from handpipe.truth.surfaces import bone_faces, outer_faces
 

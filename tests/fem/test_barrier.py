@@ -11,7 +11,7 @@ from handpipe.fem.approach import approach
 from handpipe.fem.barrier import Barrier, barrier_stiffness, pressure_ratio
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, continuation, solve
+from handpipe.fem.equilibrium import Options, Steps, continuation, solve
 from handpipe.fem.materials import Material
 from handpipe.mesh.tetrahedra import TetMesh
 
@@ -108,7 +108,7 @@ def test_slab_is_folded_onto_itself():
         return out
 
     held = np.repeat(left | right, 3)
-    found = continuation(lambda t: [body, barrier], x, fixed=held, prescribed=place, first_step=0.1)
+    found = continuation(lambda t: [body, barrier], x, fixed=held, prescribed=place, steps=Steps(first=0.1))
     _is_sound(found, barrier, body)
     assert barrier.gap(found.x) < gap + 1e-9 and barrier.value(found.x) > 0
     assert not cuts(found.x, faces)

@@ -7,7 +7,7 @@ from tests.fem.bodies import box, box_surface, sphere
 
 from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact, penalty
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, continuation
+from handpipe.fem.equilibrium import Options, Steps, continuation
 from handpipe.fem.materials import Material
 from handpipe.fem.surface_sliding import SurfaceSliding
 from handpipe.mesh.distance import Distance
@@ -56,7 +56,7 @@ def test_a_body_carried_by_a_moving_surface_is_moved_as_a_whole(moving):
         return [BODY, springs.moved(_motion(t)(springs.targets)), moving(t)]
 
     start = continuation(lambda t: potentials(0.0), VERTICES, options=FINE).x
-    carried = continuation(potentials, start, options=FINE, first_step=0.5).x
+    carried = continuation(potentials, start, options=FINE, steps=Steps(first=0.5)).x
     np.testing.assert_allclose(carried, _motion(1.0)(start), atol=1e-5)
     assert np.abs(start - VERTICES).max() > 1e-3
 

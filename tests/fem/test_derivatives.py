@@ -14,7 +14,6 @@ from tests.fem.bodies import box, box_surface, sphere
 
 from handpipe.fem import plasticity
 from handpipe.fem.barrier import Barrier
-from handpipe.fem.bending import Bending
 from handpipe.fem.cloth import Membrane
 from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact
 from handpipe.fem.elastic import Elastic
@@ -213,8 +212,6 @@ def _cloth(kind):
     potential = {
         "membrane-tension": lambda: Membrane(POINTS, TRIANGLES, Material(0.1, 0.48), 0.5, 0.4),
         "membrane-slack": lambda: Membrane(POINTS, TRIANGLES, Material(0.1, 0.48), 0.5, 1.5),
-        "bending-flat": lambda: Bending(POINTS, TRIANGLES, 0.3),
-        "bending-curved": lambda: Bending(POINTS, TRIANGLES, 0.3, curved=True),
     }[kind]()
     return Case(potential, rough, translations=True, rotations=True)
 
@@ -257,7 +254,7 @@ def _cases():
     yield "inertia", _inertia
     yield "barrier-obstacle", _barrier_on_obstacle
     yield "barrier-self", _barrier_on_itself
-    for kind in ("membrane-tension", "membrane-slack", "bending-flat", "bending-curved"):
+    for kind in ("membrane-tension", "membrane-slack"):
         yield kind, lambda kind=kind: _cloth(kind)
     yield "sum", _sum
 

@@ -8,12 +8,12 @@ import scipy.sparse as sp
 from tests.fem.bodies import box, box_surface, sphere
 
 from handpipe.errors import ConvergenceError, InputError
-from handpipe.fem.barrier import Barrier
+from handpipe.fem.barrier import Barrier, CollidingPairs
 from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.cloth import Membrane
 from handpipe.fem.constraints import Attachment, Contact, SurfaceContact
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, continuation, solve
+from handpipe.fem.equilibrium import Options, Steps, continuation, solve
 from handpipe.fem.materials import Material
 from handpipe.fem.pull import Pull
 from handpipe.mesh.distance import Distance
@@ -174,7 +174,7 @@ def test_continuation_bends_a_bar_and_does_not_depend_on_the_steps():
     elastic = Elastic(VERTICES, TETS, SOFT)
     held = np.repeat(LEFT | RIGHT, 3)
     shapes = [
-        continuation(lambda t: [elastic], VERTICES, fixed=held, prescribed=_bend, first_step=step).x
+        continuation(lambda t: [elastic], VERTICES, fixed=held, prescribed=_bend, steps=Steps(first=step)).x
         for step in (0.5, 0.2)
     ]
     np.testing.assert_allclose(shapes[0], shapes[1], atol=1e-4)
@@ -217,7 +217,7 @@ def test_barrier_stops_interpenetration():
     faces = TetMesh(block, tets).boundary_faces()[0]
     every = sp.eye(len(block), format="csr")
     pull = Pull(every, np.tile([0.0, 0.0, -0.1], (len(block), 1)))
-    barrier = Barrier(every, faces, x, 0.1, 1.0, obstacle=table, self_contact=False)
+    barrier = Barrier(every, faces, x, 0.1, 1.0, obstacle=table, pairs=CollidingPairs(self_contact=False))
     held = Attachment(every, x, 1e-3)
     found = solve([Elastic(block, tets, SOFT), pull, barrier, held], x)
     lowest = found.x[:, 2].min()

@@ -9,7 +9,7 @@ from phalanx import Phalanx, capsule, grid_points, voxelised
 from handpipe.imaging.claims import appearances, doubted
 from handpipe.imaging.cortical import whole_bone
 from handpipe.imaging.marrow import marrow_surface
-from handpipe.imaging.random_walker import INSIDE, OUTSIDE, random_walker
+from handpipe.imaging.random_walker import INSIDE, OUTSIDE, Stop, random_walker
 from handpipe.imaging.rasterise import rasterise
 from handpipe.imaging.segmentation import SegmentationSettings, segment_bone
 
@@ -53,9 +53,9 @@ def test_the_walker_knows_the_voxels_size() -> None:
     seeds = np.zeros(x.shape, np.uint8)
     seeds[(x == 0)] = INSIDE
     seeds[(z == 0)] = OUTSIDE
-    found = random_walker(np.ones(x.shape), seeds, 50.0, tolerance=1e-7, spacing=spacing)
+    found = random_walker(np.ones(x.shape), seeds, 50.0, spacing=spacing, stop=Stop(1e-7))
     near = (np.hypot(x, z) > 2.0) & (np.hypot(x, z) < 6.0)  # away from the corner and from free ends
-    wrong = random_walker(np.ones(x.shape), seeds, 50.0, tolerance=1e-7)
+    wrong = random_walker(np.ones(x.shape), seeds, 50.0, stop=Stop(1e-7))
     error, error_of_cubes = (np.abs(p - (1 - angle))[near].mean() for p in (found, wrong))
     assert error < 0.3 * error_of_cubes
 

@@ -11,6 +11,7 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.muscles import extraction
 from handpipe.muscles.contraction import slack
+from handpipe.muscles.extraction import Evidence, PoseData
 from handpipe.muscles.templates import place
 from handpipe.shapes.fit import ShapeOptions
 
@@ -60,9 +61,8 @@ def test_of_several_guesses_that_is_kept_whose_boundary_is_seen(monkeypatch):
         return honest(*args)[::-1]
 
     def error(flesh=None) -> float:
-        found = extraction.extract_poses(
-            {"m": body}, hinge_bones(), {"bent": moved}, lambda _: image, flesh=flesh
-        )
+        data = PoseData(moved, lambda: image, flesh=flesh)
+        found = extraction.extract_poses({"m": body}, hinge_bones(), {"bent": data})
         return float(surface_errors(found["bent"]["m"].surface, truth).mean())
 
     monkeypatch.setattr(extraction, "_guesses", least_likely_first)
@@ -71,7 +71,7 @@ def test_of_several_guesses_that_is_kept_whose_boundary_is_seen(monkeypatch):
     assert chosen < 0.8
     first = error()
     assert first > 3 * chosen
-    flesh = {"bent": Shape(AROUND.vertices, tautly(body, moved)(AROUND.vertices), AROUND.tets)}
+    flesh = Shape(AROUND.vertices, tautly(body, moved)(AROUND.vertices), AROUND.tets)
     assert error(flesh) < chosen + 0.05
 
 
@@ -93,7 +93,7 @@ def test_an_end_beside_its_bone_stays_where_the_image_shows_it():
     assert len(held.attachments["a"]) == 0 and len(held.attachments["b"]) > 3
     visible = replace(body, visible=np.ones(len(body.surface.vertices), dtype=bool))
     image = image_of(body.surface)
-    found = extraction.extract_pose(visible, bones, moved, image).surface
+    found = extraction.extract_pose(visible, bones, moved, Evidence(image)).surface
     left = found.vertices[body.attachments["a"]]
     assert np.abs(left - body.surface.vertices[body.attachments["a"]]).max() < 0.5
     assert surface_errors(found, body.surface).mean() < 0.3
@@ -114,7 +114,7 @@ def test_what_no_image_shows_wanders_less_for_a_little_weight_on_the_templates_s
     guess = place(truth, held, lambda points: points, 1.1)
 
     def error(options: ShapeOptions | None) -> float:
-        body, _ = extraction.extract_neutral(guess, image, others=around, options=options)
+        body, _ = extraction.extract_neutral(guess, Evidence(image, others=around), options=options)
         return float(Distance(body.surface).closest(hidden)[0].mean())
 
     assert error(None) < 0.9 * error(ShapeOptions())
@@ -135,7 +135,8 @@ def test_what_no_guess_finds_is_sought_where_those_around_it_have_gone(monkeypat
 
     def error() -> float:
         image = image_of(*truth.values())
-        found = extraction.extract_poses(bodies, hinge_bones(), {"moved": moved}, lambda _: image)
+        data = PoseData(moved, lambda: image)
+        found = extraction.extract_poses(bodies, hinge_bones(), {"moved": data})
         return float(surface_errors(found["moved"]["lost"].surface, truth["lost"]).mean())
 
     assert error() < 0.3

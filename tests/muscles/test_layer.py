@@ -17,7 +17,7 @@ from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.body import Body
 from handpipe.muscles.layer import MuscleLayer, SimulationOptions
-from handpipe.muscles.muscle import Muscle
+from handpipe.muscles.muscle import Examples, Muscle, SeparatedShape
 from handpipe.muscles.pose_strains import PoseStrains
 from handpipe.shapes.fit import MUSCLE
 from handpipe.shapes.stretch import StretchField
@@ -30,7 +30,7 @@ def known_in(poses, shapes, name: str, body, flesh=None) -> Muscle:
     known = np.reshape(shapes, (-1, *body.mesh.vertices.shape))
     strains = np.array([plasticity.exp(StretchField(body.mesh)(x)) for x in shapes])
     fit = PoseStrains(known, strains.reshape(-1, len(body.mesh.tets), 6), 0.0, np.zeros(2), (0.0, 0.0))
-    return Muscle.of(name, body, PARENTS, "neutral", poses, fit, flesh=flesh)
+    return Muscle.of(name, body, Examples(PARENTS, "neutral", poses, flesh=flesh), fit)
 
 
 def muscle(name: str, centre=(0.0, 0.0, 0.0)) -> Muscle:
@@ -260,7 +260,8 @@ def test_a_muscle_is_fitted_to_surfaces_of_its_poses():
     poses = {"half": hinge(0.4), "full": hinge(0.8)}
     starts = {p: body.follow(hinge_bones(), t) for p, t in poses.items()}
     surfaces = {p: body.seated(body.surface_at(starts[p]), t) for p, t in poses.items()}
-    fitted, fit = Muscle.fit("m", body, PARENTS, "neutral", poses, surfaces, starts)
+    shapes = {p: SeparatedShape(surfaces[p], starts[p]) for p in poses}
+    fitted, fit = Muscle.fit("m", body, Examples(PARENTS, "neutral", poses), shapes)
     assert fit.distances.max() < 0.55 and fit.eigenvalues[0] > 0.3
     shape = solve(MuscleLayer([fitted], contact=False), 0.8)["m"]
     errors = np.linalg.norm(shape.vertices - surfaces["full"].vertices, axis=1)

@@ -1,5 +1,7 @@
 """Strains over poses: gradient, known shapes, and what interpolation of their logarithms keeps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.muscles.shapes import bent, box, surface_of
@@ -8,6 +10,7 @@ from handpipe.errors import ConvergenceError
 from handpipe.fem import plasticity
 from handpipe.mesh.operators import tet_laplacian
 from handpipe.muscles.pose_strains import (
+    KnownShape,
     StrainOptions,
     _Block,
     _result,
@@ -59,6 +62,11 @@ def test_pose_laplacian_kills_constants_and_prefers_the_near():
     assert space[0, 1] < space[0, 2] < 0
 
 
+def known(w, shapes, starts):
+    """Shapes of the mesh as `fit_pose_strains` takes them."""
+    return [KnownShape(w @ shape, start) for shape, start in zip(shapes, starts, strict=True)]
+
+
 def fitted():
     mesh = box((8, 2, 2), (20.0, 4.0, 4.0))
     w = surface_of(mesh)
@@ -67,7 +75,7 @@ def fitted():
     poses = angles[:, None] * np.array([[0.0, 1.0, 0.0]])
     random = np.random.default_rng(0)
     starts = [s + 0.05 * random.standard_normal(s.shape) for s in shapes]
-    return mesh, w, shapes, fit_pose_strains(mesh, w, [w @ s for s in shapes], poses, starts)
+    return mesh, w, shapes, fit_pose_strains(mesh, w, known(w, shapes, starts), poses)
 
 
 def test_known_shapes_come_back_and_no_tet_inverts():
@@ -103,7 +111,7 @@ def test_pose_smoothness_trades_distance_for_likeness():
 
     def fit(largest: float):
         options = StrainOptions(largest=largest)
-        return fit_pose_strains(mesh, w, [w @ s for s in shapes], poses, shapes, options=options)
+        return fit_pose_strains(mesh, w, known(w, shapes, shapes), poses, options=options)
 
     close, smooth = fit(0.05), fit(0.5)
     space = pose_laplacian(np.vstack([np.zeros(3), poses]))
@@ -124,14 +132,17 @@ def test_what_touches_a_neighbour_is_not_smoothed_into_it():
     surfaces = [w @ s for s in shapes]
     touching = [np.flatnonzero(s[:, 1] > 1.9) for s in surfaces]
 
-    def off(known) -> float:
-        result = fit_pose_strains(mesh, w, surfaces, poses, shapes, touching=known)
+    def off(ids) -> float:
+        given = [
+            replace(shape, touching=own) for shape, own in zip(known(w, shapes, shapes), ids, strict=True)
+        ]
+        result = fit_pose_strains(mesh, w, given, poses)
         return max(
             float(np.linalg.norm((w @ x - y)[ids], axis=1).max())
             for x, y, ids in zip(result.vertices, surfaces, touching, strict=True)
         )
 
-    assert off(touching) < 0.05 < off(None)
+    assert off(touching) < 0.05 < off(np.empty((3, 0), int))
 
 
 @pytest.mark.parametrize("mirrored", [True, False])
@@ -144,5 +155,5 @@ def test_no_tet_turns_inside_out_however_its_surface_is_pulled(mirrored):
         target = target * [1, 1, -1] + [0, 0, 1]
     else:
         target[(target == target.max(axis=0)).all(axis=1)] -= [6, 2, 3]
-    fit = fit_pose_strains(rest, w, [target], np.array([[0.5]]), [rest.vertices])
+    fit = fit_pose_strains(rest, w, [KnownShape(target, rest.vertices)], np.array([[0.5]]))
     assert rest.moved(fit.vertices[0]).volumes().min() > 0

@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.axes import Axes
+from handpipe.skeleton.joint_tree import FittedPose, RigJoint
 from handpipe.skeleton.joints import JointFit
 from handpipe.skeleton.residual import Residual
-from handpipe.skeleton.rig import FittedPose, Rig, RigJoint
+from handpipe.skeleton.rig import Rig
 
 # +x distal, +y radial, +z dorsal: a right hand. (joint, parent, child, angles, axes, centre, limits in deg)
 FLEXION, ABDUCTION = [0.0, 1, 0], [0.0, 0, 1]

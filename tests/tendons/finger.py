@@ -11,7 +11,7 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.tendons.rest import RestTendon
 from handpipe.tendons.rod import Array, lay, resample
-from handpipe.tendons.tendon import Tendon, build_tendon
+from handpipe.tendons.tendon import RegisteredRods, Tendon, build_tendon
 
 BONES = ("distal", "middle", "base")  # from the insertion outwards
 PARENTS = {"distal": "middle", "middle": "base"}
@@ -93,4 +93,4 @@ def flexor(examples: dict[str, tuple[float, float]]) -> Tendon:
     end = np.array([-1.0, 0, 0])
     rods = {n: lay(flexor_course(*a), rest.length, len(x) - 1, end) for n, a in examples.items()}
     poses = {name: pose(*angles) for name, angles in examples.items()}
-    return build_tendon("flexor", rest, RADIUS, surfaces, rods, poses, PARENTS)
+    return build_tendon("flexor", rest, RADIUS, surfaces, RegisteredRods(rods, poses, PARENTS))

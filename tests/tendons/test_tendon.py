@@ -18,7 +18,7 @@ from handpipe.tendons.layer import TendonLayer
 from handpipe.tendons.registration import centreline_errors
 from handpipe.tendons.rest import PULL
 from handpipe.tendons.rod import Array, closest_on_rod, directions, frames, length_change
-from handpipe.tendons.tendon import Tendon, build_tendon
+from handpipe.tendons.tendon import RegisteredRods, Tendon, build_tendon
 
 from .finger import BONES, PARENTS, RADIUS, bone_surfaces, course, flexor, pose, rest_tendon, true_rod
 from .flesh import PALM, WIDTH, pushed, pushed_rod
@@ -31,7 +31,7 @@ def tendon() -> Tendon:
     rest = rest_tendon()
     rods = {name: true_rod(rest, *angles) for name, angles in EXAMPLES.items()}
     poses = {name: pose(*angles) for name, angles in EXAMPLES.items()}
-    return build_tendon("extensor", rest, RADIUS, bone_surfaces(), rods, poses, PARENTS)
+    return build_tendon("extensor", rest, RADIUS, bone_surfaces(), RegisteredRods(rods, poses, PARENTS))
 
 
 def test_weights_of_known_skinning_are_recovered() -> None:
@@ -80,9 +80,8 @@ def test_a_hook_follows_the_joints_next_to_it() -> None:
     angles = {"neutral": (0.0, 0.0), "tip": (0.0, 1.1), "base": (1.1, 0.0)}
     rods = {name: true_rod(rest, *a) for name, a in angles.items()}
     rods["base"] = rods["base"] + [0.0, 0.0, 0.5]
-    tendon = build_tendon(
-        "extensor", rest, RADIUS, bone_surfaces(), rods, {n: pose(*a) for n, a in angles.items()}, PARENTS
-    )
+    examples = RegisteredRods(rods, {n: pose(*a) for n, a in angles.items()}, PARENTS)
+    tendon = build_tendon("extensor", rest, RADIUS, bone_surfaces(), examples)
     at_base = rest.skinning[closest_on_rod(tendon.hooks.rest, rest.x)[0]][:, -1] > 0.999
     both, base = (
         tendon.hook_positions(p) - tendon.hooks.carried(p) for p in (pose(1.1, 1.1), pose(1.1, 0.0))
@@ -202,7 +201,8 @@ def of_pushed(flesh: dict[str, Shape] | None) -> Tendon:
     rest = rest_tendon()
     rods = {name: pushed_rod(rest, *angles, PUSHES[name]) for name, angles in EXAMPLES.items()}
     poses = {name: pose(*angles) for name, angles in EXAMPLES.items()}
-    return build_tendon("extensor", rest, RADIUS, bone_surfaces(), rods, poses, PARENTS, flesh)
+    examples = RegisteredRods(rods, poses, PARENTS, flesh)
+    return build_tendon("extensor", rest, RADIUS, bone_surfaces(), examples)
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,10 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from benchmarks.truth import toy
 
 from handpipe.errors import InputError
-from handpipe.truth import anatomy_file, toy
+from handpipe.truth import anatomy_file
 
 
 def test_an_anatomy_comes_back_as_it_went(tmp_path):

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from benchmarks.truth import toy
 
 from handpipe.errors import InputError
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.tetrahedra import FACES
-from handpipe.truth import toy
 from handpipe.truth.body import Body, Contact, Pose
 from handpipe.truth.follow import follow
 from handpipe.truth.validation import (

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from benchmarks.truth import toy
 from scipy.spatial.transform import Rotation
 
 from handpipe.fem.equilibrium import Options
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-from handpipe.truth import toy
 from handpipe.truth.body import Body
 from handpipe.truth.follow import follow
 from handpipe.truth.joint_spaces import gliding, opened

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from benchmarks.truth import toy
 
 from handpipe.errors import ConvergenceError
 from handpipe.fem.equilibrium import Options
 from handpipe.fem.materials import Material
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.truth import pressure, toy
+from handpipe.truth import pressure
 from handpipe.truth.body import Body
 from handpipe.truth.follow import follow
 from handpipe.truth.pressure import KEPT, with_volumes_kept

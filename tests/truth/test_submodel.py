@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.truth import toy
 
 from handpipe.fem.equilibrium import Options, solve
-from handpipe.truth import toy
 from handpipe.truth.body import Body, Pose
 from handpipe.truth.follow import follow
 from handpipe.truth.submodel import CUT, cut_out, refinement_error

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from benchmarks.truth import toy
 from numpy.testing import assert_allclose
 
 from handpipe.datasets import coupled_hand
@@ -18,7 +19,6 @@ from handpipe.fem.potential import Sum
 from handpipe.fem.reduction import FreeBlock
 from handpipe.fem.system_sequence import SystemSequence
 from handpipe.fem.two_level import TwoLevel, with_nodes
-from handpipe.truth import toy
 from handpipe.truth.body import Body
 from handpipe.truth.follow import follow
 from handpipe.truth.pressure import with_volumes_kept

@@ -12,9 +12,10 @@ from handpipe.hand.frames import read_frames
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.axes import Axes
+from handpipe.skeleton.joint_tree import FittedPose, RigJoint
 from handpipe.skeleton.joints import JointFit
 from handpipe.skeleton.residual import Residual
-from handpipe.skeleton.rig import FittedPose, Rig, RigJoint
+from handpipe.skeleton.rig import Rig
 
 from .running import planned, run
 from .small_subject import ball

@@ -7,7 +7,7 @@ with stage(snakemake) as log:
     from handpipe.imaging.volume import pose_volume
     from handpipe.mesh.distance import Distance
     from handpipe.mesh.surface import concatenate
-    from handpipe.muscles.extraction import extract_neutral
+    from handpipe.muscles.extraction import Evidence, extract_neutral
     from handpipe.skeleton.rig import Rig
     from muscle_files import read_guesses, write_bodies
 
@@ -16,14 +16,14 @@ with stage(snakemake) as log:
     guesses = read_guesses(snakemake.input.templates, dataset.muscles)
     others = [guess.surface for other, guess in guesses.items() if other != name]
     placed, known = snakemake.input.get("markers"), snakemake.input.get("landmarks")
-    body, extraction = extract_neutral(
-        guesses[name],
+    evidence = Evidence(
         pose_volume(dataset, dataset.neutral),
         others=others,
         bones=Distance(concatenate(list(Rig.load(snakemake.input.rig).surfaces.values()))),
         points=read_markers(placed)[0] if placed else None,
         landmarks=read_landmarks(known) if known else None,
     )
+    body, extraction = extract_neutral(guesses[name], evidence)
     for figure, (value, unit) in extraction.metrics().items():
         log.info("%s: %.3f %s", figure, value, unit)
     write_bodies(snakemake.output[0], {name: body}, [*snakemake.input])

@@ -4,11 +4,12 @@ from common import dataset_of, stage
 
 with stage(snakemake):
     from dataclasses import replace
+    from functools import partial
 
     from handpipe import artifacts
     from handpipe.imaging.markers import read_landmarks, read_markers
     from handpipe.imaging.volume import pose_volume
-    from handpipe.muscles.extraction import extract_poses
+    from handpipe.muscles.extraction import PoseData, extract_poses
     from handpipe.skeleton.bones import read_registration
     from handpipe.skeleton.rig import Rig
     from layers import flesh_in_poses
@@ -21,29 +22,21 @@ with stage(snakemake):
         pose: read_registration(path, bones)
         for pose, path in zip(dataset.examples, snakemake.input.registrations, strict=True)
     }
-    placed = {
-        (pose, muscle): read_markers(dataset.path(path))[0]
-        for pose in dataset.examples
-        for muscle, path in dataset.poses[pose].markers.items()
-    }
-    known = {
-        (pose, muscle): read_landmarks(dataset.path(path))
-        for pose in dataset.examples
-        for muscle, path in dataset.poses[pose].landmarks.items()
-    }
     flesh = {
         pose: replace(shape, vertices=rig.poses[pose].root(shape.vertices))
         for pose, shape in flesh_in_poses(snakemake.input.flesh).items()
     }
-    found = extract_poses(
-        read_bodies(snakemake.input.neutral),
-        bones,
-        transforms,
-        lambda pose: pose_volume(dataset, pose),
-        points=placed,
-        landmarks=known,
-        flesh=flesh,
-    )
+    poses = {
+        pose: PoseData(
+            moved,
+            partial(pose_volume, dataset, pose),
+            {m: read_markers(dataset.path(path))[0] for m, path in dataset.poses[pose].markers.items()},
+            {m: read_landmarks(dataset.path(path)) for m, path in dataset.poses[pose].landmarks.items()},
+            flesh.get(pose),
+        )
+        for pose, moved in transforms.items()
+    }
+    found = extract_poses(read_bodies(snakemake.input.neutral), bones, poses)
     data = {
         pose: {m: {"vertices": e.surface.vertices, "mesh_vertices": e.vertices} for m, e in muscles.items()}
         for pose, muscles in found.items()

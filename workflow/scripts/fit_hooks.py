@@ -7,7 +7,7 @@ with stage(snakemake):
     from handpipe.mesh.rigid import RigidTransform
     from handpipe.skeleton.rig import Rig
     from handpipe.tendons.rest import RestTendon
-    from handpipe.tendons.tendon import build_tendon
+    from handpipe.tendons.tendon import RegisteredRods, build_tendon
     from layers import flesh_in_poses
 
     dataset = dataset_of(snakemake)
@@ -25,5 +25,6 @@ with stage(snakemake):
         poses[pose] = {b: moved[b] for b in bones}
     flesh = flesh_in_poses(snakemake.input.flesh)
     radius = float(neutral["radii"].mean())
-    tendon = build_tendon(name, rest, radius, bones, rods, poses, rig.parents, flesh or None)
+    examples = RegisteredRods(rods, poses, rig.parents, flesh or None)
+    tendon = build_tendon(name, rest, radius, bones, examples)
     tendon.save(snakemake.output[0], [*snakemake.input])

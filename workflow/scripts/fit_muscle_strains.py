@@ -5,7 +5,7 @@ from common import dataset_of, stage
 with stage(snakemake) as log:
     from handpipe import artifacts
     from handpipe.mesh.surface import each_moved
-    from handpipe.muscles.muscle import Muscle
+    from handpipe.muscles.muscle import Examples, Muscle, SeparatedShape
     from handpipe.muscles.separation import load_surfaces
     from handpipe.skeleton.rig import Rig
     from layers import flesh_in_poses
@@ -19,26 +19,17 @@ with stage(snakemake) as log:
     # Surfaces come from each scanner's frame to the rig's, in which the muscle will be simulated.
     back = {pose: rig.poses[pose].root.inverse() for pose in dataset.examples}
     transforms = {pose: rig.scanned_bones(pose) for pose in dataset.examples}
-    surfaces, starts, neighbours = {}, {}, {}
+    separated_shapes = {}
     for pose, path in zip(dataset.examples, snakemake.input.separated, strict=True):
         separated = {n: s.moved(back[pose](s.vertices)) for n, s in load_surfaces(path).items()}
-        surfaces[pose] = separated.pop(name)
-        starts[pose] = back[pose](shapes[pose][name]["mesh_vertices"])
+        own = separated.pop(name)
+        start = back[pose](shapes[pose][name]["mesh_vertices"])
         known = {bone: s for bone, s in rig.surfaces.items() if bone in transforms[pose]}
         bones = each_moved(known, transforms[pose])
-        neighbours[pose] = [*separated.values(), *bones.values()]
-    muscle, fit = Muscle.fit(
-        name,
-        body,
-        rig.parents,
-        dataset.neutral,
-        transforms,
-        surfaces,
-        starts,
-        interpolation=dataset.muscle_interpolation,
-        neighbours=neighbours,
-        flesh=flesh_in_poses(snakemake.input.flesh),
-    )
+        separated_shapes[pose] = SeparatedShape(own, start, [*separated.values(), *bones.values()])
+    flesh = flesh_in_poses(snakemake.input.flesh)
+    examples = Examples(rig.parents, dataset.neutral, transforms, dataset.muscle_interpolation, flesh)
+    muscle, fit = Muscle.fit(name, body, examples, separated_shapes)
     log.info(
         "gamma %.3g, eigenvalues %.2f to %.2f, %.3f mm", fit.gamma, *fit.eigenvalues, fit.distances.max()
     )

@@ -2,7 +2,7 @@
 
 from common import stage
 
-with stage(snakemake) as log:
+with stage(snakemake):
     from handpipe.fat.mesh import inner_surface
     from handpipe.fat.skin import Skin
     from handpipe.hand.frames import read_frames
@@ -21,6 +21,6 @@ with stage(snakemake) as log:
     ]
     inner = inner_surface(bodies, spacing=0.8, gap=1.0)
     tissue = make_tissue(
-        rig.surfaces, below, INNER, inner, 1.0, Skin.load(snakemake.input.skin), snakemake.params.edge, log
+        rig.surfaces, below, INNER, inner, 1.0, Skin.load(snakemake.input.skin), snakemake.params.edge
     )
     tissue.save(snakemake.output[0], [snakemake.input.inner, snakemake.input.skin])

@@ -2,7 +2,7 @@
 
 from common import dataset_of, stage
 
-with stage(snakemake) as log:
+with stage(snakemake):
     from handpipe.fascia.wrapping import bone_wrap
     from handpipe.fat.skin import Skin
     from handpipe.skeleton.layer import BoneLayer
@@ -16,5 +16,5 @@ with stage(snakemake) as log:
     inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in dataset.joints.values()], edge=1.5)
     # 004 section 5.5: one tissue between fat and muscle; its stiffness does not change a free pose's shape.
     skin = Skin.load(snakemake.input.skin)
-    tissue = make_tissue(rig.surfaces, below, ("bones",), inner, 6.0, skin, snakemake.params.edge, log)
+    tissue = make_tissue(rig.surfaces, below, ("bones",), inner, 6.0, skin, snakemake.params.edge)
     tissue.save(snakemake.output[0], [*snakemake.input])

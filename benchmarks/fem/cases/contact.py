@@ -15,7 +15,7 @@ from benchmarks.fem.scenes import Array, Body, IntArray, Mask
 from handpipe.fem.barrier import Barrier
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Record, continuation
+from handpipe.fem.equilibrium import Record, Steps, continuation
 from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
 from handpipe.fem.pull import Pull
@@ -49,7 +49,9 @@ def by_two_paths(
     found = continuation(potentials, x, fixed=fixed, options=STEPS)
     apart = []
     for step in SMALL_STEPS:
-        other = continuation(potentials, x, fixed=fixed, options=STEPS, first_step=step, largest_step=step).x
+        other = continuation(
+            potentials, x, fixed=fixed, options=STEPS, steps=Steps(first=step, largest=step)
+        ).x
         image = other[scenes.mirror_images(x, ACROSS_Y)] @ ACROSS_Y
         apart += [largest(found.x - other), largest(found.x - image)]
     return found.x, found.record, min(apart)

@@ -11,7 +11,7 @@ from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, STEPS, SWAP_YZ, YOUNG, Outcome, case, largest
 from benchmarks.fem.scenes import Array, Body, Mask
 from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Record, continuation, solve
+from handpipe.fem.equilibrium import Record, Steps, continuation, solve
 from handpipe.fem.materials import Material
 
 
@@ -30,7 +30,12 @@ def twist_scene(refine: int, poisson: float) -> tuple[Body, Elastic, Mask, Calla
 def twisted_in_steps(refine: int, poisson: float) -> tuple[Array, Record]:
     body, elastic, held, ends = twist_scene(refine, poisson)
     found = continuation(
-        lambda t: [elastic], body.vertices, fixed=held, prescribed=ends, options=STEPS, first_step=1 / 12
+        lambda t: [elastic],
+        body.vertices,
+        fixed=held,
+        prescribed=ends,
+        options=STEPS,
+        steps=Steps(first=1 / 12),
     )
     return found.x, found.record
 

@@ -103,24 +103,22 @@ def _pinched(
     stars = Stars.of(mesh.tets, len(mesh.vertices))
     out, filled = np.zeros(len(labels), dtype=bool), labels.copy()
     lone = np.full(len(vertices), -1)
-    _mark(
-        np.stack([vertices, lone], axis=1), mesh.tets, labels, volumes, stars.start, stars.tets, out, filled
-    )
+    _mark(np.stack([vertices, lone], axis=1), mesh.tets, labels, volumes, stars, out, filled)
     ends = mesh.tets[:, EDGES]
     edges = np.unique(np.sort(ends[touching[ends].all(axis=2)], axis=1), axis=0)
-    _mark(edges, mesh.tets, labels, volumes, stars.start, stars.tets, out, filled)
+    _mark(edges, mesh.tets, labels, volumes, stars, out, filled)
     return out, filled
 
 
 @njit(cache=True)
-def _mark(simplices, tets, labels, volumes, start, around, out, filled):  # type: ignore[no-untyped-def]
+def _mark(simplices, tets, labels, volumes, stars, out, filled):  # type: ignore[no-untyped-def]
     """Mark the smaller parts of labels at vertices (second number -1) or edges.
 
     `filled` gives all tets of such a place the label of the largest part there.
     """
     for index in range(len(simplices)):
         v, w = simplices[index]
-        group = around[start[v] : start[v + 1]]
+        group = stars.tets[stars.start[v] : stars.start[v + 1]]
         if w >= 0:
             group = np.array([t for t in group if (tets[t] == w).any()])
         n = len(group)

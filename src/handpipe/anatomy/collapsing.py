@@ -32,13 +32,11 @@ def collapse_bad(
     regions or line where several meet, and where the worst of its tets becomes better. Each vertex takes
     part once a call, since stars are not renewed.
     """
-    return int(
-        _collapse_bad(x, tets, labels, regions, fixed, worst_first, stars.start, stars.tets, OUTER, INNER)
-    )
+    return int(_collapse_bad(x, tets, labels, regions, fixed, worst_first, stars))
 
 
 @njit(cache=True)
-def _collapse_bad(x, tets, labels, regions, fixed, listed, start, around, outer, inner):  # type: ignore[no-untyped-def]
+def _collapse_bad(x, tets, labels, regions, fixed, listed, stars):  # type: ignore[no-untyped-def]
     locked = np.zeros(len(x), np.bool_)
     count = 0
     for index in range(len(listed)):
@@ -48,49 +46,49 @@ def _collapse_bad(x, tets, labels, regions, fixed, listed, start, around, outer,
         best, best_a, best_b = -1.0, -1, -1
         for i in range(4):
             a = tets[t, i]
-            if fixed[a] or _any_locked(a, tets, start, around, locked):
+            if fixed[a] or _any_locked(a, tets, stars, locked):
                 continue
             before = 2.0
-            for k in range(start[a], start[a + 1]):
-                c = tets[around[k]]
+            for k in range(stars.start[a], stars.start[a + 1]):
+                c = tets[stars.tets[k]]
                 before = min(before, least_sine(x[c[0]], x[c[1]], x[c[2]], x[c[3]]))
             for j in range(4):
                 b = tets[t, j]
                 if i == j or regions[a] & regions[b] != regions[a]:
                     continue
-                if _regions_at_edge(a, b, tets, labels, start, around) != regions[a]:
+                if _regions_at_edge(a, b, tets, labels, stars) != regions[a]:
                     continue
-                after = _after(a, b, x, tets, start, around)
+                after = _after(a, b, x, tets, stars)
                 if after <= max(before * 1.001, best):
                     continue
-                if _faces_turn(a, b, x, tets, labels, start, around, outer, inner):
+                if _faces_turn(a, b, x, tets, labels, stars):
                     continue
                 best, best_a, best_b = after, a, b
         if best_a >= 0:
-            _apply(best_a, best_b, tets, start, around, locked)
+            _apply(best_a, best_b, tets, stars, locked)
             count += 1
     return count
 
 
 @njit(cache=True)
-def _any_locked(a, tets, start, around, locked):  # type: ignore[no-untyped-def]
+def _any_locked(a, tets, stars, locked):  # type: ignore[no-untyped-def]
     if locked[a]:
         return True
-    for k in range(start[a], start[a + 1]):
+    for k in range(stars.start[a], stars.start[a + 1]):
         for i in range(4):
-            if locked[tets[around[k], i]]:
+            if locked[tets[stars.tets[k], i]]:
                 return True
     return False
 
 
 @njit(cache=True)
-def _regions_at_edge(a, b, tets, labels, start, around):  # type: ignore[no-untyped-def]
+def _regions_at_edge(a, b, tets, labels, stars):  # type: ignore[no-untyped-def]
     """Bits of the labels around an edge, and of the outside where the tets around it do not close."""
     out, sides = np.int64(0), np.int64(0)
-    ring = np.empty(2 * (start[a + 1] - start[a]), np.int64)
+    ring = np.empty(2 * (stars.start[a + 1] - stars.start[a]), np.int64)
     n = 0
-    for k in range(start[a], start[a + 1]):
-        t = around[k]
+    for k in range(stars.start[a], stars.start[a + 1]):
+        t = stars.tets[k]
         if not _has(tets[t], b):
             continue
         out |= np.int64(1) << labels[t]
@@ -115,11 +113,11 @@ def _has(tet, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _after(a, b, x, tets, start, around):  # type: ignore[no-untyped-def]
+def _after(a, b, x, tets, stars):  # type: ignore[no-untyped-def]
     """Least sine around a once it has gone to b."""
     low = 2.0
-    for k in range(start[a], start[a + 1]):
-        c = tets[around[k]]
+    for k in range(stars.start[a], stars.start[a + 1]):
+        c = tets[stars.tets[k]]
         if _has(c, b):
             continue
         p = [c[0], c[1], c[2], c[3]]
@@ -133,10 +131,10 @@ def _after(a, b, x, tets, start, around):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _faces_turn(a, b, x, tets, labels, start, around, outer, inner):  # type: ignore[no-untyped-def]
+def _faces_turn(a, b, x, tets, labels, stars):  # type: ignore[no-untyped-def]
     """Whether a face at a on the domain's boundary, or between labels, would turn too far."""
-    for k in range(start[a], start[a + 1]):
-        t = around[k]
+    for k in range(stars.start[a], stars.start[a + 1]):
+        t = stars.tets[k]
         for i in range(4):
             if tets[t, i] == a:
                 continue
@@ -152,13 +150,13 @@ def _faces_turn(a, b, x, tets, labels, start, around, outer, inner):  # type: ig
             if u == b or v == b:
                 continue
             other = -1
-            for m in range(start[a], start[a + 1]):
-                s = around[m]
+            for m in range(stars.start[a], stars.start[a + 1]):
+                s = stars.tets[m]
                 if s != t and _has(tets[s], u) and _has(tets[s], v):
                     other = s
             if other >= 0 and labels[other] == labels[t]:
                 continue
-            least = outer if other < 0 else inner
+            least = OUTER if other < 0 else INNER
             old = np.cross(x[u] - x[a], x[v] - x[a])
             new = np.cross(x[u] - x[b], x[v] - x[b])
             if old @ new < least * np.sqrt((old @ old) * (new @ new)):
@@ -167,13 +165,13 @@ def _faces_turn(a, b, x, tets, labels, start, around, outer, inner):  # type: ig
 
 
 @njit(cache=True)
-def _apply(a, b, tets, start, around, locked):  # type: ignore[no-untyped-def]
-    for k in range(start[a], start[a + 1]):
-        t = around[k]
+def _apply(a, b, tets, stars, locked):  # type: ignore[no-untyped-def]
+    for k in range(stars.start[a], stars.start[a + 1]):
+        t = stars.tets[k]
         for i in range(4):
             locked[tets[t, i]] = True
-    for k in range(start[a], start[a + 1]):
-        t = around[k]
+    for k in range(stars.start[a], stars.start[a + 1]):
+        t = stars.tets[k]
         if _has(tets[t], b):
             tets[t] = -1
         else:

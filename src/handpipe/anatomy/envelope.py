@@ -121,22 +121,30 @@ def _with_function(state: _State, column: int, snap: float) -> _State:
         _snap_nearest(state.tets[crossed[flat]], difference)
     tied = difference == 0
     state.values[tied, column] = state.envelope[tied]
-    return _cut(state, column, difference, crossed, edges, children, parents, vertices, share)
+    return _cut(
+        state, column, difference, _Bisection(crossed, children, parents, edges.ends, vertices, share)
+    )
 
 
-def _cut(
-    state: _State,
-    column: int,
-    difference: Array,
-    crossed: IntArray,
-    edges: MarkedEdges,
-    children: IntArray,
-    parents: IntArray,
-    vertices: Array,
-    share: Array,
-) -> _State:
+@dataclass(frozen=True, eq=False)
+class _Bisection:
+    """The tets (c,) that the zero crosses, their children (k, 4) and of which of them (k,) each is a part.
+
+    New vertices come last in `vertices` (n + e, 3), each at a `share` (e,) of the way between `ends` (e, 2).
+    """
+
+    crossed: IntArray
+    children: IntArray
+    parents: IntArray
+    ends: IntArray
+    vertices: Array
+    share: Array
+
+
+def _cut(state: _State, column: int, difference: Array, bisection: _Bisection) -> _State:
     """Replace the crossed tets by their children, and give the function the tets where it is above."""
-    a, b = edges.ends.T
+    crossed, children, share = bisection.crossed, bisection.children, bisection.share
+    a, b = bisection.ends.T
     between = (1 - share) * state.envelope[a] + share * state.envelope[b]
     new_values = (1 - share)[:, None] * state.values[a] + share[:, None] * state.values[b]
     new_values[:, column] = between
@@ -144,12 +152,12 @@ def _cut(
     signs = np.concatenate([difference, np.zeros(len(share))])
     kept = np.ones(len(state.tets), dtype=bool)
     kept[crossed] = False
-    parents = crossed[parents]
+    parents = crossed[bisection.parents]
     tets = np.concatenate([state.tets[kept], children])
     labels = np.concatenate([state.labels[kept], state.labels[parents]])
     labels[_tets_with_positive(tets, signs)] = column
     return _State(
-        vertices,
+        bisection.vertices,
         tets,
         labels,
         np.concatenate([state.source[kept], state.source[parents]]),

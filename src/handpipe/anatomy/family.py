@@ -8,14 +8,18 @@ there, so that a family's spread is the user's choice.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from handpipe.anatomy.bony_points import away_from
 from handpipe.anatomy.posing import OF_RAYS, Skeleton
 from handpipe.anatomy.subject_template import SubjectTemplate, warped
 from handpipe.anatomy.warp import require_invertible
+from handpipe.config import Model, Name, load_yaml
 from handpipe.errors import InputError
 from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.muscles.templates import Affine
@@ -40,6 +44,51 @@ ROUNDS = 8
 MET = 0.01  # mm
 
 
+class StatedHand(Model):
+    """Sizes of one hand of a family."""
+
+    base: Literal["median-male", "template"] = Field(
+        "median-male", description="whose lengths of bones the hand starts from"
+    )
+    size: float = Field(1.0, gt=0, description="factor of the lengths of the base")
+    lengths: dict[str, Annotated[float, Field(gt=0)]] = Field(
+        {}, description="lengths of single bones in mm, in place of those of the base"
+    )
+    across: float | None = Field(
+        None,
+        gt=0,
+        description="factor of the template across the bones and in the palm; "
+        "by default the mean ratio of the lengths to the template's",
+    )
+
+    def bone_lengths(self, own: Mapping[str, float]) -> dict[str, float]:
+        """Lengths in mm of all long bones; `own`: those of the template."""
+        base = own if self.base == "template" else {b: MEDIAN_MALE[b] for b in own}
+        return sized(self.size, base) | self.lengths
+
+
+class Family(Model):
+    """Hands to make of one template."""
+
+    hands: dict[Name, StatedHand] = Field(min_length=1)
+
+
+def read_family(path: str | Path) -> Family:
+    """Read the sizes of hands from YAML; raises `InputError` that names the first wrong field."""
+    return load_yaml(path, Family)
+
+
+def family(
+    template: SubjectTemplate, wanted: Family, origin: str | Path = "family"
+) -> dict[str, SubjectTemplate]:
+    """A template of each hand of a family; raises `InputError` as `resized`, which names hand and bone."""
+    own = lengths_of(template)
+    return {
+        name: resized(template, hand.bone_lengths(own), hand.across, f"{origin}: hands.{name}.lengths")
+        for name, hand in wanted.hands.items()
+    }
+
+
 def lengths_of(template: SubjectTemplate) -> dict[str, float]:
     """Greatest extent in mm of each long bone of the rays along its own axis."""
     carried = {joint.child: joint.centre for joint in template.joints}
@@ -58,7 +107,10 @@ def sized(scale: float, base: Mapping[str, float] = MEDIAN_MALE) -> dict[str, fl
 
 
 def family_warp(
-    template: SubjectTemplate, lengths: Mapping[str, float], scale: float | None = None
+    template: SubjectTemplate,
+    lengths: Mapping[str, float],
+    scale: float | None = None,
+    origin: str | Path = "lengths",
 ) -> Biharmonic:
     """The warp that grows a template in its pose until its bones have the given lengths in mm.
 
@@ -70,10 +122,10 @@ def family_warp(
     own = lengths_of(template)
     for bone, length in lengths.items():
         if bone not in own:
-            raise InputError("lengths", bone, "is no long bone of the template", f"Give {', '.join(own)}")
+            raise InputError(origin, bone, "is no long bone of the template", f"Give {', '.join(own)}")
         if not own[bone] / 3 < length < 3 * own[bone]:
             problem = f"{length:g} mm, where the template has {own[bone]:.1f} mm"
-            raise InputError("lengths", bone, problem, "Give lengths in mm, of a hand")
+            raise InputError(origin, bone, problem, "Give lengths in mm, of a hand")
     if scale is None:
         scale = float(np.exp(np.mean([np.log(length / own[b]) for b, length in lengths.items()])))
     skeleton, root = Skeleton(template), Affine(scale * np.eye(3), np.zeros(3))
@@ -103,13 +155,16 @@ def target_points(
 
 
 def resized(
-    template: SubjectTemplate, lengths: Mapping[str, float], scale: float | None = None
+    template: SubjectTemplate,
+    lengths: Mapping[str, float],
+    scale: float | None = None,
+    origin: str | Path = "lengths",
 ) -> SubjectTemplate:
     """The template of a person whose bones have the given lengths.
 
     Errors as `family_warp`, and where neighbouring fingers are to grow so unlike that the space between them
     turns inside out, from about 25 % on in a hand whose fingers lie side by side.
     """
-    warp = family_warp(template, lengths, scale)
-    require_invertible(warp, template, "lengths")
+    warp = family_warp(template, lengths, scale, origin)
+    require_invertible(warp, template, origin)
     return warped(template, warp)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -15,6 +17,21 @@ LARGEST_RING = 7
 SPARE = 2 * (LARGEST_RING - 2) - LARGEST_RING  # tets that one flip adds at most
 
 
+class _Mesh(NamedTuple):
+    """Vertices x (n, 3), tets (m, 4) and the label (m,) of each."""
+
+    x: Array
+    tets: IntArray
+    labels: IntArray
+
+
+class _Ring(NamedTuple):
+    """What stands around an edge: vertices in order, and the numbers of the tets."""
+
+    vertices: IntArray
+    tets: IntArray
+
+
 def flip_bad(
     x: Array, tets: IntArray, labels: IntArray, worst_first: IntArray, stars: Stars
 ) -> tuple[IntArray, IntArray, int]:
@@ -26,15 +43,16 @@ def flip_bad(
     room = SPARE * len(worst_first)
     tets = np.concatenate([tets, np.full((room, 4), -1)])
     labels = np.concatenate([labels, np.zeros(room, dtype=labels.dtype)])
-    count = _flip_bad(x, tets, labels, worst_first, stars.start, stars.tets, len(labels) - room)
+    count = _flip_bad(_Mesh(x, tets, labels), worst_first, stars, len(labels) - room)
     return tets, labels, int(count)
 
 
 @njit(cache=True)
-def _flip_bad(x, tets, labels, listed, start, around, n_tets):  # type: ignore[no-untyped-def]
+def _flip_bad(mesh, listed, stars, n_tets):  # type: ignore[no-untyped-def]
+    x, tets, labels = mesh
     locked = np.zeros(len(x), np.bool_)
-    ring, best_ring = np.empty(LARGEST_RING, np.int64), np.empty(LARGEST_RING, np.int64)
-    old, best_old = np.empty(LARGEST_RING, np.int64), np.empty(LARGEST_RING, np.int64)
+    ring = _Ring(np.empty(LARGEST_RING, np.int64), np.empty(LARGEST_RING, np.int64))
+    best_ring = _Ring(np.empty(LARGEST_RING, np.int64), np.empty(LARGEST_RING, np.int64))
     count = 0
     for index in range(len(listed)):
         t = listed[index]
@@ -47,28 +65,28 @@ def _flip_bad(x, tets, labels, listed, start, around, n_tets):  # type: ignore[n
         for i in range(4):
             for j in range(i + 1, 4):
                 p, q = c[i], c[j]
-                n = _ring(p, q, x, tets, labels, start, around, locked, ring, old)
+                n = _ring(p, q, mesh, stars, locked, ring)
                 for fan in range(n):
-                    value = _fan_value(p, q, x, ring, n, fan)
+                    value = _fan_value(p, q, x, ring.vertices, n, fan)
                     if value > best * 1.001:
                         best, best_p, best_q, best_n, best_fan = value, p, q, n, fan
-                        best_ring[:], best_old[:] = ring, old
+                        best_ring.vertices[:], best_ring.tets[:] = ring.vertices, ring.tets
         if best_fan >= 0:
-            n_tets = _remove_edge(best_p, best_q, tets, labels, best_ring, best_old, best_n, best_fan, n_tets)
+            n_tets = _remove_edge(best_p, best_q, mesh, best_ring, best_n, best_fan, n_tets)
             count += 1
             locked[best_p] = locked[best_q] = True
             for k in range(best_n):
-                locked[best_ring[k]] = True
+                locked[best_ring.vertices[k]] = True
             continue
         for i in range(4):
-            other, apex = _across(t, i, tets, start, around)
+            other, apex = _across(t, i, tets, stars)
             if other < 0 or labels[other] != labels[t] or locked[apex]:
                 continue
             value = _edge_value(c[i], apex, c, i, x)
             if value > best * 1.001:
                 best, best_p, best_q, best_n = value, i, apex, other
         if best_q >= 0:
-            _insert_edge(t, best_n, best_p, best_q, c, tets, labels, n_tets)
+            _insert_edge(t, best_n, best_p, best_q, c, mesh, n_tets)
             n_tets += 1
             count += 1
             locked[best_q] = True
@@ -78,14 +96,14 @@ def _flip_bad(x, tets, labels, listed, start, around, n_tets):  # type: ignore[n
 
 
 @njit(cache=True)
-def _ring(p, q, x, tets, labels, start, around, locked, ring, old):  # type: ignore[no-untyped-def]
-    """Number of tets around the edge p, q inside one label, with their ring of vertices and numbers; 0 if
-    none.
-    """
+def _ring(p, q, mesh, stars, locked, out):  # type: ignore[no-untyped-def]
+    """Number of tets around the edge p, q inside one label, 0 if none; `out` takes what stands around it."""
+    x, tets, labels = mesh
+    ring, old = out
     n = 0
     first, second = np.empty(LARGEST_RING, np.int64), np.empty(LARGEST_RING, np.int64)
-    for k in range(start[p], start[p + 1]):
-        t = around[k]
+    for k in range(stars.start[p], stars.start[p + 1]):
+        t = stars.tets[k]
         at_p, at_q = -1, -1
         for i in range(4):
             if tets[t, i] == p:
@@ -138,7 +156,9 @@ def _fan_value(p, q, x, ring, n, fan):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _remove_edge(p, q, tets, labels, ring, old, n, fan, n_tets):  # type: ignore[no-untyped-def]
+def _remove_edge(p, q, mesh, around, n, fan, n_tets):  # type: ignore[no-untyped-def]
+    tets, labels = mesh.tets, mesh.labels
+    ring, old = around
     label = labels[old[0]]
     for k in range(n):
         tets[old[k]] = -1
@@ -158,13 +178,13 @@ def _remove_edge(p, q, tets, labels, ring, old, n, fan, n_tets):  # type: ignore
 
 
 @njit(cache=True)
-def _across(t, i, tets, start, around):  # type: ignore[no-untyped-def]
+def _across(t, i, tets, stars):  # type: ignore[no-untyped-def]
     """The tet on the other side of the face opposite to corner i of tet t, and its vertex off the face; or
     -1.
     """
     a, b, c = tets[t, (i + 1) % 4], tets[t, (i + 2) % 4], tets[t, (i + 3) % 4]
-    for k in range(start[a], start[a + 1]):
-        s = around[k]
+    for k in range(stars.start[a], stars.start[a + 1]):
+        s = stars.tets[k]
         if s == t:
             continue
         shared, apex = 0, -1
@@ -199,7 +219,8 @@ def _edge_value(p, q, c, i, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _insert_edge(t, other, i, q, c, tets, labels, n_tets):  # type: ignore[no-untyped-def]
+def _insert_edge(t, other, i, q, c, mesh, n_tets):  # type: ignore[no-untyped-def]
+    tets, labels = mesh.tets, mesh.labels
     u, v, w = _face(c, i)
     p = c[i]
     tets[t, 0], tets[t, 1], tets[t, 2], tets[t, 3] = p, q, u, v

@@ -81,23 +81,23 @@ def improve_vertices(
 
     Trial moves are projected by `free` (n, 3, 3); vertices held (n,) stay.
     """
-    return int(_improve(x, tets, stars.start, stars.tets, free, chosen, held, DIRECTIONS, np.array(REACHES)))
+    return int(_improve(x, tets, stars, free, chosen, held))
 
 
 @njit(cache=True)
-def _improve(x, tets, start, around, free, chosen, held, directions, reaches):  # type: ignore[no-untyped-def]
+def _improve(x, tets, stars, free, chosen, held):  # type: ignore[no-untyped-def]
     moved = 0
     for v in chosen:
         if held[v] or np.abs(free[v]).max() < 0.1:
             continue
-        best, shortest = _star_value(v, x, tets, start, around)
+        best, shortest = _star_value(v, x, tets, stars)
         first = best
         origin = x[v].copy()
         at = origin.copy()
-        for reach in reaches:
-            for d in range(len(directions)):
-                x[v] = at + reach * shortest * (free[v] @ directions[d])
-                value, _ = _star_value(v, x, tets, start, around)
+        for reach in REACHES:
+            for d in range(len(DIRECTIONS)):
+                x[v] = at + reach * shortest * (free[v] @ DIRECTIONS[d])
+                value, _ = _star_value(v, x, tets, stars)
                 if value > best * 1.001:
                     best = value
                     at = x[v].copy()
@@ -107,11 +107,11 @@ def _improve(x, tets, start, around, free, chosen, held, directions, reaches):  
 
 
 @njit(cache=True)
-def _star_value(v, x, tets, start, around):  # type: ignore[no-untyped-def]
+def _star_value(v, x, tets, stars):  # type: ignore[no-untyped-def]
     """Least sine in the star of a vertex, and its shortest edge."""
     low, shortest = 2.0, np.inf
-    for k in range(start[v], start[v + 1]):
-        c = tets[around[k]]
+    for k in range(stars.start[v], stars.start[v + 1]):
+        c = tets[stars.tets[k]]
         low = min(low, least_sine(x[c[0]], x[c[1]], x[c[2]], x[c[3]]))
         for i in range(4):
             if c[i] != v:
@@ -137,7 +137,7 @@ def smooth_borders(
         for factor in (0.5, 1 / (passband - 2)):
             smooth[moving] += factor * (averaging @ smooth - smooth)[moving]
     for _ in range(APPROACHES):
-        _move_guarded(out, smooth - out, tets, stars.start, stars.tets, moving, floor)
+        _move_guarded(out, smooth - out, tets, stars, moving, floor)
     return out
 
 
@@ -165,15 +165,15 @@ def _border_averaging(faces: Faces, n: int) -> tuple[sparse.csr_matrix, IntArray
 
 
 @njit(cache=True)
-def _move_guarded(x, step, tets, start, around, moving, floor):  # type: ignore[no-untyped-def]
+def _move_guarded(x, step, tets, stars, moving, floor):  # type: ignore[no-untyped-def]
     for v in moving:
-        before, _ = _star_value(v, x, tets, start, around)
+        before, _ = _star_value(v, x, tets, stars)
         least = min(before, floor)
         origin = x[v].copy()
         share = 1.0
         for _ in range(3):
             x[v] = origin + share * step[v]
-            value, _ = _star_value(v, x, tets, start, around)
+            value, _ = _star_value(v, x, tets, stars)
             if value >= least:
                 break
             x[v] = origin

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -67,9 +67,8 @@ def least_sines(x: Array, tets: IntArray) -> Array:
     return out
 
 
-@dataclass(frozen=True, eq=False)
-class Stars:
-    """Tets around each vertex: `tets[start[v]:start[v + 1]]`."""
+class Stars(NamedTuple):
+    """Tets around each vertex: `tets[start[v]:start[v + 1]]`; compiled functions take it as it is."""
 
     start: IntArray
     tets: IntArray

@@ -83,7 +83,12 @@ def _require_same_hand(template: SubjectTemplate, target: Points, origin: str | 
     if error(a * [1.0, -1.0, 1.0]) < MIRRORED * error(a):
         other = "left" if template.side == "right" else "right"
         problem = f"are those of a {other} hand, the template is of a {template.side} one"
-        raise InputError(origin, "feature points", problem, "Use `template.mirrored()`")
+        raise InputError(
+            origin,
+            "feature points",
+            problem,
+            "Mirror the template: `template.mirrored()`, or the option --mirror",
+        )
 
 
 def folds(warp: SpaceMap, template: SubjectTemplate) -> dict[str, tuple[Array, float]]:

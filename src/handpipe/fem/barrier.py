@@ -51,6 +51,19 @@ class _Swept:
         return off <= rounding and -1e-12 <= along <= self.fraction * (1 + 1e-12)
 
 
+@dataclass(frozen=True)
+class CollidingPairs:
+    """Which parts of a collision surface may collide.
+
+    self_contact: whether the surface collides with itself; allowed: a further filter of pairs of surface and,
+    after them, obstacle vertices; rest (n, 3): positions that tell areas and neighbours, x by default.
+    """
+
+    self_contact: bool = True
+    allowed: ipctk.CollisionFilter | None = None
+    rest: Array | None = None
+
+
 class Barrier:
     """Barrier energy of a collision surface p = W x (k, 3), against itself and against an obstacle.
 
@@ -61,10 +74,9 @@ class Barrier:
     modulus of the softer body (`barrier_stiffness`): stresses of its size then find a gap of d_hat / 2.
 
     `distance` d_hat in mm: beyond it there is no force; keep it below the edge length. Parts that are
-    nearer than it at rest, and few edges apart, are taken for neighbours and never collide. `patches` (k,):
-    no contact within a patch where `self_contact` is off. `allowed`: a further filter of pairs of surface
-    and, after them, obstacle vertices. `obstacle`: (vertices (o, 3), triangles) that do not move in a solve;
-    `advance` moves them between solves. `rest` (n, 3) in place of x for areas and neighbours. Without
+    nearer than it at rest, and few edges apart, are taken for neighbours and never collide; `pairs` leaves
+    out others. `obstacle`: (vertices (o, 3), triangles) that do not move in a solve; `advance` moves them
+    between solves. Without
     intersection at the start: `InputError` otherwise. Later the value is infinite at intersecting positions;
     steps are bounded by continuous collision detection.
     """
@@ -80,11 +92,9 @@ class Barrier:
         stiffness: float,
         *,
         obstacle: tuple[Array, IntArray] | None = None,
-        patches: IntArray | None = None,
-        self_contact: bool = True,
-        rest: Array | None = None,
-        allowed: ipctk.CollisionFilter | None = None,
+        pairs: CollidingPairs | None = None,
     ) -> None:
+        pairs = pairs or CollidingPairs()
         self._narrow = sp.csr_matrix(operator)
         count = self._narrow.shape[0]
         faces = np.asarray(triangles)
@@ -96,14 +106,14 @@ class Barrier:
         self._operator = sp.vstack([self._narrow, below], format="csr")
         self._wide = sp.kron(self._operator, sp.eye(3), format="csr")
         self.distance, self.stiffness = distance, stiffness
-        self._mesh = collision_mesh(self.positions(x if rest is None else rest), faces, count)
-        colliding = collision_filter(count, len(self.obstacle), patches, self_contact)
-        if allowed is not None:
-            colliding = colliding & allowed
+        self._mesh = collision_mesh(self.positions(x if pairs.rest is None else pairs.rest), faces, count)
+        colliding = collision_filter(count, len(self.obstacle), pairs.self_contact)
+        if pairs.allowed is not None:
+            colliding = colliding & pairs.allowed
         self._mesh.can_collide = colliding
-        pairs = neighbours(self._mesh, count, distance)
-        if pairs:
-            self._mesh.can_collide = colliding & ipctk.make_sparse_filter(dict.fromkeys(pairs, False), True)
+        near = neighbours(self._mesh, count, distance)
+        if near:
+            self._mesh.can_collide = colliding & ipctk.make_sparse_filter(dict.fromkeys(near, False), True)
         self._edge = float(ipctk.mean_edge_length(self.positions(x), self.positions(x), self._mesh.edges)[0])
         self._potential = ipctk.BarrierPotential(distance, stiffness / TIMES_COUNTED, True)
         self._pattern = GrowingPattern()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
@@ -14,6 +16,16 @@ from handpipe.fem.materials import Material
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Int32Array = NDArray[np.int32]
+
+
+class _Sheet(NamedTuple):
+    """Triangles (k, 3), gradients of shape functions (k, 3, 2), factors of energy (k,) and moduli (k,)."""
+
+    triangles: IntArray
+    gradients: Array
+    energies: Array
+    mu: Array
+    lam: Array
 
 
 class Membrane:
@@ -30,38 +42,37 @@ class Membrane:
         self.triangles = np.ascontiguousarray(triangles, dtype=np.int64)
         self.pattern, self._count = Pattern.of_cells(self.triangles, len(vertices)), len(vertices)
         mu, lam = material.lame(len(triangles))
-        self._mu, self._lam = mu.copy(), 2 * mu * lam / (lam + 2 * mu)
-        self._gradients, areas = membrane_gradients(vertices, self.triangles, scale)
-        self._energies = thickness * areas
+        gradients, areas = membrane_gradients(vertices, self.triangles, scale)
+        lam = 2 * mu * lam / (lam + 2 * mu)
+        self._sheet = _Sheet(self.triangles, gradients, thickness * areas, mu.copy(), lam)
 
     def value(self, x: Array) -> float:
-        return _value(x, self.triangles, self._gradients, self._energies, self._mu, self._lam)
+        return _value(x, self._sheet)
 
     def gradient(self, x: Array) -> Array:
-        return _gradient(x, self.triangles, self._gradients, self._energies, self._mu, self._lam)
+        return _gradient(x, self._sheet)
 
     def force_sizes(self, x: Array) -> Array:
         """Sum (n,) of the sizes in mN of the forces that triangles put on each vertex."""
         out = np.zeros(len(x))
-        _add_force_sizes(x, self.triangles, self._gradients, self._energies, self._mu, self._lam, out)
+        _add_force_sizes(x, self._sheet, out)
         return out
 
     def resistance(self) -> Array:
         """Force (n,) in mN on each vertex with which its triangles resist a shear strain of one, at rest."""
-        sizes = np.sqrt((self._gradients**2).sum(axis=2))
-        forces = 2.0 * (self._energies * self._mu)[:, None] * sizes
+        sizes = np.sqrt((self._sheet.gradients**2).sum(axis=2))
+        forces = 2.0 * (self._sheet.energies * self._sheet.mu)[:, None] * sizes
         return np.asarray(np.bincount(self.triangles.ravel(), forces.ravel(), self._count), dtype=float)
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         data = self.pattern.data()
         slots, strides = self.pattern.slots, self.pattern.strides
-        arrays = self.triangles, self._gradients, self._energies, self._mu, self._lam
-        _hessian(x, *arrays, project, slots, strides, data)
+        _hessian(x, self._sheet, project, slots, strides, data)
         return self.pattern.matrix(data)
 
     def stretches(self, x: Array) -> Array:
         """Principal stretches (k, 2), ascending, from the scaled rest shape; above 1 is tension."""
-        f = np.einsum("eai,eak->eik", x[self.triangles], self._gradients)
+        f = np.einsum("eai,eak->eik", x[self.triangles], self._sheet.gradients)
         return np.sqrt(np.linalg.eigvalsh(np.einsum("eik,eil->ekl", f, f)))
 
 
@@ -104,7 +115,8 @@ def sum_of_three(x0: float, x1: float, x2: float, b: Array, k: int) -> float:
 
 
 @njit(cache=True)
-def _value(x: Array, triangles: IntArray, gradients: Array, energies: Array, mu: Array, lam: Array) -> float:
+def _value(x: Array, sheet: _Sheet) -> float:
+    triangles, gradients, energies, mu, lam = sheet
     f, s = np.empty((3, 2)), np.empty((2, 2))
     total = 0.0
     for e in range(len(triangles)):
@@ -113,10 +125,9 @@ def _value(x: Array, triangles: IntArray, gradients: Array, energies: Array, mu:
 
 
 @njit(cache=True)
-def _gradient(
-    x: Array, triangles: IntArray, gradients: Array, energies: Array, mu: Array, lam: Array
-) -> Array:
+def _gradient(x: Array, sheet: _Sheet) -> Array:
     out = np.zeros_like(x)
+    triangles, gradients, energies, mu, lam = sheet
     f, s = np.empty((3, 2)), np.empty((2, 2))
     for e in range(len(triangles)):
         b = gradients[e]
@@ -130,9 +141,8 @@ def _gradient(
 
 
 @njit(cache=True)
-def _add_force_sizes(
-    x: Array, triangles: IntArray, gradients: Array, energies: Array, mu: Array, lam: Array, out: Array
-) -> None:
+def _add_force_sizes(x: Array, sheet: _Sheet, out: Array) -> None:
+    triangles, gradients, energies, mu, lam = sheet
     f, s = np.empty((3, 2)), np.empty((2, 2))
     for e in range(len(triangles)):
         b = gradients[e]
@@ -149,16 +159,13 @@ def _add_force_sizes(
 @njit(cache=True)
 def _hessian(
     x: Array,
-    triangles: IntArray,
-    gradients: Array,
-    energies: Array,
-    mu: Array,
-    lam: Array,
+    sheet: _Sheet,
     project: bool,
     slots: Int32Array,
     strides: Int32Array,
     data: Array,
 ) -> None:
+    triangles, gradients, energies, mu, lam = sheet
     f, s, fb = np.empty((3, 2)), np.empty((2, 2)), np.empty((3, 3))
     for e in range(len(triangles)):
         b, m = gradients[e], mu[e]

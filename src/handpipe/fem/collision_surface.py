@@ -58,15 +58,12 @@ def _capped(areas: Array, own: NDArray[np.bool_]) -> Array:
     return out
 
 
-def collision_filter(
-    count: int, fixed: int, patches: IntArray | None, self_contact: bool
-) -> ipctk.CollisionFilter:
+def collision_filter(count: int, fixed: int, self_contact: bool) -> ipctk.CollisionFilter:
     """Which pairs of vertices may collide: never two of the obstacle."""
-    ids = np.zeros(count, dtype=np.int32) if patches is None else np.asarray(patches, dtype=np.int32)
     allowed = ipctk.make_static_obstacle_filter(count)
     if not self_contact:
-        everyone = np.concatenate([ids, np.full(fixed, ids.max() + 1, dtype=np.int32)])
-        allowed = allowed & ipctk.make_vertex_patches_filter(everyone)
+        patches = np.repeat(np.arange(2, dtype=np.int32), (count, fixed))
+        allowed = allowed & ipctk.make_vertex_patches_filter(patches)
     return allowed
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from handpipe.fem.prediction import predict
 from handpipe.fem.record import Equilibrium, Options, Record, finite
 from handpipe.fem.workspace import Workspace
 
-__all__ = ["Equilibrium", "Options", "Record", "continuation", "solve"]
+__all__ = ["Equilibrium", "Options", "Record", "Steps", "continuation", "solve"]
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
@@ -56,6 +56,20 @@ def solve(
     return found
 
 
+@dataclass(frozen=True)
+class Steps:
+    """How the load's way from t = 0 to 1 is walked.
+
+    first, smallest, largest: lengths of steps in t; intermediate: options of the states before t = 1, which
+    may be solved less exactly.
+    """
+
+    first: float = 0.25
+    smallest: float = 1 / 256
+    largest: float = 1.0
+    intermediate: Options | None = None
+
+
 def continuation(
     make_potentials: Callable[[float], Sequence[Potential]],
     x: Array,
@@ -63,23 +77,19 @@ def continuation(
     fixed: NDArray | None = None,
     prescribed: Callable[[float], Array] | None = None,
     options: Options | None = None,
-    first_step: float = 0.25,
-    smallest_step: float = 1 / 256,
-    largest_step: float = 1.0,
-    intermediate: Options | None = None,
+    steps: Steps | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Equilibrium:
     """Follow the equilibrium from t = 0 to 1, where x (n, 3) is (near) the equilibrium at t = 0.
 
     `make_potentials(t)` gives the potentials; `prescribed(t)` (n, 3) the positions, of which the `fixed`
     degrees of freedom are taken. Each step starts from a prediction with the tangent at hand; a step that
-    fails is halved, one that converges easily is doubled, up to `largest_step`. States before t = 1 may be
-    solved less exactly, to `intermediate` options. With a `checkpoint`, a killed run goes on from its last
-    state. Raises `ConvergenceError` below `smallest_step`.
+    fails is halved, one that converges easily is doubled, within the bounds of `steps`. With a `checkpoint`,
+    a killed run goes on from its last state. Raises `ConvergenceError` below the smallest step.
     """
-    options = options or Options()
-    path = _Path(make_potentials, prescribed, _free(fixed, x.size), options, intermediate or options)
-    return path.follow(finite(x, options.name), first_step, (smallest_step, largest_step), checkpoint)
+    options, steps = options or Options(), steps or Steps()
+    path = _Path(make_potentials, prescribed, _free(fixed, x.size), options, steps.intermediate or options)
+    return path.follow(finite(x, options.name), steps.first, (steps.smallest, steps.largest), checkpoint)
 
 
 class _Path:

@@ -160,16 +160,16 @@ def _add_stvk_stiffness(f: Array, mu: float, lam: float, out: Array, work: Array
 
 
 @njit(cache=True)
-def projected_eigensystem(
-    model: int, sigma: Array, mu: float, lam: float, scaling: Array, mean: Array, half: Array, work: Array
-) -> None:
+def projected_eigensystem(model: int, sigma: Array, mu: float, lam: float, out: Array, work: Array) -> None:
     """Closed-form eigen-system of the stiffness with its negative part left out (Smith et al. 2019).
 
     In the frame of the singular vectors U, V of the rotational SVD, with singular values sigma (3,):
-    `scaling` (3, 3) couples the three scalings U diag(.) V^T; the twist and the flip of axes i and j have the
-    eigenvalues mean_ij - half_ij and mean_ij + half_ij. The quotients (psi_i -+ psi_j) / (sigma_i -+ sigma_j)
-    are polynomials here, safe at equal singular values. `work` is (3, 3, 3).
+    `scaling`, out[0], couples the three scalings U diag(.) V^T; with `mean`, out[1], and `half`, out[2], the
+    twist and the flip of axes i and j have the eigenvalues mean_ij - half_ij and mean_ij + half_ij. The
+    quotients (psi_i -+ psi_j) / (sigma_i -+ sigma_j) are polynomials here, safe at equal singular values.
+    `work` is (3, 3, 3).
     """
+    scaling, mean, half = out[0], out[1], out[2]
     vectors, values, matrix = work[0], work[1, 0], work[2]
     neo = model == NEO_HOOKEAN
     m, bulk = rest_stable(mu, lam) if neo else (0.0, lam)
@@ -231,11 +231,12 @@ def semidefinite_stiffnesses(model: int, f: Array, mu: Array, lam: Array) -> Arr
     """The same (m, 9, 9) without the parts of negative eigenvalues, see `projected_eigensystem`."""
     out, work = np.zeros((len(f), 9, 9)), np.empty((3, 3, 3))
     u, v, sigma = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    scaling, mean, half = np.empty((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    system = np.zeros((3, 3, 3))
+    scaling, mean, half = system[0], system[1], system[2]
     modes = np.empty((3, 3, 9))  # of row i and column j: u_i v_j^T
     for e in range(len(f)):
         rotational_svd(f[e], u, sigma, v)
-        projected_eigensystem(model, sigma, mu[e], lam[e], scaling, mean, half, work)
+        projected_eigensystem(model, sigma, mu[e], lam[e], system, work)
         for i in range(3):
             for j in range(3):
                 for a in range(9):

@@ -139,7 +139,7 @@ def add_rows(
 ) -> None:
     """Add a matrix's values to the union's `data`, of which the `first` need not be zeroed before."""
     if len(values) < PARALLEL_ENTRIES:
-        _add_rows(data, union_indptr, indptr, places, values, first, 0, len(indptr) - 1)
+        _add_rows(data, union_indptr, indptr, places, values, first, (0, len(indptr) - 1))
     else:
         _add_rows_parallel(data, union_indptr, indptr, places, values, first, get_num_threads())
 
@@ -152,9 +152,9 @@ def _add_rows(
     places: Int32Array,
     values: Array,
     first: bool,
-    low: int,
-    high: int,
+    rows: tuple[int, int],
 ) -> None:
+    low, high = rows
     if first:
         if len(values) == len(data):
             for k in range(indptr[low], indptr[high]):
@@ -179,4 +179,4 @@ def _add_rows_parallel(
     rows = len(indptr) - 1
     for part in prange(parts):
         low, high = rows * part // parts, rows * (part + 1) // parts
-        _add_rows(data, union_indptr, indptr, places, values, first, low, high)
+        _add_rows(data, union_indptr, indptr, places, values, first, (low, high))

@@ -40,6 +40,14 @@ class Body(NamedTuple):
     lam: Array
 
 
+class Law(NamedTuple):
+    """One tet's material, with its Lame parameters in kPa."""
+
+    model: int
+    mu: float
+    lam: float
+
+
 class Slots(NamedTuple):
     """Where element blocks stand in CSR values, see `Pattern`."""
 
@@ -118,12 +126,12 @@ def _stiffness(
         for at in range(slots.indptr[3 * v], slots.indptr[3 * v + 3]):
             data[at] = 0.0
     for e in share.cells[share.cell_starts[part] : share.cell_starts[part + 1]]:
-        g = body.gradients[e]
+        g, law = body.gradients[e], Law(body.model, body.mu[e], body.lam[e])
         gather(x, body.tets[e], g, f)
         if project:
-            projected_blocks(body.model, f, g, body.weights[e], body.mu[e], body.lam[e], work, blocks)
+            projected_blocks(law, f, g, body.weights[e], work, blocks)
         else:
-            plain_blocks(body.model, f, g, body.weights[e], body.mu[e], body.lam[e], work, blocks)
+            plain_blocks(law, f, g, body.weights[e], work, blocks)
         complete(blocks)
         for a in range(4):
             v = body.tets[e, a]
@@ -157,14 +165,13 @@ def complete(blocks: Array) -> None:
 
 
 @njit(cache=True)
-def plain_blocks(
-    model: int, f: Array, g: Array, weight: float, mu: float, lam: float, work: Array, blocks: Array
-) -> None:
+def plain_blocks(law: Law, f: Array, g: Array, weight: float, work: Array, blocks: Array) -> None:
     """Blocks of vertices 1 to 3, b >= a, of the exact stiffness times `weight`; `work` is (4, 3, 3) or more.
 
     With shape gradients g, h: alpha 1 + c (F g)(F h)^T + l (C g)(C h)^T + p [F (g x h)], where C = cof F, p =
     d psi / dJ, and [w] is the matrix e_ijm w_m; StVK adds mu (g . h) F F^T + mu (F h)(F g)^T.
     """
+    model, mu, lam = law
     fg, cg, c, s = work[0], work[1], work[2], work[3]
     cofactor(f, c)
     volume = determinant(f) - 1.0
@@ -228,19 +235,18 @@ def _second_piola(f: Array, mu: float, dilation: float, out: Array) -> None:
 
 
 @njit(cache=True)
-def projected_blocks(
-    model: int, f: Array, g: Array, weight: float, mu: float, lam: float, work: Array, blocks: Array
-) -> None:
+def projected_blocks(law: Law, f: Array, g: Array, weight: float, work: Array, blocks: Array) -> None:
     """The same blocks of the projected stiffness; `work` is (12, 3, 3).
 
     In the frame of the singular vectors, with h = V^T g: scalings couple components i and j by S_ij h_i h'_j,
     twists and flips of the axes i and j put the mean of their eigenvalues on h_j h'_j and half their
     difference on h_j h'_i.
     """
+    model, mu, lam = law
     u, v, scaling, mean, half, h, local = work[0], work[1], work[2], work[3], work[4], work[5], work[6]
     sigma, turned = work[7, 0], work[8]
     rotational_svd(f, u, sigma, v)
-    projected_eigensystem(model, sigma, weight * mu, weight * lam, scaling, mean, half, work[9:])
+    projected_eigensystem(model, sigma, weight * mu, weight * lam, work[2:5], work[9:])
     for a in range(3):
         for k in range(3):
             h[a, k] = v[0, k] * g[a + 1, 0] + v[1, k] * g[a + 1, 1] + v[2, k] * g[a + 1, 2]

@@ -30,6 +30,14 @@ class DarkLayers(NamedTuple):
     misfit: Array
 
 
+class _Look(NamedTuple):
+    """How a layer looks: its level, the deviation of the blur in mm, and that of the noise."""
+
+    dark: float
+    blur: float
+    noise: float
+
+
 def fit_dark_layers(
     profiles: Array,
     offsets: Array,
@@ -130,8 +138,10 @@ def _prior(p, start, precision, h, g):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _normal_equations(profile, offsets, dark, blur, noise, window, p, h, g):  # type: ignore[no-untyped-def]
+def _normal_equations(profile, offsets, look, p, h, g):  # type: ignore[no-untyped-def]
     """Gauss-Newton matrix h and gradient g of the misfit up to one window beyond either face; its mean."""
+    dark, blur, noise = look
+    window = WINDOW * blur
     h[:] = 0.0
     g[:] = 0.0
     energy = 0.0
@@ -189,12 +199,12 @@ def _fit(profiles, offsets, dark, blurs, noise, reaches, thickness):  # type: ig
     longest = offsets[-1]
     for i in range(n):
         profile, blur, reach = profiles[i], blurs[i], reaches[i]
-        window = WINDOW * blur
+        look = _Look(dark, blur, noise)
         _start(profile, offsets, dark, reach, thickness, start)
         precision[0], precision[1] = 1 / reach**2, 1 / (4 * thickness) ** 2
         precision[2], precision[3] = 1 / (5 * noise) ** 2, 1 / max(start[2] - dark, noise) ** 2
         p[:] = start
-        energy, misfit = _normal_equations(profile, offsets, dark, blur, noise, window, p, h, g)
+        energy, misfit = _normal_equations(profile, offsets, look, p, h, g)
         energy += _prior(p, start, precision, h, g)
         damping = 1e-2
         for _ in range(20):
@@ -205,7 +215,7 @@ def _fit(profiles, offsets, dark, blurs, noise, reaches, thickness):  # type: ig
             trial[1] = min(max(trial[1], 0.05), longest - trial[0])
             trial[2] = max(trial[2], dark)
             trial[3] = max(trial[3], dark)
-            energy2, misfit2 = _normal_equations(profile, offsets, dark, blur, noise, window, trial, h2, g2)
+            energy2, misfit2 = _normal_equations(profile, offsets, look, trial, h2, g2)
             energy2 += _prior(trial, start, precision, h2, g2)
             if energy2 < energy:
                 small = abs(trial[0] - p[0]) + abs(trial[1] - p[1]) < 1e-3

@@ -25,6 +25,19 @@ COARSEST = 64  # voxels
 SWEEPS_COARSEST = 12
 
 
+class Stop(NamedTuple):
+    """When a solution is near enough: tolerance of the probability, most iterations, voxels in doubt.
+
+    undecided: the solution may stop short of the tolerance once the error's estimate leaves so few voxels in
+    doubt of their side of 0.5, as a share of those above it. Pockets behind strong edges converge last, and
+    far from any doubt.
+    """
+
+    tolerance: float = 1e-3
+    max_iterations: int = 1000
+    undecided: float = 0.0
+
+
 class Level(NamedTuple):
     """Edges (3, nx, ny, nz) from each free voxel to its next along each axis, diagonal (nx, ny, nz)."""
 
@@ -37,20 +50,15 @@ def random_walker(
     seeds: NDArray,
     beta: float,
     start: NDArray | None = None,
-    tolerance: float = 1e-3,
-    max_iterations: int = 1000,
     spacing: NDArray | None = None,
-    undecided: float = 0.0,
+    stop: Stop | None = None,
 ) -> NDArray[np.float64]:
     """Probability (nx, ny, nz) that a walk from a voxel reaches an inside seed first.
 
     values (nx, ny, nz): intensities in units of a tissue contrast, so that `beta` has no unit;
-    seeds (nx, ny, nz): 0 free, INSIDE or OUTSIDE; start: a first guess; tolerance: of the probability;
-    spacing (3,): the voxel's size, cubes where it is not given. The contrast of a sharp edge does not depend
-    on the distance of the samples on either side, so that lengths weigh the edges and not the contrasts.
-    undecided: the solution may stop short of the tolerance once the error's estimate leaves so few voxels in
-    doubt of their side of 0.5, as a share of those above it. Pockets behind strong edges converge last, and
-    far from any doubt.
+    seeds (nx, ny, nz): 0 free, INSIDE or OUTSIDE; start: a first guess; spacing (3,): a voxel's size, cubes
+    where it is not given. The contrast of a sharp edge does not depend on the distance of the samples on
+    either side, so that lengths weigh the edges and not the contrasts. stop: when a solution is near enough.
     Raises `ConvergenceError` where the iterations do not suffice.
     """
     free = seeds == 0
@@ -64,7 +72,7 @@ def random_walker(
     )
     levels = _hierarchy(edges, ground)
     guess = np.pad(np.zeros(seeds.shape) if start is None else np.where(free, start, 0.0), 1)
-    solution = _conjugate_gradients(levels, load, guess, tolerance, undecided, max_iterations)
+    solution = _conjugate_gradients(levels, load, guess, stop or Stop())
     solution = solution[1:-1, 1:-1, 1:-1]
     return np.where(free, np.clip(solution, 0, 1), seeds == INSIDE)
 
@@ -225,17 +233,15 @@ def _doubts(x: NDArray, error: NDArray) -> int:
     return int(np.count_nonzero(np.abs(error) > np.abs(x - 0.5)))
 
 
-def _conjugate_gradients(
-    levels: list[Level], b: NDArray, x: NDArray, tolerance: float, undecided: float, max_iterations: int
-) -> NDArray[np.float64]:
+def _conjugate_gradients(levels: list[Level], b: NDArray, x: NDArray, stop: Stop) -> NDArray[np.float64]:
     """Solve to where the preconditioned residual, an estimate of the error, is below the tolerance, or moves
     no more than a share of the voxels across 0.5."""
     fine = levels[0]
     r = b - _apply(*fine, x)
     z = _v_cycle(levels, r)
     p, rz = z.copy(), (r * z).sum()
-    for _ in range(max_iterations):
-        if np.abs(z).max() < tolerance or _doubts(x, z) < undecided * np.count_nonzero(x > 0.5):
+    for _ in range(stop.max_iterations):
+        if np.abs(z).max() < stop.tolerance or _doubts(x, z) < stop.undecided * np.count_nonzero(x > 0.5):
             return x
         ap = _apply(*fine, p)
         alpha = rz / (p * ap).sum()
@@ -245,4 +251,4 @@ def _conjugate_gradients(
         rz, previous = (r * z).sum(), rz
         p *= rz / previous
         p += z
-    raise ConvergenceError("the random walker", f"{max_iterations} iterations were not enough")
+    raise ConvergenceError("the random walker", f"{stop.max_iterations} iterations were not enough")

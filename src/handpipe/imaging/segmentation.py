@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from handpipe.config import Model
 from handpipe.errors import InputError
-from handpipe.imaging.random_walker import INSIDE, OUTSIDE, random_walker
+from handpipe.imaging.random_walker import INSIDE, OUTSIDE, Stop, random_walker
 from handpipe.imaging.sure_marks import sure_marks
 from handpipe.imaging.volume import Labels, Volume, box
 
@@ -184,7 +184,8 @@ def walk(
     problem: LocalProblem, spacing: NDArray, beta: float, start: NDArray | None = None
 ) -> NDArray[np.float64]:
     """The walker's probability (nx, ny, nz), as exact as claims need it."""
-    return random_walker(problem.values, problem.marks, beta, start, spacing=spacing, undecided=UNDECIDED)
+    stop = Stop(undecided=UNDECIDED)
+    return random_walker(problem.values, problem.marks, beta, start, spacing=spacing, stop=stop)
 
 
 def _problem(

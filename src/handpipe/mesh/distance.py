@@ -49,7 +49,7 @@ class Distance:
         if self._normals is None:
             self._normals = _pseudonormals(self.surface)
         normals = _normals_at(
-            closest, triangles, self.surface.vertices, self.surface.triangles, *self._normals, ON_EDGE
+            closest, triangles, self.surface.vertices, self.surface.triangles, self._normals, ON_EDGE
         )
         queries = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         side = np.einsum("ij,ij->i", queries - closest, normals)
@@ -85,7 +85,8 @@ def _pseudonormals(surface: Surface) -> tuple[Array, Array, Array]:
 
 
 @njit(cache=True)
-def _normals_at(closest, triangles, vertices, corners, face, edge, vertex, tolerance):  # type: ignore[no-untyped-def]
+def _normals_at(closest, triangles, vertices, corners, normals, tolerance):  # type: ignore[no-untyped-def]
+    face, edge, vertex = normals
     out = np.empty_like(closest)
     for i in range(len(closest)):
         t = triangles[i]

@@ -6,6 +6,8 @@ runs the other way, `out[v]` a half-edge that leaves vertex v. A removed triangl
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -16,6 +18,14 @@ IntArray = NDArray[np.int64]
 SPLIT = 4 / 3  # of the wanted length: halving and doubling then both come closer to it
 COLLAPSE = 4 / 5
 FLATNESS = 0.5  # least cosine between an old and a new triangle's normal
+
+
+class HalfEdges(NamedTuple):
+    """Corner and twin (3 k,) of each half-edge, and a half-edge `out` (n,) of each vertex."""
+
+    corner: IntArray
+    twin: IntArray
+    out: IntArray
 
 
 def build(triangles: IntArray) -> tuple[IntArray, IntArray]:
@@ -101,8 +111,9 @@ def _valence(a, twin, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def split_long(x, corner, twin, out, fixed, length, n_vertices, n_faces):  # type: ignore[no-untyped-def]
+def split_long(x, edges, fixed, length, n_vertices, n_faces):  # type: ignore[no-untyped-def]
     """Halve edges longer than SPLIT times `length`, but not between fixed vertices; returns new counts."""
+    corner, twin, out = edges
     faces_before = n_faces
     for h in range(3 * faces_before):
         if corner[h] < 0 or n_vertices == len(x) or n_faces + 2 > len(corner) // 3:
@@ -132,8 +143,9 @@ def split_long(x, corner, twin, out, fixed, length, n_vertices, n_faces):  # typ
 
 
 @njit(cache=True)
-def _fan_allows(a, skip1, skip2, p, x, corner, twin, out, longest):  # type: ignore[no-untyped-def]
+def _fan_allows(a, skip1, skip2, p, x, edges, longest):  # type: ignore[no-untyped-def]
     """Whether vertex a may move to p: no triangle around it turns over, no edge grows too long."""
+    corner, twin, out = edges
     h = out[a]
     while True:
         if h // 3 != skip1 and h // 3 != skip2:
@@ -150,7 +162,8 @@ def _fan_allows(a, skip1, skip2, p, x, corner, twin, out, longest):  # type: ign
 
 
 @njit(cache=True)
-def _may_collapse(h, p, x, corner, twin, out, longest):  # type: ignore[no-untyped-def]
+def _may_collapse(h, p, x, edges, longest):  # type: ignore[no-untyped-def]
+    corner, twin, out = edges
     t = twin[h]
     a, b, c, d = corner[h], corner[_next(h)], corner[_previous(h)], corner[_previous(t)]
     if c == d or _valence(c, twin, out) <= 3 or _valence(d, twin, out) <= 3:
@@ -164,14 +177,13 @@ def _may_collapse(h, p, x, corner, twin, out, longest):  # type: ignore[no-untyp
         if g == out[a]:
             break
     f1, f2 = h // 3, t // 3
-    return _fan_allows(a, f1, f2, p, x, corner, twin, out, longest) and _fan_allows(
-        b, f1, f2, p, x, corner, twin, out, longest
-    )
+    return _fan_allows(a, f1, f2, p, x, edges, longest) and _fan_allows(b, f1, f2, p, x, edges, longest)
 
 
 @njit(cache=True)
-def collapse_short(x, corner, twin, out, fixed, length, n_faces):  # type: ignore[no-untyped-def]
+def collapse_short(x, edges, fixed, length, n_faces):  # type: ignore[no-untyped-def]
     """Merge the ends of edges shorter than COLLAPSE times `length`, where the surface stays a manifold."""
+    corner, twin, out = edges
     for h in range(3 * n_faces):
         if corner[h] < 0:
             continue
@@ -180,7 +192,7 @@ def collapse_short(x, corner, twin, out, fixed, length, n_faces):  # type: ignor
         if fixed[a] or _distance(x, a, b) >= COLLAPSE * length:
             continue
         p = x[b].copy() if fixed[b] else 0.5 * (x[a] + x[b])
-        if not _may_collapse(h, p, x, corner, twin, out, SPLIT * length):
+        if not _may_collapse(h, p, x, edges, SPLIT * length):
             continue
         c, d = corner[_previous(h)], corner[_previous(t)]
         ta, tb, sa, sb = twin[_previous(h)], twin[_next(h)], twin[_next(t)], twin[_previous(t)]
@@ -200,8 +212,9 @@ def collapse_short(x, corner, twin, out, fixed, length, n_faces):  # type: ignor
 
 
 @njit(cache=True)
-def flip_to_delaunay(x, corner, twin, out, fixed, n_faces):  # type: ignore[no-untyped-def]
+def flip_to_delaunay(x, edges, fixed, n_faces):  # type: ignore[no-untyped-def]
     """One sweep of flips of edges whose opposite angles sum to more than pi; returns how many."""
+    corner, twin, out = edges
     count = 0
     for h in range(3 * n_faces):
         if corner[h] < 0 or twin[h] < h:

@@ -44,18 +44,18 @@ def remesh_free(
         x, out, held = (_grown(array, n_vertices + needed) for array in (x, out, held))
         corner, twin = (_grown(array, 3 * n_faces + 6 * needed) for array in (corner, twin))
         corner[3 * n_faces :] = -1
-        n_vertices, n_faces = halfedges.split_long(
-            x, corner, twin, out, held, edge_length, n_vertices, n_faces
-        )
-        halfedges.collapse_short(x, corner, twin, out, held, edge_length, n_faces)
+        edges = halfedges.HalfEdges(corner, twin, out)
+        n_vertices, n_faces = halfedges.split_long(x, edges, held, edge_length, n_vertices, n_faces)
+        halfedges.collapse_short(x, edges, held, edge_length, n_faces)
         for _ in range(5):
-            if halfedges.flip_to_delaunay(x, corner, twin, out, held, n_faces) == 0:
+            if halfedges.flip_to_delaunay(x, edges, held, n_faces) == 0:
                 break
         x, corner, twin, out, held = _squeezed(x, corner, twin, held, n_vertices, n_faces)
         n_vertices, n_faces = len(x), len(corner) // 3
         x = _relaxed(x, corner.reshape(-1, 3), held, project)
+    edges = halfedges.HalfEdges(corner, twin, out)
     for _ in range(5):
-        halfedges.flip_to_delaunay(x, corner, twin, out, held, n_faces)
+        halfedges.flip_to_delaunay(x, edges, held, n_faces)
         x = _relaxed(x, corner.reshape(-1, 3), held, project)
     return Surface(x, corner.reshape(-1, 3))
 

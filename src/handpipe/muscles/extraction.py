@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,44 @@ POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 
 
 @dataclass(frozen=True)
+class PoseData:
+    """What is known of all muscles in one example pose.
+
+    transforms: bone -> from neutral into the volume's frame; volume: reads the image; points: markers (r, 3)
+    that a person has placed, by muscle; landmarks: places (3,) by muscle and label; flesh: the soft tissue,
+    in the volume's frame, where it is known.
+    """
+
+    transforms: Mapping[str, RigidTransform]
+    volume: Callable[[], Volume]
+    points: Mapping[str, Array] = field(default_factory=dict)
+    landmarks: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
+    flesh: Shape | None = None
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What tells the shape of one muscle in one pose.
+
+    volume: the image; others: about where the other muscles are; bones: distance from all bones; points:
+    markers (r, 3) that a person has placed, in place of those found in the image; landmarks: places (3,) by
+    label.
+    """
+
+    volume: Volume
+    others: Sequence[Surface] = ()
+    bones: Distance | None = None
+    points: Array | None = None
+    landmarks: Mapping[str, Array] | None = None
+
+    def markers(self, body: Body, settings: MarkerSettings | None) -> FindMarkers:
+        """The placed markers, or those that the image shows."""
+        if self.points is not None:
+            return fixed_markers(self.points)
+        return image_markers(self.volume, body, settings, self.others, self.bones)
+
+
+@dataclass(frozen=True)
 class Extraction:
     """A muscle in one pose: surface and mesh vertices (n, 3), and how they were found.
 
@@ -76,31 +114,26 @@ class Extraction:
 
 def extract_neutral(
     guess: Guess,
-    volume: Volume,
+    evidence: Evidence,
     *,
     edge: float = 1.8,
-    others: Sequence[Surface] = (),
-    bones: Distance | None = None,
-    points: Array | None = None,
-    landmarks: Mapping[str, Array] | None = None,
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> tuple[Body, Extraction]:
     """The neutral shape from a placed template, and the body that later stages deform.
 
     The fitted surface is filled with new tetrahedra of about `edge` mm, since fitting has strained the first
-    ones. points (r, 3): hand-placed markers, in place of those found in the image; others: guesses of the
-    other muscles; bones: distance from all bones in neutral.
+    ones. evidence: of the neutral pose, with guesses of the other muscles.
     """
     first = Body.of(guess.surface, guess.attachments, edge, guess.landmarks)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
-    find = image_markers(volume, first, markers, others, bones) if points is None else fixed_markers(points)
-    extraction = _extract(first, still, first.mesh.vertices, find, options or NEUTRAL, landmarks)
+    find, bones = evidence.markers(first, markers), evidence.bones
+    extraction = _extract(first, still, first.mesh.vertices, find, options or NEUTRAL, evidence.landmarks)
     body = Body.of(extraction.surface, guess.attachments, edge, guess.landmarks)
     if bones is not None:
         body = replace(body, visible=body.visible | (bones.signed(body.surface.vertices)[0] >= ON_BONE))
-    if points is None:
-        found = image_markers(volume, body, markers, others, bones)(body.surface)
+    if evidence.points is None:
+        found = evidence.markers(body, markers)(body.surface)
         assert found.vertices is not None
         body = replace(body, visible=_mostly(body.surface, found.vertices))
     return body, replace(extraction, vertices=body.mesh.vertices)
@@ -110,88 +143,65 @@ def extract_pose(
     body: Body,
     bones: Mapping[str, Surface],
     transforms: Mapping[str, RigidTransform],
-    volume: Volume,
+    evidence: Evidence,
     *,
     start: Array | None = None,
-    others: Sequence[Surface] = (),
-    posed_bones: Distance | None = None,
-    points: Array | None = None,
-    landmarks: Mapping[str, Array] | None = None,
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> Extraction:
     """The shape in an example pose, from the neutral body held by the moved bones where it lies on them.
 
     An end that lies on no bone is held where it is found. bones: neutral bone surfaces; transforms: from
-    neutral into the volume's frame; start: mesh vertices (n, 3) of a better first guess, as simulated from
-    poses already known; others: where the other muscles are about in this pose; posed_bones: distance from
-    all bones there.
+    neutral into the volume's frame; evidence: of this pose; start: mesh vertices (n, 3) of a better
+    first guess, as simulated from poses already known.
     """
     x = body.follow(bones, transforms) if start is None else start
     held = body.on_bones(bones)
     loose = [body.matrix[ids] for bone, ids in body.attachments.items() if not len(held.attachments[bone])]
-    if points is None:
-        find = image_markers(volume, held, markers or SEARCH, others, posed_bones)
-    else:
-        find = fixed_markers(points)
-    return _extract(held, transforms, x, find, options or POSED, landmarks, loose)
+    find = evidence.markers(held, markers or SEARCH)
+    return _extract(held, transforms, x, find, options or POSED, evidence.landmarks, loose)
 
 
 def extract_poses(
     bodies: Mapping[str, Body],
     bones: Mapping[str, Surface],
-    transforms: Mapping[str, Mapping[str, RigidTransform]],
-    volume: Callable[[str], Volume],
+    poses: Mapping[str, PoseData],
     *,
-    points: Mapping[tuple[str, str], Array] | None = None,
-    landmarks: Mapping[tuple[str, str], Mapping[str, Array]] | None = None,
-    flesh: Mapping[str, Shape] | None = None,
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> dict[str, dict[str, Extraction]]:
     """The shapes of all muscles in all example poses, pose -> muscle -> shape.
 
     Each pose is guessed from the flesh that carries the muscles there, where that is known, and from the most
-    similar pose that is known already; each muscle knows where its neighbours are. transforms: pose -> bone
-    -> from neutral; volume(pose) reads the image; points: hand-placed markers, and landmarks by label, by
-    (pose, muscle); flesh: in each pose, in its volume's frame.
+    similar pose that is known already; each muscle knows where its neighbours are. bones: neutral surfaces.
     """
     still = {b: RigidTransform.identity() for b in bones}
     known: dict[str, tuple[Mapping[str, RigidTransform], dict[str, Array]]] = {}
     known[""] = (still, {m: b.mesh.vertices for m, b in bodies.items()})
     found: dict[str, dict[str, Extraction]] = {}
-    embeddings = _in_flesh(bodies, next(iter(flesh.values()))) if flesh else {}
-    while len(found) < len(transforms):
+    fleshes = [data.flesh for data in poses.values() if data.flesh is not None]
+    embeddings = _in_flesh(bodies, fleshes[0]) if fleshes else {}
+    while len(found) < len(poses):
         left = [
-            (_apart(transforms[p], known[q][0], bodies), p, q)
-            for p in transforms
+            (_apart(poses[p].transforms, known[q][0], bodies), p, q)
+            for p in poses
             if p not in found
             for q in known
         ]
         _, pose, near = min(left)
         log.info("%s: guessed from %s", pose, near or "neutral")
-        moved, image = transforms[pose], volume(pose)
+        data = poses[pose]
+        moved, image = data.transforms, data.volume()
         guesses = {
             m: _guesses(b, bones, moved, (known[near][0], known[near][1][m]), image)
             for m, b in bodies.items()
         }
-        if flesh:
+        if data.flesh is not None:
             for m, embedding in embeddings.items():
-                guesses[m] = _unlike([embedding(flesh[pose].vertices), *guesses[m]])
-        posed = _Pose(
-            pose,
-            bodies,
-            bones,
-            moved,
-            image,
-            points={m: given for (p, m), given in (points or {}).items() if p == pose},
-            landmarks={m: given for (p, m), given in (landmarks or {}).items() if p == pose},
-            markers=markers,
-            options=options,
-        )
-        found[pose] = posed.fitted(guesses)
+                guesses[m] = _unlike([embedding(data.flesh.vertices), *guesses[m]])
+        found[pose] = _Pose(pose, bodies, bones, data, image, markers, options).fitted(guesses)
         known[pose] = moved, {m: e.vertices for m, e in found[pose].items()}
-    return {pose: found[pose] for pose in transforms}
+    return {pose: found[pose] for pose in poses}
 
 
 def _in_flesh(bodies: Mapping[str, Body], flesh: Shape) -> dict[str, Embedding]:
@@ -242,18 +252,14 @@ class _Pose:
         name: str,
         bodies: Mapping[str, Body],
         bones: Mapping[str, Surface],
-        transforms: Mapping[str, RigidTransform],
+        data: PoseData,
         image: Volume,
-        *,
-        points: Mapping[str, Array],
-        landmarks: Mapping[str, Mapping[str, Array]],
         markers: MarkerSettings | None,
         options: ShapeOptions | None,
     ) -> None:
         self.name, self.bodies, self.image = name, bodies, image
-        self.bones, self.transforms = bones, transforms
-        self.points, self.landmarks, self.markers, self.options = points, landmarks, markers, options
-        self.posed_bones = each_moved(bones, transforms)
+        self.bones, self.data, self.markers, self.options = bones, data, markers, options
+        self.posed_bones = each_moved(bones, data.transforms)
         self.there = Distance(concatenate([*self.posed_bones.values()]))
         self.found: dict[str, Extraction] = {}
 
@@ -276,16 +282,19 @@ class _Pose:
 
     def _try(self, name: str, start: Array, guess: str) -> None:
         """Fit a muscle from a guess, and keep that where more of its boundary is seen than before."""
+        evidence = Evidence(
+            self.image,
+            others=[b.surface_at(self.x[m]) for m, b in self.bodies.items() if m != name],
+            bones=self.there,
+            points=self.data.points.get(name),
+            landmarks=self.data.landmarks.get(name),
+        )
         new = extract_pose(
             self.bodies[name],
             self.bones,
-            self.transforms,
-            self.image,
+            self.data.transforms,
+            evidence,
             start=start,
-            others=[b.surface_at(self.x[m]) for m, b in self.bodies.items() if m != name],
-            posed_bones=self.there,
-            points=self.points.get(name),
-            landmarks=self.landmarks.get(name),
             markers=self.markers,
             options=self.options,
         )

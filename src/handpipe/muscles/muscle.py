@@ -19,13 +19,41 @@ from handpipe.mesh.surface import Surface
 from handpipe.muscles.bed import Bed
 from handpipe.muscles.body import ON_BONE, Body
 from handpipe.muscles.neighbours import touching
-from handpipe.muscles.pose_strains import PoseStrains, StrainOptions, fit_pose_strains
+from handpipe.muscles.pose_strains import KnownShape, PoseStrains, StrainOptions, fit_pose_strains
 from handpipe.skeleton.pose_space import Interpolation, PoseSpace
 
 Array = NDArray[np.float64]
 
 KIND = "muscle"
 TOUCHING = 0.2  # mm to a neighbour: separated muscles that press on one another are 0.05 mm apart
+
+
+@dataclass(frozen=True)
+class Examples:
+    """The example poses of a subject, in the rig's frame.
+
+    parents: bone -> parent; neutral: its name; transforms: pose -> bone -> from neutral, in the order of the
+    result; interpolation: of the pose space; flesh: in neutral and in each of these poses, if it is known.
+    """
+
+    parents: Mapping[str, str]
+    neutral: str
+    transforms: Mapping[str, Mapping[str, RigidTransform]]
+    interpolation: Interpolation = "rbf"
+    flesh: Mapping[str, Shape] | None = None
+
+
+@dataclass(frozen=True)
+class SeparatedShape:
+    """A muscle in an example pose: separated surface, stage 1's mesh vertices (n, 3), and what is around it.
+
+    Attached vertices of the surface are seated on their bones. neighbours: other muscles and bones, into
+    which it is not to be smoothed.
+    """
+
+    surface: Surface
+    start: Array
+    neighbours: Sequence[Surface] = ()
 
 
 @dataclass(frozen=True)
@@ -47,28 +75,20 @@ class Muscle:
     bed: Bed | None = None
 
     @staticmethod
-    def of(
-        name: str,
-        body: Body,
-        parents: Mapping[str, str],
-        neutral: str,
-        transforms: Mapping[str, Mapping[str, RigidTransform]],
-        fit: PoseStrains,
-        interpolation: Interpolation = "rbf",
-        flesh: Mapping[str, Shape] | None = None,
-    ) -> Muscle:
-        """From the strains of example poses, whose transforms are pose -> bone -> from neutral; parents: bone
-        -> parent; flesh: in neutral and in each of these poses, if it is known.
+    def of(name: str, body: Body, examples: Examples, fit: PoseStrains) -> Muscle:
+        """From the strains of example poses.
 
         Radial functions with a linear part follow the trend between examples, where positive weights are
         flat: measured in held-out poses of a phantom, surfaces were two to four times nearer to the truth.
         """
         still = {bone: RigidTransform.identity() for bone in body.attachments}
-        own = [{b: t[b] for b in body.attachments} for t in transforms.values()]
-        poses = {neutral: still, **transforms}
-        space = PoseSpace.build(list(body.attachments), parents, poses, interpolation, body.held_by_bone)
+        own = [{b: t[b] for b in body.attachments} for t in examples.transforms.values()]
+        poses = {examples.neutral: still, **examples.transforms}
+        bones, held = list(body.attachments), body.held_by_bone
+        space = PoseSpace.build(bones, examples.parents, poses, examples.interpolation, held)
         logs = np.stack([np.zeros((len(body.mesh.tets), 6)), *(plasticity.log(s) for s in fit.strains)])
         vertices = np.concatenate([body.mesh.vertices[None], fit.vertices])
+        flesh = examples.flesh
         bed = Bed.of(vertices, [flesh[pose] for pose in poses]) if flesh else None
         return Muscle(name, body, space, logs, vertices, (still, *own), bed)
 
@@ -76,34 +96,19 @@ class Muscle:
     def fit(
         name: str,
         body: Body,
-        parents: Mapping[str, str],
-        neutral: str,
-        transforms: Mapping[str, Mapping[str, RigidTransform]],
-        surfaces: Mapping[str, Surface],
-        starts: Mapping[str, Array],
+        examples: Examples,
+        shapes: Mapping[str, SeparatedShape],
         options: StrainOptions | None = None,
-        interpolation: Interpolation = "rbf",
-        neighbours: Mapping[str, Sequence[Surface]] | None = None,
-        flesh: Mapping[str, Shape] | None = None,
     ) -> tuple[Muscle, PoseStrains]:
-        """Stage 3: a muscle from its separated surfaces and stage 1's mesh vertices (n, 3), both by pose.
-
-        neighbours: other muscles and bones by pose, into which it is not to be smoothed. `transforms` holds
-        the example poses, in the order of the result; held vertices of `surfaces` are seated. flesh: as `of`
-        has it.
-        """
-        space = PoseSpace.build(list(body.attachments), parents, transforms, points=body.held_by_bone)
-        fit = fit_pose_strains(
-            body.mesh,
-            body.matrix,
-            [surfaces[p].vertices for p in transforms],
-            space.examples,
-            [starts[p] for p in transforms],
-            body.held,
-            [touching(surfaces[p], (neighbours or {}).get(p, ()), TOUCHING) for p in transforms],
-            options,
-        )
-        return Muscle.of(name, body, parents, neutral, transforms, fit, interpolation, flesh), fit
+        """Stage 3: a muscle from its shapes by pose, those of all example poses."""
+        poses = examples.transforms
+        space = PoseSpace.build(list(body.attachments), examples.parents, poses, points=body.held_by_bone)
+        given = [
+            KnownShape(s.surface.vertices, s.start, touching(s.surface, s.neighbours, TOUCHING))
+            for s in (shapes[pose] for pose in poses)
+        ]
+        fit = fit_pose_strains(body.mesh, body.matrix, given, space.examples, body.held, options)
+        return Muscle.of(name, body, examples, fit), fit
 
     def places(
         self,

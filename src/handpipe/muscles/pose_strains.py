@@ -50,6 +50,19 @@ class StrainOptions:
     steps: int = 30
 
 
+@dataclass(frozen=True)
+class KnownShape:
+    """A muscle in one example pose.
+
+    surface (v, 3): the points that the embedding carries, the same ones in each pose; start (n, 3): mesh
+    vertices to begin with; touching (k,): surface vertices that touch a neighbour.
+    """
+
+    surface: Array
+    start: Array
+    touching: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+
+
 @dataclass
 class PoseStrains:
     """vertices (N, n, 3) and plastic strains (N, m, 6) in the N example poses; gamma; largest distance (N,)
@@ -78,29 +91,29 @@ def pose_laplacian(poses: Array) -> Array:
 def fit_pose_strains(
     rest: TetMesh,
     embedding: sparse.csr_matrix,
-    surfaces: Sequence[Array],
+    shapes: Sequence[KnownShape],
     poses: Array,
-    starts: Sequence[Array],
     held: IntArray | None = None,
-    touching: Sequence[IntArray] | None = None,
     options: StrainOptions | None = None,
 ) -> PoseStrains:
     """Plastic strains of a muscle in its example poses.
 
-    rest: neutral mesh; embedding (v, n) carries its surface; surfaces: N arrays (v, 3), the same points in
-    each example pose; poses (N, d): pose vectors in rad, neutral at the origin; starts: N arrays (n, 3) of
-    mesh vertices to begin with; held: surface vertices (t,) that are attached, and exact in `surfaces`;
-    touching: those of each pose that touch a neighbour. Raises `ConvergenceError` where a tet stays inverted.
+    rest: neutral mesh; embedding (v, n) carries its surface; shapes: in the N example poses; poses (N, d):
+    pose vectors in rad, neutral at the origin; held: surface vertices (t,) that are attached, and exact in
+    the surfaces. Raises `ConvergenceError` where a tet stays inverted.
     """
     options = options or StrainOptions()
-    weights = np.full((len(surfaces), embedding.shape[0]), options.alpha)
+    weights = np.full((len(shapes), embedding.shape[0]), options.alpha)
     weights[:, [] if held is None else held] = options.held
-    for own, ids in zip(weights, touching or (), strict=False):
-        own[ids] = options.held
+    for own, shape in zip(weights, shapes, strict=True):
+        own[shape.touching] = options.held
     space = pose_laplacian(np.vstack([np.zeros(poses.shape[1]), poses]))
     stretch, laplacian = StretchField(rest), tet_laplacian(rest.tets)
-    blocks = [_Block(stretch, laplacian, embedding, own, y) for own, y in zip(weights, surfaces, strict=True)]
-    x = [b.alone(start, options.steps) for b, start in zip(blocks, starts, strict=True)]
+    blocks = [
+        _Block(stretch, laplacian, embedding, own, shape.surface)
+        for own, shape in zip(weights, shapes, strict=True)
+    ]
+    x = [b.alone(shape.start, options.steps) for b, shape in zip(blocks, shapes, strict=True)]
     descent = _Descent(blocks, space, options)
     alone = descent.largest(x)
     log.info("poses alone: largest distance %.3f mm", alone.max())

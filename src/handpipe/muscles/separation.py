@@ -18,7 +18,7 @@ from scipy.sparse.linalg import splu
 from handpipe import artifacts
 from handpipe.errors import ConvergenceError
 from handpipe.fem import equilibrium
-from handpipe.fem.barrier import Barrier
+from handpipe.fem.barrier import Barrier, CollidingPairs
 from handpipe.fem.potential import Potential
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.operators import mass_lumped
@@ -161,8 +161,7 @@ class _Scene:
             clearance,
             STIFFNESS,
             obstacle=_joined(self.bones),
-            rest=self.rest(),
-            allowed=collision_filter(bodies),
+            pairs=CollidingPairs(allowed=collision_filter(bodies), rest=self.rest()),
         )
 
 

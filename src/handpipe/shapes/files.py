@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import meshio
 import numpy as np
@@ -18,9 +17,7 @@ from handpipe.mesh.surface import Surface, write_surface
 from handpipe.mesh.tet_files import read_tets
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
-
-if TYPE_CHECKING:
-    from handpipe.shapes.organ import OrganFit
+from handpipe.shapes.organ import OrganFit
 
 Array = NDArray[np.float64]
 

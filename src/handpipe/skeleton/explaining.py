@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +17,9 @@ from scipy.optimize import least_squares
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.angles import Angles
 from handpipe.skeleton.displacement import displacement, displacement_rates, moments
+from handpipe.skeleton.joint_tree import JointTree
 from handpipe.skeleton.joints import Model
 from handpipe.skeleton.twists import moving_bones
-
-if TYPE_CHECKING:
-    from handpipe.skeleton.rig import Rig
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -43,7 +40,7 @@ class Explained:
     undetermined: frozenset[str]
 
 
-def explain(rig: Rig, transforms: Bones, model: Model = "full") -> Explained:
+def explain(rig: JointTree, transforms: Bones, model: Model = "full") -> Explained:
     """Angles that bring the bones nearest to given transforms, with the root where it is given.
 
     The distance is the mean square displacement of all bones' vertices, which weighs rotations and
@@ -63,7 +60,7 @@ def explain(rig: Rig, transforms: Bones, model: Model = "full") -> Explained:
 class _Problem:
     """One pose's least squares over the angles that any of its bones depends on (free)."""
 
-    def __init__(self, rig: Rig, transforms: Bones, model: Model) -> None:
+    def __init__(self, rig: JointTree, transforms: Bones, model: Model) -> None:
         self.rig, self.transforms, self.model = rig, transforms, model
         self.wanted = {j.child: transforms[j.child] for j in rig.joints if j.child in transforms}
         self.of_bones = {bone: moments(rig.surfaces[bone]) for bone in self.wanted}

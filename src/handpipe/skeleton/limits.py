@@ -9,16 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.angles import Angles
-
-if TYPE_CHECKING:
-    from handpipe.skeleton.rig import Rig, RigJoint
+from handpipe.skeleton.joint_tree import JointTree, RigJoint
 
 Array = NDArray[np.float64]
 Limits = dict[str, tuple[float, float]]
@@ -72,7 +69,7 @@ class AngleRange:
         return min(lower, self.reference[0]), max(upper, self.reference[1])
 
 
-def angle_ranges(rig: Rig) -> dict[str, AngleRange]:
+def angle_ranges(rig: JointTree) -> dict[str, AngleRange]:
     """Seen and published range of every angle.
 
     References measure flexion from the straight finger, a rig from its neutral pose: their range is moved by
@@ -90,12 +87,12 @@ def angle_ranges(rig: Rig) -> dict[str, AngleRange]:
     return ranges
 
 
-def widened_limits(rig: Rig) -> Limits:
+def widened_limits(rig: JointTree) -> Limits:
     """Limits in rad of every angle: what the rig's poses show, and all that the references allow besides."""
     return {name: angle.widened for name, angle in angle_ranges(rig).items()}
 
 
-def limit_rows(rig: Rig) -> list[dict[str, str | float]]:
+def limit_rows(rig: JointTree) -> list[dict[str, str | float]]:
     """A row an angle, in deg: range seen, range published (absent if it is not), and the limits in use."""
     rows = []
     for name, angle in angle_ranges(rig).items():
@@ -116,7 +113,7 @@ def seen_ranges(poses: Mapping[str, Angles]) -> Limits:
     return {n: (min(v), max(v)) for n, v in values.items()}
 
 
-def neutral_bend(rig: Rig, joint: RigJoint, index: int) -> float:
+def neutral_bend(rig: JointTree, joint: RigJoint, index: int) -> float:
     """Angle in rad about one of the joint's axes from the parent's long axis to the child's, in neutral.
 
     Zero where a bone has no long axis, as a carpal has none.

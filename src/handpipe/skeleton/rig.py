@@ -17,11 +17,12 @@ from handpipe.errors import InputError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-from handpipe.skeleton.angles import Angles, check_angles
+from handpipe.skeleton.angles import Angles
 from handpipe.skeleton.axes import Axes
 from handpipe.skeleton.bodies import moved_as_one
 from handpipe.skeleton.explaining import explain
 from handpipe.skeleton.joint_knowledge import JointKnowledge
+from handpipe.skeleton.joint_tree import Bones, FittedPose, JointTree, RigJoint
 from handpipe.skeleton.joint_types import fit_best
 from handpipe.skeleton.joints import JointFit, Model, fit_joint
 from handpipe.skeleton.limits import widened_limits
@@ -30,65 +31,13 @@ from handpipe.skeleton.residual import Residual
 from handpipe.skeleton.rig_groups import angles_of_group, knowledge_of_group, rig_groups, rig_units
 
 Array = NDArray[np.float64]
-Bones = Mapping[str, RigidTransform]
 LOG = logging.getLogger(__name__)
 ANY_ANGLE = ((-180.0, 180.0),)
 
 
 @dataclass(frozen=True)
-class RigJoint:
-    """A fitted joint in the tree: names of its angles, and their limits (dof, 2) in rad."""
-
-    name: str
-    parent: str
-    child: str
-    angles: tuple[str, ...]
-    limits: Array
-    fit: JointFit
-    knowledge: JointKnowledge | None = None  # of a joint that was fitted to poses
-
-
-@dataclass(frozen=True)
-class FittedPose:
-    """A scanned pose as the rig explains it: the root bone's registered transform, and the angles in rad.
-
-    undetermined: names of angles that the pose's bones do not tell; their values are assumed.
-    """
-
-    root: RigidTransform
-    angles: Angles
-    undetermined: frozenset[str] = frozenset()
-
-    @property
-    def known(self) -> Angles:
-        """The angles that the pose's bones tell."""
-        return {name: value for name, value in self.angles.items() if name not in self.undetermined}
-
-
-class ScannedBones(dict[str, RigidTransform]):
-    """Bone -> transform in a scanned pose; to ask for a bone that the pose does not tell is an error."""
-
-    def __init__(self, pose: str, bones: Bones) -> None:
-        super().__init__(bones)
-        self.pose = pose
-
-    def __missing__(self, bone: str) -> RigidTransform:
-        raise InputError(
-            "rig",
-            f"poses.{self.pose}",
-            f"nothing in this pose's scan tells where {bone} is, which what is modelled needs",
-            "Correct it by `scribbles` in the dataset file, or leave the pose out",
-        )
-
-
-@dataclass(frozen=True)
-class Rig:
-    """Joints in order from the root outwards; neutral bone surfaces; scanned poses as it explains them."""
-
-    root: str
-    joints: tuple[RigJoint, ...]
-    surfaces: dict[str, Surface]
-    poses: dict[str, FittedPose]
+class Rig(JointTree):
+    """A tree of joints that is fitted to scanned poses, and kept in a file."""
 
     @staticmethod
     def fit(
@@ -162,61 +111,6 @@ class Rig:
             else:
                 LOG.warning("%s is left out: it lacks the root bone %s", pose, self.root)
         return poses
-
-    @property
-    def bones(self) -> tuple[str, ...]:
-        """Bone names, the root first, parents before children."""
-        return (self.root, *(j.child for j in self.joints))
-
-    @property
-    def parents(self) -> dict[str, str]:
-        """Bone -> parent bone, without the root."""
-        return {j.child: j.parent for j in self.joints}
-
-    @property
-    def angle_names(self) -> tuple[str, ...]:
-        """Names of all angles, in the order of the joints."""
-        return tuple(name for j in self.joints for name in j.angles)
-
-    @property
-    def limits(self) -> dict[str, tuple[float, float]]:
-        """Angle name -> lower and upper limit in rad."""
-        return {
-            n: (float(a), float(b)) for j in self.joints for n, (a, b) in zip(j.angles, j.limits, strict=True)
-        }
-
-    def check_limits(self, angles: Mapping[str, float], source: str | Path) -> None:
-        """Raise `InputError` for an angle (rad) that is unknown, missing, not finite or beyond its limits."""
-        check_angles(angles, self.limits, source)
-
-    def bone_transforms(
-        self, angles: Mapping[str, float], root: RigidTransform | None = None, model: Model = "full"
-    ) -> dict[str, RigidTransform]:
-        """Transforms from neutral of all bones at the given angles in rad (Wang 2019, Eq. 2).
-
-        root: the root bone's transform, at rest if None; model "partial" leaves the residual motions out.
-        """
-        transforms = {self.root: RigidTransform.identity() if root is None else root}
-        for joint in self.joints:
-            values = np.array([angles[n] for n in joint.angles])
-            transforms[joint.child] = transforms[joint.parent] @ joint.fit.transform(values, model)
-        return transforms
-
-    def scanned_bones(self, pose: str) -> ScannedBones:
-        """Transforms from neutral of a scanned pose's bones, the root at rest, as the rig explains them.
-
-        A bone that hangs on an angle that the pose does not tell is not among them. Raises `InputError` for
-        a pose that the rig does not explain.
-        """
-        if pose not in self.poses:
-            problem = f"its root bone {self.root} is missing or in doubt"
-            raise InputError("rig", f"poses.{pose}", problem, "Mend its seeds, or leave the pose out")
-        fitted, known = self.poses[pose], {self.root}
-        for joint in self.joints:
-            if joint.parent in known and not fitted.undetermined & set(joint.angles):
-                known.add(joint.child)
-        found = self.bone_transforms(fitted.angles)
-        return ScannedBones(pose, {bone: t for bone, t in found.items() if bone in known})
 
     def angles_of(self, transforms: Bones, model: Model = "full") -> Angles:
         """Angles in rad that bring the bones nearest to given transforms, with the root where it is given.

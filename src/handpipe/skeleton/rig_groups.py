@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.skeleton.angles import Angles
 from handpipe.skeleton.joint_knowledge import JointKnowledge
+from handpipe.skeleton.joint_tree import JointTree
 from handpipe.skeleton.limits import angle_ranges
 
-if TYPE_CHECKING:
-    from handpipe.skeleton.rig import Rig
 
-
-def rig_groups(rig: Rig) -> dict[str, Any]:
+def rig_groups(rig: JointTree) -> dict[str, Any]:
     """Nested data of a rig: joints, neutral bones and explained poses.
 
     A pose's `angles` are NaN where its bones do not tell them; `assumed` then holds the values in use.
@@ -89,7 +87,7 @@ def angles_of_group(
     return found, frozenset(n for n, a in zip(names, angles, strict=True) if np.isnan(a))
 
 
-def rig_units(rig: Rig) -> dict[str, str]:
+def rig_units(rig: JointTree) -> dict[str, str]:
     """Units by the keys of `rig_groups`."""
     units = {f"surfaces/{b}/vertices": "mm" for b in rig.surfaces}
     for j in rig.joints:

@@ -13,9 +13,10 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.metrics import Metrics
 from handpipe.skeleton.bodies import moved_as_one
+from handpipe.skeleton.joint_tree import Bones, RigJoint
 from handpipe.skeleton.joints import JointFit, Model, fit_joint
 from handpipe.skeleton.motions import BoneNoise, Registrations, joint_motions
-from handpipe.skeleton.rig import Bones, Rig, RigJoint, joint_point
+from handpipe.skeleton.rig import Rig, joint_point
 
 Array = NDArray[np.float64]
 MODELS: tuple[tuple[Model, str], ...] = (("full", "FM"), ("partial", "PM"))

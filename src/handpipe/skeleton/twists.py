@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.mesh.rigid import RigidTransform
+from handpipe.skeleton.joint_tree import JointTree
 from handpipe.skeleton.joints import Model
-
-if TYPE_CHECKING:
-    from handpipe.skeleton.rig import Rig
 
 Array = NDArray[np.float64]
 
@@ -22,7 +19,7 @@ Array = NDArray[np.float64]
 class MovingBone:
     """A bone's transform from neutral, and its twists for a unit rate of each of the rig's angles.
 
-    angular (n, 3) in 1, linear (n, 3) in mm per rad, in the order of `Rig.angle_names`: a point of the bone
+    angular (n, 3) in 1, linear (n, 3) in mm per rad, in the order of `angle_names`: a point of the bone
     at x moves with angular x x + linear (cross product).
     """
 
@@ -36,9 +33,9 @@ class MovingBone:
 
 
 def moving_bones(
-    rig: Rig, angles: Mapping[str, float], root: RigidTransform | None = None, model: Model = "full"
+    rig: JointTree, angles: Mapping[str, float], root: RigidTransform | None = None, model: Model = "full"
 ) -> dict[str, MovingBone]:
-    """Bones at the given angles in rad with their twists; `root` and `model` as in `Rig.bone_transforms`.
+    """Bones at the given angles in rad with their twists; `root` and `model` as in `bone_transforms`.
 
     A child has its parent's twists and those of its own joint, carried by the parent's transform.
     """

@@ -134,28 +134,34 @@ class Tendon:
         )
 
 
+@dataclass(frozen=True)
+class RegisteredRods:
+    """Rods in example poses, the neutral pose among them with the rest rod and identities.
+
+    rods: pose -> x (Q+1, 3); poses: pose -> bone -> transform from neutral; parents: bone -> parent, for the
+    pose spaces; flesh: the soft tissue in each pose, if it may carry hooks.
+    """
+
+    rods: Mapping[str, Array]
+    poses: Mapping[str, Mapping[str, RigidTransform]]
+    parents: Mapping[str, str]
+    flesh: Mapping[str, Shape] | None = None
+
+
 def build_tendon(
     name: str,
     rest: RestTendon,
     radius: float,
     neutral_bones: Mapping[str, Surface],
-    rods: Mapping[str, Array],
-    poses: Mapping[str, Mapping[str, RigidTransform]],
-    parents: Mapping[str, str],
-    flesh: Mapping[str, Shape] | None = None,
+    examples: RegisteredRods,
 ) -> Tendon:
-    """Fit hooks to registered rods: pose name -> x (Q+1, 3), and pose name -> bone -> transform from neutral.
-
-    The neutral pose belongs in both, with the rest rod and identities.
-    `parents` is bone -> parent bone, for the pose spaces; flesh: the soft tissue in each pose, if it may
-    carry hooks.
-    """
-    base = rest.bones[-1]
+    """Fit hooks to registered rods; radius in mm."""
+    base, rods, poses, parents = rest.bones[-1], examples.rods, examples.poses, examples.parents
     relative = {pose: relative_to(poses[pose], base) for pose in rods}
     local = {pose: poses[pose][base].inverse()(x) for pose, x in rods.items()}
     space = PoseSpace.build(rest.bones, parents, relative)
     spaces = LocalPoseSpaces.build(rest.bones, parents, relative)
-    flesh = flesh or {}
+    flesh = examples.flesh or {}
     around = {
         pose: replace(flesh[pose], vertices=poses[pose][base].inverse()(flesh[pose].vertices))
         for pose in rods

@@ -99,7 +99,7 @@ def add_stiffness(elements: Elements, cells: IntArray, tangents: Array, data: Ar
     """Add sum_q V_q G^T C G of some cells (c,) to the data of the elements' pattern; tangents (c q, 9, 9)."""
     e, pattern = elements, elements.pattern
     tangents = tangents.reshape(len(cells), e.volumes.shape[1], 9, 9)
-    _add_stiffness(cells, e.gradients, e.volumes, tangents, pattern.slots, pattern.strides, e.cells, data)
+    _add_stiffness(cells, (e.cells, e.gradients, e.volumes), tangents, pattern.slots, pattern.strides, data)
 
 
 def semidefinite(tangents: Array) -> Array:
@@ -152,15 +152,14 @@ def _add_force_sizes(cells: IntArray, gradients: Array, volumes: Array, stress: 
 @njit(cache=True)
 def _add_stiffness(
     which: IntArray,
-    gradients: Array,
-    volumes: Array,
+    elements: tuple[IntArray, Array, Array],
     tangent: Array,
     slots: Int32Array,
     strides: Int32Array,
-    cells: IntArray,
     data: Array,
 ) -> None:
-    """Of a cell only the pairs of nodes b >= a are computed."""
+    """Of a cell only the pairs of nodes b >= a are computed; elements: all cells, gradients and volumes."""
+    cells, gradients, volumes = elements
     points, nodes = gradients.shape[1:3]
     blocks = np.empty((nodes, nodes, 3, 3))
     half = np.empty((3, 3, 3))

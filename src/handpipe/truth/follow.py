@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.fem.approach import approach
-from handpipe.fem.equilibrium import Equilibrium, Options, continuation, solve
+from handpipe.fem.equilibrium import Equilibrium, Options, Steps, continuation, solve
 from handpipe.fem.record import Record
 from handpipe.truth.body import Body, Pose
 from handpipe.truth.uninverted import uninverted
@@ -52,8 +52,7 @@ def _without_contact(
         fixed=body.fixed,
         prescribed=lambda t: body.prescribed(motion(t), start),
         options=options,
-        first_step=1.0 / steps,
-        largest_step=2.0 / steps,
+        steps=Steps(first=1.0 / steps, largest=2.0 / steps),
     )
 
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from benchmarks.truth.filling import fill
 from handpipe.fem.materials import Material
 from handpipe.mesh.implicit import Grid, isosurface
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.truth.body import Anatomy, Pose, Strand
-from handpipe.truth.filling import fill
 
 Array = NDArray[np.float64]
 
