@@ -37,7 +37,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "hand": ("mesh", "layers", "fem", "imaging", "skeleton", "shapes", *TISSUES),
 }
 FLOORS["ligaments"] += ("muscles",)
-BESIDE = ("datasets", "evaluation")
+BESIDE = ("datasets", "evaluation", "develop")
 
 
 @pytest.mark.parametrize(
