@@ -276,7 +276,7 @@ class Dataset(Model):
         return self.root / relative
 
 
-# Each layer with the layers that it needs, inside out (000 Fig. 5).
+# Each layer with the layers that it needs, inside out (Zheng 2022 Fig. 5).
 LAYERS: dict[str, tuple[str, ...]] = {
     "bones": (),
     "bone_fascia": ("bones",),
@@ -293,7 +293,7 @@ AIDS = ("flesh",)
 
 
 class Scene(Model):
-    """Which layers, which frames. `skin` without `fat` is one soft tissue around the bones (004)."""
+    """Which layers, which frames. `skin` without `fat` is one soft tissue around the bones (Wang 2019)."""
 
     layers: tuple[str, ...]
     frames: Path = Field(

@@ -1,4 +1,4 @@
-# Fat and skin: mesh, constraints, nails, plastic strains (000 section 7), and the single soft tissue of 004.
+# Fat and skin: mesh, constraints, nails, plastic strains (Zheng 2022 §7), and the single soft tissue of Wang 2019.
 
 
 rule make_skin:

@@ -1,4 +1,4 @@
-# Muscles: shapes from plastic strains, separation, strains over poses (003 chapter 5, 000 section 4).
+# Muscles: shapes from plastic strains, separation, strains over poses (Wang 2021 chapter 5, Zheng 2022 §4).
 
 
 rule place_templates:

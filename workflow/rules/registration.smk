@@ -1,4 +1,4 @@
-# Neutral marrow into each pose (004 section 3.1).
+# Neutral marrow into each pose (Wang 2019 §3.1).
 
 
 rule register_bones:

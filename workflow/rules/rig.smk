@@ -1,4 +1,4 @@
-# Registered bones to a kinematic rig (004 section 4).
+# Registered bones to a kinematic rig (Wang 2019 §4).
 
 
 rule fit_rig:

@@ -1,4 +1,4 @@
-# Frames of a scene, layer by layer; frames do not depend on one another (000 section 3).
+# Frames of a scene, layer by layer; frames do not depend on one another (Zheng 2022 §3).
 
 
 rule simulate:

@@ -1,8 +1,9 @@
 """Compare two results folders array by array: python -m handpipe.develop.compare A B [--tolerance T]
 
 HDF5 artifacts are compared by their datasets, JSON files by their values, volumes by voxels and affine,
-meshes by points, cells and fields, other files by their bytes. Logs, benchmark files, the HTML report, attributes of
-artifacts (commit, hashes of inputs), seconds and memory are not compared. Exit code 1 if anything differs.
+meshes by points, cells and fields, other files by their bytes. Logs, benchmark files, the HTML report,
+attributes of artifacts (commit, hashes of inputs), seconds and memory are not compared. Exit code 1 if
+anything differs.
 """
 
 from __future__ import annotations
