@@ -1,4 +1,4 @@
-"""Pages of the site that are made from other files: the start page, the configuration, the gallery, the API."""
+"""Pages of the site that are made of other files: start page, configuration, gallery, API."""
 
 from __future__ import annotations
 
@@ -57,9 +57,8 @@ def api_pages() -> dict[str, str]:
 
 def gallery() -> str:
     """One section for each file of examples/: its docstring and its text."""
-    parts = [
-        "# Gallery of examples\n\nEach example runs in seconds: `python examples/NAME.py`. Tests run all of them.\n"
-    ]
+    about = "Each example runs in seconds: `python examples/NAME.py`. Tests run all of them."
+    parts = [f"# Gallery of examples\n\n{about}\n"]
     for path in sorted((ROOT / "examples").glob("*.py")):
         text = path.read_text(encoding="utf-8")
         title, _, about = (ast.get_docstring(ast.parse(text)) or path.stem).partition("\n")
@@ -71,18 +70,19 @@ def gallery() -> str:
 
 
 def _copied(source: str, page: str) -> str:
-    """Text of a file of the repository with its links as seen from the page; a file outside the site is named."""
+    """Text of a file with its links as seen from the page. Files outside the site are named, not linked."""
     folder, up = (ROOT / source).parent, "../" * page.count("/")
 
     def link(match: re.Match[str]) -> str:
-        path, _, anchor = match[1].partition("#")
+        text, (path, _, anchor) = match[1], match[2].partition("#")
         target = (folder / path).resolve()
         if not path or "://" in path or not target.exists():
             return match[0]
         name = target.relative_to(ROOT).as_posix()
+        inside = name in COPIES or target.is_relative_to(ROOT / "docs")
+        if not inside:
+            return f"{text} (`{name}`)" if text != name else f"`{name}`"
         name = COPIES.get(name, name.removeprefix("docs/"))
-        if not target.is_relative_to(ROOT / "docs") and name not in COPIES.values():
-            return f"] (`{name}`)"
-        return f"]({up}{name}{f'#{anchor}' if anchor else ''})"
+        return f"[{text}]({up}{name}{f'#{anchor}' if anchor else ''})"
 
-    return re.sub(r"\]\(([^)\s]+)\)", link, (ROOT / source).read_text(encoding="utf-8"))
+    return re.sub(r"\[([^\]]*)\]\(([^)\s]+)\)", link, (ROOT / source).read_text(encoding="utf-8"))
