@@ -12,7 +12,7 @@ VENV_PACKAGE = $(shell $(PYTHON) -c 'import importlib.util, sys; \
   importlib.util.find_spec("ensurepip") or print("python%d.%d-venv" % sys.version_info[:2])')
 
 .DEFAULT_GOAL := all
-.PHONY: all finger setup test lint format docs rulegraph benchmark benchmark-setup clean
+.PHONY: all finger setup test coverage lint format docs rulegraph benchmark benchmark-setup clean
 
 all: setup
 	$(BIN)/snakemake -j2 all
@@ -52,6 +52,10 @@ endef
 
 test: setup
 	$(BIN)/python -m pytest
+
+# The tests with the share of branches of src that they reach; jobs that Snakemake starts are not counted.
+coverage: setup
+	$(BIN)/python -m pytest --cov --cov-report=term
 
 lint: setup
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
