@@ -185,7 +185,12 @@ rule evaluate_skin:
         ),
     output:
         metrics="results/{subject}/metrics/skin.json",
-        table="results/{subject}/tables/skin.json",
+        table=report(
+            "results/{subject}/tables/skin.json",
+            caption="../report/skin.rst",
+            category="Organs",
+            subcategory="{subject}",
+        ),
         array="results/{subject}/tables/skin.nc",
     log:
         "results/{subject}/logs/evaluate_skin/all.log",

@@ -36,7 +36,12 @@ rule evaluate_registration:
         registrations=in_poses("results/{subject}/registration/{pose}.h5"),
     output:
         metrics="results/{subject}/metrics/registration.json",
-        table="results/{subject}/tables/registration.json",
+        table=report(
+            "results/{subject}/tables/registration.json",
+            caption="../report/registration.rst",
+            category="Bones",
+            subcategory="{subject}",
+        ),
     log:
         "results/{subject}/logs/evaluate_registration/all.log",
     benchmark:

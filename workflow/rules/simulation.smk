@@ -33,7 +33,12 @@ rule evaluate_frames:
         chunks=scene_chunks,
     output:
         metrics="results/{subject}/metrics/frames-{scene}.json",
-        table="results/{subject}/tables/frames-{scene}.json",
+        table=report(
+            "results/{subject}/tables/frames-{scene}.json",
+            caption="../report/frames.rst",
+            category="Simulation",
+            subcategory="{subject}",
+        ),
     log:
         "results/{subject}/logs/evaluate_frames/{scene}.log",
     benchmark:
