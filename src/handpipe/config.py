@@ -315,7 +315,13 @@ class Scene(Model):
 
     @property
     def needed(self) -> list[str]:
-        """The scene's layers and all that they need, inside out."""
+        """The scene's layers and all that they need, inside out.
+
+        Examples
+        --------
+        >>> Scene(layers=("bone_fascia",), frames="angles.csv").needed
+        ['bones', 'bone_fascia']
+        """
         needed: set[str] = set()
         pending = list(self.layers)
         while pending:
