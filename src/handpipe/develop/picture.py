@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from PIL import Image as images
 
+from handpipe.artifacts import atomic
+from handpipe.command import Parser, reported
 from handpipe.errors import InputError
 from handpipe.evaluation.pictures import bodies
 from handpipe.evaluation.render import Body, Camera, Image, on_background, render
@@ -41,20 +42,27 @@ def _drawn(seen: Sequence[Body], camera: Camera, size: tuple[int, int]) -> Image
     return on_background(render(seen, camera, size))
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Draw one frame of a file of frames side by side, without and with its inside."""
-    parser = argparse.ArgumentParser(prog="python -m handpipe.develop.picture", description=__doc__)
+def main(arguments: list[str] | None = None) -> int:
+    """Draw one frame of a file of frames side by side, without and with its inside; return the exit code."""
+    parser = Parser(prog="python -m handpipe.develop.picture", description=__doc__)
     parser.add_argument("frames", type=Path, help="simulation/{scene}/frames-*.h5")
     parser.add_argument("frame", help="name of the frame")
     parser.add_argument("picture", type=Path, help="PNG file")
     parser.add_argument("--direction", type=float, nargs=3, default=(0.25, -0.9, 0.35))
     options = parser.parse_args(arguments)
-    found = {frame.name: layers for frame, layers in read_frames(options.frames)}
-    if options.frame not in found:
-        raise InputError(options.frames, options.frame, "is not in this file", f"Give one of {sorted(found)}")
-    pictures = views(found[options.frame], (480, 340), options.direction)
-    images.fromarray(np.concatenate(pictures, axis=1)).save(options.picture, optimize=True)
+    with reported() as failure:
+        pictures = views(_frame(options.frames, options.frame), (480, 340), options.direction)
+        with atomic(options.picture) as temporary:
+            images.fromarray(np.concatenate(pictures, axis=1)).save(temporary, optimize=True)
+    return failure.code
+
+
+def _frame(path: Path, name: str) -> dict[str, Shapes]:
+    found = {frame.name: layers for frame, layers in read_frames(path)}
+    if name not in found:
+        raise InputError(path, name, "is not in this file", f"Give one of {', '.join(sorted(found))}")
+    return found[name]
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())
