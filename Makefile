@@ -73,7 +73,7 @@ rulegraph: setup
 docs: requirements-docs.lock
 	@[ -x .venv-docs/bin/pip ] || $(PYTHON) -m venv .venv-docs
 	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-docs.lock
-	.venv-docs/bin/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --strict
 
 # What the benchmarks compare with; without it those figures are left out.
 benchmark-setup: setup requirements-benchmark.lock
