@@ -12,7 +12,7 @@ VENV_PACKAGE = $(shell $(PYTHON) -c 'import importlib.util, sys; \
   importlib.util.find_spec("ensurepip") or print("python%d.%d-venv" % sys.version_info[:2])')
 
 .DEFAULT_GOAL := all
-.PHONY: all finger setup test lint format rulegraph benchmark benchmark-setup clean
+.PHONY: all finger setup test coverage lint format docs rulegraph benchmark benchmark-setup clean
 
 all: setup
 	$(BIN)/snakemake -j2 all
@@ -53,6 +53,10 @@ endef
 test: setup
 	$(BIN)/python -m pytest
 
+# The tests with the share of branches of src that they reach; jobs that Snakemake starts are not counted.
+coverage: setup
+	$(BIN)/python -m pytest --cov --cov-report=term
+
 lint: setup
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
 	$(BIN)/snakefmt --check Snakefile workflow/rules && $(BIN)/snakemake --lint
@@ -65,6 +69,12 @@ rulegraph: setup
 	$(BIN)/snakemake --rulegraph mermaid-js all > results/rulegraph.mmd
 	@echo "results/rulegraph.mmd: paste it into any Mermaid viewer"
 
+# The site: site/index.html. A broken link or an unknown reference fails it.
+docs: requirements-docs.lock
+	@[ -x .venv-docs/bin/pip ] || $(PYTHON) -m venv .venv-docs
+	.venv-docs/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-docs.lock
+	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --strict
+
 # What the benchmarks compare with; without it those figures are left out.
 benchmark-setup: setup requirements-benchmark.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-benchmark.lock
@@ -73,4 +83,4 @@ benchmark: benchmark-setup
 	$(BIN)/snakemake -j1 benchmark_fem
 
 clean:
-	rm -rf results .snakemake
+	rm -rf results .snakemake site

@@ -12,7 +12,7 @@ from handpipe.datasets.implicit import round_cone
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.metrics import Metrics
 
-FUNCTIONS = 39  # as many as the largest model of 002 has
+FUNCTIONS = 39  # as many as the largest model of Abdrashitov 2021 has
 SIDES = (24, 48)  # cells of six tets along a cube's edge
 
 

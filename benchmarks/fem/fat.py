@@ -1,4 +1,5 @@
-"""One frame of a body of the size of the paper's fat (000 Table 1): its inside turned by 60 degrees."""
+"""One frame of a body of the size of the paper's fat (Zheng 2022 Table 1): its inside turned by 60
+degrees."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ from handpipe.fem.materials import Material
 
 log = logging.getLogger(__name__)
 
-MATERIAL = Material(young=1.0, poisson=0.48)  # kPa: 000 Table 2
+MATERIAL = Material(young=1.0, poisson=0.48)  # kPa: Zheng 2022 Table 2
 FLEXION = np.radians(60.0)
 RESIDUAL = 1e-4  # of the initial one
 STEP = 0.25  # of the way; from larger ones the prediction leaves inverted tets

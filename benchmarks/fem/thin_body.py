@@ -1,4 +1,5 @@
-"""A closed thin body of the size of a hand's fat: between a skin and the organs inside it (000 Table 1)."""
+"""A closed thin body of the size of a hand's fat: between a skin and the organs inside it (Zheng 2022 Table
+1)."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 KIND = "benchmark thin body"
-PAPER_VERTICES, PAPER_TETS = 48_672, 227_314  # 000 Table 1, fat
+PAPER_VERTICES, PAPER_TETS = 48_672, 227_314  # Zheng 2022 Table 1, fat
 EDGE, DEPTH_EDGE = 1.8, 0.92  # mm on the surfaces and in the depth: give about the paper's numbers
 GRID_EDGE = 0.9  # mm, of the grid that the surfaces are found on
 LEAST_THICKNESS, MOST_THICKNESS = 1.5, 5.0  # mm: back of the hand, pads of palm and fingers

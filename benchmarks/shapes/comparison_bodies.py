@@ -1,4 +1,4 @@
-"""The bent, growing beam and the stretched muscle with one tendon (003 Fig. 5.3, 5.13, 5.24, 5.25).
+"""The bent, growing beam and the stretched muscle with one tendon (Wang 2021 Fig. 5.3, 5.13, 5.24, 5.25).
 
 Rods of round cross-sections, smooth all round, whose shapes to be found come from closed-form maps. Meshes
 are nested: dividing cells in two or three keeps every vertex of the coarsest, so marks are the same points

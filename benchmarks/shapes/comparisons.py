@@ -1,4 +1,5 @@
-"""Against other methods: the bent, growing beam and the stretched muscle (003 Fig. 5.3, 5.13, 5.21 to 5.25).
+"""Against other methods: the bent, growing beam and the stretched muscle (Wang 2021 Fig. 5.3, 5.13, 5.21 to
+5.25).
 
 All methods get the same marks and attachments on the same meshes, whose cells are those of the coarsest, a
 half and a third as wide. Errors of the whole surface and of the volume are against the true map of the same

@@ -1,4 +1,5 @@
-"""Known strains (003 Fig. 5.19): a body held at its back and pulled at its head, under a known plastic field.
+"""Known strains (Wang 2021 Fig. 5.19): a body held at its back and pulled at its head, under a known plastic
+field.
 
 Marks are vertices of the surface with their places, as landmarks. The field is smooth but no combination of
 smooth eigenvectors: a growth that varies along and across, a contraction in the middle, a shear.

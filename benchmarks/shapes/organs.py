@@ -1,4 +1,4 @@
-"""Whole fits at the scale of 003 Table 5.2, and with marks by the ten thousand.
+"""Whole fits at the scale of Wang 2021 Table 5.2, and with marks by the ten thousand.
 
 The shapes to be found come from closed-form maps, which know nothing of strains or elasticity. Marks lie on
 the true surface, without noise.

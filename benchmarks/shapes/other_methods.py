@@ -68,7 +68,8 @@ def biharmonic_surface(body: Body) -> Array:
 
 
 def biharmonic_linear(body: Body) -> Array:
-    """Biharmonic coordinates of linear precision (Wang 2015; LBW in 003): affine maps are met exactly."""
+    """Biharmonic coordinates of linear precision (Wang 2015; LBW in Wang 2021): affine maps are met
+    exactly."""
     part = Part(body, body.mesh.tets)
     handles = [[int(point)] for point in part.points]
     return part.whole(igl.biharmonic_coordinates(part.x, part.cells, handles, 2) @ part.targets)

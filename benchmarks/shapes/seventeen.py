@@ -1,4 +1,4 @@
-"""Six poses of seventeen muscles, stages 2 and 3 of 000 section 4.4: seconds, and whether the bars are met.
+"""Six poses of seventeen muscles, stages 2 and 3 of Zheng 2022 §4.4: seconds, and whether the bars are met.
 
 Stage 1 is stood in for: muscles apart in neutral are carried into each pose by a manufactured map (the ray
 turns, the belly shortens, thickens and bends) that lets them overlap, with smooth errors on top.
@@ -29,7 +29,7 @@ from handpipe.muscles.separation import separate
 Array = NDArray[np.float64]
 log = logging.getLogger("benchmarks.shapes")
 
-EDGE = 1.1  # mm, for about the tets of 000 Table 1: 6,566 a muscle
+EDGE = 1.1  # mm, for about the tets of Zheng 2022 Table 1: 6,566 a muscle
 ERROR = 0.15  # mm, of stage 1, along the surface's normals
 WAVE = 9.0  # mm, of that error
 

@@ -1,11 +1,11 @@
-"""The linear solve of a Gauss-Newton step at the scale of 003 Table 5.1.
+"""The linear solve of a Gauss-Newton step at the scale of Wang 2021 Table 5.1.
 
-One step of a muscle of 40,400 tets (242,000 strains) with 1,143 rows of marks: the Woodbury identity of 003
-Eq. 5.14, its system formed or solved with the help of a coarse one, the iteration without a row system, and
-plain conjugate gradients on H = L^2 + Z^T Z (003 Eq. 5.11) with Z formed, as 003 had them. The last two have
-arrived where their strains are within 1 % of the exact ones. Plain ones are stopped after some times the
-identity's seconds; theirs are then at least these. The stiffness' solutions for all rows serve all but the
-iteration and are timed apart, as in 003.
+One step of a muscle of 40,400 tets (242,000 strains) with 1,143 rows of marks: the Woodbury identity of Wang
+2021 Eq. 5.14, its system formed or solved with the help of a coarse one, the iteration without a row system,
+and plain conjugate gradients on H = L^2 + Z^T Z (Wang 2021 Eq. 5.11) with Z formed, as Wang 2021 had them.
+The last two have arrived where their strains are within 1 % of the exact ones. Plain ones are stopped after
+some times the identity's seconds; theirs are then at least these. The stiffness' solutions for all rows serve
+all but the iteration and are timed apart, as in Wang 2021.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A method whose energy has as many derivatives as a point constraint needs gives smooth shapes, and a finer
 mesh shows the same shape; with fewer, the shape comes to a point at each mark, the more so the finer the
-mesh (003 section 5.8). For a smooth surface on a lattice of triangles both measures converge.
+mesh (Wang 2021 §5.8). For a smooth surface on a lattice of triangles both measures converge.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The string of 003 section 5.9.5: attached at 0 and 2, its quarter held at 1/4 and its middle at 3/2.
+"""The string of Wang 2021 §5.9.5: attached at 0 and 2, its quarter held at 1/4 and its middle at 3/2.
 
 Slopes of 1, 5 and 1 are asked for. The string is a thin bar of tets without Poisson's effect, fitted by the
-tool for organs; beside it the interpolating curves of least second and third derivative (003 Eq. 5.25 with
-marks met exactly), and how far each curve's slope leaves the interval from 1 to 5.
+tool for organs; beside it the interpolating curves of least second and third derivative (Wang 2021 Eq. 5.25
+with marks met exactly), and how far each curve's slope leaves the interval from 1 to 5.
 """
 
 from __future__ import annotations

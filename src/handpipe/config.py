@@ -276,7 +276,7 @@ class Dataset(Model):
         return self.root / relative
 
 
-# Each layer with the layers that it needs, inside out (000 Fig. 5).
+# Each layer with the layers that it needs, inside out (Zheng 2022 Fig. 5).
 LAYERS: dict[str, tuple[str, ...]] = {
     "bones": (),
     "bone_fascia": ("bones",),
@@ -293,7 +293,7 @@ AIDS = ("flesh",)
 
 
 class Scene(Model):
-    """Which layers, which frames. `skin` without `fat` is one soft tissue around the bones (004)."""
+    """Which layers, which frames. `skin` without `fat` is one soft tissue around the bones (Wang 2019)."""
 
     layers: tuple[str, ...]
     frames: Path = Field(
@@ -315,7 +315,13 @@ class Scene(Model):
 
     @property
     def needed(self) -> list[str]:
-        """The scene's layers and all that they need, inside out."""
+        """The scene's layers and all that they need, inside out.
+
+        Examples
+        --------
+        >>> Scene(layers=("bone_fascia",), frames="angles.csv").needed
+        ['bones', 'bone_fascia']
+        """
         needed: set[str] = set()
         pending = list(self.layers)
         while pending:

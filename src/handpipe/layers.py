@@ -42,7 +42,7 @@ class Shape:
 
 
 class Region(IntEnum):
-    """How the fat is held at a point of an inner surface (000 section 7.1); field "region" of a `Shape`."""
+    """How the fat is held at a point of an inner surface (Zheng 2022 §7.1); field "region" of a `Shape`."""
 
     contact = 0
     sliding = 1

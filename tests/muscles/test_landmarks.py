@@ -1,4 +1,4 @@
-"""Landmarks: known places of a body's points, by label (003 section 5.1)."""
+"""Landmarks: known places of a body's points, by label (Wang 2021 §5.1)."""
 
 from dataclasses import replace
 

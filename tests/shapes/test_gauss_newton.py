@@ -50,7 +50,7 @@ def system(held: str) -> tuple[Search, State, Correspondence, GaussNewton]:
 
 
 def dense(system: GaussNewton) -> tuple[np.ndarray, np.ndarray]:
-    """The same minimisation over all strains at once, by the normal equations of 003 Eq. 5.11."""
+    """The same minimisation over all strains at once, by the normal equations of Wang 2021 Eq. 5.11."""
     m = len(system.logs)
     follow = np.stack([system.response.motion(d.reshape(m, 6)) for d in np.eye(6 * m)], axis=1)
     z = np.hstack([system.rows.matrix @ follow, system.rows.matrix @ system.response.loose])

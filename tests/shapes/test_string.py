@@ -1,4 +1,4 @@
-"""The one-dimensional string of 003 section 5.9.5."""
+"""The one-dimensional string of Wang 2021 §5.9.5."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-# Template hands: all organs on the bones of a generated hand, from one file of curves (002), and those of real anatomy.
+# Template hands: all organs on the bones of a generated hand, from one file of curves (Abdrashitov 2021), and those of real anatomy.
 
 HAND_CURVES = "config/anatomy/hand.yaml"
 HAND_EDGES = {"bone": 1.6, "skin": 2.8, "fat": 4}  # mm

@@ -1,4 +1,4 @@
-# Cloths around bones and around muscles (000 section 6).
+# Cloths around bones and around muscles (Zheng 2022 §6).
 
 
 rule make_bone_fascia:

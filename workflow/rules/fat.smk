@@ -1,4 +1,4 @@
-# Fat and skin: mesh, constraints, nails, plastic strains (000 section 7), and the single soft tissue of 004.
+# Fat and skin: mesh, constraints, nails, plastic strains (Zheng 2022 §7), and the single soft tissue of Wang 2019.
 
 
 rule make_skin:
@@ -185,7 +185,12 @@ rule evaluate_skin:
         ),
     output:
         metrics="results/{subject}/metrics/skin.json",
-        table="results/{subject}/tables/skin.json",
+        table=report(
+            "results/{subject}/tables/skin.json",
+            caption="../report/skin.rst",
+            category="Organs",
+            subcategory="{subject}",
+        ),
         array="results/{subject}/tables/skin.nc",
     log:
         "results/{subject}/logs/evaluate_skin/all.log",

@@ -1,4 +1,4 @@
-# Muscles: shapes from plastic strains, separation, strains over poses (003 chapter 5, 000 section 4).
+# Muscles: shapes from plastic strains, separation, strains over poses (Wang 2021 chapter 5, Zheng 2022 §4).
 
 
 rule place_templates:
@@ -167,7 +167,12 @@ rule evaluate_muscles:
         inner=lambda w: muscle_poses(w.subject),
     output:
         metrics="results/{subject}/metrics/muscles.json",
-        table="results/{subject}/tables/muscles.json",
+        table=report(
+            "results/{subject}/tables/muscles.json",
+            caption="../report/muscles.rst",
+            category="Organs",
+            subcategory="{subject}",
+        ),
     log:
         "results/{subject}/logs/evaluate_muscles/all.log",
     benchmark:

@@ -1,4 +1,4 @@
-# Neutral marrow into each pose (004 section 3.1).
+# Neutral marrow into each pose (Wang 2019 §3.1).
 
 
 rule register_bones:
@@ -36,7 +36,12 @@ rule evaluate_registration:
         registrations=in_poses("results/{subject}/registration/{pose}.h5"),
     output:
         metrics="results/{subject}/metrics/registration.json",
-        table="results/{subject}/tables/registration.json",
+        table=report(
+            "results/{subject}/tables/registration.json",
+            caption="../report/registration.rst",
+            category="Bones",
+            subcategory="{subject}",
+        ),
     log:
         "results/{subject}/logs/evaluate_registration/all.log",
     benchmark:

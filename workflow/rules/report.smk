@@ -13,7 +13,12 @@ rule report:
             allow_missing=True,
         ),
     output:
-        "results/{subject}/report.html",
+        report(
+            "results/{subject}/report.html",
+            caption="../report/report.rst",
+            category="Pictures and tables",
+            subcategory="{subject}",
+        ),
     log:
         "results/{subject}/logs/report/all.log",
     benchmark:

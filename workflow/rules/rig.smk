@@ -1,4 +1,4 @@
-# Registered bones to a kinematic rig (004 section 4).
+# Registered bones to a kinematic rig (Wang 2019 §4).
 
 
 rule fit_rig:
@@ -8,8 +8,18 @@ rule fit_rig:
     output:
         rig="results/{subject}/rig.h5",
         metrics="results/{subject}/metrics/rig.json",
-        table="results/{subject}/tables/rig.json",
-        limits="results/{subject}/tables/limits.json",
+        table=report(
+            "results/{subject}/tables/rig.json",
+            caption="../report/rig.rst",
+            category="Bones",
+            subcategory="{subject}",
+        ),
+        limits=report(
+            "results/{subject}/tables/limits.json",
+            caption="../report/limits.rst",
+            category="Bones",
+            subcategory="{subject}",
+        ),
     log:
         "results/{subject}/logs/fit_rig/all.log",
     benchmark:

@@ -1,4 +1,4 @@
-# Volumes to labels and bone surfaces (004 section 3.1).
+# Volumes to labels and bone surfaces (Wang 2019 §3.1).
 
 
 rule segment_pose:

@@ -1,4 +1,4 @@
-# Frames of a scene, layer by layer; frames do not depend on one another (000 section 3).
+# Frames of a scene, layer by layer; frames do not depend on one another (Zheng 2022 §3).
 
 
 rule simulate:
@@ -33,7 +33,12 @@ rule evaluate_frames:
         chunks=scene_chunks,
     output:
         metrics="results/{subject}/metrics/frames-{scene}.json",
-        table="results/{subject}/tables/frames-{scene}.json",
+        table=report(
+            "results/{subject}/tables/frames-{scene}.json",
+            caption="../report/frames.rst",
+            category="Simulation",
+            subcategory="{subject}",
+        ),
     log:
         "results/{subject}/logs/evaluate_frames/{scene}.log",
     benchmark:

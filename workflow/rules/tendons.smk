@@ -1,4 +1,4 @@
-# Tendons: rods, hooks (000 section 5).
+# Tendons: rods, hooks (Zheng 2022 §5).
 
 
 rule extract_tendon:

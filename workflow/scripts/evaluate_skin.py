@@ -1,4 +1,4 @@
-"""Distances from each scan to the simulated skins (000 Table 4), and from these to the true skin."""
+"""Distances from each scan to the simulated skins (Zheng 2022 Table 4), and from these to the true skin."""
 
 import json
 from itertools import product

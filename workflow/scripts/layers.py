@@ -51,14 +51,14 @@ def layers_of(names, rig, dataset, base):
 
 
 def fat_layer(base, strains=True):
-    """The fat with its strains, or without them (model m1 of 000 Table 4)."""
+    """The fat with its strains, or without them (model m1 of Zheng 2022 Table 4)."""
     fitted = FatStrains.load(Path(base) / "fat/strains.h5")
     fitted = fitted if strains else fitted.without_strains()
     return TissueLayer("fat", INNER, Tissue.load(Path(base) / "fat/mesh.h5"), fitted)
 
 
 def soft_tissue_layer(base):
-    """One soft tissue around the bones (model m2 of 000 Table 4, 004)."""
+    """One soft tissue around the bones (model m2 of Zheng 2022 Table 4, Wang 2019)."""
     return TissueLayer("skin", ("bones",), Tissue.load(Path(base) / "soft_tissue/mesh.h5"))
 
 

@@ -1,4 +1,4 @@
-"""One soft tissue between the bones and the skin (004 section 5)."""
+"""One soft tissue between the bones and the skin (Wang 2019 §5)."""
 
 from common import dataset_of, stage
 
@@ -14,7 +14,7 @@ with stage(snakemake):
     rig = Rig.load(snakemake.input.rig)
     below = {"bones": BoneLayer(rig.surfaces).solve(scanned_frame(rig, dataset.neutral), {})}
     inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in dataset.joints.values()], edge=1.5)
-    # 004 section 5.5: one tissue between fat and muscle; its stiffness does not change a free pose's shape.
+    # Wang 2019 §5.5: one tissue between fat and muscle; its stiffness does not change a free pose's shape.
     skin = Skin.load(snakemake.input.skin)
     tissue = make_tissue(rig.surfaces, below, ("bones",), inner, 6.0, skin, snakemake.params.edge)
     tissue.save(snakemake.output[0], [*snakemake.input])

@@ -1,4 +1,5 @@
-"""The skin of one scanned pose by three models (000 Table 4): full, without fat strains, one soft tissue."""
+"""The skin of one scanned pose by three models (Zheng 2022 Table 4): full, without fat strains, one soft
+tissue."""
 
 from common import stage
 

@@ -1,7 +1,7 @@
 """Muscles as curves in a text file: control points on bones or in space, tissue values, anisotropy,
 attachments.
 
-Abdrashitov et al. 2021 (paper 002), sections 3.2 and 3.7; several curves and attachments a muscle, which its
+Abdrashitov 2021 §3.2 and 3.7; several curves and attachments a muscle, which its
 users asked for (section 5).
 """
 

@@ -1,7 +1,7 @@
 """Muscle and fat functions: tissue values of curves and skin, diffused through the space between skin and
 bones.
 
-Abdrashitov et al. 2021 (paper 002), Eq. 1 to 13. Two departures: a constraint counts by the length of its
+Abdrashitov 2021, Eq. 1 to 13. Two departures: a constraint counts by the length of its
 curve inside the tet, not once a tet, so that the energy is that of a line whatever the mesh; tensors are
 carried into the volume as logarithms, so that they stay positive definite.
 """

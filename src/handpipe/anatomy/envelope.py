@@ -1,6 +1,6 @@
 """The upper envelope of piecewise linear functions on a tet mesh, cut into tets with one label each.
 
-Abdrashitov et al. 2021 (paper 002), section 4, with another algorithm. Functions are taken one after the
+Abdrashitov 2021 §4, with another algorithm. Functions are taken one after the
 other. The envelope of those before is one number a vertex, linear in every tet; the next function is above or
 below it by the signs of their differences at vertices, and wherever an edge joins two signs it is bisected at
 its zero. Signs belong to vertices and zeros to edges, shared by all tets around, so that no decision can

@@ -1,4 +1,4 @@
-"""The 26 feature points that steer a template to a person (001 section 5.1): files, missing and doubtful
+"""The 26 feature points that steer a template to a person (Albrecht 2003 §5.1): files, missing and doubtful
 ones.
 
 Named by the joint or fingertip under them, rays 1 (thumb) to 5: `tip1` ... `tip5`, `DIP2` ... `DIP5`, `IP1`,

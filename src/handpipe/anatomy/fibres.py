@@ -1,6 +1,6 @@
 """Fibre directions of a muscle: along a flow from its origins to its insertions that follows its curves.
 
-Abdrashitov et al. 2021 (paper 002), Eq. 17 to 20: `gradient_fibres`. The gradient of a potential is always
+Abdrashitov 2021, Eq. 17 to 20: `gradient_fibres`. The gradient of a potential is always
 normal to the attachments, so that muscles whose fibres leave a sheet of tendon at an angle need
 `flow_fibres`: the flow through a material that conducts along the curves' directions.
 """

@@ -1,4 +1,4 @@
-"""A person's feature points from one photograph with a ruler in it (001 sections 5.1 and 5.2)."""
+"""A person's feature points from one photograph with a ruler in it (Albrecht 2003 §5.1 and 5.2)."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ class _Mirror:
 
 
 def warped(template: SubjectTemplate, warp: SpaceMap) -> SubjectTemplate:
-    """The template carried to a person (001 section 5.2, step by step).
+    """The template carried to a person (Albrecht 2003 §5.2, step by step).
 
     Surfaces, tets and points go by the map. A joint's axes are turned by the rotation in the map's Jacobian
     at its centre, so that angles between axes stay; fibres go by the Jacobian in their tet and stay unit

@@ -1,4 +1,4 @@
-"""Warps of a template to a person by feature points (001 section 5.2), and by the person's own bones."""
+"""Warps of a template to a person by feature points (Albrecht 2003 §5.2), and by the person's own bones."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def subject_template(
 
 
 def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectTemplate:
-    """A person's template carried on to the person's own bones, those that both have (003 section 6.1).
+    """A person's template carried on to the person's own bones, those that both have (Wang 2021 §6.1).
 
     Each bone is registered by an affine map and closest points, and what lies between follows; feature points
     too. Axes turn as their bones do. Raises `ConvergenceError` where a bone cannot be registered; logs places

@@ -1,4 +1,4 @@
-"""A fascia: a shrunk cloth around bodies, held by fixed, sliding and contact vertices (000 section 6)."""
+"""A fascia: a shrunk cloth around bodies, held by fixed, sliding and contact vertices (Zheng 2022 §6)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ SLENDER = 2.0  # mm, radius of a body around which cloth with edges of 1.5 mm ha
 
 @dataclass(frozen=True)
 class ClothSettings:
-    """Young's modulus in kPa of a membrane 1 mm thick; shrink: rest size over true size (000 Table 2)."""
+    """Young's modulus in kPa of a membrane 1 mm thick; shrink: rest size over true size (Zheng 2022 Table
+    2)."""
 
     young: float = 0.1
     poisson: float = 0.48

@@ -1,4 +1,4 @@
-"""The closed surface that a fascia wraps: bones with their joint spaces, or muscles (000 section 6)."""
+"""The closed surface that a fascia wraps: bones with their joint spaces, or muscles (Zheng 2022 §6)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def joint_faces(child: Surface, parent: Surface, threshold: float) -> Array:
-    """Points of two bones that face one another across their joint (004 section 5.3, "sweeping"), (n, 3).
+    """Points of two bones that face one another across their joint (Wang 2019 §5.3, "sweeping"), (n, 3).
 
     threshold: distance in mm under which faces count as facing; their normals must oppose (dot < -0.7).
     """

@@ -1,4 +1,4 @@
-"""How the tissue is held by what lies below it: fixed, sliding and contact points (000 section 7.1)."""
+"""How the tissue is held by what lies below it: fixed, sliding and contact points (Zheng 2022 §7.1)."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def inner_points(
     """The vertices of neutral bodies that lie on the inner surface, within `slack` mm beneath it.
 
     Only triangle bodies count; a body's field "region" (n,) decides how its vertices hold the tissue, but in
-    valleys, where no ball of radius `valley` mm fits above, sliding gives way to contact (000 section 7.1).
+    valleys, where no ball of radius `valley` mm fits above, sliding gives way to contact (Zheng 2022 §7.1).
     """
     named = [(layer, name, shape) for layer in layers for name, shape in below.get(layer, {}).items()]
     named = [(layer, name, shape) for layer, name, shape in named if shape.cells.shape[1] == 3]

@@ -35,7 +35,7 @@ class FatStrains:
     shifts: Array | None = None
 
     def without_strains(self) -> FatStrains:
-        """The same nails on fat without plastic strains (model m1 of 000 Table 4)."""
+        """The same nails on fat without plastic strains (model m1 of Zheng 2022 Table 4)."""
         return replace(self, log_strains=np.zeros_like(self.log_strains), shifts=None)
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:

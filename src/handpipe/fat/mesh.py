@@ -1,4 +1,4 @@
-"""Tetrahedra between an inner surface and the skin, with how much of each is tissue (000 section 7)."""
+"""Tetrahedra between an inner surface and the skin, with how much of each is tissue (Zheng 2022 §7)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def inner_surface(bodies: Sequence[Surface], spacing: float, gap: float) -> Surf
     """One surface around the inner bodies, clefts narrower than 2 gap (mm) between them closed.
 
     Fat in such a cleft would be crushed between bodies that move over one another; the papers wrap them too
-    (000 Fig. 21b).
+    (Zheng 2022 Fig. 21b).
     """
     grown = union_surface(list(bodies), spacing, offset=gap)
     return union_surface([grown], spacing, offset=-gap)

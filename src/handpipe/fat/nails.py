@@ -1,4 +1,4 @@
-"""Nails: rigid, carried by their bones with a pose-space correction (000 section 7.2)."""
+"""Nails: rigid, carried by their bones with a pose-space correction (Zheng 2022 §7.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The skin kept out of itself (000 section 7.1)."""
+"""The skin kept out of itself (Zheng 2022 §7.1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plastic strains of the fat that lay the simulated skin on a scan (000 section 7.3, Eq. 22-24).
+"""Plastic strains of the fat that lay the simulated skin on a scan (Zheng 2022 §7.3, Eq. 22-24).
 
 Strains are kept as logarithms: F_p = exp(S), S symmetric (m, 6). They stay positive definite by construction,
 and the smoothness term acts on S. The linearised search direction of Eq. 24 is taken in the current shape;

@@ -54,7 +54,8 @@ SIZES = (0.75, 0.9)  # of its own, at which it rests on the way; at 0.6 thin pla
 
 @dataclass(frozen=True)
 class TissueSettings:
-    """Young's modulus in kPa (000 Table 2: fat 1 kPa), and of constraints: kPa/mm, per area they act on."""
+    """Young's modulus in kPa (Zheng 2022 Table 2: fat 1 kPa), and of constraints: kPa/mm, per area they act
+    on."""
 
     young: float = 1.0
     poisson: float = 0.48
@@ -144,7 +145,7 @@ class Tissue:
         return [*self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit)]
 
     def _on_bodies(self, below: Mapping[str, Shapes], x: Array, unit: float) -> list[Potential]:
-        """The inner points, fixed, sliding or in contact (000 section 6).
+        """The inner points, fixed, sliding or in contact (Zheng 2022 §6).
 
         Contact planes touch the bodies where points are closest. What slides does so on the surface itself,
         whose facets' planes would hand it to and fro; a point that is astray in a thin body has a plane on

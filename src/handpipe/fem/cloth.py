@@ -32,7 +32,7 @@ class Membrane:
     """St. Venant-Kirchhoff membrane in plane stress: energy h A0 (mu |E|^2 + l/2 tr(E)^2).
 
     l = 2 mu lambda / (lambda + 2 mu), thickness h in mm. vertices (n, 3) in mm are the shape as drawn,
-    triangles (k, 3); the rest shape is `scale` times as large (000 section 6: 0.35 to 0.40, so that the cloth
+    triangles (k, 3); the rest shape is `scale` times as large (Zheng 2022 §6: 0.35 to 0.40, so that the cloth
     is in tension everywhere, where its energy is convex). Raises `InputError` where a triangle has no area.
     """
 

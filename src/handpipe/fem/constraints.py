@@ -1,4 +1,4 @@
-"""Springs and one-sided penalties on embedded points: fixed, sliding and contact constraints (000 section 6).
+"""Springs and one-sided penalties on embedded points: fixed, sliding and contact constraints (Zheng 2022 §6).
 
 Stiffnesses are in mN/mm, one for all points or one a point. All Hessians are exact. Where surfaces move,
 `moved` gives the same constraint at the new place; within a solve targets and surfaces stand still.
@@ -26,7 +26,7 @@ ON_SURFACE = 1e-9  # mm; nearer than this the direction to the closest point mea
 
 
 class Attachment(PointPotential):
-    """Fixed constraint: springs k/2 |p - y|^2 to targets y (k, 3) (003 Eq. F.3)."""
+    """Fixed constraint: springs k/2 |p - y|^2 to targets y (k, 3) (Wang 2021 Eq. F.3)."""
 
     def __init__(self, operator: Operator, targets: Array, stiffness: ArrayLike) -> None:
         super().__init__(operator)

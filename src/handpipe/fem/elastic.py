@@ -26,7 +26,7 @@ PARALLEL_TETS = 30_000  # below, on a busy machine waiting for the other thread 
 
 
 class Elastic:
-    """Energy sum of w V0 |Fp| psi(F Fp^-1) over tets (003 Eq. 5.1), in microjoules.
+    """Energy sum of w V0 |Fp| psi(F Fp^-1) over tets (Wang 2021 Eq. 5.1), in microjoules.
 
     vertices (n, 3) rest positions in mm, tets (m, 4) of positive volume, strains (m, 6) symmetric plastic
     strains (none: identity), weights (m,) scale the stiffness, e.g. by the share of a tet that tissue fills.
@@ -220,7 +220,7 @@ def _strained(
 def _strain_jacobian(
     elastic: Array, inverses: Array, gradients: Array, energies: Array, model: int, mu: Array, lam: Array
 ) -> Array:
-    """Values (m, 6, 12), by 003 Eq. B.6 to B.8 in terms of Q = |Fp| P Fp^-T."""
+    """Values (m, 6, 12), by Wang 2021 Eq. B.6 to B.8 in terms of Q = |Fp| P Fp^-T."""
     out = np.empty((len(elastic), 6, 12))
     p, dp, work = np.empty((3, 3)), np.empty((9, 9)), np.empty((3, 3))
     y = np.zeros((3, 3))

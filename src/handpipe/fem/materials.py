@@ -29,7 +29,7 @@ class Material:
     "stable-neo-hookean": Smith et al. 2018 with their logarithm and parameters, shifted to zero energy at
     rest: m/2 (I - 3 - log((I + 1) / 4)) + l/2 (J - 1)^2 - 3/4 m (J - 1) with I = |F|^2, m = 4/3 mu and
     l = lambda + 5/6 mu, so that rest is stress-free and small strains see the given moduli.
-    "stvk": mu |E|^2 + lambda/2 tr(E)^2 + lambda/2 (J - 1)^2 (004 section 5.5); the added volume term doubles
+    "stvk": mu |E|^2 + lambda/2 tr(E)^2 + lambda/2 (J - 1)^2 (Wang 2019 §5.5); the added volume term doubles
     lambda at small strains.
     """
 

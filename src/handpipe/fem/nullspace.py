@@ -1,4 +1,4 @@
-"""Bodies that nothing holds: the six rigid motions, and linear solves modulo them (003 section 5.5)."""
+"""Bodies that nothing holds: the six rigid motions, and linear solves modulo them (Wang 2021 §5.5)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ def unit_twists(x: Array, centre: Array, size: float) -> Array:
 def rigid_modes(x: Array) -> Array:
     """Orthonormal basis (3n, 6) of translations and infinitesimal rotations about positions x (n, 3).
 
-    At an equilibrium without supports they span the nullspace of the tangent stiffness (003 Nullspace Lemma).
+    At an equilibrium without supports they span the nullspace of the tangent stiffness (Wang 2021, Nullspace
+    Lemma).
     """
     return np.linalg.qr(unit_twists(x, x.mean(axis=0), 1.0))[0]
 
@@ -43,11 +44,13 @@ def rigid_pins(x: Array) -> IntArray:
 
 
 class DeflatedFactor:
-    """Solutions of K u = b orthogonal to the nullspace of a positive semidefinite K (003 Singular Lemma ii).
+    """Solutions of K u = b orthogonal to the nullspace of a positive semidefinite K (Wang 2021, Singular
+    Lemma ii).
 
-    The bordered system of 003 Eq. 5.15 has dense columns. Here as many degrees of freedom as there are modes
-    are fixed at zero, which leaves a sparse positive definite matrix; for b in the range of K its solution is
-    one of K u = b, and projecting the modes out makes it the wanted one. b is first projected into the range.
+    The bordered system of Wang 2021 Eq. 5.15 has dense columns. Here as many degrees of freedom as there are
+    modes are fixed at zero, which leaves a sparse positive definite matrix; for b in the range of K its
+    solution is one of K u = b, and projecting the modes out makes it the wanted one. b is first projected
+    into the range.
     """
 
     def __init__(self, matrix: sp.csr_matrix, modes: Array) -> None:

@@ -27,7 +27,7 @@ def identity(count: int) -> Array:
 
 
 def to_matrices(strains: Array) -> Array:
-    """Symmetric matrices (m, 3, 3) of strains (m, 6) (003 Eq. 5.2)."""
+    """Symmetric matrices (m, 3, 3) of strains (m, 6) (Wang 2021 Eq. 5.2)."""
     return np.asarray(strains)[:, PLACES]
 
 
@@ -126,9 +126,9 @@ def _safe_sum(a: float, b: float, scale: float) -> float:
 
 @njit(cache=True)
 def polar_gradient(f: Array) -> Array:
-    """dS/dF (m, 6, 9) of the polar decomposition (003 section 5.7).
+    """dS/dF (m, 6, 9) of the polar decomposition (Wang 2021 §5.7).
 
-    In the frame of the SVD, with D = U^T dF V, the Sylvester equation (003 Eq. 5.22) is diagonal:
+    In the frame of the SVD, with D = U^T dF V, the Sylvester equation (Wang 2021 Eq. 5.22) is diagonal:
     dS_ij = (sigma_i D_ij + sigma_j D_ji) / (sigma_i + sigma_j).
     """
     out = np.empty((len(f), 6, 9))
@@ -165,8 +165,8 @@ def polar_hessian(f: Array, weights: Array) -> Array:
     In the frame of the SVD, dR = Omega with Omega_ij = (D_ij - D_ji) / (sigma_i + sigma_j). Differentiating
     S = R^T F twice and asking for symmetry gives d2S = T(M), where T is the map of `polar_gradient` and
     M = (O1 O2 + O2 O1) Sigma / 2 - O1 D2 - O2 D1. The adjoint of T takes the weights to N once, so that no
-    third-order array is formed; unlike 003 Eq. E.5 nothing is divided by a single singular value, which may
-    vanish.
+    third-order array is formed; unlike Wang 2021 Eq. E.5 nothing is divided by a single singular value, which
+    may vanish.
     """
     out = np.empty((len(f), 9, 9))
     u, v, sigma, adjoint = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty((3, 3))

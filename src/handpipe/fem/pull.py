@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 class Pull:
-    """Energy -sum f . p of constant forces f (k, 3) in mN on points p = W x (000 Eq. 11)."""
+    """Energy -sum f . p of constant forces f (k, 3) in mN on points p = W x (Zheng 2022 Eq. 11)."""
 
     constant = True
 

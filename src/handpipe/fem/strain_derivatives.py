@@ -1,4 +1,4 @@
-"""Derivatives of a body's energy by its plastic strains (003 Appendix B).
+"""Derivatives of a body's energy by its plastic strains (Wang 2021 Appendix B).
 
 With S the plastic strain, G its inverse, A = F G and e = w V0 |S| psi(A): a change Y of S changes G by
 -G Y G, |S| by |S| tr(G Y) and A by -A Y G. The derivative of forces is `Elastic.strain_jacobian`.

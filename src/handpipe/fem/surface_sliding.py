@@ -14,7 +14,7 @@ class SurfaceSliding(SurfaceContact):
     """Springs k/2 d^2 on the signed distance d in mm of points to a surface.
 
     As for `SurfaceContact` the closest places follow the points, and the Hessian is exact: stiff in all
-    directions where a vertex is closest, across an edge, and along the normal of a face. 000 section 6 holds
+    directions where a vertex is closest, across an edge, and along the normal of a face. Zheng 2022 §6 holds
     a point to a plane instead, which must be taken anew whenever the point has slid.
     """
 

@@ -1,7 +1,7 @@
 """Unconstrained rigid-body modes: those that nothing resists are pinned, a load along them is refused.
 
 The energy of a body does not change in its unconstrained rigid motions, so that fixing as many degrees of
-freedom as there are such motions puts no reaction on it (003 section 5.5). A constant load along one of them
+freedom as there are such motions puts no reaction on it (Wang 2021 §5.5). A constant load along one of them
 has no equilibrium.
 """
 
@@ -36,7 +36,7 @@ def pins(energy: Sum, matrix: sp.csr_matrix, x: Array, free: Mask) -> IntArray:
 
     `matrix` (3n, 3n) is the Hessian at x; `free` (3n,) masks the unknowns. Each connected part of the matrix
     is looked at by itself. A motion is unfelt where the forces in a few shapes near x do no work in it; the
-    reactions of the pins then vanish at an equilibrium (003 Nullspace Lemma).
+    reactions of the pins then vanish at an equilibrium (Wang 2021, Nullspace Lemma).
     """
     parts = _loose_parts(matrix, x, free)
     rows = _rows(energy.potentials, x, parts, free) if parts else []

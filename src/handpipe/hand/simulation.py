@@ -1,4 +1,4 @@
-"""Layers solved inside out, frame by frame; frames do not depend on one another (000 section 3, Fig. 5)."""
+"""Layers solved inside out, frame by frame; frames do not depend on one another (Zheng 2022 §3, Fig. 5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ligaments as a layer: muscles that touch nothing, each solved alone (000 section 4)."""
+"""The ligaments as a layer: muscles that touch nothing, each solved alone (Zheng 2022 §4)."""
 
 from __future__ import annotations
 

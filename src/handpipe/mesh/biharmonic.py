@@ -16,7 +16,7 @@ CHUNK = 4_000_000  # numbers of a block of distances
 class Biharmonic:
     """f(x) = sum_i w_i |x - s_i| + A x + b, of least bending energy through f(s_i) = t_i.
 
-    The paper's choice (001 section 5.2, after Bookstein). `smoothing` lets f miss its points where that
+    The paper's choice (Albrecht 2003 §5.2, after Bookstein). `smoothing` lets f miss its points where that
     bends it less; 0 interpolates. f commutes with affine maps of the targets and with similarities of the
     sources. It is smooth but for a kink at each s_i, where `jacobian` leaves the point's own term out.
     """

@@ -1,4 +1,4 @@
-"""Planes of sliding and contact, taken where moved points are closest to moved bodies (000 section 6)."""
+"""Planes of sliding and contact, taken where moved points are closest to moved bodies (Zheng 2022 §6)."""
 
 from __future__ import annotations
 

@@ -24,7 +24,14 @@ class RigidTransform:
 
     @staticmethod
     def about(centre: Array, rotation: Array) -> RigidTransform:
-        """Rotation (3, 3) about a fixed centre (3,)."""
+        """Rotation (3, 3) about a fixed centre (3,).
+
+        Examples
+        --------
+        >>> half_turn = RigidTransform.about(np.array([1.0, 0.0, 0.0]), np.diag([-1.0, -1.0, 1.0]))
+        >>> half_turn(np.array([[3.0, 0.0, 5.0]])).tolist()
+        [[-1.0, 0.0, 5.0]]
+        """
         return RigidTransform(rotation, centre - rotation @ centre)
 
     @staticmethod

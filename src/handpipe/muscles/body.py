@@ -118,7 +118,7 @@ class Body:
         return Attached(self.matrix[self.held], self.targets(transforms))
 
     def landmarked(self, places: Mapping[str, Array]) -> Attached | None:
-        """Landmarks that the body and the image (label -> (3,) mm) both have, if any (003 Eq. 5.4)."""
+        """Landmarks that the body and the image (label -> (3,) mm) both have, if any (Wang 2021 Eq. 5.4)."""
         labels = [label for label in self.landmarks if label in places]
         if not labels:
             return None
@@ -126,7 +126,7 @@ class Body:
         return Attached(self.matrix[ids], np.array([places[label] for label in labels]))
 
     def seated(self, surface: Surface, transforms: Transforms) -> Surface:
-        """A fitted surface with its held vertices exactly on the bones (003 section 6.1.4, step 3)."""
+        """A fitted surface with its held vertices exactly on the bones (Wang 2021 §6.1.4, step 3)."""
         vertices = surface.vertices.copy()
         vertices[self.held] = self.targets(transforms)
         return surface.moved(vertices)

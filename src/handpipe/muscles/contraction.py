@@ -1,6 +1,6 @@
 """A muscle between bones that have moved, guessed without an image: it contracts along its fibres.
 
-003 section 6.1.3, Eq. 6.5. Fibres follow the gradient of a harmonic coordinate that is 1 at one bone's
+Wang 2021 §6.1.3, Eq. 6.5. Fibres follow the gradient of a harmonic coordinate that is 1 at one bone's
 attachment and 0 at the others'. The log-stretch along them is U a, a few B-splines of that coordinate with
 weights a: like the thesis' bounded biharmonic handles they are smooth, within [0, 1] and of sum one, and
 nobody has to place them. Minimises

@@ -1,5 +1,5 @@
-"""Stage 1: the shape of one muscle in one pose, from the image of that pose (000 section 4.2, 003 section
-6.1).
+"""Stage 1: the shape of one muscle in one pose, from the image of that pose (Zheng 2022 §4.2, Wang 2021
+§6.1).
 """
 
 from __future__ import annotations

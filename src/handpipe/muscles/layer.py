@@ -1,5 +1,5 @@
-"""The muscles as a layer of the simulation: one static equilibrium of all that may touch one another (000
-section 4.1).
+"""The muscles as a layer of the simulation: one static equilibrium of all that may touch one another (Zheng
+2022 §4.1).
 """
 
 from __future__ import annotations

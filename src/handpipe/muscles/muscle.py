@@ -131,7 +131,7 @@ class Muscle:
         return self.space.interpolate(np.stack(carried), transforms)
 
     def strains(self, bones: Mapping[str, RigidTransform]) -> Array:
-        """Plastic strains (m, 6) in a pose (000 Eq. 2, in logarithms)."""
+        """Plastic strains (m, 6) in a pose (Zheng 2022 Eq. 2, in logarithms)."""
         return plasticity.exp(self.space.interpolate(self.logs, bones))
 
     @cached_property

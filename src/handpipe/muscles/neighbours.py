@@ -77,7 +77,7 @@ def touching(surface: Surface, others: Iterable[Surface], near: float) -> IntArr
 
 
 def sliding_vertices(poses: Sequence[Mapping[str, Surface]], near: float) -> Neighbours:
-    """Proximity vertices (000 section 4.1): within `near` mm of the neighbour in every pose, and their mean
+    """Proximity vertices (Zheng 2022 §4.1): within `near` mm of the neighbour in every pose, and their mean
     gaps.
     """
     found: Neighbours = {}

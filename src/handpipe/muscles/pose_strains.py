@@ -1,4 +1,5 @@
-"""Stage 3: plastic strains that reproduce the example shapes and change smoothly with the pose (000 Eq. 3).
+"""Stage 3: plastic strains that reproduce the example shapes and change smoothly with the pose (Zheng 2022
+Eq. 3).
 
 Minimises, over the mesh vertices x_i of each example pose i,
 
@@ -80,7 +81,7 @@ class PoseStrains:
 
 def pose_laplacian(poses: Array) -> Array:
     """Laplacian (N, N) of the complete graph of pose vectors (N, d): each row a pose less the mean of the
-    others, weighted by inverse distance (003 section 6.1.4).
+    others, weighted by inverse distance (Wang 2021 §6.1.4).
     """
     distances = np.linalg.norm(poses[:, None] - poses[None], axis=2)
     nearness = 1 / np.maximum(distances, 1e-3)  # rad; poses that coincide weigh alike
@@ -178,7 +179,7 @@ class _Block:
         return rough + away + self.pull * float((COUNTS * (s - field_) ** 2).sum())
 
     def gradient(self, x: Array, field_: Array) -> Array:
-        """Half the gradient (n, 3), with the true Jacobian (000 Eq. 25)."""
+        """Half the gradient (n, 3), with the true Jacobian (Zheng 2022 Eq. 25)."""
         s, jacobian = self.stretch.linearise(x)
         return self._gradient(s, jacobian, x, field_)
 
@@ -258,7 +259,7 @@ class _Descent:
         return out, objectives
 
     def objective(self, x: Sequence[Array], s: Sequence[Array], gamma: float) -> float:
-        """The whole of 000 Eq. 3."""
+        """The whole of Zheng 2022 Eq. 3."""
         nodes = np.stack([np.zeros_like(s[0]), *s])
         rough = np.tensordot(self.space, nodes, axes=1)
         total = gamma * float((COUNTS * rough**2).sum())

@@ -1,5 +1,5 @@
-"""Stage 2: surfaces of one pose pushed apart until no muscle is inside another or inside a bone (000 section
-4.4).
+"""Stage 2: surfaces of one pose pushed apart until no muscle is inside another or inside a bone (Zheng 2022
+§4.4).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A muscle's template carried to the subject by the bones that both have (003 section 6.1)."""
+"""A muscle's template carried to the subject by the bones that both have (Wang 2021 §6.1)."""
 
 from __future__ import annotations
 

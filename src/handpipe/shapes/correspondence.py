@@ -22,7 +22,7 @@ class Markers:
     """Places on the boundary of a body: points (r, 3) in mm and weights (r,).
 
     vertices (r,): the surface vertices that they were found from; None: each belongs to the closest point of
-    the surface (003 Eq. 5.5).
+    the surface (Wang 2021 Eq. 5.5).
     """
 
     points: Array

@@ -1,4 +1,4 @@
-"""Shape from plastic strains: the strain field whose static equilibrium meets what the image shows (003
+"""Shape from plastic strains: the strain field whose static equilibrium meets what the image shows (Wang 2021
 chapter 5).
 
 Minimises (|L S|^2 + volume |tr S|^2 + strain |S - S_guess|^2) / 2 + alpha / 2 sum_k w_k |A_k x - z_k|^2 +
@@ -40,15 +40,15 @@ FindMarkers = Callable[[Surface], Markers]
 
 log = logging.getLogger(__name__)
 
-MUSCLE = Material(6.0, 0.48)  # kPa (000 Table 2)
+MUSCLE = Material(6.0, 0.48)  # kPa (Zheng 2022 Table 2)
 SMOOTHEST = 30  # strain fields of a guess that are taken over
 GUESSED = 0.4  # largest log-strain that is taken over from a guess: a blend of bone motions crushes some tets
 
 
 @dataclass(frozen=True)
 class ShapeOptions:
-    """alpha, beta: 1/mm^2, weights of markers and attachments against smoothness (003 Eq. 5.3: 1e9 and 1e8
-    per m^2); spring: mN/mm of an attached point; fields: how many strain fields each stage may use;
+    """alpha, beta: 1/mm^2, weights of markers and attachments against smoothness (Wang 2021 Eq. 5.3: 1e9 and
+    1e8 per m^2); spring: mN/mm of an attached point; fields: how many strain fields each stage may use;
     iterations: at most, in each stage; enough: mm of largest marker error that ends the search; progress:
     relative decrease of the objective below which a stage ends; tangential: share of a marker's error that
     counts along the surface; volume: weight of each tet's squared change of volume (log), strain: of its
@@ -215,8 +215,8 @@ class _Problem:
     def improve(
         self, state: _State, markers: Correspondence, before: float, count: int
     ) -> tuple[_State, float]:
-        """One Gauss-Newton step (003 Eq. 5.8) with the longest of the steps 1, 1/2, 1/4... that lowers the
-        objective.
+        """One Gauss-Newton step (Wang 2021 Eq. 5.8) with the longest of the steps 1, 1/2, 1/4... that lowers
+        the objective.
         """
         change = self.direction(state, markers, count)
         step = 1.0
@@ -267,7 +267,8 @@ class _Problem:
         """Derivatives of x (3 n, u) and of the holds' targets (3 t, u) by the unknowns: coefficients of
         `count` fields, then motions of loose ends.
 
-        x follows the strains by J = -K^-1 d(gradient)/dS (003 Eq. 5.10), and loose ends by their springs.
+        x follows the strains by J = -K^-1 d(gradient)/dS (Wang 2021 Eq. 5.10), and loose ends by their
+        springs.
         """
         holds = state.holds
         chain = plasticity.per_tet_operator(plasticity.exp_derivative(self.basis(state.coefficients)))

@@ -67,7 +67,7 @@ def fit_organ(
     checkpoint: str | Path | None = None,
     sources: Sources | None = None,
 ) -> OrganFit:
-    """Deform a template tet mesh to the marks of one organ in an image (003 chapter 5).
+    """Deform a template tet mesh to the marks of one organ in an image (Wang 2021 chapter 5).
 
     marks (r, 3): points on the organ's boundary, in mm, without correspondence; attachments: points of the
     template that other organs hold, and where; landmarks: points of the template whose places in the image

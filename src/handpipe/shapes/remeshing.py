@@ -1,4 +1,4 @@
-"""New tets where strains have ruined the old ones (003 section 5.10 leaves it open).
+"""New tets where strains have ruined the old ones (Wang 2021 §5.10 leaves it open).
 
 The present shape is meshed anew and becomes the rest shape, free of stress: what the old tets held against
 one another was the misfit of their strains, which would not fit new ones. Under loads there is stress: in a

@@ -1,7 +1,8 @@
 """How an equilibrium follows its plastic strains, to first order.
 
-Differentiating f(S, x) = 0 gives dx = J dS with J = -K^-1 df/dS (003 Eq. 5.10). J is dense and never formed:
-`motion` and `pull` are J and its transpose at the price of one solve each with the factorised stiffness.
+Differentiating f(S, x) = 0 gives dx = J dS with J = -K^-1 df/dS (Wang 2021 Eq. 5.10). J is dense and never
+formed: `motion` and `pull` are J and its transpose at the price of one solve each with the factorised
+stiffness.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ class Solver(Protocol):
 class Response:
     """The derivative J (3n, 6m) of the equilibrium x by the log-strains, and the loose rigid motions.
 
-    loose (3n, r): rigid motions that nothing resists. They span the nullspace of the stiffness (003 Nullspace
-    Lemma); J is the pseudo-inverse's, and a step adds any of them.
+    loose (3n, r): rigid motions that nothing resists. They span the nullspace of the stiffness (Wang 2021
+    Nullspace Lemma); J is the pseudo-inverse's, and a step adds any of them.
     """
 
     def __init__(

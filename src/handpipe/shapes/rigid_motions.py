@@ -1,8 +1,8 @@
-"""Rigid motions that attachments leave free, and how marks settle them (003 section 5.6).
+"""Rigid motions that attachments leave free, and how marks settle them (Wang 2021 §5.6).
 
-003 stabilises an unattached object by its centroid and average rotation and alternates between strains and
-placement. Here the motions are unknowns of the same Gauss-Newton step, and for given strains the placement
-is the best one: energy does not see it, so no equilibrium has to be found anew.
+Wang 2021 stabilises an unattached object by its centroid and average rotation and alternates between strains
+and placement. Here the motions are unknowns of the same Gauss-Newton step, and for given strains the
+placement is the best one: energy does not see it, so no equilibrium has to be found anew.
 """
 
 from __future__ import annotations

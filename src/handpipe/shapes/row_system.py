@@ -1,4 +1,4 @@
-"""The system of the Woodbury identity, one unknown a row (003 Eq. 5.14), by conjugate gradients.
+"""The system of the Woodbury identity, one unknown a row (Wang 2021 Eq. 5.14), by conjugate gradients.
 
     (G + 1) y + E q = w,   E^T y = D q,
 

@@ -1,9 +1,9 @@
-"""The search for the strains of all tets whose equilibrium meets the marks (003 section 5.4).
+"""The search for the strains of all tets whose equilibrium meets the marks (Wang 2021 §5.4).
 
 Stages: attachments alone, then landmarks, then marks, each first over uniform strains. The marks' weight
 grows in steps, so that what many of them say together comes before what each one says alone. Steps are those
 of Gauss and Newton with a line search on the true objective, whose equilibria start from the predicted shape.
-Unlike 003, strains are logarithms, and positive definite whatever the step.
+Unlike Wang 2021, strains are logarithms, and positive definite whatever the step.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ FindMarks = Callable[[Array], Correspondence]
 
 log = logging.getLogger(__name__)
 
-SHORTEST = 0.01  # share of a step below which a stage ends (003 section 5.4, criterion iii)
+SHORTEST = 0.01  # share of a step below which a stage ends (Wang 2021 §5.4, criterion iii)
 LARGEST = 1.0  # change of a log-strain in one step
 ARMIJO = 0.1
 RESOLUTION = np.array([0.002, 0.01])  # mm of the mean and the largest distance that another step is worth
@@ -50,13 +50,13 @@ EARLY = 4  # steps of a stage that another one follows
 
 @dataclass(frozen=True)
 class Settings:
-    """alpha, beta: 1/mm^2, weights of marks and attachments against smoothness (003 Eq. 5.3); spring: mN/mm
-    of an attached point; tangential: share of a mark's distance that counts along the surface; iterations:
-    at most, at the full weight; enough: mm of the farthest mark at which the search ends; progress: relative
-    decrease of the objective below which a stage ends; outliers: give less weight to marks far beyond the
-    others, beyond some times mark_error (mm) at least; covering: the marks are all over the boundary, and no
-    part of the organ is far from all of them; remesh_below: smallest dihedral angle (deg) of a tet
-    below which the organ is meshed anew (0: never).
+    """alpha, beta: 1/mm^2, weights of marks and attachments against smoothness (Wang 2021 Eq. 5.3); spring:
+    mN/mm of an attached point; tangential: share of a mark's distance that counts along the surface;
+    iterations: at most, at the full weight; enough: mm of the farthest mark at which the search ends;
+    progress: relative decrease of the objective below which a stage ends; outliers: give less weight to marks
+    far beyond the others, beyond some times mark_error (mm) at least; covering: the marks are all over the
+    boundary, and no part of the organ is far from all of them; remesh_below: smallest dihedral angle (deg) of
+    a tet below which the organ is meshed anew (0: never).
     """
 
     alpha: float = 10.0
@@ -125,7 +125,7 @@ class Record:
 
 
 class Search:
-    """The objective of 003 Eq. 5.3 and steps that lower it, on a template mesh.
+    """The objective of Wang 2021 Eq. 5.3 and steps that lower it, on a template mesh.
 
     loads: further potentials that act on the body, known beforehand; frame: of log-strains, where the mesh at
     rest is not the template.
@@ -198,7 +198,7 @@ class Search:
         return state, near or bool((nearest - distances < RESOLUTION).all())
 
     def objective(self, state: State, marks: Correspondence) -> float:
-        """003 Eq. 5.3 with halves."""
+        """Wang 2021 Eq. 5.3 with halves."""
         mean = state.logs.mean(axis=0)
         prior = self.smoothness.energy(state.logs) + 0.5 * float(RIDGE @ mean**2)
         return prior + 0.5 * float((self.rows(state.x, marks).residuals ** 2).sum())

@@ -1,8 +1,9 @@
 """Smooth fields of log-strains over the tets of a mesh.
 
-The plastic strain Laplacian acts on each of the six numbers alone (003 Eq. A.2), so one scalar eigenproblem
-serves all six. Its least eigenvectors, from the constant one on, span the fields that the smoothness term of
-003 Eq. 5.3 allows: what lies outside is damped by at least the last eigenvalue squared.
+The plastic strain Laplacian acts on each of the six numbers alone (Wang 2021 Eq. A.2), so one scalar
+eigenproblem serves all six. Its least eigenvectors, from the constant one on, span the fields that the
+smoothness term of Wang 2021 Eq. 5.3 allows: what lies outside is damped by at least the last eigenvalue
+squared.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The smoothness of strains, |L S|^2 (003 Eq. 5.3), and the inverse of its Hessian.
+"""The smoothness of strains, |L S|^2 (Wang 2021 Eq. 5.3), and the inverse of its Hessian.
 
-The plastic strain Laplacian acts on each of the six numbers alone (003 Eq. A.2): one factorisation of the
-scalar matrix over tets serves all six. Its nullspace, the constant, is left out by a spring on one tet, which
-values without a mean do not stretch, and by taking means off: the solution of the Singular Lemma (ii) without
-bordering the matrix.
+The plastic strain Laplacian acts on each of the six numbers alone (Wang 2021 Eq. A.2): one factorisation of
+the scalar matrix over tets serves all six. Its nullspace, the constant, is left out by a spring on one tet,
+which values without a mean do not stretch, and by taking means off: the solution of the Singular Lemma (ii)
+without bordering the matrix.
 """
 
 from __future__ import annotations

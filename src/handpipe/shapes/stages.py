@@ -1,4 +1,4 @@
-"""The stages of a fit, one after the other: attachments, landmarks, marks, the image (003 section 5.4)."""
+"""The stages of a fit, one after the other: attachments, landmarks, marks, the image (Wang 2021 §5.4)."""
 
 from __future__ import annotations
 

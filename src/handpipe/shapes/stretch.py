@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 COUNTS = np.array(
     [1.0, 2.0, 2.0, 1.0, 2.0, 1.0]
-)  # how often each of the six stands in the matrix (003 Eq. A.2)
+)  # how often each of the six stands in the matrix (Wang 2021 Eq. A.2)
 LEAST = 1e-6  # squared stretch of a collapsed tet
 
 
@@ -27,8 +27,8 @@ def log_stretch(f: Array) -> tuple[Array, Array]:
     """log U (m, 6) of deformation gradients (m, 3, 3), and its derivative (m, 6, 9) by row-major F.
 
     With C = F^T F = Q diag(c) Q^T, d log U = Q (G o Q^T dC Q) Q^T, G_ij = (log c_i - log c_j) / (2 (c_i -
-    c_j)): the Sylvester equation of 003 Eq. 5.24 written in the eigenvectors, for the logarithm in place of
-    the root.
+    c_j)): the Sylvester equation of Wang 2021 Eq. 5.24 written in the eigenvectors, for the logarithm in
+    place of the root.
     """
     c, q = np.linalg.eigh(np.swapaxes(f, 1, 2) @ f)
     c = np.maximum(c, LEAST)

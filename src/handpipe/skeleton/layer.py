@@ -20,7 +20,7 @@ def bone_regions(
     """Fixed on the bodies of bones, contact at heads and joints: (n,).
 
     A point is fixed where it lies on a bone (within tolerance, mm) and no other bone is within joint_radius
-    (mm): what the papers paint by hand (000 section 6) or sweep over the range of motion (004 section 5.4).
+    (mm): what the papers paint by hand (Zheng 2022 §6) or sweep over the range of motion (Wang 2019 §5.4).
     """
     gaps = np.full((len(points), len(bones) + 1), np.inf)
     for column, bone in enumerate(bones.values()):

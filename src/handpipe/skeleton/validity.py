@@ -1,4 +1,5 @@
-"""Whether a pose is inside what was seen, and whether its bones run into one another (003 chapter 7)."""
+"""Whether a pose is inside what was seen, and whether its bones run into one another (Wang 2021 chapter
+7)."""
 
 from __future__ import annotations
 

@@ -1,0 +1,1 @@
+"""Commands of developers: compare two results folders, make the page of results from metrics."""
