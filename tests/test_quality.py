@@ -22,6 +22,7 @@ BASE = (
     "artifacts",
     "metrics",
     "config",
+    "layer_registry",
     "schema",
     "selection",
     "code_digest",

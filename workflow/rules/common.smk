@@ -11,11 +11,10 @@ import yaml
 from snakemake.exceptions import WorkflowError
 
 from handpipe import selection
+from handpipe.hand import layer_loading
 from handpipe.code_digest import CodeDigests
 from handpipe.config import (
-    AIDS,
     COUPLED_HANDS,
-    LAYERS,
     Role,
     load_dataset,
     load_scene,
@@ -24,6 +23,12 @@ from handpipe.config import (
 from handpipe.datasets import generators
 from handpipe.errors import HandpipeError
 from handpipe.hand.frames import failures_in
+from handpipe.layer_registry import (
+    LAYERS,
+    artifacts_of,
+    inner_layers,
+    needed,
+)
 from handpipe.hand.subject import (
     joint_limits,
     named_files,
@@ -103,18 +108,9 @@ def reads_scene(*fields):
     return lambda w: selection.select(scene(w.scene), fields)
 
 
-# What `layers_of` in workflow/scripts/layers.py reads of the dataset for each layer.
-LAYER_FIELDS = {
-    "flesh": ("fleshed",),
-    "tendons": ("tendons.names",),
-    "muscles": ("muscles.names",),
-    "muscle_fascia": ("muscles.names",),
-    "ligaments": ("ligaments.names",),
-}
-
-
 def layer_fields(layers):
-    return [field for layer in layers for field in LAYER_FIELDS.get(layer, ())]
+    """What the loading of layers reads of the dataset."""
+    return [field for layer in layers for field in LAYERS[layer].fields]
 
 
 def of_layers(layers, *further):
@@ -294,45 +290,30 @@ def in_flesh(*roles):
 
 def layer_files(subject, layers):
     """The artifacts that a simulation of the layers reads."""
-    data = dataset(subject)
-    base = f"results/{subject}"
-    files = {
-        "bones": [f"{base}/rig.h5"],
-        "bone_fascia": [f"{base}/fascia/bone.h5"],
-        "flesh": [f"{base}/soft_tissue/mesh.h5"] if data.fleshed else [],
-        "tendons": [f"{base}/tendons/{t}/hooks.h5" for t in data.tendons],
-        "muscles": [f"{base}/muscles/{m}/strains.h5" for m in data.muscles],
-        "muscle_fascia": [f"{base}/fascia/muscle.h5"] if data.muscles else [],
-        "ligaments": [f"{base}/ligaments/{l}.h5" for l in data.ligaments],
-        "fat": [f"{base}/fat/mesh.h5", f"{base}/fat/strains.h5"],
-        "skin": [f"{base}/soft_tissue/mesh.h5"] if "fat" not in layers else [],
-    }
-    return [path for layer in layers for path in files[layer]]
-
-
-INNER_LAYERS = [layer for layer in LAYERS if layer not in (*AIDS, "fat", "skin")]
+    return [
+        f"results/{subject}/{path}" for path in artifacts_of(layers, dataset(subject))
+    ]
 
 
 def scene_layers():
     """The layers that any scene needs, inside out."""
-    needed = {layer for name in SETTINGS.scenes for layer in scene(name).needed}
-    return [layer for layer in LAYERS if layer in needed]
+    return needed(layer for name in SETTINGS.scenes for layer in scene(name).layers)
 
 
 def inner_name(layers):
     """Name of the file of a scanned pose with layers under the fat: "inner" is all of them."""
-    given = [layer for layer in INNER_LAYERS if layer in layers]
-    return "inner" if given == INNER_LAYERS else "-".join(["inner", *given])
+    given = [layer for layer in inner_layers() if layer in layers]
+    return "inner" if given == inner_layers() else "-".join(["inner", *given])
 
 
 def layers_in(name):
     """The layers of a file that `inner_name` names."""
-    return name.split("-")[1:] or INNER_LAYERS
+    return name.split("-")[1:] or inner_layers()
 
 
 def flesh_under_inner(wildcards):
     """The flesh of a scanned pose, where one of its layers needs it."""
-    needs = any("flesh" in LAYERS[layer] for layer in layers_in(wildcards.inner))
+    needs = any("flesh" in LAYERS[layer].needs for layer in layers_in(wildcards.inner))
     if not needs or not dataset(wildcards.subject).fleshed:
         return []
     return f"results/{wildcards.subject}/poses/{wildcards.pose}/flesh.h5"
@@ -342,9 +323,7 @@ def muscle_poses(subject):
     """Scanned poses with the muscles and what else the scenes need under the fat, to compare with truth."""
     data = dataset(subject)
     layers = scene_layers()
-    name = inner_name(
-        layers if "muscles" in layers else ("bones", "tendons", "muscles")
-    )
+    name = inner_name(layers if "muscles" in layers else needed(["muscles"]))
     poses = data.poses_of(Role.example, Role.heldout)
     return [f"results/{subject}/poses/{pose}/{name}.h5" for pose in poses]
 
@@ -602,6 +581,21 @@ CODE = CodeDigests(
 )
 atexit.register(CODE.save)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
+LAYER_LOADING = Path(layer_loading.__file__)
+# The layers that rules load by their records, which name the code that no import shows.
+LOADED_LAYERS = {
+    "simulate": lambda w: scene(w.scene).needed,
+    "simulate_inner": lambda w: layers_in(w.inner),
+    "simulate_flesh": lambda w: ["bones", "flesh"],
+}
+
+
+def layer_code(each, wildcards, *files):
+    """The modules of the layers that a rule's script loads: those that its job names, else all."""
+    if LAYER_LOADING not in CODE.modules(files):
+        return []
+    layers = LOADED_LAYERS.get(each.name, lambda w: LAYERS)(wildcards)
+    return [CODE.module(LAYERS[layer].module) for layer in layers]
 
 
 def code_of(each):
@@ -610,10 +604,12 @@ def code_of(each):
     if each.name.startswith("benchmark_"):
         name = next(v for k, v in each.params._allitems() if k == "name")
         further = sorted(Path("benchmarks", name).absolute().glob("*.py"))
-        return lambda wildcards: CODE.of(script, *further)
+        return lambda w: CODE.of(
+            script, *further, *layer_code(each, w, script, *further)
+        )
     if each.name in ("generate_templates", "generate_pose", "generate_bones"):
         return lambda w: CODE.of(script, generator_file(w.subject))
-    return lambda wildcards: CODE.of(script)
+    return lambda w: CODE.of(script, *layer_code(each, w, script))
 
 
 def generator_file(subject):

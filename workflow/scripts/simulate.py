@@ -10,12 +10,12 @@ from common import dataset_of, scene_of, stage
 
 with stage(snakemake):
     from handpipe.hand.frames import finished_frames, write_frames
+    from handpipe.hand.layer_loading import load_layers
     from handpipe.hand.resume import key_of
     from handpipe.hand.simulation import simulate
     from handpipe.layers import Frame
     from handpipe.skeleton.drivers.scene_frames import read_frames
     from handpipe.skeleton.rig import Rig
-    from layers import layers_of
 
     dataset, scene = dataset_of(snakemake), scene_of(snakemake)
     rig = Rig.load(snakemake.input.rig)
@@ -26,7 +26,7 @@ with stage(snakemake):
         Frame(name, angles, rig.bone_transforms(angles))
         for name, angles in frames[first : first + scene.chunk]
     ]
-    layers = layers_of(scene.needed, rig, dataset, f"results/{snakemake.wildcards.subject}")
+    layers = load_layers(scene.needed, dataset, f"results/{snakemake.wildcards.subject}", rig.surfaces)
     output = Path(snakemake.output[0])
     partial = Path(snakemake.params.partial)
     parameters = {name: snakemake.params[name] for name in ("dataset", "code")}

@@ -4,11 +4,11 @@ tissue."""
 from common import stage
 
 with stage(snakemake):
+    from handpipe.fat.layer import load_fat, load_skin
     from handpipe.hand.frames import read_frames, write_frames
-    from layers import fat_layer, soft_tissue_layer
 
-    base = f"results/{snakemake.wildcards.subject}"
     [(frame, below)] = read_frames(snakemake.input.inner)
-    models = {"m0": fat_layer(base), "m1": fat_layer(base, strains=False), "m2": soft_tissue_layer(base)}
+    fat = load_fat([snakemake.input.fat, snakemake.input.strains], {})
+    models = {"m0": fat, "m1": fat.without_strains(), "m2": load_skin([snakemake.input.soft_tissue], {})}
     skins = {name: layer.solve(frame, below) for name, layer in models.items()}
     write_frames(snakemake.output[0], [(frame, skins)], [*snakemake.input])
