@@ -15,6 +15,7 @@ BASE = (
     "command",
     "artifacts",
     "metrics",
+    "paths",
     "config",
     "schema",
     "selection",
@@ -127,6 +128,17 @@ def test_every_rule_says_what_it_needs_and_leaves(rule: str) -> None:
     assert fields >= {"output", "log", "benchmark", "threads", "resources", "message", "script"}
     assert "mem_mb=" in text
     assert "runtime=" in text
+
+
+def test_paths_of_a_build_are_written_in_one_module() -> None:
+    files = [CHECKOUT / "Snakefile", *(CHECKOUT / "workflow").rglob("*.smk")]
+    lines = {
+        f"{path.relative_to(CHECKOUT)}: {line.strip()}"
+        for path in files
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if "results/" in line
+    }
+    assert lines == set()
 
 
 def test_every_script_has_its_rule() -> None:

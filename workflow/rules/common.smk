@@ -10,7 +10,7 @@ import handpipe
 import yaml
 from snakemake.exceptions import WorkflowError
 
-from handpipe import selection
+from handpipe import paths, selection
 from handpipe.code_digest import CodeDigests
 from handpipe.config import (
     AIDS,
@@ -192,12 +192,12 @@ COUPLED = generated_by(
 
 
 def each_subject(pattern):
-    """The files of a pattern under results/{subject}, for every subject, over its own ligaments and scenes."""
+    """The files of a pattern for every subject, over its own ligaments and scenes."""
     return [
         path
         for subject in buildable_subjects()
         for path in expand(
-            f"results/{{subject}}/{pattern}",
+            pattern,
             subject=subject,
             ligament=list(dataset(subject).ligaments),
             scene=SETTINGS.scenes,
@@ -233,11 +233,8 @@ def subject_checks():
     As an input of the segmentation the check would have to be `ancient`, for a scan does not change images;
     but Snakemake does not look at the parameters of jobs behind an ancient input that is made anew.
     """
-    return [
-        f"results/{subject}/check.json"
-        for subject in buildable_subjects()
-        if not dataset(subject).generator
-    ]
+    scanned = [s for s in buildable_subjects() if not dataset(s).generator]
+    return expand(paths.CHECK, subject=scanned)
 
 
 def neutral(subject):
@@ -262,11 +259,7 @@ def of_pose(field):
 
 def seeds_of_pose(wildcards):
     """The pose's seeds as the dataset names them; else those that are proposed from neutral."""
-    given = of_pose("seeds")(wildcards)
-    return (
-        given
-        or f"results/{wildcards.subject}/segmentation/{wildcards.pose}/seeds.nii.gz"
-    )
+    return of_pose("seeds")(wildcards) or paths.at(paths.SEEDS, **wildcards)
 
 
 def proposed_poses(subject):
@@ -285,17 +278,22 @@ def in_poses(pattern, *roles):
     return files
 
 
+def in_neutral(pattern):
+    """Input function: the file of a pattern in the subject's neutral pose."""
+    return lambda w: paths.at(pattern, subject=w.subject, pose=neutral(w.subject))
+
+
 def in_flesh(*roles):
     """Input function: the flesh in poses of the given roles, where the subject has one."""
 
-    files = in_poses("results/{subject}/poses/{pose}/flesh.h5", *roles)
+    files = in_poses(paths.POSE_FLESH, *roles)
     return lambda w: files(w) if dataset(w.subject).fleshed else []
 
 
 def layer_files(subject, layers):
     """The artifacts that a simulation of the layers reads."""
     data = dataset(subject)
-    base = f"results/{subject}"
+    base = paths.at(paths.SUBJECT, subject=subject)
     files = {
         "bones": [f"{base}/rig.h5"],
         "bone_fascia": [f"{base}/fascia/bone.h5"],
@@ -335,7 +333,7 @@ def flesh_under_inner(wildcards):
     needs = any("flesh" in LAYERS[layer] for layer in layers_in(wildcards.inner))
     if not needs or not dataset(wildcards.subject).fleshed:
         return []
-    return f"results/{wildcards.subject}/poses/{wildcards.pose}/flesh.h5"
+    return paths.at(paths.POSE_FLESH, **wildcards)
 
 
 def muscle_poses(subject):
@@ -346,7 +344,7 @@ def muscle_poses(subject):
         layers if "muscles" in layers else ("bones", "tendons", "muscles")
     )
     poses = data.poses_of(Role.example, Role.heldout)
-    return [f"results/{subject}/poses/{pose}/{name}.h5" for pose in poses]
+    return expand(paths.POSE_LAYERS, subject=subject, pose=poses, inner=name)
 
 
 @functools.cache
@@ -371,24 +369,20 @@ def chunks(subject, name):
 
 def scene_chunks(wildcards):
     """A scene's frames, in order."""
-    base = f"results/{wildcards.subject}/simulation/{wildcards.scene}"
-    return [f"{base}/frames-{c}.h5" for c in chunks(wildcards.subject, wildcards.scene)]
+    numbers = chunks(wildcards.subject, wildcards.scene)
+    return expand(paths.SCENE_CHUNK, **wildcards, chunk=numbers)
 
 
 def chunks_of_scenes(wildcards):
     """The frames of all scenes of a subject."""
-    base = f"results/{wildcards.subject}/simulation"
+    subject = wildcards.subject
     return [
-        f"{base}/{name}/frames-{c}.h5"
+        path
         for name in SETTINGS.scenes
-        for c in chunks(wildcards.subject, name)
+        for path in expand(
+            paths.SCENE_CHUNK, subject=subject, scene=name, chunk=chunks(subject, name)
+        )
     ]
-
-
-def partial_chunk(chunk):
-    """Where finished frames of a chunk are kept while others are missing."""
-    folder, _, name = str(chunk).rpartition("/")
-    return f"{folder}/partial-{name.removeprefix('frames-')}"
 
 
 def set_aside_failed_chunks():
@@ -397,23 +391,20 @@ def set_aside_failed_chunks():
     At the end of a build, when no other job reads them.
     """
     for subject in SETTINGS.subjects:
-        for chunk in Path(f"results/{subject}/simulation").glob("*/frames-*.h5"):
+        folder = paths.at(paths.SIMULATION, subject=subject)
+        for chunk in folder.glob(paths.SCENE_CHUNKS):
             try:
                 failed = failures_in(chunk)
             except HandpipeError:
                 continue  # what reads the chunk next says so
             if failed:
-                chunk.replace(partial_chunk(chunk))
+                chunk.replace(paths.partial_chunk(chunk))
 
 
 def obj_sequences():
     """Folders of OBJ files, of the scenes that ask for them."""
-    return [
-        f"results/{subject}/simulation/{name}/obj"
-        for subject in buildable_subjects()
-        for name in SETTINGS.scenes
-        if scene(name).obj
-    ]
+    asked = [name for name in SETTINGS.scenes if scene(name).obj]
+    return expand(paths.SCENE_OBJ, subject=buildable_subjects(), scene=asked)
 
 
 def scribbles(subject, pose, bone):
@@ -442,7 +433,7 @@ def scribbled_bones(wildcards, input):
 def corrected_bones(wildcards):
     """The bones of a pose that have scribbles, each segmented again with them."""
     return expand(
-        "results/{subject}/segmentation/{pose}/corrected/{bone}.h5",
+        paths.CORRECTED,
         bone=dataset(wildcards.subject).poses[wildcards.pose].scribbles,
         allow_missing=True,
     )
@@ -453,7 +444,7 @@ def neutral_looks(wildcards):
     pose = neutral(wildcards.subject)
     if wildcards.pose == pose:
         return []
-    return f"results/{wildcards.subject}/segmentation/{pose}/looks.json"
+    return in_neutral(paths.LOOKS)(wildcards)
 
 
 def template_files(subject):
@@ -497,18 +488,15 @@ def report_metrics(subject):
     stages += ["muscles"] if "muscles" in layers and data.muscles else []
     stages += ["skin"] if "fat" in layers else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]
-    return [f"results/{subject}/metrics/{stage}.json" for stage in stages]
+    return expand(paths.METRICS, subject=subject, stage=stages)
 
 
 def report_poses(subject):
     """Simulated scanned poses that the report draws: those that other stages need, too."""
     layers = scene_layers()
     if "fat" in layers:
-        return [
-            f"results/{subject}/poses/{pose}/{part}.h5"
-            for pose in [neutral(subject), *scanned(subject)]
-            for part in ("inner", "skin")
-        ]
+        poses = [neutral(subject), *scanned(subject)]
+        return expand([paths.POSE_INNER, paths.POSE_SKIN], subject=subject, pose=poses)
     return (
         muscle_poses(subject)
         if "muscles" in layers and dataset(subject).muscles

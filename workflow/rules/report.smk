@@ -3,21 +3,21 @@
 
 rule report:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         metrics=lambda w: report_metrics(w.subject),
         poses=lambda w: report_poses(w.subject),
         chunks=chunks_of_scenes,
         scenes=lambda w: expand(
-            "results/{subject}/simulation/{scene}/{scene}.glb",
+            paths.SCENE_GLB,
             scene=SETTINGS.scenes,
             allow_missing=True,
         ),
     output:
-        "results/{subject}/report.html",
+        paths.REPORT,
     log:
-        "results/{subject}/logs/report/all.log",
+        paths.log_of("report"),
     benchmark:
-        "results/{subject}/benchmarks/report/all.tsv"
+        paths.cost_of("report")
     threads: 1
     resources:
         mem_mb=2500,
@@ -41,7 +41,7 @@ rule report:
         ),
         scenes=lambda w: {
             s: expand(
-                "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
+                paths.SCENE_CHUNK,
                 subject=w.subject,
                 scene=s,
                 chunk=chunks(w.subject, s),
@@ -57,13 +57,13 @@ rule report:
 
 rule evaluate_build:
     input:
-        report="results/{subject}/report.html",
+        report=paths.REPORT,
     output:
-        "results/{subject}/metrics/build.json",
+        paths.metrics_of("build"),
     log:
-        "results/{subject}/logs/evaluate_build/all.log",
+        paths.log_of("evaluate_build"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_build/all.tsv"
+        paths.cost_of("evaluate_build")
     threads: 1
     resources:
         mem_mb=1500,
