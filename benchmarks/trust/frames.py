@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -20,6 +20,7 @@ from handpipe.layers import Frame, Shapes
 from handpipe.metrics import Metrics
 from handpipe.skeleton.angles import Angles, Limits
 from handpipe.skeleton.rig import Rig
+from handpipe.skeleton.validity import PoseValidity
 
 Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
@@ -43,7 +44,12 @@ def measure(results: Path, count: int = COUNT, steps: int = STEPS) -> Metrics:
     scene = load_scene(ROOT / "config/scenes/hand-preview.yaml")
     layers = _script("layers").layers_of(scene.needed, rig, dataset, base)
     scanned = {name: rig.poses[name].angles for name in dataset.examples}
-    random = [*mixtures(scanned, count - count // 2), *curled(rig.limits, count // 2)]
+    valid = PoseValidity(rig)
+    outside, rejected = apart(curled(rig.limits), count // 2, lambda pose: bool(valid.check(pose).collisions))
+    log.info(
+        "bones collide in %d of %d poses outside the scans: passed over", rejected, rejected + len(outside)
+    )
+    random = [*mixtures(scanned, count - count // 2), *outside]
     way = path(mixtures(scanned, 1, seed=1)[0], rig.limits, steps)
 
     def frames(poses: Sequence[Angles], name: str) -> list[Frame]:
@@ -57,7 +63,7 @@ def measure(results: Path, count: int = COUNT, steps: int = STEPS) -> Metrics:
         tried.take(frame, solve)
     for frame in frames(way, "path"):
         along.take(frame, solve)
-    return figures(tried, along)
+    return figures(tried, along) | {"frames_colliding": (float(rejected), "1")}
 
 
 @dataclass
@@ -127,20 +133,36 @@ def volume_ratios(rest: Array, vertices: Array, cells: NDArray[np.int64]) -> Arr
     return np.linalg.det(edges[1]) / np.linalg.det(edges[0])
 
 
-def curled(limits: Limits, count: int, seed: int = 0) -> list[dict[str, float]]:
+def curled(limits: Limits, seed: int = 0) -> Iterator[dict[str, float]]:
     """Random poses in rad towards a fist: each flexion at half to all of its limit, other angles small."""
-    rng, poses = np.random.default_rng(seed), []
-    for _ in range(count):
+    rng = np.random.default_rng(seed)
+    while True:
         share = rng.uniform(*CURL, len(limits))
         other = rng.uniform(0.0, SIDEWAYS, len(limits))
         side = rng.integers(2, size=len(limits))
-        poses.append(
-            {
-                name: float(share[i] * bounds[1] if name.endswith("flexion") else other[i] * bounds[side[i]])
-                for i, (name, bounds) in enumerate(limits.items())
-            }
-        )
-    return poses
+        yield {
+            name: float(share[i] * bounds[1] if name.endswith("flexion") else other[i] * bounds[side[i]])
+            for i, (name, bounds) in enumerate(limits.items())
+        }
+
+
+def apart(
+    poses: Iterable[dict[str, float]], count: int, collide: Callable[[Angles], bool]
+) -> tuple[list[dict[str, float]], int]:
+    """The first `count` poses whose bones do not collide, and the number of poses passed over.
+
+    Fingers that bend independently of one another run through one another: no flesh fits between them.
+    """
+    found: list[dict[str, float]] = []
+    rejected = 0
+    for pose in poses:
+        if collide(pose):
+            rejected += 1
+        else:
+            found.append(pose)
+        if len(found) == count:
+            break
+    return found, rejected
 
 
 def path(start: Angles, limits: Limits, steps: int) -> list[dict[str, float]]:

@@ -1,8 +1,10 @@
 """What the benchmark of frames counts, on frames whose faults are known."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
-from benchmarks.trust.frames import Tried, curled, figures, jumps, path
+from benchmarks.trust.frames import Tried, apart, curled, figures, jumps, path
 from tests.fem.bodies import box
 
 from handpipe.errors import ConvergenceError
@@ -52,10 +54,17 @@ def test_a_jump_is_a_second_difference():
 
 
 def test_poses_stay_within_limits():
-    poses = [*curled(LIMITS, 50), *path({"MP2_flexion": 1.3, "MP2_abduction": 0.1}, LIMITS, 20)]
+    poses = [*islice(curled(LIMITS), 50), *path({"MP2_flexion": 1.3, "MP2_abduction": 0.1}, LIMITS, 20)]
     for pose in poses:
         for name, (lower, upper) in LIMITS.items():
             assert lower <= pose[name] <= upper
     assert min(pose["MP2_flexion"] for pose in poses[:50]) >= 0.75
     steps = np.diff([pose["MP2_flexion"] for pose in poses[50:]])
     assert np.degrees(steps[:11]) == pytest.approx(1.0) and steps[-1] == 0.0
+
+
+def test_poses_with_colliding_bones_are_passed_over_and_counted():
+    poses = ({"MP2_flexion": float(i)} for i in range(100))
+    found, rejected = apart(poses, 3, lambda pose: pose["MP2_flexion"] % 2 == 0)
+    assert [pose["MP2_flexion"] for pose in found] == [1.0, 3.0, 5.0]
+    assert rejected == 3

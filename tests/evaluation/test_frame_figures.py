@@ -26,7 +26,10 @@ def rows() -> list[dict]:
             "m1": body(contact_motion=0.01, contact_unsettled=0.0),
             "m2": body(contact_motion=0.2, contact_unsettled=1.0),
         },
-        "fat": {"fat": body(inverted_tets=2.0, least_det=-0.14), "skin": body(skin_overlap=0.05)},
+        "fat": {
+            "fat": body(inverted_tets=2.0, least_det=-0.14, inner_overlap=1.6),
+            "skin": body(skin_overlap=0.05),
+        },
         "tendons": {"t_centreline": body(compression=3.0)},
     }
     frames = [(Frame("good", {}, {}), fine), (Frame("tangled", {}, {}), bad)]
@@ -50,6 +53,7 @@ def test_metrics_are_the_worst_over_frames() -> None:
         "muscles_contact_unsettled": (1.0, "1"),
         "fat_inverted_tets": (2.0, "tets"),
         "fat_least_det": (-0.14, "1"),
+        "fat_inner_overlap": (1.6, "mm"),
         "fat_skin_overlap": (0.05, "mm"),
         "tendons_compression": (3.0, "1"),
     }
@@ -61,6 +65,7 @@ def test_warnings_name_frame_layer_and_size() -> None:
         "Scene close: bones penetrate each other: good (a b, 0.40 mm).",
         "Scene close: contact has not settled: tangled (muscles).",
         "Scene close: inverted tets are handed on: tangled (fat: 2, least det F -0.14).",
+        "Scene close: tissue penetrates the organs inside: tangled (1.60 mm).",
         "Scene close: the skin penetrates itself: tangled (0.05 mm).",
         "Scene close: tendons are compressed and folded: tangled (3.0 of the pull).",
         "Scene close: not simulated and left out: lost (tendons: Tendon x did not converge).",

@@ -107,6 +107,13 @@ def test_a_bent_frame_gives_skin_and_mesh():
     assert np.linalg.norm(corrected["skin"].vertices[tip] - wanted, axis=1).mean() < 0.05
 
 
+def test_the_depth_of_the_tissue_in_a_body_is_told():
+    tissue = limb(Region.fixed)
+    shifted = tissue.mesh.vertices + [0.0, 0.7, 0.0]
+    assert tissue.inner_overlap(below(), tissue.mesh.vertices) == pytest.approx(0.0, abs=1e-9)
+    assert tissue.inner_overlap(below(), shifted) == pytest.approx(0.7, abs=0.06)  # what facets of 1 mm lose
+
+
 def _hinged(degrees):
     """The bone's vertices with its distal half turned, and the tissue's moved alike."""
     turn = Rotation.from_rotvec([0, np.radians(degrees), 0]).as_matrix()

@@ -15,6 +15,7 @@ from handpipe.metrics import Metrics
 UNITS = ARTIFACT_UNITS | {"inverted_tets": "tets"}
 LEAST = ("least_det",)  # figures of which the least is the worst
 OVERLAP = 0.01  # mm; a smaller overlap of the skin is not told
+INNER_OVERLAP = 0.5  # mm; half a voxel of a usual scan: less is within the error of the bodies' surfaces
 COMPRESSION = 0.01  # of a tendon's pull; a smaller one is not told
 
 
@@ -80,6 +81,8 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
             yield "contact has not settled", name.removesuffix("_unsettled").removesuffix("_contact")
         if name.endswith("_skin_overlap") and _positive(row, name, OVERLAP):
             yield "the skin penetrates itself", f"{_number(row, name):.2f} mm"
+        if name.endswith("_inner_overlap") and _positive(row, name, INNER_OVERLAP):
+            yield "tissue penetrates the organs inside", f"{_number(row, name):.2f} mm"
         if name.endswith("_compression") and _positive(row, name, COMPRESSION):
             yield "tendons are compressed and folded", f"{_number(row, name):.1f} of the pull"
     if _number(row, "beyond"):

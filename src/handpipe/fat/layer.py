@@ -105,7 +105,7 @@ class TissueLayer:
         """Skin surface and tissue tets at equilibrium.
 
         The skin's figures tell how its contact settled, and how deep (mm) it lies in itself; those of the
-        tets tell whether they are valid.
+        tets tell whether they are valid, and how deep (mm) they lie in the bodies below.
 
         Raises `ConvergenceError` where there is none, or tets are inverted.
         """
@@ -124,7 +124,7 @@ class TissueLayer:
                 x,
                 tissue.mesh.tets,
                 {"occupancy": tissue.occupancy},
-                validity.figures | settled.validity,
+                validity.figures | settled.validity | {"inner_overlap": tissue.inner_overlap(below, x)},
             ),
         }
 

@@ -189,6 +189,15 @@ class Tissue:
         """Depth in mm, at most, of the skin in itself with the tissue at x (n, 3)."""
         return overlap(self.skin, self.skin.moved(self.skin_matrix @ x))
 
+    def inner_overlap(self, below: Mapping[str, Shapes], x: Array) -> float:
+        """Depth in mm, at most, of the tissue's inner points in their bodies, with the tissue at x (n, 3)."""
+        points, deepest = self.inner_matrix @ x, 0.0
+        for index, surface in enumerate(self.inner.surfaces(below)):
+            mine = points[self.inner.body == index]
+            if len(mine):
+                deepest = max(deepest, -float(Distance(surface).signed(mine)[0].min()))
+        return deepest
+
     def opened(
         self,
         below: Mapping[str, Shapes],

@@ -18,7 +18,8 @@ from handpipe.mesh.rigid import RigidTransform
 LayerShapes = Mapping[str, Shapes]  # by the layer's name
 
 KIND = "frames"
-UNITS = {"contact_motion": "mm", "skin_overlap": "mm", "residual": "mN"}  # of figures; of others 1
+# Of figures; of others 1.
+UNITS = {"contact_motion": "mm", "skin_overlap": "mm", "inner_overlap": "mm", "residual": "mN"}
 
 
 def write_frames(
