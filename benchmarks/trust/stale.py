@@ -67,8 +67,8 @@ CHANGES = [
             "hand": ("left", "evaluate_frames report simulate"),
             "poses.fist.role": (
                 "heldout",
-                "collect_fat_strains evaluate_frames evaluate_muscles evaluate_skin evaluate_tendons "
-                "extract_muscle_shapes fit_hooks fit_muscle_strains fit_rig report",
+                "collect_fat_strains evaluate_frames evaluate_muscles evaluate_poses evaluate_skin "
+                "evaluate_tendons extract_muscle_shapes fit_hooks fit_muscle_strains fit_rig report",
             ),
             "poses.fist.volume": ("new/fist.nii.gz", IMAGE_READERS),
             "poses.fist.series": (2, IMAGE_READERS),

@@ -57,6 +57,11 @@ def flesh_in(below: Mapping[str, Shapes]) -> Array | None:
     return below["flesh"]["flesh_mesh"].vertices if "flesh" in below else None
 
 
+def vertices_of(shapes: Shapes) -> dict[str, Array]:
+    """Vertices (k, 3) of posed bodies, by name."""
+    return {name: shape.vertices for name, shape in shapes.items()}
+
+
 class Layer(Protocol):
     """A tissue of the simulation. `solve` is a static equilibrium: frames do not depend on one another."""
 

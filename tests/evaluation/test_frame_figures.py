@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from handpipe.evaluation.frames import figure_metrics, figure_names, frame_warnings, with_figures
+from handpipe.evaluation.frames import (
+    figure_metrics,
+    figure_names,
+    frame_warnings,
+    pose_metrics,
+    pose_warnings,
+    with_figures,
+    worst_of,
+)
 from handpipe.hand.simulation import Failure
 from handpipe.layers import Frame, Shape
 
@@ -71,6 +79,40 @@ def test_warnings_name_frame_layer_and_size() -> None:
         "Scene close: not simulated and left out: lost (tendons: Tendon x did not converge).",
     ]
     assert frame_warnings("close", [{"frame": "good", **PLAIN, "fat_inverted_tets": 0.0}]) == []
+
+
+def fits() -> list[dict]:
+    """Two fits to scans, the second neither settled nor upright."""
+    good = {
+        "unsettled": 0.0,
+        "contact_motion": 0.004,
+        "residual": 0.02,
+        "inverted_tets": 0.0,
+        "least_det": 0.4,
+    }
+    bad = {"unsettled": 1.0, "contact_motion": 0.08, "residual": 0.5, "inverted_tets": 1.0, "least_det": -0.2}
+    return [
+        {"frame": pose, **worst_of({"fat_fit": [figures]})}
+        for pose, figures in (("bow", good), ("fist", bad))
+    ]
+
+
+def test_poses_have_their_own_figures_beside_the_worst() -> None:
+    metrics = pose_metrics(fits())
+    assert metrics["fat_fit_contact_motion"] == metrics["fat_fit_contact_motion_fist"] == (0.08, "mm")
+    assert metrics["fat_fit_contact_motion_bow"] == (0.004, "mm")
+    assert metrics["fat_fit_least_det"] == (-0.2, "1") != metrics["fat_fit_least_det_bow"]
+    assert metrics["fat_fit_residual_bow"] == (0.02, "mN")
+    assert len(metrics) == 15
+
+
+def test_warnings_of_fits_name_the_pose_once() -> None:
+    rows = fits()
+    rows[1] |= {"fat_unsettled": 1.0, "fat_contact_unsettled": 1.0}
+    assert pose_warnings(rows) == [
+        "Scanned poses: contact has not settled: fist (fat_fit), fist (fat).",
+        "Scanned poses: inverted tets are handed on: fist (fat_fit: 1, least det F -0.2).",
+    ]
 
 
 @pytest.mark.parametrize("name", ["fat_inverted_tets", "fat_skin_overlap", "fat_unsettled"])

@@ -6,11 +6,15 @@ from scipy import sparse
 from scipy.spatial.transform import Rotation
 from tests.mesh.shapes import box_tets
 
-from handpipe.fat.strains import FitSettings, State, _direction, fit_strains, strain_operator
+from handpipe.errors import ConvergenceError
+from handpipe.fat import strains
+from handpipe.fat.strains import ON_THE_WAY, FitSettings, State, _direction, fit_strains, strain_operator
+from handpipe.fat.tissue import Tissue
 from handpipe.fem import plasticity
 from handpipe.fem.constraints import Attachment
 from handpipe.layers import Region
 from handpipe.mesh.operators import gradient_operator, tet_laplacian
+from handpipe.settling import Limits, Settled
 
 from .limb import LENGTH, at_rest, below, limb
 
@@ -111,6 +115,36 @@ def test_the_skin_comes_to_lie_on_the_scan():
     # what comes back is an equilibrium under its strains, not a shape that was pulled there
     x = tissue.solve(below(), at_rest(), plasticity.exp(fit.log_strains), fit.vertices).x
     np.testing.assert_allclose(x, fit.vertices, atol=5e-3)
+
+
+def test_a_fit_tells_whether_its_equilibrium_may_be_trusted():
+    tissue, fit = _fit()
+    rest, tets = tissue.mesh.vertices, tissue.mesh.tets
+    det = np.linalg.det((gradient_operator(rest, tets) @ fit.vertices.ravel()).reshape(-1, 3, 3))
+    assert fit.figures["least_det"] == pytest.approx(det.min(), rel=1e-9)
+    assert fit.figures["inverted_tets"] == fit.figures["tangles"] == fit.figures["unsettled"] == 0
+    assert fit.figures["contact_motion"] < ON_THE_WAY.settled
+    assert 0 <= fit.figures["residual"] < 1.0
+
+
+def test_a_fit_whose_contact_is_unsettled_says_so(monkeypatch):
+    monkeypatch.setattr(strains, "ON_THE_WAY", Limits(renewals=1, settled=1e-12, gross=np.inf))
+    figures = _fit()[1].figures
+    assert figures["unsettled"] == 1 and figures["contact_motion"] > 1e-12
+
+
+def test_a_fit_with_an_inverted_tet_fails_and_names_the_place(monkeypatch):
+    def inverted(self, *arguments):
+        x = self.mesh.vertices.copy()
+        a, b, c, d = self.mesh.tets[0]
+        x[a] += 2.5 * (x[[b, c, d]].mean(axis=0) - x[a])
+        return Settled(x, 1, 0.0)
+
+    monkeypatch.setattr(Tissue, "solve", inverted)
+    with pytest.raises(ConvergenceError, match=r"fat in fist .*inverted.* mm has det F .* from core"):
+        fit_strains(
+            limb(), below(), at_rest(), limb().skin, limb().mesh.vertices, FitSettings(), "fat in fist"
+        )
 
 
 def test_the_same_inputs_give_the_same_strains():

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from tests.muscles.shapes import bent, box, surface_of
 
+from handpipe.errors import ConvergenceError
 from handpipe.fem import plasticity
 from handpipe.mesh.operators import tet_laplacian
 from handpipe.muscles.pose_strains import (
     StrainOptions,
     _Block,
+    _result,
     fit_pose_strains,
     pose_laplacian,
 )
@@ -75,6 +77,15 @@ def test_known_shapes_come_back_and_no_tet_inverts():
         assert np.linalg.norm(w @ (x - shape), axis=1).max() < 0.51
         assert np.linalg.norm(x - shape, axis=1).mean() < 0.3
         assert mesh.moved(x).volumes().min() > 0
+
+
+def test_an_inverted_tet_fails_with_its_place():
+    mesh = box((2, 1, 1))
+    turned = mesh.vertices.copy()
+    a, b, c, d = mesh.tets[0]
+    turned[a] += 2.5 * (turned[[b, c, d]].mean(axis=0) - turned[a])
+    with pytest.raises(ConvergenceError, match=r"example 2 of 2 .*inverted.* mm has det F"):
+        _result(mesh, StretchField(mesh), np.stack([mesh.vertices, turned]), 1.0, np.zeros(2), [])
 
 
 def test_strains_are_the_stretch_of_the_vertices():

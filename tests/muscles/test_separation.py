@@ -8,7 +8,7 @@ from tests.muscles.crossings import crossings, inside
 from handpipe.errors import ConvergenceError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-from handpipe.muscles.separation import NO_VOLUME, separate
+from handpipe.muscles.separation import NO_VOLUME, SeparationOptions, separate
 
 
 def ellipsoid(radii, centre, subdivisions: int = 3) -> Surface:
@@ -135,3 +135,8 @@ def test_says_what_cannot_be_parted():
     bone = ellipsoid([20, 6, 6], [0, 0, 0])
     with pytest.raises(ConvergenceError, match="lost and bone"):
         separate({"lost": ellipsoid([10, 2, 2], [0, 0, 1.0], 2)}, {"bone": bone})
+
+
+def test_a_solve_that_is_stopped_is_no_separation():
+    with pytest.raises(ConvergenceError, match="Separation of muscles did not converge"):
+        separate(pair(), {}, SeparationOptions(volume=np.inf, iterations=0))

@@ -43,7 +43,7 @@ FLESH = {
 TENDONS = {"extract_tendon", "register_tendon", "fit_hooks", "evaluate_tendons", "simulate_flesh", *FLESH}
 MUSCLES = {
     "place_templates", "extract_muscle", "separate_neutral", "extract_muscle_shapes", "separate_muscles",
-    "fit_muscle_strains", "simulate_inner", "evaluate_muscles", *TENDONS,
+    "fit_muscle_strains", "simulate_inner", "evaluate_muscles", "evaluate_poses", *TENDONS,
 }  # fmt: skip
 # The rules that each layer brings, with those that it stands on.
 RULES_OF = {

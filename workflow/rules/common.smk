@@ -487,6 +487,7 @@ def report_metrics(subject):
     stages += ["tendons"] if "tendons" in layers and data.tendons else []
     stages += ["muscles"] if "muscles" in layers and data.muscles else []
     stages += ["skin"] if "fat" in layers else []
+    stages += ["poses"] if report_poses(subject) else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]
     return expand(paths.METRICS, subject=subject, stage=stages)
 
@@ -502,6 +503,12 @@ def report_poses(subject):
         if "muscles" in layers and dataset(subject).muscles
         else []
     )
+
+
+def fat_fits(subject):
+    """The fits of the fat's strains to scans, where a scene needs them."""
+    poses = dataset(subject).examples if "fat" in scene_layers() else []
+    return [f"results/{subject}/fat/poses/{pose}.h5" for pose in poses]
 
 
 def neutral_volume(wildcards):

@@ -55,6 +55,27 @@ rule report:
         "../scripts/report.py"
 
 
+rule evaluate_poses:
+    input:
+        simulated=lambda w: report_poses(w.subject),
+        fits=lambda w: fat_fits(w.subject),
+    output:
+        metrics="results/{subject}/metrics/poses.json",
+        table="results/{subject}/tables/poses.json",
+    log:
+        "results/{subject}/logs/evaluate_poses/all.log",
+    benchmark:
+        "results/{subject}/benchmarks/evaluate_poses/all.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: what solvers say of the scanned poses"
+    script:
+        "../scripts/evaluate_poses.py"
+
+
 rule evaluate_build:
     input:
         report=paths.REPORT,

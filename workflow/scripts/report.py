@@ -8,7 +8,7 @@ from common import dataset_of, stage
 with stage(snakemake):
     from handpipe import metrics
     from handpipe.evaluation.build import read_jobs
-    from handpipe.evaluation.frames import frame_warnings
+    from handpipe.evaluation.frames import frame_warnings, pose_warnings
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.hand.frames import read_frames
     from handpipe.imaging.volume import pose_volume
@@ -64,7 +64,8 @@ with stage(snakemake):
         name: [frame for path in paths for frame in read_frames(path)]
         for name, paths in snakemake.params.scenes.items()
     }
-    warnings = [said for name in scenes for said in frame_warnings(name, table(f"frames-{name}"))]
+    warnings = pose_warnings(table("poses"))
+    warnings += [said for name in scenes for said in frame_warnings(name, table(f"frames-{name}"))]
     write_report(
         snakemake.output[0],
         ReportInput(

@@ -1,4 +1,4 @@
-"""What the solvers say of a scene's frames: figures by frame and layer, and warnings in plain words."""
+"""What solvers say of frames and of fits to scans: figures by frame and layer, warnings in plain words."""
 
 from __future__ import annotations
 
@@ -21,11 +21,16 @@ COMPRESSION = 0.01  # of a tendon's pull; a smaller one is not told
 
 def worst_figures(layers: Mapping[str, Shapes]) -> dict[str, float]:
     """The worst of each figure over the bodies of each layer, by `{layer}_{figure}`."""
+    return worst_of({layer: [s.figures for s in shapes.values()] for layer, shapes in layers.items()})
+
+
+def worst_of(figures: Mapping[str, Iterable[Mapping[str, float]]]) -> dict[str, float]:
+    """The worst of each figure of what was solved in each stage, by `{stage}_{figure}`."""
     found: dict[str, list[float]] = {}
-    for layer, shapes in layers.items():
-        for shape in shapes.values():
-            for name, value in shape.figures.items():
-                found.setdefault(f"{layer}_{name}", []).append(value)
+    for stage, solved in figures.items():
+        for each in solved:
+            for name, value in each.items():
+                found.setdefault(f"{stage}_{name}", []).append(float(value))
     return {name: _worst(name, values) for name, values in found.items()}
 
 
@@ -45,12 +50,28 @@ def with_figures(
 
 def figure_metrics(rows: Sequence[Row], names: Iterable[str]) -> Metrics:
     """How many frames failed, and the worst of each figure over the frames that did not."""
-    metrics: Metrics = {"frames_failed": (float(sum("failed" in row for row in rows)), "frames")}
-    for name in sorted(names):
-        values = [_number(row, name) for row in rows if row.get(name) is not None]
-        unit = next((u for figure, u in UNITS.items() if name.endswith(figure)), "1")
-        metrics[name] = (_worst(name, values), unit)
+    failed = float(sum("failed" in row for row in rows))
+    return {"frames_failed": (failed, "frames"), **_worst_metrics(rows, names)}
+
+
+def pose_metrics(rows: Sequence[Row]) -> Metrics:
+    """The worst of each figure over the poses, and each pose's own as `{figure}_{pose}`."""
+    metrics = _worst_metrics(rows, figure_names(rows, ["frame"]))
+    for row in rows:
+        own = _worst_metrics([row], figure_names([row], ["frame"]))
+        metrics |= {f"{name}_{_name(row)}": value for name, value in own.items()}
     return metrics
+
+
+def _worst_metrics(rows: Sequence[Row], names: Iterable[str]) -> Metrics:
+    found = {
+        name: [_number(row, name) for row in rows if row.get(name) is not None] for name in sorted(names)
+    }
+    return {name: (_worst(name, values), _unit(name)) for name, values in found.items()}
+
+
+def _unit(name: str) -> str:
+    return next((unit for figure, unit in UNITS.items() if name.endswith(figure)), "1")
 
 
 def figure_names(rows: Sequence[Row], plain: Iterable[str]) -> list[str]:
@@ -61,11 +82,20 @@ def figure_names(rows: Sequence[Row], plain: Iterable[str]) -> list[str]:
 
 def frame_warnings(scene: str, rows: Sequence[Row]) -> list[str]:
     """What is wrong or doubtful in a scene's frames, a sentence for each kind, with the frames' names."""
+    return _warnings(f"Scene {scene}", rows)
+
+
+def pose_warnings(rows: Sequence[Row]) -> list[str]:
+    """The same of fits and simulations in scanned poses."""
+    return _warnings("Scanned poses", rows)
+
+
+def _warnings(where: str, rows: Sequence[Row]) -> list[str]:
     found: dict[str, list[str]] = {}
     for row in rows:
-        for kind, detail in _doubts(row):
+        for kind, detail in dict.fromkeys(_doubts(row)):
             found.setdefault(kind, []).append(f"{_name(row)} ({detail})")
-    return [f"Scene {scene}: {kind}: {', '.join(frames)}." for kind, frames in found.items()]
+    return [f"{where}: {kind}: {', '.join(frames)}." for kind, frames in found.items()]
 
 
 def _doubts(row: Row) -> Iterable[tuple[str, str]]:

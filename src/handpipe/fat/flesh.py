@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from handpipe.fat.tissue import Tissue
-from handpipe.layers import Frame, Shape, Shapes
+from handpipe.layers import Frame, Shape, Shapes, vertices_of
 from handpipe.settling import Limits
 
 # What lies within is wanted to a tenth of a millimetre, and not the skin.
@@ -33,6 +33,6 @@ class FleshLayer:
         rigid = {name: bones[part.bone] for name, part in tissue.rigid.items()}
         settled = tissue.solve(below, rigid, None, tissue.pose(bones), BRIEFLY)
         rest, validity = tissue.mesh.vertices, tissue.validity(settled.x)
-        validity.require(f"flesh of {frame.name}")
+        validity.require(f"flesh of {frame.name}", vertices_of(below.get("bones", {})))
         figures = settled.figures | settled.validity | validity.figures
         return {"flesh_mesh": Shape(rest, settled.x, tissue.mesh.tets, figures=figures)}

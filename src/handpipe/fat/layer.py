@@ -13,7 +13,7 @@ from handpipe import artifacts
 from handpipe.fat.nails import from_vector
 from handpipe.fat.tissue import Tissue
 from handpipe.fem import plasticity
-from handpipe.layers import Frame, Shape, Shapes
+from handpipe.layers import Frame, Shape, Shapes, vertices_of
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
 
@@ -115,7 +115,7 @@ class TissueLayer:
         x = settled.x
         skin = tissue.skin.moved(tissue.skin_matrix @ x)
         validity = tissue.validity(x)
-        validity.require(f"{self.name} of {frame.name}", _vertices(below))
+        validity.require(f"{self.name} of {frame.name}", vertices_of(below.get("bones", {})))
         figures = {**settled.figures, "skin_overlap": tissue.overlap(x)}
         return {
             "skin": Shape(tissue.skin.vertices, skin.vertices, skin.triangles, figures=figures),
@@ -127,8 +127,3 @@ class TissueLayer:
                 validity.figures | settled.validity | {"inner_overlap": tissue.inner_overlap(below, x)},
             ),
         }
-
-
-def _vertices(below: Mapping[str, Shapes]) -> dict[str, Array]:
-    """Vertices (k, 3) of the posed bones."""
-    return {name: shape.vertices for name, shape in below.get("bones", {}).items()}

@@ -23,7 +23,7 @@ from handpipe.fem import plasticity
 from handpipe.fem.linear import factorise
 from handpipe.fem.plasticity import polar
 from handpipe.fem.potential import Potential
-from handpipe.layers import Shapes
+from handpipe.layers import Shapes, vertices_of
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.operators import gradient_operator, mass_lumped, tet_laplacian
 from handpipe.mesh.rigid import RigidTransform
@@ -83,7 +83,7 @@ class Target:
 
 @dataclass(frozen=True)
 class State:
-    """Log-strains, their equilibrium, and how the skin then lies against the scan."""
+    """Log-strains, their equilibrium, how the skin then lies against the scan, and what the solver said."""
 
     logs: Array
     x: Array
@@ -91,6 +91,7 @@ class State:
     normals: Array
     weights: Array
     value: float
+    figures: Mapping[str, float] = field(default_factory=dict)
 
     def row(self, step: float) -> dict[str, float]:
         """Figures for the record."""
@@ -105,11 +106,15 @@ class State:
 
 @dataclass
 class FatFit:
-    """Log-strains (m, 6), vertices (n, 3), a row an iteration: objective, mean and max gap in mm, step."""
+    """Log-strains (m, 6), vertices (n, 3), a row an iteration: objective, mean and max gap in mm, step.
+
+    figures: whether the equilibrium may be trusted, by name, as in the figures of a frame's fat.
+    """
 
     log_strains: Array
     vertices: Array
     record: list[dict[str, float]]
+    figures: dict[str, float]
 
 
 def strain_operator(mesh: TetMesh, x: Array) -> sparse.csr_matrix:
@@ -140,12 +145,14 @@ def fit_strains(
     scan: Surface,
     start: Array,
     settings: FitSettings,
+    name: str = "strains of the fat",
 ) -> FatFit:
     """Log-strains so that the skin at equilibrium in a frame lies on the scan (Eq. 22-23).
 
     below, rigid, start (n, 3): as for `Tissue.solve`; scan in the frame of the simulation. Rigid parts of
     the skin are not pulled.
-    Raises `ConvergenceError` where the equilibrium without strains fails.
+    Raises `ConvergenceError` with `name` where the equilibrium without strains fails or tets are inverted at
+    the last. Contact may be unsettled there: the figures tell.
     """
     mesh, skin = tissue.mesh, tissue.skin
     area = mass_lumped(skin.vertices, skin.triangles)
@@ -156,11 +163,12 @@ def fit_strains(
     m = len(mesh.tets)
 
     def state(logs: Array, guess: Array) -> State:
-        x = tissue.solve(below, rigid, plasticity.exp(logs), guess, ON_THE_WAY).x
+        settled = tissue.solve(below, rigid, plasticity.exp(logs), guess, ON_THE_WAY)
+        x = settled.x
         offsets, normals, weights = target.match(skin.moved(tissue.skin_matrix @ x))
         rough = laplacian @ logs.ravel()
         value = settings.smoothness * rough @ rough / m + weights @ offsets**2
-        return State(logs, x, offsets, normals, weights, float(value))
+        return State(logs, x, offsets, normals, weights, float(value), settled.validity)
 
     now = state(np.zeros((m, 6)), tissue.opened(below, rigid, None, start))
     record = [now.row(0.0)]
@@ -181,8 +189,9 @@ def fit_strains(
         )
         if gain < settings.least_gain or record[-1]["mean_gap"] < settings.enough:
             break
-    tissue.validity(now.x).require("strains of the fat")
-    return FatFit(now.logs, now.x, record)
+    validity = tissue.validity(now.x)
+    validity.require(name, vertices_of(below.get("bones", {})))
+    return FatFit(now.logs, now.x, record, validity.figures | dict(now.figures))
 
 
 def _bounded(change: Array, largest: float) -> Array:

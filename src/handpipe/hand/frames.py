@@ -22,6 +22,11 @@ KIND = "frames"
 UNITS = {"contact_motion": "mm", "skin_overlap": "mm", "inner_overlap": "mm", "residual": "mN"}
 
 
+def figure_units(figures: Iterable[str], group: str = "figures") -> dict[str, str]:
+    """Units of the figures of a group of an artifact, by their keys."""
+    return {f"{group}/{name}": UNITS[name] for name in figures if name in UNITS}
+
+
 def write_frames(
     path: str | Path,
     frames: Sequence[SimulatedFrame],
@@ -152,8 +157,8 @@ def _units(data: Mapping[str, Any]) -> dict[str, str]:
         for layer, shapes in frame["layers"].items():
             base = f"frames/{name}/layers/{layer}"
             units |= {f"{base}/{body}/vertices": "mm" for body in shapes}
-            figures = [(body, name) for body, shape in shapes.items() for name in shape["figures"]]
-            units |= {f"{base}/{body}/figures/{name}": UNITS[name] for body, name in figures if name in UNITS}
+            for body, shape in shapes.items():
+                units |= figure_units(shape["figures"], f"{base}/{body}/figures")
     return units
 
 

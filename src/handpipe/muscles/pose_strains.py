@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from handpipe.errors import ConvergenceError
 from handpipe.fem import plasticity
 from handpipe.fem.linear import Factor, factorise
+from handpipe.fem.validity import Validity
 from handpipe.mesh.operators import tet_laplacian
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.stretch import COUNTS, StretchField
@@ -113,10 +113,8 @@ def fit_pose_strains(
 def _result(
     rest: TetMesh, stretch: StretchField, x: Array, gamma: float, distances: Array, objectives: list[float]
 ) -> PoseStrains:
-    inverted = sum(stretch.inverted(v) for v in x)
-    if inverted:
-        total = len(x) * len(rest.tets)
-        raise ConvergenceError("Strains over poses", f"{inverted} tets of {total} are inverted")
+    for number, v in enumerate(x, start=1):
+        Validity.of(rest.vertices, rest.tets, v).require(f"Strains of example {number} of {len(x)}")
     strains = np.stack([plasticity.exp(stretch(v)) for v in x])
     values = plasticity.eigenvalues(strains.reshape(-1, 6))
     bounds = float(values.min()), float(values.max())

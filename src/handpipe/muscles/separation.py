@@ -95,7 +95,7 @@ def separate(
     keep volumes. held: vertex ids of each muscle that do not move and do not collide (attachments); seen:
     which vertices (n,) of each have places that an image shows: they hold on to these, hidden ones make way.
     Surfaces that do not meet are handed back as they are. Raises `Inseparable` where bodies meet however
-    deflated, `ConvergenceError` where volumes find no room.
+    deflated, `ConvergenceError` where volumes find no room or the last solve has not converged.
     """
     options = options or SeparationOptions()
     nothing = np.zeros(0, dtype=np.int64)
@@ -203,11 +203,11 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
         found = equilibrium.solve([plate, hard, volumes], x, options=settings)
         x, iterations = found.x, iterations + found.record.iterations
         log.info("separation: volumes changed by up to %.2f %%", 100 * np.abs(volumes.changes(x)).max())
-        if volumes.kept(x):
+        if found.record.converged and volumes.kept(x):
             return _seated(scene, rest, x, barrier), iterations
         volumes.renew(x)
     largest = 100 * np.abs(volumes.changes(x)).max()
-    problem = f"volumes changed by up to {largest:.1f} % after {iterations} iterations: {found.record.reason}"
+    problem = f"{iterations} iterations, volumes changed by up to {largest:.1f} %: {found.record.reason}"
     raise ConvergenceError("Separation of muscles", problem)
 
 
