@@ -508,7 +508,7 @@ def report_poses(subject):
 def fat_fits(subject):
     """The fits of the fat's strains to scans, where a scene needs them."""
     poses = dataset(subject).examples if "fat" in scene_layers() else []
-    return [f"results/{subject}/fat/poses/{pose}.h5" for pose in poses]
+    return expand(paths.FAT_FIT, subject=subject, pose=poses)
 
 
 def neutral_volume(wildcards):

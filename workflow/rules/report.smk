@@ -60,12 +60,12 @@ rule evaluate_poses:
         simulated=lambda w: report_poses(w.subject),
         fits=lambda w: fat_fits(w.subject),
     output:
-        metrics="results/{subject}/metrics/poses.json",
-        table="results/{subject}/tables/poses.json",
+        metrics=paths.metrics_of("poses"),
+        table=paths.table_of("poses"),
     log:
-        "results/{subject}/logs/evaluate_poses/all.log",
+        paths.log_of("evaluate_poses"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_poses/all.tsv"
+        paths.cost_of("evaluate_poses")
     threads: 1
     resources:
         mem_mb=1500,
