@@ -1,52 +1,8 @@
 """Shapes of all muscles in the example poses (000 section 4.4, stage 1)."""
 
-from common import dataset_of, stage
+from common import dataset_of, inputs_of, output_of, stage
 
 with stage(snakemake):
-    from dataclasses import replace
+    from handpipe.stages.muscles.extract_muscle_shapes import Inputs, extract_muscle_shapes
 
-    from handpipe import artifacts
-    from handpipe.imaging.markers import read_landmarks, read_markers
-    from handpipe.imaging.volume import pose_volume
-    from handpipe.muscles.extraction import extract_poses
-    from handpipe.skeleton.bones import read_registration
-    from handpipe.skeleton.rig import Rig
-    from layers import flesh_in_poses
-    from muscle_files import read_bodies
-
-    dataset = dataset_of(snakemake)
-    rig = Rig.load(snakemake.input.rig)
-    bones = rig.surfaces
-    transforms = {
-        pose: read_registration(path, bones)
-        for pose, path in zip(dataset.examples, snakemake.input.registrations, strict=True)
-    }
-    placed = {
-        (pose, muscle): read_markers(dataset.path(path))[0]
-        for pose in dataset.examples
-        for muscle, path in dataset.poses[pose].markers.items()
-    }
-    known = {
-        (pose, muscle): read_landmarks(dataset.path(path))
-        for pose in dataset.examples
-        for muscle, path in dataset.poses[pose].landmarks.items()
-    }
-    flesh = {
-        pose: replace(shape, vertices=rig.poses[pose].root(shape.vertices))
-        for pose, shape in flesh_in_poses(snakemake.input.flesh).items()
-    }
-    found = extract_poses(
-        read_bodies(snakemake.input.neutral),
-        bones,
-        transforms,
-        lambda pose: pose_volume(dataset, pose),
-        points=placed,
-        landmarks=known,
-        flesh=flesh,
-    )
-    data = {
-        pose: {m: {"vertices": e.surface.vertices, "mesh_vertices": e.vertices} for m, e in muscles.items()}
-        for pose, muscles in found.items()
-    }
-    units = {f"{p}/{m}/{k}": "mm" for p, ms in data.items() for m, ks in ms.items() for k in ks}
-    artifacts.write(snakemake.output[0], data, kind="muscle_shapes", units=units, inputs=[*snakemake.input])
+    extract_muscle_shapes(inputs_of(snakemake, Inputs), output_of(snakemake), dataset_of(snakemake))
