@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from handpipe.config import LAYERS, Edges, Scene, load_dataset, load_scene, settings_of
+from handpipe.config import Edges, Scene, load_dataset, load_scene, settings_of
 from handpipe.errors import InputError
+from handpipe.layer_registry import LAYERS
 
 CONFIG = Path(__file__).parents[1] / "config"
 
@@ -124,7 +125,7 @@ def test_an_aid_is_no_layer_to_ask_for():
 
 def test_scene_needs_exactly_what_its_layers_stand_on():
     assert Scene(layers=("bones", "skin"), frames="x.csv").needed == ["bones", "skin"]
-    assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "flesh", "tendons", "muscles"]
+    assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "flesh", "muscles"]
     assert Scene(layers=("fat", "skin"), frames="x.csv").needed == list(LAYERS)
 
 

@@ -49,7 +49,7 @@ def simulated(subject: Path, rig: Rig, poses: Sequence[Mapping[str, float]]) -> 
     results = []
     for number, angles in enumerate(poses):
         frame = Frame(f"pose {number}", angles, rig.bone_transforms(angles))
-        below = {"bones": bones.solve(frame, {}), "tendons": {}}
+        below = {"bones": bones.solve(frame, {})}
         below["flesh"] = flesh.solve(frame, below)
         results.append(_result(layer, frame, below))
         print(f"{frame.name} of {len(poses)}: {results[-1]}", flush=True)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +13,9 @@ from numpy.typing import NDArray
 from benchmarks.frames.mixtures import mixtures
 from handpipe.config import load_dataset, load_scene
 from handpipe.errors import HandpipeError
+from handpipe.hand.layer_loading import load_layers
 from handpipe.hand.simulation import simulate_frame
+from handpipe.layer_registry import artifacts_of
 from handpipe.layers import Frame, Shapes
 from handpipe.metrics import Metrics
 from handpipe.skeleton.angles import Angles, Limits
@@ -42,7 +42,8 @@ def measure(results: Path, count: int = COUNT, steps: int = STEPS) -> Metrics:
     base = results / SUBJECT
     rig, dataset = Rig.load(base / "rig.h5"), load_dataset(ROOT / f"config/datasets/{SUBJECT}.yaml")
     scene = load_scene(ROOT / "config/scenes/hand-preview.yaml")
-    layers = _script("layers").layers_of(scene.needed, rig, dataset, base)
+    files = [base / path for path in artifacts_of(scene.needed, dataset)]
+    layers = load_layers(scene.needed, dataset, files, rig.surfaces)
     scanned = {name: rig.poses[name].angles for name in dataset.examples}
     valid = PoseValidity(rig)
     outside, rejected = apart(curled(rig.limits), count // 2, lambda pose: bool(valid.check(pose).collisions))
@@ -172,12 +173,3 @@ def path(start: Angles, limits: Limits, steps: int) -> list[dict[str, float]]:
         return min(value + step * STEP, limits[name][1]) if name.endswith("flexion") else value
 
     return [{n: float(angle(n, v, step)) for n, v in start.items()} for step in range(steps + 1)]
-
-
-def _script(name: str) -> ModuleType:
-    """A module of the workflow's scripts."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / f"workflow/scripts/{name}.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module

@@ -56,6 +56,10 @@ class CodeDigests:
                 pending += self._imported(path)
         return found
 
+    def module(self, name: str) -> Path:
+        """The file of a module of ours by its dotted name. Raises `KeyError` for another one."""
+        return self._index[name]
+
     def _imported(self, path: Path) -> list[Path]:
         """Files of ours that one file imports: modules, their packages, and files beside it."""
         if path not in self._imports:

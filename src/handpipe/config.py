@@ -13,6 +13,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from handpipe.artifacts import read_text
 from handpipe.errors import InputError
+from handpipe.layer_registry import needed, organs
 
 T = TypeVar("T", bound=BaseModel)
 Vector = tuple[float, float, float]
@@ -276,22 +277,6 @@ class Dataset(Model):
         return self.root / relative
 
 
-# Each layer with the layers that it needs, inside out (000 Fig. 5).
-LAYERS: dict[str, tuple[str, ...]] = {
-    "bones": (),
-    "bone_fascia": ("bones",),
-    "flesh": ("bones",),
-    "tendons": ("bones", "flesh"),
-    "muscles": ("bones", "flesh", "tendons"),
-    "muscle_fascia": ("bones", "muscles"),
-    "ligaments": ("bones",),
-    "fat": ("bones", "bone_fascia", "tendons", "muscle_fascia", "ligaments"),
-    "skin": ("bones",),
-}
-# Layers that others need and that are no organs: no scene asks for them, no output shows them.
-AIDS = ("flesh",)
-
-
 class Scene(Model):
     """Which layers, which frames. `skin` without `fat` is one soft tissue around the bones (004)."""
 
@@ -307,7 +292,7 @@ class Scene(Model):
 
     @model_validator(mode="after")
     def _known(self) -> Scene:
-        known = [layer for layer in LAYERS if layer not in AIDS]
+        known = organs()
         for layer in self.layers:
             if layer not in known:
                 raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(known)}")
@@ -316,13 +301,7 @@ class Scene(Model):
     @property
     def needed(self) -> list[str]:
         """The scene's layers and all that they need, inside out."""
-        needed: set[str] = set()
-        pending = list(self.layers)
-        while pending:
-            layer = pending.pop()
-            needed.add(layer)
-            pending.extend(n for n in LAYERS[layer] if n not in needed)
-        return [layer for layer in LAYERS if layer in needed]
+        return needed(self.layers)
 
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]  # mm

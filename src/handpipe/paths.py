@@ -88,6 +88,9 @@ SKIN_ARRAY = f"{SUBJECT}/tables/skin.nc"
 REPORT = f"{SUBJECT}/report.html"
 COMPLETE = f"{SUBJECT}/complete.json"
 
+# What Snakemake measured of the jobs.
+COSTS = f"{SUBJECT}/benchmarks"
+
 # Benchmarks of the code, of no subject.
 BENCHMARKS = f"{RESULTS}/benchmarks"
 
@@ -122,7 +125,7 @@ def log_of(rule: str, *wildcards: str) -> str:
 
 def costs_of(rule: str) -> str:
     """Pattern of the folder of what Snakemake measured of a rule's jobs."""
-    return f"{SUBJECT}/benchmarks/{rule}"
+    return f"{COSTS}/{rule}"
 
 
 def cost_of(rule: str, *wildcards: str) -> str:

@@ -28,7 +28,7 @@ def test_where_no_skin_touches_it_is_the_soft_tissue_of_the_skin():
     frame = Frame("shifted", {}, {"core": RigidTransform.identity()})
     posed = below(below()["bones"]["core"].rest + [0.0, 1.0, 0.0])
     flesh = FleshLayer(body).solve(frame, posed)["flesh_mesh"].vertices
-    skin = TissueLayer("skin", ("bones",), body).solve(frame, posed)["skin_mesh"].vertices
+    skin = TissueLayer("skin", body).solve(frame, posed)["skin_mesh"].vertices
     assert np.linalg.norm(skin - body.mesh.vertices, axis=1).max() > 0.9
     np.testing.assert_allclose(flesh, skin, atol=0.02)
 

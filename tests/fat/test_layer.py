@@ -39,7 +39,7 @@ def _strains(tissue):
 
 def test_strains_and_nails_are_those_of_the_examples():
     tissue = limb(Region.fixed)
-    layer = TissueLayer("fat", ("bones",), tissue, _strains(tissue))
+    layer = TissueLayer("fat", tissue, _strains(tissue))
     np.testing.assert_allclose(layer.plastic_strains(REST), plasticity.identity(len(tissue.mesh.tets)))
     bent = _bent(0.5)
     np.testing.assert_allclose(layer.plastic_strains(bent)[:, 0], np.exp(0.1))
@@ -56,7 +56,7 @@ def test_an_example_is_sought_from_where_its_strains_were_found():
     found = bent["core"](tissue.mesh.vertices) + rng.normal(0.0, 1.0, tissue.mesh.vertices.shape)
     strains = _strains(tissue)
     shifts = np.stack([np.zeros_like(found), tissue.shifts(bent, found)])
-    layer = TissueLayer("fat", ("bones",), tissue, replace(strains, shifts=shifts))
+    layer = TissueLayer("fat", tissue, replace(strains, shifts=shifts))
     np.testing.assert_allclose(layer.starts(bent)[0], found, atol=1e-12)
     np.testing.assert_allclose(layer.starts(REST)[0], tissue.mesh.vertices, atol=1e-12)
     halfway = 0.5 * bent["core"].inverse()(found) + 0.5 * tissue.mesh.vertices
@@ -67,12 +67,12 @@ def test_an_example_is_at_rest_where_its_strains_were_found():
     tissue, bent = limb(Region.fixed), _bent(0.5)
     strains = replace(_strains(tissue), nails={})
     posed = below(bent["core"](below()["bones"]["core"].rest))
-    plain = TissueLayer("fat", ("bones",), tissue, strains)
+    plain = TissueLayer("fat", tissue, strains)
     found = tissue.solve(posed, plain.rigid(bent), plain.plastic_strains(bent), plain.starts(bent)[0])
     renewals = []
     for shift in (np.zeros_like(found.x), tissue.shifts(bent, found.x)):
         strains = replace(strains, shifts=np.stack([np.zeros_like(shift), shift]))
-        layer = TissueLayer("fat", ("bones",), tissue, strains)
+        layer = TissueLayer("fat", tissue, strains)
         shapes = layer.solve(Frame("bent", {}, bent), posed)
         renewals.append(shapes["skin"].figures["contact_renewals"])
     np.testing.assert_allclose(shapes["fat_mesh"].vertices, found.x, atol=1e-3)
@@ -81,20 +81,20 @@ def test_an_example_is_at_rest_where_its_strains_were_found():
 
 def test_without_strains_only_the_nails_are_corrected():
     tissue = limb(Region.fixed)
-    plain = TissueLayer("fat", ("bones",), tissue, _strains(tissue).without_strains())
+    plain = TissueLayer("fat", tissue, _strains(tissue).without_strains())
     np.testing.assert_allclose(plain.plastic_strains(_bent(0.5)), plasticity.identity(len(tissue.mesh.tets)))
     assert plain.rigid(_bent(0.5))["tip"].translation != pytest.approx(_bent(0.5)["core"].translation)
     [start] = plain.starts(_bent(0.5))
     np.testing.assert_allclose(start, _bent(0.5)["core"](tissue.mesh.vertices), atol=1e-12)
-    bare = TissueLayer("skin", ("bones",), tissue)
+    bare = TissueLayer("skin", tissue)
     assert bare.plastic_strains(REST) is None
 
 
 def test_a_bent_frame_gives_skin_and_mesh():
     tissue = limb(Region.fixed)
-    layer = TissueLayer("fat", ("bones",), tissue, _strains(tissue).without_strains())
+    layer = TissueLayer("fat", tissue, _strains(tissue).without_strains())
     bent = _bent(0.5)
-    bare = TissueLayer("fat", ("bones",), tissue)
+    bare = TissueLayer("fat", tissue)
     shapes = bare.solve(Frame("bent", {}, bent), below(bent["core"](below()["bones"]["core"].rest)))
     assert set(shapes) == {"skin", "fat_mesh"}
     assert shapes["skin"].figures["contact_unsettled"] == 0
@@ -123,7 +123,7 @@ def _hinged(degrees):
 
 def test_a_bone_that_cuts_through_itself_inverts_no_tet(monkeypatch):
     tissue, (core, start) = limb(Region.fixed), _hinged(80.0)
-    layer = TissueLayer("fat", ("bones",), tissue)
+    layer = TissueLayer("fat", tissue)
     monkeypatch.setattr(TissueLayer, "starts", lambda self, bones: [start])
     shapes = layer.solve(Frame("hinged", {}, REST), below(core))
     mesh = shapes["fat_mesh"]
@@ -137,7 +137,7 @@ def test_a_bone_that_cuts_through_itself_inverts_no_tet(monkeypatch):
 
 def test_an_inverted_tet_is_not_handed_on(monkeypatch):
     core, inverted = _hinged(80.0)
-    layer = TissueLayer("fat", ("bones",), limb(Region.fixed))
+    layer = TissueLayer("fat", limb(Region.fixed))
     monkeypatch.setattr(Tissue, "at_rest", lambda *arguments: Settled(inverted, 1, 0.0))
     with pytest.raises(ConvergenceError, match=r"fat of hinged .* tets are inverted, .* mm from core"):
         layer.solve(Frame("hinged", {}, REST), below(core))

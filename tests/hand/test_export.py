@@ -13,12 +13,12 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from handpipe.config import LAYERS
 from handpipe.errors import InputError
 from handpipe.hand import export
 from handpipe.hand.appearance import shown
 from handpipe.hand.frames import failures_in, finished_frames, read_frames, read_simulated, write_frames
 from handpipe.hand.simulation import Failure
+from handpipe.layer_registry import LAYERS
 from handpipe.layers import Frame, Shape
 from handpipe.mesh.rigid import RigidTransform
 

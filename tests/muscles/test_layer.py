@@ -56,7 +56,7 @@ def seated(body, x, transforms):
 
 def solve(layer: MuscleLayer, angle: float):
     frame = Frame("pose", {}, hinge(angle))
-    return layer.solve(frame, {"bones": BoneLayer(hinge_bones()).solve(frame, {}), "tendons": {}})
+    return layer.solve(frame, {"bones": BoneLayer(hinge_bones()).solve(frame, {})})
 
 
 def test_examples_are_reproduced():
@@ -167,7 +167,7 @@ def pushed(x, aside: float):
 def in_flesh(known: Muscle, pose, aside: float, bed: float = SimulationOptions().bed):
     """The muscle's mesh vertices (n, 3) in flesh that is pushed aside, and where that takes them."""
     frame, moved = Frame("pose", {}, pose), pushed(FLESH.vertices, aside)
-    below = {"bones": BoneLayer(hinge_bones()).solve(frame, {}), "tendons": {}}
+    below = {"bones": BoneLayer(hinge_bones()).solve(frame, {})}
     below["flesh"] = {"flesh_mesh": Shape(FLESH.vertices, moved, FLESH.tets)}
     layer = MuscleLayer([known], SimulationOptions(bed=bed), contact=False)
     return layer.solve(frame, below)["m_mesh"].vertices, pushed(known.body.mesh.vertices, aside)

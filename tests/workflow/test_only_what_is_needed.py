@@ -43,7 +43,7 @@ FLESH = {
 TENDONS = {"extract_tendon", "register_tendon", "fit_hooks", "evaluate_tendons", "simulate_flesh", *FLESH}
 MUSCLES = {
     "place_templates", "extract_muscle", "separate_neutral", "extract_muscle_shapes", "separate_muscles",
-    "fit_muscle_strains", "simulate_inner", "evaluate_muscles", "evaluate_poses", *TENDONS,
+    "fit_muscle_strains", "simulate_inner", "evaluate_muscles", "evaluate_poses", "simulate_flesh", *FLESH,
 }  # fmt: skip
 # The rules that each layer brings, with those that it stands on.
 RULES_OF = {
@@ -55,7 +55,7 @@ RULES_OF = {
     "ligaments": {"generate_templates", "place_templates", "fit_ligament"},
     "fat": {
         "make_bone_fascia", "make_muscle_fascia", "fit_ligament", "mesh_fat", "fit_fat_strains",
-        "collect_fat_strains", "simulate_skin", "evaluate_skin", *MUSCLES,
+        "collect_fat_strains", "simulate_skin", "evaluate_skin", *MUSCLES, *TENDONS,
     },
     "skin": FLESH,
 }  # fmt: skip

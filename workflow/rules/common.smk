@@ -11,11 +11,10 @@ import yaml
 from snakemake.exceptions import WorkflowError
 
 from handpipe import paths, selection
+from handpipe.hand import layer_loading
 from handpipe.code_digest import CodeDigests
 from handpipe.config import (
-    AIDS,
     COUPLED_HANDS,
-    LAYERS,
     Role,
     load_dataset,
     load_scene,
@@ -24,6 +23,12 @@ from handpipe.config import (
 from handpipe.datasets import generators
 from handpipe.errors import HandpipeError
 from handpipe.hand.frames import failures_in
+from handpipe.layer_registry import (
+    LAYERS,
+    artifacts_of,
+    inner_layers,
+    needed,
+)
 from handpipe.hand.subject import (
     joint_limits,
     named_files,
@@ -103,18 +108,9 @@ def reads_scene(*fields):
     return lambda w: selection.select(scene(w.scene), fields)
 
 
-# What `layers_of` in workflow/scripts/layers.py reads of the dataset for each layer.
-LAYER_FIELDS = {
-    "flesh": ("fleshed",),
-    "tendons": ("tendons.names",),
-    "muscles": ("muscles.names",),
-    "muscle_fascia": ("muscles.names",),
-    "ligaments": ("ligaments.names",),
-}
-
-
 def layer_fields(layers):
-    return [field for layer in layers for field in LAYER_FIELDS.get(layer, ())]
+    """What the loading of layers reads of the dataset."""
+    return [field for layer in layers for field in LAYERS[layer].fields]
 
 
 def of_layers(layers, *further):
@@ -283,6 +279,47 @@ def in_neutral(pattern):
     return lambda w: paths.at(pattern, subject=w.subject, pose=neutral(w.subject))
 
 
+def in_truth(pattern, *roles):
+    """Input function: the truth in poses of the given roles, where the subject has one.
+
+    pattern: of a generated subject's file; a person's truth has files of the same names.
+    """
+
+    def files(wildcards):
+        data = dataset(wildcards.subject)
+        if data.truth is None:
+            return []
+        if data.generator:
+            return in_poses(pattern, *roles)(wildcards)
+        name = Path(pattern).name
+        folder = data.path(data.truth.folder)
+        return [folder / name.format(pose=p) for p in data.poses_of(*(roles or Role))]
+
+    return files
+
+
+def true_labels(wildcards):
+    """Input function: true labels in every pose, of whole bones in neutral and of marrow elsewhere."""
+    bones, marrow = (
+        in_truth(pattern)(wildcards)
+        for pattern in (paths.TRUE_BONES, paths.TRUE_MARROW)
+    )
+    is_neutral = [
+        p == neutral(wildcards.subject) for p in dataset(wildcards.subject).poses
+    ]
+    return [b if n else m for b, m, n in zip(bones, marrow, is_neutral)]
+
+
+def costs_of(*rules):
+    """Parameter function: the folders of the benchmark files of some rules' jobs.
+
+    They are no inputs: figures tell what jobs took where that is known, and no result depends on them.
+    """
+    return lambda w: [
+        str(paths.at(paths.costs_of(rule), subject=w.subject)) for rule in rules
+    ]
+
+
 def in_flesh(*roles):
     """Input function: the flesh in poses of the given roles, where the subject has one."""
 
@@ -292,45 +329,31 @@ def in_flesh(*roles):
 
 def layer_files(subject, layers):
     """The artifacts that a simulation of the layers reads."""
-    data = dataset(subject)
-    base = paths.at(paths.SUBJECT, subject=subject)
-    files = {
-        "bones": [f"{base}/rig.h5"],
-        "bone_fascia": [f"{base}/fascia/bone.h5"],
-        "flesh": [f"{base}/soft_tissue/mesh.h5"] if data.fleshed else [],
-        "tendons": [f"{base}/tendons/{t}/hooks.h5" for t in data.tendons],
-        "muscles": [f"{base}/muscles/{m}/strains.h5" for m in data.muscles],
-        "muscle_fascia": [f"{base}/fascia/muscle.h5"] if data.muscles else [],
-        "ligaments": [f"{base}/ligaments/{l}.h5" for l in data.ligaments],
-        "fat": [f"{base}/fat/mesh.h5", f"{base}/fat/strains.h5"],
-        "skin": [f"{base}/soft_tissue/mesh.h5"] if "fat" not in layers else [],
-    }
-    return [path for layer in layers for path in files[layer]]
-
-
-INNER_LAYERS = [layer for layer in LAYERS if layer not in (*AIDS, "fat", "skin")]
+    return [
+        paths.at(f"{paths.SUBJECT}/{path}", subject=subject)
+        for path in artifacts_of(layers, dataset(subject))
+    ]
 
 
 def scene_layers():
     """The layers that any scene needs, inside out."""
-    needed = {layer for name in SETTINGS.scenes for layer in scene(name).needed}
-    return [layer for layer in LAYERS if layer in needed]
+    return needed(layer for name in SETTINGS.scenes for layer in scene(name).layers)
 
 
 def inner_name(layers):
     """Name of the file of a scanned pose with layers under the fat: "inner" is all of them."""
-    given = [layer for layer in INNER_LAYERS if layer in layers]
-    return "inner" if given == INNER_LAYERS else "-".join(["inner", *given])
+    given = [layer for layer in inner_layers() if layer in layers]
+    return "inner" if given == inner_layers() else "-".join(["inner", *given])
 
 
 def layers_in(name):
     """The layers of a file that `inner_name` names."""
-    return name.split("-")[1:] or INNER_LAYERS
+    return name.split("-")[1:] or inner_layers()
 
 
 def flesh_under_inner(wildcards):
     """The flesh of a scanned pose, where one of its layers needs it."""
-    needs = any("flesh" in LAYERS[layer] for layer in layers_in(wildcards.inner))
+    needs = any("flesh" in LAYERS[layer].needs for layer in layers_in(wildcards.inner))
     if not needs or not dataset(wildcards.subject).fleshed:
         return []
     return paths.at(paths.POSE_FLESH, **wildcards)
@@ -340,9 +363,7 @@ def muscle_poses(subject):
     """Scanned poses with the muscles and what else the scenes need under the fat, to compare with truth."""
     data = dataset(subject)
     layers = scene_layers()
-    name = inner_name(
-        layers if "muscles" in layers else ("bones", "tendons", "muscles")
-    )
+    name = inner_name(layers if "muscles" in layers else needed(["muscles"]))
     poses = data.poses_of(Role.example, Role.heldout)
     return expand(paths.POSE_LAYERS, subject=subject, pose=poses, inner=name)
 
@@ -479,8 +500,8 @@ def scanned(subject):
     return [n for n in data.poses if n != data.neutral and data.poses[n].scan]
 
 
-def report_metrics(subject):
-    """The stages that the scenes ask for."""
+def report_stages(subject):
+    """The stages that the scenes ask for, by the names of their figures."""
     data, layers = dataset(subject), scene_layers()
     stages = ["seeds"] if proposed_poses(subject) else []
     stages += ["segmentation", "registration", "rig"]
@@ -489,26 +510,53 @@ def report_metrics(subject):
     stages += ["skin"] if "fat" in layers else []
     stages += ["poses"] if report_poses(subject) else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]
-    return expand(paths.METRICS, subject=subject, stage=stages)
+    return stages
+
+
+def report_tables(subject):
+    """The tables of these stages that the report shows."""
+    stages = [
+        stage
+        for stage in report_stages(subject)
+        if stage in ("rig", "muscles", "skin", "poses") or stage.startswith("frames-")
+    ]
+    return expand(paths.TABLE, subject=subject, stage=stages)
+
+
+def poses_in_report(subject):
+    """Simulated scanned poses that the report draws: those that other stages need, too."""
+    data, layers = dataset(subject), scene_layers()
+    if "fat" in layers:
+        return [data.neutral, *scanned(subject)]
+    if "muscles" in layers and data.muscles:
+        return data.poses_of(Role.example, Role.heldout)
+    return []
 
 
 def report_poses(subject):
-    """Simulated scanned poses that the report draws: those that other stages need, too."""
-    layers = scene_layers()
-    if "fat" in layers:
-        poses = [neutral(subject), *scanned(subject)]
+    """The files of these poses."""
+    if "fat" in scene_layers():
+        poses = poses_in_report(subject)
         return expand([paths.POSE_INNER, paths.POSE_SKIN], subject=subject, pose=poses)
-    return (
-        muscle_poses(subject)
-        if "muscles" in layers and dataset(subject).muscles
-        else []
-    )
+    return muscle_poses(subject) if poses_in_report(subject) else []
 
 
 def fat_fits(subject):
     """The fits of the fat's strains to scans, where a scene needs them."""
     poses = dataset(subject).examples if "fat" in scene_layers() else []
     return expand(paths.FAT_FIT, subject=subject, pose=poses)
+
+
+def volumes(subject, poses):
+    """The images of poses."""
+    data = dataset(subject)
+    return [data.path(data.poses[pose].volume) for pose in poses]
+
+
+def scans(subject, poses):
+    """The scans of those poses that have one."""
+    data = dataset(subject)
+    return [data.path(data.poses[p].scan) for p in poses if data.poses[p].scan]
 
 
 def neutral_volume(wildcards):
@@ -590,6 +638,21 @@ CODE = CodeDigests(
 )
 atexit.register(CODE.save)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
+LAYER_LOADING = Path(layer_loading.__file__)
+# The layers that rules load by their records, which name the code that no import shows.
+LOADED_LAYERS = {
+    "simulate": lambda w: scene(w.scene).needed,
+    "simulate_inner": lambda w: layers_in(w.inner),
+    "simulate_flesh": lambda w: ["bones", "flesh"],
+}
+
+
+def layer_code(each, wildcards, *files):
+    """The modules of the layers that a rule's script loads: those that its job names, else all."""
+    if LAYER_LOADING not in CODE.modules(files):
+        return []
+    layers = LOADED_LAYERS.get(each.name, lambda w: LAYERS)(wildcards)
+    return [CODE.module(LAYERS[layer].module) for layer in layers]
 
 
 def code_of(each):
@@ -598,10 +661,12 @@ def code_of(each):
     if each.name.startswith("benchmark_"):
         name = next(v for k, v in each.params._allitems() if k == "name")
         further = sorted(Path("benchmarks", name).absolute().glob("*.py"))
-        return lambda wildcards: CODE.of(script, *further)
+        return lambda w: CODE.of(
+            script, *further, *layer_code(each, w, script, *further)
+        )
     if each.name in ("generate_templates", "generate_pose", "generate_bones"):
         return lambda w: CODE.of(script, generator_file(w.subject))
-    return lambda wildcards: CODE.of(script)
+    return lambda w: CODE.of(script, *layer_code(each, w, script))
 
 
 def generator_file(subject):

@@ -171,18 +171,13 @@ rule evaluate_skin:
     input:
         rig=paths.RIG,
         skin=paths.SKIN,
-        scans=lambda w: [
-            p
-            for p in [
-                dataset(w.subject).path(dataset(w.subject).poses[n].scan)
-                for n in scanned(w.subject)
-            ]
-        ],
+        scans=lambda w: scans(w.subject, scanned(w.subject)),
         skins=lambda w: expand(
             paths.POSE_SKIN,
             pose=scanned(w.subject),
             allow_missing=True,
         ),
+        truth=in_truth(paths.TRUTH),
     output:
         metrics=paths.metrics_of("skin"),
         table=paths.table_of("skin"),
@@ -197,6 +192,13 @@ rule evaluate_skin:
         runtime=10,
     params:
         dataset=reads("poses.*.role", "truth", "root"),
+        costs=costs_of(
+            "make_skin",
+            "mesh_fat",
+            "fit_fat_strains",
+            "collect_fat_strains",
+            "simulate_skin",
+        ),
     message:
         "{wildcards.subject}: skin against scans"
     script:

@@ -76,10 +76,7 @@ rule extract_muscle_shapes:
     input:
         rig=paths.RIG,
         neutral=paths.NEUTRAL_MUSCLES,
-        volumes=lambda w: [
-            dataset(w.subject).path(dataset(w.subject).poses[p].volume)
-            for p in dataset(w.subject).examples
-        ],
+        volumes=lambda w: volumes(w.subject, dataset(w.subject).examples),
         registrations=in_poses(paths.REGISTRATION, Role.example),
         flesh=in_flesh(Role.example),
         markers=all_of_muscles("markers"),
@@ -161,6 +158,8 @@ rule evaluate_muscles:
         muscles=of_muscles(paths.MUSCLE_STRAINS),
         separated=in_poses(paths.SEPARATED_MUSCLES, Role.example),
         inner=lambda w: muscle_poses(w.subject),
+        registrations=in_poses(paths.REGISTRATION, Role.example),
+        truth=in_truth(paths.TRUTH),
     output:
         metrics=paths.metrics_of("muscles"),
         table=paths.table_of("muscles"),
@@ -174,6 +173,14 @@ rule evaluate_muscles:
         runtime=10,
     params:
         dataset=reads("poses.*.role", "muscles.names", "truth", "root"),
+        costs=costs_of(
+            "place_templates",
+            "extract_muscle",
+            "separate_neutral",
+            "extract_muscle_shapes",
+            "separate_muscles",
+            "fit_muscle_strains",
+        ),
     message:
         "{wildcards.subject}: muscles against truth"
     script:

@@ -34,6 +34,7 @@ rule evaluate_registration:
     input:
         neutral=in_neutral(paths.BONE_SURFACES),
         registrations=in_poses(paths.REGISTRATION),
+        truth=in_truth(paths.TRUTH),
     output:
         metrics=paths.metrics_of("registration"),
         table=paths.table_of("registration"),
@@ -47,6 +48,7 @@ rule evaluate_registration:
         runtime=10,
     params:
         dataset=reads("poses.names", "neutral", "bones.names", "truth", "root"),
+        costs=costs_of("register_bones"),
     message:
         "{wildcards.subject}: registration against truth"
     script:

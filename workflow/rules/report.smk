@@ -4,10 +4,16 @@
 rule report:
     input:
         rig=paths.RIG,
-        metrics=lambda w: report_metrics(w.subject),
+        metrics=lambda w: expand(
+            paths.METRICS, subject=w.subject, stage=report_stages(w.subject)
+        ),
+        tables=lambda w: report_tables(w.subject),
         poses=lambda w: report_poses(w.subject),
+        volumes=lambda w: volumes(w.subject, poses_in_report(w.subject)),
+        scans=lambda w: scans(w.subject, poses_in_report(w.subject)),
+        truth=in_truth(paths.TRUTH),
         chunks=chunks_of_scenes,
-        scenes=lambda w: expand(
+        exports=lambda w: expand(
             paths.SCENE_GLB,
             scene=SETTINGS.scenes,
             allow_missing=True,
@@ -48,6 +54,8 @@ rule report:
             )
             for s in SETTINGS.scenes
         },
+        jobs=lambda w: str(paths.at(paths.COSTS, subject=w.subject)),
+        benchmarks=paths.benchmark_of("fem.json"),  # shown where someone has made it
         settings={k: str(v) for k, v in SETTINGS.model_dump(mode="json").items()},
     message:
         "{wildcards.subject}: report"
@@ -89,6 +97,8 @@ rule evaluate_build:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        jobs=lambda w: str(paths.at(paths.COSTS, subject=w.subject)),
     message:
         "{wildcards.subject}: time and memory of the build"
     script:

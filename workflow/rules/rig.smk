@@ -5,6 +5,7 @@ rule fit_rig:
     input:
         neutral=in_neutral(paths.BONE_SURFACES),
         registrations=in_poses(paths.REGISTRATION),
+        truth=in_truth(paths.TRUTH, Role.example, Role.heldout),
     output:
         rig=paths.RIG,
         metrics=paths.metrics_of("rig"),

@@ -41,6 +41,14 @@ rule evaluate_seeds:
             pose=proposed_poses(w.subject),
             allow_missing=True,
         ),
+        volumes=lambda w: volumes(w.subject, proposed_poses(w.subject)),
+        truth=lambda w: [
+            path
+            for pose, path in zip(
+                dataset(w.subject).poses, in_truth(paths.TRUE_MARROW)(w)
+            )
+            if pose in proposed_poses(w.subject)
+        ],
     output:
         paths.metrics_of("seeds"),
     log:
@@ -54,6 +62,7 @@ rule evaluate_seeds:
     params:
         dataset=reads(*image_of("{proposed}"), "bones.*.label", "truth"),
         poses=lambda w: proposed_poses(w.subject),
+        costs=costs_of("propose_seeds"),
     message:
         "{wildcards.subject}: proposed seeds, and how many bones need a person"
     script:

@@ -81,6 +81,7 @@ rule evaluate_segmentation:
     input:
         labels=in_poses(paths.LABELS),
         looks=in_poses(paths.LOOKS),
+        truth=true_labels,
     output:
         paths.metrics_of("segmentation"),
     log:
@@ -93,6 +94,7 @@ rule evaluate_segmentation:
         runtime=10,
     params:
         dataset=reads("bones.*.label", "poses.names", "neutral", "truth", "root"),
+        costs=costs_of("segment_pose", "correct_bone", "merge_labels"),
     message:
         "{wildcards.subject}: segmentation against truth"
     script:

@@ -111,6 +111,7 @@ rule evaluate_tendons:
             allow_missing=True,
         ),
         flesh=in_flesh(Role.example, Role.heldout),
+        truth=in_truth(paths.TRUTH, Role.example, Role.heldout),
     output:
         paths.metrics_of("tendons"),
     log:
@@ -123,6 +124,9 @@ rule evaluate_tendons:
         runtime=10,
     params:
         dataset=reads("poses.*.role", "truth", "root"),
+        costs=costs_of(
+            "simulate_flesh", "extract_tendon", "register_tendon", "fit_hooks"
+        ),
     message:
         "{wildcards.subject}: simulated tendons against truth"
     script:

@@ -157,6 +157,7 @@ rule evaluate_truth:
     params:
         dataset=reads("name", "generator", "anatomy"),
         order=lambda w: TRUTH_ORDER[SETTINGS.truth],
+        costs=costs_of("coupled_pose"),
     message:
         "{wildcards.subject}: what the coupled truth says of itself"
     script:

@@ -1,8 +1,18 @@
 """One HTML file with pictures, tables, figures and costs of a subject."""
 
+from pathlib import Path
+
 from common import dataset_of, inputs_of, output_of, stage
 
 with stage(snakemake):
     from handpipe.stages.hand.report import Inputs, report
 
-    report(inputs_of(snakemake, Inputs), output_of(snakemake), dataset_of(snakemake))
+    report(
+        inputs_of(snakemake, Inputs),
+        output_of(snakemake),
+        dataset_of(snakemake),
+        {scene: [Path(path) for path in paths] for scene, paths in snakemake.params.scenes.items()},
+        snakemake.params.settings,
+        Path(snakemake.params.jobs),
+        Path(snakemake.params.benchmarks),
+    )

@@ -14,4 +14,5 @@ with stage(snakemake):
         scene_of(snakemake),
         int(snakemake.wildcards.chunk),
         Path(snakemake.params.partial),
+        {name: snakemake.params[name] for name in ("dataset", "code")},
     )

@@ -29,7 +29,7 @@ class Job:
 
 
 def read_jobs(folder: str | Path, rule: str | None = None) -> list[Job]:
-    """The jobs, of one rule or of all, whose benchmark files are `folder`/{rule}/….tsv or `folder`/{rule}.tsv.
+    """The jobs, of all rules or of one, with files `folder`/{rule}/….tsv or `folder`/{rule}.tsv.
 
     The file's own time is taken as the job's end. A file of several repetitions counts each. Figures that
     Snakemake could not take ("NA", "-") count as 0.

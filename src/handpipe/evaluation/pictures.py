@@ -17,8 +17,9 @@ from PIL import Image as PillowImage
 from handpipe.evaluation.render import Body, Camera, Image, on_background, render
 from handpipe.evaluation.slices import Contours, Plane, Sample, draw_slice
 from handpipe.evaluation.surfaces import surface_distance
-from handpipe.hand.appearance import COLOURS, OTHER, colour, opacity, shown, tissue
+from handpipe.hand.appearance import colour, opacity, shown, tissue
 from handpipe.hand.export import surface_triangles
+from handpipe.layer_registry import LAYERS
 from handpipe.layers import Shape, Shapes
 from handpipe.mesh.surface import Surface
 from handpipe.tendons.tube import round_surface
@@ -116,8 +117,8 @@ def slices_figure(sample: Sample | None, planes: Mapping[str, Plane], drawn: Seq
 
 def legend(looks: Sequence[str]) -> list[tuple[str, str]]:
     """Name and CSS colour of each tissue, in the order of the layers."""
-    order = [look for look in COLOURS if look in looks] + [look for look in looks if look not in COLOURS]
-    return [(look.replace("_", " "), _css(COLOURS.get(look, OTHER))) for look in order]
+    order = [look for look in LAYERS if look in looks] + [look for look in looks if look not in LAYERS]
+    return [(look.replace("_", " "), _css(colour(look))) for look in order]
 
 
 def _css(rgb: tuple[float, float, float]) -> str:

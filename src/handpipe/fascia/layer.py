@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from handpipe.fascia.fascia import Fascia
+from handpipe.layer_registry import LAYERS
 from handpipe.layers import Frame, Shape, Shapes
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.skinning import blend, bone_weights
@@ -16,7 +18,7 @@ class FasciaLayer:
     def __init__(self, fascia: Fascia, over: str) -> None:
         self.fascia, self.over = fascia, over
         self.name = fascia.name
-        self.needs: tuple[str, ...] = tuple(dict.fromkeys(("bones", over)))
+        self.needs = LAYERS[self.name].needs
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """The cloth at equilibrium. Raises `ConvergenceError` where there is none."""
@@ -30,3 +32,15 @@ class FasciaLayer:
         vertices = fascia.solve(rest, posed, start)
         fields = {"region": fascia.regions}
         return {self.name: Shape(fascia.surface.vertices, vertices, fascia.surface.triangles, fields)}
+
+
+def load_bone_fascia(files: Sequence[Path], _: Mapping[str, Surface]) -> FasciaLayer:
+    """The layer of an artifact, over the bones."""
+    [file] = files
+    return FasciaLayer(Fascia.load(file), "bones")
+
+
+def load_muscle_fascia(files: Sequence[Path], _: Mapping[str, Surface]) -> FasciaLayer:
+    """The layer of an artifact, over the muscles."""
+    [file] = files
+    return FasciaLayer(Fascia.load(file), "muscles")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from handpipe.fat.tissue import Tissue
+from handpipe.layer_registry import LAYERS
 from handpipe.layers import Frame, Shape, Shapes, vertices_of
+from handpipe.mesh.surface import Surface
 from handpipe.settling import Limits
 
 # What lies within is wanted to a tenth of a millimetre, and not the skin.
@@ -22,7 +25,7 @@ class FleshLayer:
     """
 
     name = "flesh"
-    needs: tuple[str, ...] = ("bones",)
+    needs = LAYERS[name].needs
 
     def __init__(self, tissue: Tissue) -> None:
         self.tissue = replace(tissue, skin_contact=False)
@@ -36,3 +39,9 @@ class FleshLayer:
         validity.require(f"flesh of {frame.name}", vertices_of(below.get("bones", {})))
         figures = settled.figures | settled.validity | validity.figures
         return {"flesh_mesh": Shape(rest, settled.x, tissue.mesh.tets, figures=figures)}
+
+
+def load(files: Sequence[Path], _: Mapping[str, Surface]) -> FleshLayer:
+    """The layer of an artifact."""
+    [file] = files
+    return FleshLayer(Tissue.load(file))

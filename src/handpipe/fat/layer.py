@@ -13,8 +13,10 @@ from handpipe import artifacts
 from handpipe.fat.nails import from_vector
 from handpipe.fat.tissue import Tissue
 from handpipe.fem import plasticity
+from handpipe.layer_registry import LAYERS
 from handpipe.layers import Frame, Shape, Shapes, vertices_of
 from handpipe.mesh.rigid import RigidTransform
+from handpipe.mesh.surface import Surface
 from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
 
 Array = NDArray[np.float64]
@@ -62,10 +64,13 @@ class TissueLayer:
     It is named "fat" on all layers below, "skin" on bones alone.
     """
 
-    def __init__(
-        self, name: str, needs: tuple[str, ...], tissue: Tissue, strains: FatStrains | None = None
-    ) -> None:
-        self.name, self.needs, self.tissue, self.strains = name, needs, tissue, strains
+    def __init__(self, name: str, tissue: Tissue, strains: FatStrains | None = None) -> None:
+        self.name, self.tissue, self.strains = name, tissue, strains
+        self.needs = LAYERS[name].needs
+
+    def without_strains(self) -> TissueLayer:
+        """The same tissue without plastic strains (model m1 of 000 Table 4)."""
+        return TissueLayer(self.name, self.tissue, self.strains and self.strains.without_strains())
 
     def plastic_strains(self, bones: Mapping[str, RigidTransform]) -> Array | None:
         """Strains (m, 6) of the fat in a pose, or None for none."""
@@ -127,3 +132,15 @@ class TissueLayer:
                 validity.figures | settled.validity | {"inner_overlap": tissue.inner_overlap(below, x)},
             ),
         }
+
+
+def load_fat(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:
+    """The fat on all layers below, from its mesh and its strains."""
+    mesh, strains = files
+    return TissueLayer("fat", Tissue.load(mesh), FatStrains.load(strains))
+
+
+def load_skin(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:
+    """One soft tissue around the bones (model m2 of 000 Table 4, 004), from its mesh."""
+    [mesh] = files
+    return TissueLayer("skin", Tissue.load(mesh))

@@ -18,9 +18,9 @@ import pygltflib as gltf
 from numpy.typing import NDArray
 
 from handpipe.artifacts import atomic, write_text
-from handpipe.config import LAYERS
 from handpipe.hand.appearance import colour, opacity, shown, tissue
 from handpipe.hand.simulation import SimulatedFrame
+from handpipe.layer_registry import LAYERS
 from handpipe.layers import Array, IntArray, Shape
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
@@ -41,7 +41,7 @@ def write_vtu_series(folder: str | Path, frames: Sequence[SimulatedFrame], fps: 
     """Write `{layer}.pvd` per layer and `{layer}/{body}-{frame number}.vtu` in mm; return the .pvd files.
 
     Each file carries the shape's fields over points or cells, the points' displacement from rest (mm) and the
-    cells' `layer` (its number in `config.LAYERS`). The .pvd gives time in s and a part for each body,
+    cells' `layer` (its number in `layer_registry.LAYERS`). The .pvd gives time in s and a part for each body,
     `frames.csv` each number's frame.
     """
     folder = Path(folder)

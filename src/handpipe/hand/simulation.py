@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from handpipe.config import AIDS
 from handpipe.errors import HandpipeError
+from handpipe.layer_registry import organs
 from handpipe.layers import Frame, Layer, Shapes
 
 log = logging.getLogger(__name__)
@@ -107,4 +107,5 @@ def _solve(frame: Frame, layer: Layer, shapes: dict[str, Shapes]) -> None:
 
 
 def _organs(shapes: Mapping[str, Shapes]) -> dict[str, Shapes]:
-    return {name: found for name, found in shapes.items() if name not in AIDS}
+    shown = organs()
+    return {name: found for name, found in shapes.items() if name in shown}

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 from handpipe.fem.materials import Material
+from handpipe.layer_registry import LAYERS
 from handpipe.layers import Frame, Shapes
+from handpipe.mesh.surface import Surface
 from handpipe.muscles.layer import MuscleLayer, SimulationOptions
 from handpipe.muscles.muscle import Muscle
 
@@ -20,7 +23,7 @@ class LigamentLayer:
     """
 
     name = "ligaments"
-    needs: tuple[str, ...] = ("bones",)
+    needs = LAYERS[name].needs
 
     def __init__(self, ligaments: Iterable[Muscle]) -> None:
         options = SimulationOptions(material=LIGAMENT, bed=0.0, spring=SPRING)
@@ -32,3 +35,8 @@ class LigamentLayer:
         for layer in self._alone:
             shapes |= layer.solve(frame, below)
         return shapes
+
+
+def load(files: Sequence[Path], _: Mapping[str, Surface]) -> LigamentLayer:
+    """The layer of artifacts, one a ligament."""
+    return LigamentLayer(map(Muscle.load, files))

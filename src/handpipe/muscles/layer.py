@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
 from handpipe.fem.record import Equilibrium, Record
 from handpipe.fem.validity import Validity
+from handpipe.layer_registry import LAYERS
 from handpipe.layers import Frame, Shape, Shapes, flesh_in
 from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.operators import mass_lumped
@@ -60,7 +62,7 @@ class MuscleLayer:
     """
 
     name = "muscles"
-    needs: tuple[str, ...] = ("bones", "flesh", "tendons")
+    needs = LAYERS[name].needs
 
     def __init__(
         self,
@@ -229,6 +231,12 @@ def known_surfaces(muscles: Sequence[Muscle]) -> list[dict[str, Surface]]:
     """A layer's `examples`: the muscles' surfaces in each pose that they were learnt from but neutral."""
     poses = zip(*(map(m.body.surface_at, m.vertices[1:]) for m in muscles), strict=True)
     return [{m.name: s for m, s in zip(muscles, surfaces, strict=True)} for surfaces in poses]
+
+
+def load(files: Sequence[Path], _: Mapping[str, Surface]) -> MuscleLayer:
+    """The layer of artifacts, one a muscle."""
+    muscles = [Muscle.load(file) for file in files]
+    return MuscleLayer(muscles, examples=known_surfaces(muscles))
 
 
 def _apart(near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sparse.csr_matrix:

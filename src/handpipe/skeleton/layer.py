@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.layer_registry import LAYERS
 from handpipe.layers import Frame, Region, Shape, Shapes
 from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.surface import Surface
@@ -35,7 +37,7 @@ class BoneLayer:
     """Neutral bone surfaces, moved rigidly."""
 
     name = "bones"
-    needs: tuple[str, ...] = ()
+    needs = LAYERS[name].needs
 
     def __init__(self, bones: Mapping[str, Surface], joint_radius: float = 4.0) -> None:
         self.bones = dict(bones)
@@ -52,3 +54,8 @@ class BoneLayer:
             )
             for name, s in self.bones.items()
         }
+
+
+def load(_: Sequence[Path], bones: Mapping[str, Surface]) -> BoneLayer:
+    """The layer of the bones' neutral surfaces."""
+    return BoneLayer(bones)

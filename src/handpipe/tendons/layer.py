@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from handpipe.layer_registry import LAYERS
 from handpipe.layers import Frame, Shape, Shapes, flesh_in
+from handpipe.mesh.surface import Surface
 from handpipe.tendons.rest import PULL
 from handpipe.tendons.tendon import Tendon
 
@@ -15,7 +18,7 @@ class TendonLayer:
     """Tendons of loaded artifacts. Frames do not depend on one another."""
 
     name = "tendons"
-    needs: tuple[str, ...] = ("bones", "bone_fascia", "flesh")
+    needs = LAYERS[name].needs
 
     def __init__(self, tendons: Iterable[Tendon]) -> None:
         self.tendons = {t.name: t for t in tendons}
@@ -42,3 +45,8 @@ class TendonLayer:
                 tendon.rest.x, found.x, segments, {"tension": found.tension}, figures
             )
         return shapes
+
+
+def load(files: Sequence[Path], _: Mapping[str, Surface]) -> TendonLayer:
+    """The layer of artifacts, one a tendon."""
+    return TendonLayer(map(Tendon.load, files))

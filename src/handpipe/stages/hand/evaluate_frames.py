@@ -10,6 +10,7 @@ from pathlib import Path
 from handpipe import artifacts, metrics
 from handpipe.config import Dataset, Role, Scene
 from handpipe.evaluation.frames import figure_metrics, figure_names, with_figures
+from handpipe.evaluation.table import Row
 from handpipe.hand.frames import read_simulated
 from handpipe.skeleton.drivers.scene_frames import read_frames
 from handpipe.skeleton.rig import Rig

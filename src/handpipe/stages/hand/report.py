@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from handpipe.evaluation.report import PoseView, ReportInput, write_report
 from handpipe.hand.frames import read_frames
 from handpipe.imaging.volume import pose_volume
 from handpipe.mesh.scan import read_scan
+from handpipe.mesh.surface import Surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.truth import surfaces_in, true_pose

@@ -6,12 +6,13 @@ Finished frames of a killed job, or of one with failed frames, are beside the ou
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from handpipe.config import Dataset, Scene
 from handpipe.hand.frames import finished_frames, write_frames
+from handpipe.hand.layer_loading import load_layers
 from handpipe.hand.resume import key_of
 from handpipe.hand.simulation import Simulated
 from handpipe.hand.simulation import simulate as simulate_frames
@@ -19,7 +20,6 @@ from handpipe.layers import Frame
 from handpipe.skeleton.drivers.scene_frames import read_frames
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.stages.poses import layers_of
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,8 @@ def simulate(
 ) -> None:
     """One chunk of a scene's frames, every layer that the scene needs; a failed frame is named and left out.
 
-    Finished frames of a killed job, or of one with failed frames, are beside the output and are not made again.
+    partial: finished frames of a killed job, or of one with failed frames; they are not made again where
+    layers and `made_of` are the same.
     """
     rig = Rig.load(inputs.rig)
     driven = read_frames(inputs.frames, rig, hand=dataset.hand, bones=scene.bones)
@@ -52,7 +53,7 @@ def simulate(
         Frame(name, angles, rig.bone_transforms(angles))
         for name, angles in frames[first : first + scene.chunk]
     ]
-    layers = layers_of(scene.needed, rig, dataset, f"results/{snakemake.wildcards.subject}")
+    layers = load_layers(scene.needed, dataset, inputs.layers, rig.surfaces)
     key = key_of([inputs.rig, *inputs.layers], {**made_of, "layers": scene.needed})
 
     def keep(found: Simulated) -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from handpipe.config import Dataset
 from handpipe.hand.frames import write_frames
+from handpipe.hand.layer_loading import load_layers
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.stages.poses import layers_of, scanned_frame
+from handpipe.stages.poses import scanned_frame
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,6 @@ def simulate_flesh(inputs: Inputs, output: Path, dataset: Dataset, pose: str) ->
     """The flesh in one scanned pose, which carries the hooks of tendons and the muscles."""
     rig = Rig.load(inputs.rig)
     frame = scanned_frame(rig, pose)
-    bones, flesh = layers_of(["bones", "flesh"], rig, dataset, f"results/{snakemake.wildcards.subject}")
+    bones, flesh = load_layers(["bones", "flesh"], dataset, inputs.layers, rig.surfaces)
     below = {bones.name: bones.solve(frame, {})}
     write_frames(output, [(frame, {flesh.name: flesh.solve(frame, below)})], inputs.all())

@@ -8,10 +8,11 @@ from pathlib import Path
 
 from handpipe.config import Dataset
 from handpipe.hand.frames import read_frames, write_frames
+from handpipe.hand.layer_loading import load_layers
 from handpipe.hand.simulation import simulate_frame
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.stages.poses import layers_of, scanned_frame
+from handpipe.stages.poses import scanned_frame
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Inputs(Files):
 def simulate_inner(inputs: Inputs, output: Path, dataset: Dataset, pose: str, layers: Sequence[str]) -> None:
     """All layers under the fat in one scanned pose."""
     rig = Rig.load(inputs.rig)
-    layers = layers_of(layers, rig, dataset, f"results/{snakemake.wildcards.subject}")
+    loaded = load_layers(layers, dataset, inputs.layers, rig.surfaces)
     frame = scanned_frame(rig, pose)
     known = read_frames(inputs.flesh)[0][1] if inputs.flesh else None
-    write_frames(output, [(frame, simulate_frame(frame, layers, known))], inputs.all())
+    write_frames(output, [(frame, simulate_frame(frame, loaded, known))], inputs.all())

@@ -25,7 +25,7 @@ class Inputs(Files):
 
 def coupled_body(inputs: Inputs, output: Path, dataset: Dataset) -> None:
     """A template hand as one body of all tissues, whose joints can open."""
-        motion = known_hand(dataset).motion
+    motion = known_hand(dataset).motion
     anatomy = coupled_hand.opened_hand(inputs.template, inputs.subject, motion)
     log.info("%d tets, %d vertices", len(anatomy.mesh.tets), len(anatomy.mesh.vertices))
     anatomy_file.save(output, anatomy, inputs.all())

@@ -1,9 +1,11 @@
-"""A tendon's rod in one pose: simulated, then fitted to the image's dark centre and tube (000 section 5.3)."""
+"""A tendon's rod in a pose: simulated, then fitted to the image's dark centre and tube (000 sec. 5.3)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from handpipe import artifacts
 from handpipe.config import Dataset
@@ -31,7 +33,7 @@ class Inputs(Files):
 
 
 def register_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str, pose: str) -> None:
-    """A tendon's rod in one pose: simulated, then fitted to the image's dark centre and tube (000 section 5.3)."""
+    """A tendon's rod in a pose: simulated, then fitted to the image's dark centre and tube (000 sec. 5.3)."""
     tendon = dataset.tendons[name]
     rig = Rig.load(inputs.rig)
     neutral = artifacts.read(inputs.neutral, "neutral_tendon")

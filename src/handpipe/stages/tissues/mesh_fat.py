@@ -8,10 +8,10 @@ from pathlib import Path
 from handpipe.fat.mesh import inner_surface
 from handpipe.fat.skin import Skin
 from handpipe.hand.frames import read_frames
+from handpipe.layer_registry import under_fat
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.stages.poses import INNER
 from handpipe.stages.tissues.tissue import Inside, make_tissue
 
 
@@ -30,10 +30,11 @@ def mesh_fat(inputs: Inputs, output: Path, edge: float) -> None:
     [(_, below)] = read_frames(inputs.inner)
     bodies = [
         Surface(s.vertices, s.cells)
-        for n in INNER
+        for n in under_fat()
         for s in below.get(n, {}).values()
         if s.cells.shape[1] == 3
     ]
     inner = inner_surface(bodies, spacing=0.8, gap=1.0)
-    tissue = make_tissue(rig.surfaces, below, INNER, inner, 1.0, Skin.load(inputs.skin), edge, log)
+    inside = Inside(below, under_fat(), inner)
+    tissue = make_tissue(rig.surfaces, inside, Skin.load(inputs.skin), edge, young=1.0)
     tissue.save(output, [inputs.inner, inputs.skin])

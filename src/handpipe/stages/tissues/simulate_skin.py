@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from handpipe.fat.layer import load_fat, load_skin
 from handpipe.hand.frames import read_frames, write_frames
 from handpipe.stages.files import Files
-from handpipe.stages.poses import fat_layer, soft_tissue_layer
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class Inputs(Files):
 
 def simulate_skin(inputs: Inputs, output: Path) -> None:
     """The skin of one scanned pose by three models (000 Table 4): full, no fat strains, one soft tissue."""
-    base = f"results/{snakemake.wildcards.subject}"
     [(frame, below)] = read_frames(inputs.inner)
-    models = {"m0": fat_layer(base), "m1": fat_layer(base, strains=False), "m2": soft_tissue_layer(base)}
+    fat = load_fat([inputs.fat, inputs.strains], {})
+    models = {"m0": fat, "m1": fat.without_strains(), "m2": load_skin([inputs.soft_tissue], {})}
     skins = {name: layer.solve(frame, below) for name, layer in models.items()}
     write_frames(output, [(frame, skins)], inputs.all())
