@@ -1,4 +1,4 @@
-"""Figures of a scene's frames: inside what was seen, bones that collide, what solvers say, which failed."""
+"""Figures of a scene's frames: whether inside what was seen, collisions of bones, solvers, failures."""
 
 from common import dataset_of, inputs_of, outputs_of, scene_of, stage
 

@@ -1,4 +1,4 @@
-"""What solvers say of the scanned poses: of the layers simulated there, and of the fits to their scans."""
+"""What solvers say of the scanned poses: of the simulated layers, and of the fits to scans."""
 
 from common import inputs_of, outputs_of, stage
 

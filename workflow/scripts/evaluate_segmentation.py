@@ -1,4 +1,4 @@
-"""How the bones look in every pose; Dice against truth: the whole bone in neutral, the marrow elsewhere."""
+"""How the bones look in every pose; Dice against truth: whole bones in neutral, marrow elsewhere."""
 
 from common import costs_of, dataset_of, inputs_of, output_of, stage
 

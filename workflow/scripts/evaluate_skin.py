@@ -1,4 +1,4 @@
-"""Distances from each scan to the simulated skins (000 Table 4), and from these to the true skin."""
+"""Distances of scans from simulated skins (Zheng 2022 Table 4), and of these from the true skin."""
 
 from common import costs_of, dataset_of, inputs_of, outputs_of, stage
 

@@ -1,4 +1,4 @@
-"""The shape of one muscle in neutral, from its placed template and the image (003 sections 5.3 and 5.4)."""
+"""The neutral shape of one muscle, from its placed template and the image (Wang 2021 §5.3 and 5.4)."""
 
 from common import dataset_of, inputs_of, output_of, stage
 

@@ -1,4 +1,4 @@
-"""Shapes of all muscles in the example poses (000 section 4.4, stage 1)."""
+"""Shapes of all muscles in the example poses (Zheng 2022 §4.4, stage 1)."""
 
 from common import dataset_of, inputs_of, output_of, stage
 

@@ -1,4 +1,4 @@
-"""Nail corrections and plastic strains of the fat in one example pose (000 sections 7.2 and 7.3)."""
+"""Nail corrections and plastic strains of the fat in one example pose (Zheng 2022 §7.2 and 7.3)."""
 
 from common import dataset_of, inputs_of, output_of, stage
 

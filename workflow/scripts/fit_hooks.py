@@ -1,4 +1,4 @@
-"""Hooks of a tendon: skinning weights and pose-space corrections from registered rods (000 section 5.4)."""
+"""Hooks of a tendon: skinning weights and corrections of poses from registered rods (Zheng 2022 §5.4)."""
 
 from common import dataset_of, inputs_of, output_of, stage
 

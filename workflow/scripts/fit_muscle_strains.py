@@ -1,4 +1,4 @@
-"""Plastic strains of a muscle, smooth in space and over poses (000 section 4.4, stage 3, Eq. 3)."""
+"""Plastic strains of a muscle, smooth in space and over poses (Zheng 2022 §4.4, stage 3, Eq. 3)."""
 
 from common import dataset_of, inputs_of, output_of, stage
 

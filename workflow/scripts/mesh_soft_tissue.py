@@ -1,4 +1,4 @@
-"""One soft tissue between the bones and the skin (004 section 5)."""
+"""One soft tissue between the bones and the skin (Wang 2019 §5)."""
 
 from common import dataset_of, inputs_of, output_of, stage
 

@@ -1,4 +1,4 @@
-"""Templates of muscles and ligaments carried onto the subject's bones (003 section 6.1)."""
+"""Templates of muscles and ligaments carried onto the subject's bones (Wang 2021 §6.1)."""
 
 from common import dataset_of, inputs_of, output_of, stage
 

@@ -1,4 +1,4 @@
-"""A tendon's rod in one pose: simulated, then drawn to the image's dark centre and tube (000 section 5.3)."""
+"""A tendon's rod in a pose: simulated, then fitted to its dark tube in the image (Zheng 2022 §5.3)."""
 
 from common import dataset_of, inputs_of, output_of, stage
 

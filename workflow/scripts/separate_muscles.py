@@ -1,4 +1,4 @@
-"""Muscles of an example pose without interpenetration (000 section 4.4, stage 2)."""
+"""Muscles of an example pose without interpenetration (Zheng 2022 §4.4, stage 2)."""
 
 from common import inputs_of, output_of, stage
 

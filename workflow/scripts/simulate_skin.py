@@ -1,4 +1,4 @@
-"""The skin of one scanned pose by three models (000 Table 4): full, without fat strains, one soft tissue."""
+"""The skin of a scanned pose by three models (Zheng 2022 Table 4): full, no fat strains, one tissue."""
 
 from common import inputs_of, output_of, stage
 

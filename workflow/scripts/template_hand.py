@@ -1,4 +1,4 @@
-"""The template hand of a generated subject: muscles, ligaments, tendons and nails from the curves' file."""
+"""The template hand of a generated subject: all organs from the file of curves."""
 
 from common import inputs_of, outputs_of, stage
 

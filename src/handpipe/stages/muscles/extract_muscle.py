@@ -1,4 +1,4 @@
-"""The neutral shape of one muscle, from its placed template and the image (003 sections 5.3 and 5.4)."""
+"""The neutral shape of one muscle, from its placed template and the image (Wang 2021 §5.3 and 5.4)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Inputs(Files):
 
 
 def extract_muscle(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:
-    """The neutral shape of one muscle, from its placed template and the image (003 sections 5.3 and 5.4)."""
+    """The neutral shape of one muscle, from its placed template and the image (Wang 2021 §5.3 and 5.4)."""
     guesses = read_guesses(inputs.templates, dataset.muscles)
     others = [guess.surface for other, guess in guesses.items() if other != name]
     placed, known = inputs.markers, inputs.landmarks

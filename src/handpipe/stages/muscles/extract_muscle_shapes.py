@@ -1,4 +1,4 @@
-"""Shapes of all muscles in the example poses (000 section 4.4, stage 1)."""
+"""Shapes of all muscles in the example poses (Zheng 2022 §4.4, stage 1)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Inputs(Files):
 
 
 def extract_muscle_shapes(inputs: Inputs, output: Path, dataset: Dataset) -> None:
-    """Shapes of all muscles in the example poses (000 section 4.4, stage 1)."""
+    """Shapes of all muscles in the example poses (Zheng 2022 §4.4, stage 1)."""
     rig = Rig.load(inputs.rig)
     bones = rig.surfaces
     transforms = {

@@ -1,4 +1,4 @@
-"""Plastic strains of a muscle, smooth in space and over poses (000 section 4.4, stage 3, Eq. 3)."""
+"""Plastic strains of a muscle, smooth in space and over poses (Zheng 2022 §4.4, stage 3, Eq. 3)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Inputs(Files):
 
 
 def fit_muscle_strains(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:
-    """Plastic strains of a muscle, smooth in space and over poses (000 section 4.4, stage 3, Eq. 3)."""
+    """Plastic strains of a muscle, smooth in space and over poses (Zheng 2022 §4.4, stage 3, Eq. 3)."""
     rig = Rig.load(inputs.rig)
     body = read_bodies(inputs.neutral)[name]
     shapes = artifacts.read(inputs.shapes, "muscle_shapes")

@@ -1,4 +1,4 @@
-"""Templates of muscles and ligaments carried onto the subject's bones (003 section 6.1)."""
+"""Templates of muscles and ligaments carried onto the subject's bones (Wang 2021 §6.1)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Inputs(Files):
 
 
 def place_templates(inputs: Inputs, output: Path, dataset: Dataset) -> None:
-    """Templates of muscles and ligaments carried onto the subject's bones (003 section 6.1)."""
+    """Templates of muscles and ligaments carried onto the subject's bones (Wang 2021 §6.1)."""
     bones = Rig.load(inputs.rig).surfaces
     templates = {
         name: read_surface(dataset.path(bone.template), closed=True)

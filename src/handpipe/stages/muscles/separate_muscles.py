@@ -1,4 +1,4 @@
-"""Muscles of an example pose without interpenetration (000 section 4.4, stage 2)."""
+"""Muscles of an example pose without interpenetration (Zheng 2022 §4.4, stage 2)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Inputs(Files):
 
 
 def separate_muscles(inputs: Inputs, output: Path, pose: str) -> None:
-    """Muscles of an example pose without interpenetration (000 section 4.4, stage 2)."""
+    """Muscles of an example pose without interpenetration (Zheng 2022 §4.4, stage 2)."""
     shapes = artifacts.read(inputs.shapes, "muscle_shapes")[pose]
     bones = Rig.load(inputs.rig).surfaces
     bodies = {n: b.on_bones(bones) for n, b in read_bodies(inputs.neutral).items()}

@@ -1,4 +1,4 @@
-"""Hooks of a tendon: skinning weights and corrections of poses from registered rods (000 section 5.4)."""
+"""Hooks of a tendon: skinning weights and corrections of poses from registered rods (Zheng 2022 §5.4)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Inputs(Files):
 
 
 def fit_hooks(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:
-    """Hooks of a tendon: skinning weights and corrections of poses from registered rods (000 section 5.4)."""
+    """Hooks of a tendon: skinning weights and corrections of poses from registered rods (Zheng 2022 §5.4)."""
     rig = Rig.load(inputs.rig)
     neutral = artifacts.read(inputs.neutral, "neutral_tendon")
     bones = {b: rig.surfaces[b] for b in dataset.tendons[name].bones}

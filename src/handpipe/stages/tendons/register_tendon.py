@@ -1,4 +1,4 @@
-"""A tendon's rod in a pose: simulated, then fitted to the image's dark centre and tube (000 sec. 5.3)."""
+"""A tendon's rod in a pose: simulated, then fitted to its dark tube in the image (Zheng 2022 §5.3)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Inputs(Files):
 
 
 def register_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str, pose: str) -> None:
-    """A tendon's rod in a pose: simulated, then fitted to the image's dark centre and tube (000 sec. 5.3)."""
+    """A tendon's rod in a pose: simulated, then fitted to its dark tube in the image (Zheng 2022 §5.3)."""
     tendon = dataset.tendons[name]
     rig = Rig.load(inputs.rig)
     neutral = artifacts.read(inputs.neutral, "neutral_tendon")

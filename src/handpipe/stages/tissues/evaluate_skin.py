@@ -1,4 +1,4 @@
-"""Distances from each scan to the simulated skins (000 Table 4), and from these to the true skin."""
+"""Distances of scans from simulated skins (Zheng 2022 Table 4), and of these from the true skin."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Outputs(Files):
 
 
 def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Sequence[Path]) -> None:
-    """Distances from each scan to the simulated skins (000 Table 4), and from these to the true skin."""
+    """Distances of scans from simulated skins (Zheng 2022 Table 4), and of these from the true skin."""
     rig = Rig.load(inputs.rig)
     rigid = Skin.load(inputs.skin).rigid
     cut = rigid["cut_end"].vertices if "cut_end" in rigid else np.zeros(0, dtype=int)

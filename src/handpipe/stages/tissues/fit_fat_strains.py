@@ -1,4 +1,4 @@
-"""Nail corrections and plastic strains of the fat in one example pose (000 sections 7.2 and 7.3)."""
+"""Nail corrections and plastic strains of the fat in one example pose (Zheng 2022 §7.2 and 7.3)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Inputs(Files):
 
 
 def fit_fat_strains(inputs: Inputs, output: Path, dataset: Dataset) -> None:
-    """Nail corrections and plastic strains of the fat in one example pose (000 sections 7.2 and 7.3)."""
+    """Nail corrections and plastic strains of the fat in one example pose (Zheng 2022 §7.2 and 7.3)."""
     rig = Rig.load(inputs.rig)
     tissue = Tissue.load(inputs.mesh)
     [(frame, below)] = read_frames(inputs.inner)

@@ -1,4 +1,4 @@
-"""One soft tissue between the bones and the skin (004 section 5)."""
+"""One soft tissue between the bones and the skin (Wang 2019 §5)."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Inputs(Files):
 
 
 def mesh_soft_tissue(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> None:
-    """One soft tissue between the bones and the skin (004 section 5)."""
+    """One soft tissue between the bones and the skin (Wang 2019 §5)."""
     rig = Rig.load(inputs.rig)
     below = {"bones": BoneLayer(rig.surfaces).solve(scanned_frame(rig, dataset.neutral), {})}
     inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in dataset.joints.values()], edge=1.5)
-    # 004 section 5.5: one tissue between fat and muscle; its stiffness does not change a free pose's shape.
+    # Wang 2019 §5.5: one tissue between fat and muscle; its stiffness does not change a free pose's shape.
     skin = Skin.load(inputs.skin)
     tissue = make_tissue(rig.surfaces, Inside(below, ("bones",), inner), skin, edge, young=6.0)
     tissue.save(output, inputs.all())

@@ -1,4 +1,4 @@
-"""The skin of one scanned pose by three models (000 Table 4): full, no fat strains, one soft tissue."""
+"""The skin of a scanned pose by three models (Zheng 2022 Table 4): full, no fat strains, one tissue."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Inputs(Files):
 
 
 def simulate_skin(inputs: Inputs, output: Path) -> None:
-    """The skin of one scanned pose by three models (000 Table 4): full, no fat strains, one soft tissue."""
+    """The skin of a scanned pose by three models (Zheng 2022 Table 4): full, no fat strains, one tissue."""
     [(frame, below)] = read_frames(inputs.inner)
     fat = load_fat([inputs.fat, inputs.strains], {})
     models = {"m0": fat, "m1": fat.without_strains(), "m2": load_skin([inputs.soft_tissue], {})}
