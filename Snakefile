@@ -68,91 +68,93 @@ rule all:
     default_target: True
     input:
         subject_checks(),
-        each_subject("report.html"),
-        each_subject("metrics/build.json"),
+        each_subject(paths.REPORT),
+        each_subject(paths.metrics_of("build")),
         obj_sequences(),
-        each_subject("complete.json"),
+        each_subject(paths.COMPLETE),
 
 
 rule anatomy:
     input:
-        [f"results/{s}/metrics/anatomy.json" for s in template_hands()],
+        expand(paths.metrics_of("anatomy"), subject=template_hands()),
 
 
 rule truth:
     input:
-        [
-            f"results/{s}/metrics/truth.json"
-            for s in buildable_subjects()
-            if dataset(s).generator in COUPLED_HANDS
-        ],
+        expand(
+            paths.metrics_of("truth"),
+            subject=[
+                s
+                for s in buildable_subjects()
+                if dataset(s).generator in COUPLED_HANDS
+            ],
+        ),
 
 
 rule seeds:
     input:
         subject_checks(),
-        [
-            f"results/{s}/metrics/seeds.json"
-            for s in buildable_subjects()
-            if proposed_poses(s)
-        ],
+        expand(
+            paths.metrics_of("seeds"),
+            subject=[s for s in buildable_subjects() if proposed_poses(s)],
+        ),
 
 
 rule segmentation:
     input:
         subject_checks(),
-        each_subject("metrics/segmentation.json"),
+        each_subject(paths.metrics_of("segmentation")),
 
 
 rule registration:
     input:
         subject_checks(),
-        each_subject("metrics/registration.json"),
+        each_subject(paths.metrics_of("registration")),
 
 
 rule rig:
     input:
         subject_checks(),
-        each_subject("metrics/rig.json"),
+        each_subject(paths.metrics_of("rig")),
 
 
 rule tendons:
     input:
         subject_checks(),
-        each_subject("metrics/tendons.json"),
+        each_subject(paths.metrics_of("tendons")),
 
 
 rule muscles:
     input:
         subject_checks(),
-        each_subject("metrics/muscles.json"),
+        each_subject(paths.metrics_of("muscles")),
 
 
 rule ligaments:
     input:
         subject_checks(),
-        each_subject("ligaments/{ligament}.h5"),
+        each_subject(paths.LIGAMENT),
 
 
 rule fasciae:
     input:
         subject_checks(),
-        each_subject("fascia/bone.h5"),
-        each_subject("fascia/muscle.h5"),
+        each_subject(paths.BONE_FASCIA),
+        each_subject(paths.MUSCLE_FASCIA),
 
 
 rule fat:
     input:
         subject_checks(),
-        each_subject("metrics/skin.json"),
+        each_subject(paths.metrics_of("skin")),
 
 
 rule simulation:
     input:
         subject_checks(),
-        each_subject("simulation/{scene}/{scene}.glb"),
+        each_subject(paths.SCENE_GLB),
         obj_sequences(),
-        each_subject("simulation/complete.json"),
+        each_subject(paths.SIMULATION_COMPLETE),
 
 
 depend_on_code()

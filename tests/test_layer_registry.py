@@ -63,7 +63,8 @@ def test_one_record_adds_a_layer_to_scenes_loading_simulation_and_exports(toy, t
     scene = Scene(layers=("toy",), frames="x.csv")
     assert scene.needed == ["bones", "toy"]
     assert artifacts_of(scene.needed, SUBJECT) == ["rig.h5", "toys/a.h5", "toys/b.h5"]
-    layers = load_layers(scene.needed, SUBJECT, tmp_path, {"bone": TETRAHEDRON})
+    files = [tmp_path / path for path in artifacts_of(scene.needed, SUBJECT)]
+    layers = load_layers(scene.needed, SUBJECT, files, {"bone": TETRAHEDRON})
     frame = Frame("lifted", {}, {"bone": RigidTransform(np.eye(3), np.array([0.0, 0, 5]))})
     shapes = simulate_frame(frame, layers)
     assert {name: s.vertices[0, 2] for name, s in shapes["toy"].items()} == {"a": 7.0, "b": 7.0}

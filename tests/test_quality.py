@@ -21,6 +21,7 @@ BASE = (
     "command",
     "artifacts",
     "metrics",
+    "paths",
     "config",
     "layer_registry",
     "schema",
@@ -45,6 +46,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
 }
 FLOORS["ligaments"] += ("muscles",)
 BESIDE = ("datasets", "evaluation", "develop")
+TOP = "stages"  # imports all of them
 
 
 @pytest.mark.parametrize(
@@ -92,7 +94,7 @@ def test_no_import_goes_upwards() -> None:
     upwards = []
     for path, name in imports():
         package, parts = package_of(path), name.split(".")
-        if package in ("__init__", *BESIDE) or parts[0] != "handpipe" or parts[1] == "__version__":
+        if package in ("__init__", *BESIDE, TOP) or parts[0] != "handpipe" or parts[1] == "__version__":
             continue
         if parts[1] not in (package, *BASE, *FLOORS[package]):
             upwards.append(f"{path.relative_to(CHECKOUT)} imports {name}")
@@ -101,15 +103,15 @@ def test_no_import_goes_upwards() -> None:
 
 def test_every_package_has_its_floor() -> None:
     packages = {package_of(path) for path in SOURCE.rglob("*.py")}
-    assert packages - {"__init__", *BESIDE} == set(FLOORS)
+    assert packages - {"__init__", *BESIDE, TOP} == set(FLOORS)
 
 
 def test_nothing_imports_what_stands_beside() -> None:
     wrong = [
         f"{path.relative_to(CHECKOUT)} imports {name}"
         for path, name in imports()
-        if name.startswith(tuple(f"handpipe.{b}" for b in BESIDE))
-        and package_of(path) not in (name.split(".")[1], "develop")
+        if name.startswith(tuple(f"handpipe.{b}" for b in (*BESIDE, TOP)))
+        and package_of(path) not in (name.split(".")[1], TOP, "develop")
     ]
     assert wrong == []
 
@@ -207,6 +209,17 @@ def test_every_rule_says_what_it_needs_and_leaves(rule: str) -> None:
     assert fields >= {"output", "log", "benchmark", "threads", "resources", "message", "script"}
     assert "mem_mb=" in text
     assert "runtime=" in text
+
+
+def test_paths_of_a_build_are_written_in_one_module() -> None:
+    files = [CHECKOUT / "Snakefile", *(CHECKOUT / "workflow").rglob("*.smk")]
+    lines = {
+        f"{path.relative_to(CHECKOUT)}: {line.strip()}"
+        for path in files
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if "results/" in line
+    }
+    assert lines == set()
 
 
 def test_every_script_has_its_rule() -> None:

@@ -15,6 +15,7 @@ from handpipe.config import load_dataset, load_scene
 from handpipe.errors import HandpipeError
 from handpipe.hand.layer_loading import load_layers
 from handpipe.hand.simulation import simulate_frame
+from handpipe.layer_registry import artifacts_of
 from handpipe.layers import Frame, Shapes
 from handpipe.metrics import Metrics
 from handpipe.skeleton.angles import Angles, Limits
@@ -41,7 +42,8 @@ def measure(results: Path, count: int = COUNT, steps: int = STEPS) -> Metrics:
     base = results / SUBJECT
     rig, dataset = Rig.load(base / "rig.h5"), load_dataset(ROOT / f"config/datasets/{SUBJECT}.yaml")
     scene = load_scene(ROOT / "config/scenes/hand-preview.yaml")
-    layers = load_layers(scene.needed, dataset, base, rig.surfaces)
+    files = [base / path for path in artifacts_of(scene.needed, dataset)]
+    layers = load_layers(scene.needed, dataset, files, rig.surfaces)
     scanned = {name: rig.poses[name].angles for name in dataset.examples}
     valid = PoseValidity(rig)
     outside, rejected = apart(curled(rig.limits), count // 2, lambda pose: bool(valid.check(pose).collisions))

@@ -33,6 +33,8 @@ RULES = (
 )
 BAD = "a {bad}/../ö"
 FAILS = f"""
+    import handpipe.stages.hand.simulate as stage_module
+    from handpipe.skeleton.layer import BoneLayer
     from handpipe.errors import ConvergenceError
 
     class Picky(BoneLayer):
@@ -44,7 +46,7 @@ FAILS = f"""
             shapes["far"].figures["inverted_tets"] = 3.0 * (frame.name == "end")
             return shapes
 
-    return [Picky(rig.surfaces)]
+    stage_module.load_layers = lambda names, dataset, files, bones: [Picky(bones)]
 """
 
 
@@ -86,9 +88,9 @@ def test_a_failed_frame_is_named_left_out_and_simulated_again(small: Path) -> No
     (scenes / "close.yaml").write_text(
         "layers: [bones]\nchunk: 3\nobj: true\nframes: config/scenes/Häm [1].csv\n", encoding="utf-8"
     )
-    layers = small / "workflow/scripts/layers.py"
-    text = layers.read_text(encoding="utf-8")
-    layers.write_text(text.replace("\n    base = Path(base)\n", FAILS, 1), encoding="utf-8")
+    script = small / "workflow/scripts/simulate.py"
+    text = script.read_text(encoding="utf-8")
+    script.write_text(text.replace("\n    simulate(\n", f"{FAILS}\n    simulate(\n", 1), encoding="utf-8")
 
     code, said, solved = build(small)
     assert code != 0 and solved == sorted(["rest", BAD, "end", "after"])

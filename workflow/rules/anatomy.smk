@@ -9,13 +9,13 @@ rule template_hand:
     input:
         curves=HAND_CURVES,
     output:
-        tissue="results/{subject}/anatomy/template.h5",
-        subject="results/{subject}/anatomy/subject.h5",
-        metrics="results/{subject}/metrics/anatomy.json",
+        tissue=paths.TEMPLATE,
+        subject=paths.TEMPLATE_SUBJECT,
+        metrics=paths.metrics_of("anatomy"),
     log:
-        "results/{subject}/logs/template_hand/all.log",
+        paths.log_of("template_hand"),
     benchmark:
-        "results/{subject}/benchmarks/template_hand/all.tsv"
+        paths.cost_of("template_hand")
     wildcard_constraints:
         subject=CURVED,
     threads: 1
@@ -32,14 +32,14 @@ rule template_hand:
 
 rule zanatomy_hand:
     output:
-        tissue="results/{subject}/anatomy/template.h5",
-        subject="results/{subject}/anatomy/subject.h5",
-        metrics="results/{subject}/metrics/anatomy.json",
-        repairs="results/{subject}/tables/repairs.json",
+        tissue=paths.TEMPLATE,
+        subject=paths.TEMPLATE_SUBJECT,
+        metrics=paths.metrics_of("anatomy"),
+        repairs=paths.table_of("repairs"),
     log:
-        "results/{subject}/logs/zanatomy_hand/all.log",
+        paths.log_of("zanatomy_hand"),
     benchmark:
-        "results/{subject}/benchmarks/zanatomy_hand/all.tsv"
+        paths.cost_of("zanatomy_hand")
     wildcard_constraints:
         subject=generated_by("zanatomy-hand"),
     threads: 1

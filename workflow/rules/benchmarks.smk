@@ -6,11 +6,11 @@ BENCHMARK_POSES = ["neutral", "fist"]  # of the walkers' regions
 
 rule benchmark_fem:
     output:
-        "results/benchmarks/fem.json",
+        paths.benchmark_of("fem.json"),
     log:
-        "results/benchmarks/logs/benchmark_fem.log",
+        paths.benchmark_of("logs/benchmark_fem.log"),
     benchmark:
-        "results/benchmarks/jobs/benchmark_fem.tsv"
+        paths.benchmark_of("jobs/benchmark_fem.tsv")
     threads: 2
     resources:
         mem_mb=8000,
@@ -26,11 +26,11 @@ rule benchmark_fem:
 
 rule benchmark_bones:
     output:
-        "results/benchmarks/bones.json",
+        paths.benchmark_of("bones.json"),
     log:
-        "results/benchmarks/logs/benchmark_bones.log",
+        paths.benchmark_of("logs/benchmark_bones.log"),
     benchmark:
-        "results/benchmarks/jobs/benchmark_bones.tsv"
+        paths.benchmark_of("jobs/benchmark_bones.tsv")
     threads: 1
     resources:
         mem_mb=4000,
@@ -46,11 +46,11 @@ rule benchmark_bones:
 
 rule benchmark_shapes:
     output:
-        "results/benchmarks/shapes.json",
+        paths.benchmark_of("shapes.json"),
     log:
-        "results/benchmarks/logs/benchmark_shapes.log",
+        paths.benchmark_of("logs/benchmark_shapes.log"),
     benchmark:
-        "results/benchmarks/jobs/benchmark_shapes.tsv"
+        paths.benchmark_of("jobs/benchmark_shapes.tsv")
     threads: 2
     resources:
         mem_mb=12000,
@@ -68,19 +68,16 @@ rule benchmark_segmentation:
     input:
         dataset=SEEDED,
         files=expand(
-            "results/phantom-hand-seeded/data/{part}.nii.gz",
-            part=[
-                part.format(pose=pose)
-                for pose in BENCHMARK_POSES
-                for part in ("volumes/{pose}", "seeds/{pose}", "truth/{pose}.marrow")
-            ],
+            [paths.DATA_VOLUME, paths.DATA_SEEDS, paths.TRUE_MARROW],
+            subject="phantom-hand-seeded",
+            pose=BENCHMARK_POSES,
         ),
     output:
-        "results/benchmarks/segmentation.json",
+        paths.benchmark_of("segmentation.json"),
     log:
-        "results/benchmarks/logs/benchmark_segmentation.log",
+        paths.benchmark_of("logs/benchmark_segmentation.log"),
     benchmark:
-        "results/benchmarks/jobs/benchmark_segmentation.tsv"
+        paths.benchmark_of("jobs/benchmark_segmentation.tsv")
     threads: 1
     resources:
         mem_mb=6000,
@@ -96,14 +93,14 @@ rule benchmark_segmentation:
 
 rule benchmark_truth:
     output:
-        "results/benchmarks/truth.json",
-        "results/benchmarks/truth-refinement.json",
-        "results/benchmarks/truth-toy.png",
-        "results/benchmarks/truth-convergence.png",
+        paths.benchmark_of("truth.json"),
+        paths.benchmark_of("truth-refinement.json"),
+        paths.benchmark_of("truth-toy.png"),
+        paths.benchmark_of("truth-convergence.png"),
     log:
-        "results/benchmarks/logs/benchmark_truth.log",
+        paths.benchmark_of("logs/benchmark_truth.log"),
     benchmark:
-        "results/benchmarks/jobs/benchmark_truth.tsv"
+        paths.benchmark_of("jobs/benchmark_truth.tsv")
     threads: 1
     resources:
         mem_mb=6000,
@@ -119,11 +116,11 @@ rule benchmark_truth:
 
 rule benchmark_anatomy:
     output:
-        "results/benchmarks/anatomy.json",
+        paths.benchmark_of("anatomy.json"),
     log:
-        "results/benchmarks/logs/benchmark_anatomy.log",
+        paths.benchmark_of("logs/benchmark_anatomy.log"),
     benchmark:
-        "results/benchmarks/jobs/benchmark_anatomy.tsv"
+        paths.benchmark_of("jobs/benchmark_anatomy.tsv")
     threads: 1
     resources:
         mem_mb=6000,
@@ -139,8 +136,8 @@ rule benchmark_anatomy:
 
 TRUST = {  # parts of the benchmark of trust: what each needs to be built
     "solver": [],
-    "frames": ["results/phantom-hand-preview/metrics/skin.json"],
-    "seeds": ["results/phantom-hand-preview/metrics/segmentation.json"],
+    "frames": expand(paths.metrics_of("skin"), subject="phantom-hand-preview"),
+    "seeds": expand(paths.metrics_of("segmentation"), subject="phantom-hand-preview"),
     "readers": [],
     "stale": [],
     "kills": [],
@@ -151,11 +148,11 @@ rule benchmark_trust_part:
     input:
         lambda w: TRUST[w.part],
     output:
-        "results/benchmarks/trust/{part}.json",
+        paths.benchmark_of("trust/{part}.json"),
     log:
-        "results/benchmarks/logs/benchmark_trust_part/{part}.log",
+        paths.benchmark_of("logs/benchmark_trust_part/{part}.log"),
     benchmark:
-        "results/benchmarks/jobs/benchmark_trust_part/{part}.tsv"
+        paths.benchmark_of("jobs/benchmark_trust_part/{part}.tsv")
     wildcard_constraints:
         part="|".join(TRUST),
     threads: 1
@@ -173,13 +170,13 @@ rule benchmark_trust_part:
 
 rule benchmark_trust:
     input:
-        expand("results/benchmarks/trust/{part}.json", part=TRUST),
+        expand(paths.benchmark_of("trust/{part}.json"), part=TRUST),
     output:
-        "results/benchmarks/trust.json",
+        paths.benchmark_of("trust.json"),
     log:
-        "results/benchmarks/logs/benchmark_trust.log",
+        paths.benchmark_of("logs/benchmark_trust.log"),
     benchmark:
-        "results/benchmarks/jobs/benchmark_trust.tsv"
+        paths.benchmark_of("jobs/benchmark_trust.tsv")
     threads: 1
     resources:
         mem_mb=500,

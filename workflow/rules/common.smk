@@ -10,7 +10,7 @@ import handpipe
 import yaml
 from snakemake.exceptions import WorkflowError
 
-from handpipe import selection
+from handpipe import paths, selection
 from handpipe.hand import layer_loading
 from handpipe.code_digest import CodeDigests
 from handpipe.config import (
@@ -188,12 +188,12 @@ COUPLED = generated_by(
 
 
 def each_subject(pattern):
-    """The files of a pattern under results/{subject}, for every subject, over its own ligaments and scenes."""
+    """The files of a pattern for every subject, over its own ligaments and scenes."""
     return [
         path
         for subject in buildable_subjects()
         for path in expand(
-            f"results/{{subject}}/{pattern}",
+            pattern,
             subject=subject,
             ligament=list(dataset(subject).ligaments),
             scene=SETTINGS.scenes,
@@ -229,11 +229,8 @@ def subject_checks():
     As an input of the segmentation the check would have to be `ancient`, for a scan does not change images;
     but Snakemake does not look at the parameters of jobs behind an ancient input that is made anew.
     """
-    return [
-        f"results/{subject}/check.json"
-        for subject in buildable_subjects()
-        if not dataset(subject).generator
-    ]
+    scanned = [s for s in buildable_subjects() if not dataset(s).generator]
+    return expand(paths.CHECK, subject=scanned)
 
 
 def neutral(subject):
@@ -258,11 +255,7 @@ def of_pose(field):
 
 def seeds_of_pose(wildcards):
     """The pose's seeds as the dataset names them; else those that are proposed from neutral."""
-    given = of_pose("seeds")(wildcards)
-    return (
-        given
-        or f"results/{wildcards.subject}/segmentation/{wildcards.pose}/seeds.nii.gz"
-    )
+    return of_pose("seeds")(wildcards) or paths.at(paths.SEEDS, **wildcards)
 
 
 def proposed_poses(subject):
@@ -281,17 +274,64 @@ def in_poses(pattern, *roles):
     return files
 
 
+def in_neutral(pattern):
+    """Input function: the file of a pattern in the subject's neutral pose."""
+    return lambda w: paths.at(pattern, subject=w.subject, pose=neutral(w.subject))
+
+
+def in_truth(pattern, *roles):
+    """Input function: the truth in poses of the given roles, where the subject has one.
+
+    pattern: of a generated subject's file; a person's truth has files of the same names.
+    """
+
+    def files(wildcards):
+        data = dataset(wildcards.subject)
+        if data.truth is None:
+            return []
+        if data.generator:
+            return in_poses(pattern, *roles)(wildcards)
+        name = Path(pattern).name
+        folder = data.path(data.truth.folder)
+        return [folder / name.format(pose=p) for p in data.poses_of(*(roles or Role))]
+
+    return files
+
+
+def true_labels(wildcards):
+    """Input function: true labels in every pose, of whole bones in neutral and of marrow elsewhere."""
+    bones, marrow = (
+        in_truth(pattern)(wildcards)
+        for pattern in (paths.TRUE_BONES, paths.TRUE_MARROW)
+    )
+    is_neutral = [
+        p == neutral(wildcards.subject) for p in dataset(wildcards.subject).poses
+    ]
+    return [b if n else m for b, m, n in zip(bones, marrow, is_neutral)]
+
+
+def costs_of(*rules):
+    """Parameter function: the folders of the benchmark files of some rules' jobs.
+
+    They are no inputs: figures tell what jobs took where that is known, and no result depends on them.
+    """
+    return lambda w: [
+        str(paths.at(paths.costs_of(rule), subject=w.subject)) for rule in rules
+    ]
+
+
 def in_flesh(*roles):
     """Input function: the flesh in poses of the given roles, where the subject has one."""
 
-    files = in_poses("results/{subject}/poses/{pose}/flesh.h5", *roles)
+    files = in_poses(paths.POSE_FLESH, *roles)
     return lambda w: files(w) if dataset(w.subject).fleshed else []
 
 
 def layer_files(subject, layers):
     """The artifacts that a simulation of the layers reads."""
     return [
-        f"results/{subject}/{path}" for path in artifacts_of(layers, dataset(subject))
+        paths.at(f"{paths.SUBJECT}/{path}", subject=subject)
+        for path in artifacts_of(layers, dataset(subject))
     ]
 
 
@@ -316,7 +356,7 @@ def flesh_under_inner(wildcards):
     needs = any("flesh" in LAYERS[layer].needs for layer in layers_in(wildcards.inner))
     if not needs or not dataset(wildcards.subject).fleshed:
         return []
-    return f"results/{wildcards.subject}/poses/{wildcards.pose}/flesh.h5"
+    return paths.at(paths.POSE_FLESH, **wildcards)
 
 
 def muscle_poses(subject):
@@ -325,7 +365,7 @@ def muscle_poses(subject):
     layers = scene_layers()
     name = inner_name(layers if "muscles" in layers else needed(["muscles"]))
     poses = data.poses_of(Role.example, Role.heldout)
-    return [f"results/{subject}/poses/{pose}/{name}.h5" for pose in poses]
+    return expand(paths.POSE_LAYERS, subject=subject, pose=poses, inner=name)
 
 
 @functools.cache
@@ -350,24 +390,20 @@ def chunks(subject, name):
 
 def scene_chunks(wildcards):
     """A scene's frames, in order."""
-    base = f"results/{wildcards.subject}/simulation/{wildcards.scene}"
-    return [f"{base}/frames-{c}.h5" for c in chunks(wildcards.subject, wildcards.scene)]
+    numbers = chunks(wildcards.subject, wildcards.scene)
+    return expand(paths.SCENE_CHUNK, **wildcards, chunk=numbers)
 
 
 def chunks_of_scenes(wildcards):
     """The frames of all scenes of a subject."""
-    base = f"results/{wildcards.subject}/simulation"
+    subject = wildcards.subject
     return [
-        f"{base}/{name}/frames-{c}.h5"
+        path
         for name in SETTINGS.scenes
-        for c in chunks(wildcards.subject, name)
+        for path in expand(
+            paths.SCENE_CHUNK, subject=subject, scene=name, chunk=chunks(subject, name)
+        )
     ]
-
-
-def partial_chunk(chunk):
-    """Where finished frames of a chunk are kept while others are missing."""
-    folder, _, name = str(chunk).rpartition("/")
-    return f"{folder}/partial-{name.removeprefix('frames-')}"
 
 
 def set_aside_failed_chunks():
@@ -376,23 +412,20 @@ def set_aside_failed_chunks():
     At the end of a build, when no other job reads them.
     """
     for subject in SETTINGS.subjects:
-        for chunk in Path(f"results/{subject}/simulation").glob("*/frames-*.h5"):
+        folder = paths.at(paths.SIMULATION, subject=subject)
+        for chunk in folder.glob(paths.SCENE_CHUNKS):
             try:
                 failed = failures_in(chunk)
             except HandpipeError:
                 continue  # what reads the chunk next says so
             if failed:
-                chunk.replace(partial_chunk(chunk))
+                chunk.replace(paths.partial_chunk(chunk))
 
 
 def obj_sequences():
     """Folders of OBJ files, of the scenes that ask for them."""
-    return [
-        f"results/{subject}/simulation/{name}/obj"
-        for subject in buildable_subjects()
-        for name in SETTINGS.scenes
-        if scene(name).obj
-    ]
+    asked = [name for name in SETTINGS.scenes if scene(name).obj]
+    return expand(paths.SCENE_OBJ, subject=buildable_subjects(), scene=asked)
 
 
 def scribbles(subject, pose, bone):
@@ -421,7 +454,7 @@ def scribbled_bones(wildcards, input):
 def corrected_bones(wildcards):
     """The bones of a pose that have scribbles, each segmented again with them."""
     return expand(
-        "results/{subject}/segmentation/{pose}/corrected/{bone}.h5",
+        paths.CORRECTED,
         bone=dataset(wildcards.subject).poses[wildcards.pose].scribbles,
         allow_missing=True,
     )
@@ -432,7 +465,7 @@ def neutral_looks(wildcards):
     pose = neutral(wildcards.subject)
     if wildcards.pose == pose:
         return []
-    return f"results/{wildcards.subject}/segmentation/{pose}/looks.json"
+    return in_neutral(paths.LOOKS)(wildcards)
 
 
 def template_files(subject):
@@ -467,8 +500,8 @@ def scanned(subject):
     return [n for n in data.poses if n != data.neutral and data.poses[n].scan]
 
 
-def report_metrics(subject):
-    """The stages that the scenes ask for."""
+def report_stages(subject):
+    """The stages that the scenes ask for, by the names of their figures."""
     data, layers = dataset(subject), scene_layers()
     stages = ["seeds"] if proposed_poses(subject) else []
     stages += ["segmentation", "registration", "rig"]
@@ -477,29 +510,53 @@ def report_metrics(subject):
     stages += ["skin"] if "fat" in layers else []
     stages += ["poses"] if report_poses(subject) else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]
-    return [f"results/{subject}/metrics/{stage}.json" for stage in stages]
+    return stages
+
+
+def report_tables(subject):
+    """The tables of these stages that the report shows."""
+    stages = [
+        stage
+        for stage in report_stages(subject)
+        if stage in ("rig", "muscles", "skin", "poses") or stage.startswith("frames-")
+    ]
+    return expand(paths.TABLE, subject=subject, stage=stages)
+
+
+def poses_in_report(subject):
+    """Simulated scanned poses that the report draws: those that other stages need, too."""
+    data, layers = dataset(subject), scene_layers()
+    if "fat" in layers:
+        return [data.neutral, *scanned(subject)]
+    if "muscles" in layers and data.muscles:
+        return data.poses_of(Role.example, Role.heldout)
+    return []
 
 
 def report_poses(subject):
-    """Simulated scanned poses that the report draws: those that other stages need, too."""
-    layers = scene_layers()
-    if "fat" in layers:
-        return [
-            f"results/{subject}/poses/{pose}/{part}.h5"
-            for pose in [neutral(subject), *scanned(subject)]
-            for part in ("inner", "skin")
-        ]
-    return (
-        muscle_poses(subject)
-        if "muscles" in layers and dataset(subject).muscles
-        else []
-    )
+    """The files of these poses."""
+    if "fat" in scene_layers():
+        poses = poses_in_report(subject)
+        return expand([paths.POSE_INNER, paths.POSE_SKIN], subject=subject, pose=poses)
+    return muscle_poses(subject) if poses_in_report(subject) else []
 
 
 def fat_fits(subject):
     """The fits of the fat's strains to scans, where a scene needs them."""
     poses = dataset(subject).examples if "fat" in scene_layers() else []
-    return [f"results/{subject}/fat/poses/{pose}.h5" for pose in poses]
+    return expand(paths.FAT_FIT, subject=subject, pose=poses)
+
+
+def volumes(subject, poses):
+    """The images of poses."""
+    data = dataset(subject)
+    return [data.path(data.poses[pose].volume) for pose in poses]
+
+
+def scans(subject, poses):
+    """The scans of those poses that have one."""
+    data = dataset(subject)
+    return [data.path(data.poses[p].scan) for p in poses if data.poses[p].scan]
 
 
 def neutral_volume(wildcards):

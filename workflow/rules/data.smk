@@ -3,12 +3,12 @@
 
 rule generate_templates:
     output:
-        directory("results/{subject}/data/templates"),
-        directory("results/{subject}/data/curves"),
+        directory(paths.DATA_TEMPLATES),
+        directory(paths.DATA_CURVES),
     log:
-        "results/{subject}/logs/generate_templates/all.log",
+        paths.log_of("generate_templates"),
     benchmark:
-        "results/{subject}/benchmarks/generate_templates/all.tsv"
+        paths.cost_of("generate_templates")
     wildcard_constraints:
         subject=f"(?!(?:{COUPLED})/)[a-z][a-z0-9-]*",
     threads: 1
@@ -40,16 +40,16 @@ rule generate_templates:
 
 rule generate_pose:
     output:
-        volume="results/{subject}/data/volumes/{pose}.nii.gz",
-        seeds="results/{subject}/data/seeds/{pose}.nii.gz",
-        scan="results/{subject}/data/scans/{pose}.ply",
-        truth="results/{subject}/data/truth/{pose}.h5",
-        bones="results/{subject}/data/truth/{pose}.bones.nii.gz",
-        marrow="results/{subject}/data/truth/{pose}.marrow.nii.gz",
+        volume=paths.DATA_VOLUME,
+        seeds=paths.DATA_SEEDS,
+        scan=paths.DATA_SCAN,
+        truth=paths.TRUTH,
+        bones=paths.TRUE_BONES,
+        marrow=paths.TRUE_MARROW,
     log:
-        "results/{subject}/logs/generate_pose/{pose}.log",
+        paths.log_of("generate_pose", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/generate_pose/{pose}.tsv"
+        paths.cost_of("generate_pose", "pose")
     wildcard_constraints:
         subject=f"(?!(?:{BONES_ALONE}|{COUPLED})/)[a-z][a-z0-9-]*",
     threads: 1
@@ -79,14 +79,14 @@ rule generate_pose:
 
 rule generate_bones:
     output:
-        volume="results/{subject}/data/volumes/{pose}.nii.gz",
-        truth="results/{subject}/data/truth/{pose}.h5",
-        bones="results/{subject}/data/truth/{pose}.bones.nii.gz",
-        marrow="results/{subject}/data/truth/{pose}.marrow.nii.gz",
+        volume=paths.DATA_VOLUME,
+        truth=paths.TRUTH,
+        bones=paths.TRUE_BONES,
+        marrow=paths.TRUE_MARROW,
     log:
-        "results/{subject}/logs/generate_bones/{pose}.log",
+        paths.log_of("generate_bones", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/generate_bones/{pose}.tsv"
+        paths.cost_of("generate_bones", "pose")
     wildcard_constraints:
         subject=BONES_ALONE,
     threads: 1
@@ -120,14 +120,14 @@ rule generate_bones:
 
 rule generate_seeds:
     input:
-        bones="results/{subject}/data/truth/{pose}.bones.nii.gz",
-        marrow="results/{subject}/data/truth/{pose}.marrow.nii.gz",
+        bones=paths.TRUE_BONES,
+        marrow=paths.TRUE_MARROW,
     output:
-        "results/{subject}/data/seeds/{pose}.nii.gz",
+        paths.DATA_SEEDS,
     log:
-        "results/{subject}/logs/generate_seeds/{pose}.log",
+        paths.log_of("generate_seeds", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/generate_seeds/{pose}.tsv"
+        paths.cost_of("generate_seeds", "pose")
     wildcard_constraints:
         subject=f"{BONES_ALONE}|{COUPLED}",
     threads: 1
@@ -146,11 +146,11 @@ rule check_subject:
     input:
         files=given_files,
     output:
-        "results/{subject}/check.json",
+        paths.CHECK,
     log:
-        "results/{subject}/logs/check_subject/all.log",
+        paths.log_of("check_subject"),
     benchmark:
-        "results/{subject}/benchmarks/check_subject/all.tsv"
+        paths.cost_of("check_subject")
     priority: 1  # before any job
     threads: 1
     resources:

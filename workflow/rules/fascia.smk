@@ -3,14 +3,14 @@
 
 rule make_bone_fascia:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         regions=lambda w: painted_regions(w.subject, "bone_fascia"),
     output:
-        "results/{subject}/fascia/bone.h5",
+        paths.BONE_FASCIA,
     log:
-        "results/{subject}/logs/make_bone_fascia/all.log",
+        paths.log_of("make_bone_fascia"),
     benchmark:
-        "results/{subject}/benchmarks/make_bone_fascia/all.tsv"
+        paths.cost_of("make_bone_fascia")
     threads: 1
     resources:
         mem_mb=1500,
@@ -26,19 +26,19 @@ rule make_bone_fascia:
 
 rule make_muscle_fascia:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         muscles=lambda w: expand(
-            "results/{subject}/muscles/{muscle}/strains.h5",
+            paths.MUSCLE_STRAINS,
             muscle=dataset(w.subject).muscles,
             allow_missing=True,
         ),
         regions=lambda w: painted_regions(w.subject, "muscle_fascia"),
     output:
-        "results/{subject}/fascia/muscle.h5",
+        paths.MUSCLE_FASCIA,
     log:
-        "results/{subject}/logs/make_muscle_fascia/all.log",
+        paths.log_of("make_muscle_fascia"),
     benchmark:
-        "results/{subject}/benchmarks/make_muscle_fascia/all.tsv"
+        paths.cost_of("make_muscle_fascia")
     threads: 1
     resources:
         mem_mb=1500,

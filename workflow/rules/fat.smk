@@ -6,11 +6,11 @@ rule make_skin:
         scan=neutral_scan,
         nails=lambda w: nail_files(w.subject),
     output:
-        "results/{subject}/skin.h5",
+        paths.SKIN,
     log:
-        "results/{subject}/logs/make_skin/all.log",
+        paths.log_of("make_skin"),
     benchmark:
-        "results/{subject}/benchmarks/make_skin/all.tsv"
+        paths.cost_of("make_skin")
     threads: 1
     resources:
         mem_mb=1500,
@@ -26,15 +26,15 @@ rule make_skin:
 
 rule mesh_fat:
     input:
-        rig="results/{subject}/rig.h5",
-        inner=lambda w: f"results/{w.subject}/poses/{neutral(w.subject)}/inner.h5",
-        skin="results/{subject}/skin.h5",
+        rig=paths.RIG,
+        inner=in_neutral(paths.POSE_INNER),
+        skin=paths.SKIN,
     output:
-        "results/{subject}/fat/mesh.h5",
+        paths.FAT,
     log:
-        "results/{subject}/logs/mesh_fat/all.log",
+        paths.log_of("mesh_fat"),
     benchmark:
-        "results/{subject}/benchmarks/mesh_fat/all.tsv"
+        paths.cost_of("mesh_fat")
     threads: 1
     resources:
         mem_mb=2500,
@@ -49,14 +49,14 @@ rule mesh_fat:
 
 rule mesh_soft_tissue:
     input:
-        rig="results/{subject}/rig.h5",
-        skin="results/{subject}/skin.h5",
+        rig=paths.RIG,
+        skin=paths.SKIN,
     output:
-        "results/{subject}/soft_tissue/mesh.h5",
+        paths.SOFT_TISSUE,
     log:
-        "results/{subject}/logs/mesh_soft_tissue/all.log",
+        paths.log_of("mesh_soft_tissue"),
     benchmark:
-        "results/{subject}/benchmarks/mesh_soft_tissue/all.tsv"
+        paths.cost_of("mesh_soft_tissue")
     threads: 1
     resources:
         mem_mb=2500,
@@ -72,15 +72,15 @@ rule mesh_soft_tissue:
 
 rule simulate_inner:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         layers=lambda w: layer_files(w.subject, layers_in(w.inner)),
         flesh=flesh_under_inner,
     output:
-        "results/{subject}/poses/{pose}/{inner}.h5",
+        paths.POSE_LAYERS,
     log:
-        "results/{subject}/logs/simulate_inner/{pose}/{inner}.log",
+        paths.log_of("simulate_inner", "pose", "inner"),
     benchmark:
-        "results/{subject}/benchmarks/simulate_inner/{pose}/{inner}.tsv"
+        paths.cost_of("simulate_inner", "pose", "inner")
     wildcard_constraints:
         inner="inner(?:-[a-z_]+)*",
     threads: 1
@@ -98,16 +98,16 @@ rule simulate_inner:
 
 rule fit_fat_strains:
     input:
-        rig="results/{subject}/rig.h5",
-        mesh="results/{subject}/fat/mesh.h5",
-        inner="results/{subject}/poses/{pose}/inner.h5",
+        rig=paths.RIG,
+        mesh=paths.FAT,
+        inner=paths.POSE_INNER,
         scan=example_scan,
     output:
-        "results/{subject}/fat/poses/{pose}.h5",
+        paths.FAT_FIT,
     log:
-        "results/{subject}/logs/fit_fat_strains/{pose}.log",
+        paths.log_of("fit_fat_strains", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/fit_fat_strains/{pose}.tsv"
+        paths.cost_of("fit_fat_strains", "pose")
     threads: 1
     resources:
         mem_mb=3000,
@@ -122,15 +122,15 @@ rule fit_fat_strains:
 
 rule collect_fat_strains:
     input:
-        rig="results/{subject}/rig.h5",
-        mesh="results/{subject}/fat/mesh.h5",
-        poses=in_poses("results/{subject}/fat/poses/{pose}.h5", Role.example),
+        rig=paths.RIG,
+        mesh=paths.FAT,
+        poses=in_poses(paths.FAT_FIT, Role.example),
     output:
-        "results/{subject}/fat/strains.h5",
+        paths.FAT_STRAINS,
     log:
-        "results/{subject}/logs/collect_fat_strains/all.log",
+        paths.log_of("collect_fat_strains"),
     benchmark:
-        "results/{subject}/benchmarks/collect_fat_strains/all.tsv"
+        paths.cost_of("collect_fat_strains")
     threads: 1
     resources:
         mem_mb=1500,
@@ -146,17 +146,17 @@ rule collect_fat_strains:
 
 rule simulate_skin:
     input:
-        rig="results/{subject}/rig.h5",
-        inner="results/{subject}/poses/{pose}/inner.h5",
-        fat="results/{subject}/fat/mesh.h5",
-        strains="results/{subject}/fat/strains.h5",
-        soft_tissue="results/{subject}/soft_tissue/mesh.h5",
+        rig=paths.RIG,
+        inner=paths.POSE_INNER,
+        fat=paths.FAT,
+        strains=paths.FAT_STRAINS,
+        soft_tissue=paths.SOFT_TISSUE,
     output:
-        "results/{subject}/poses/{pose}/skin.h5",
+        paths.POSE_SKIN,
     log:
-        "results/{subject}/logs/simulate_skin/{pose}.log",
+        paths.log_of("simulate_skin", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/simulate_skin/{pose}.tsv"
+        paths.cost_of("simulate_skin", "pose")
     threads: 1
     resources:
         mem_mb=2500,
@@ -169,39 +169,41 @@ rule simulate_skin:
 
 rule evaluate_skin:
     input:
-        rig="results/{subject}/rig.h5",
-        skin="results/{subject}/skin.h5",
-        scans=lambda w: [
-            p
-            for p in [
-                dataset(w.subject).path(dataset(w.subject).poses[n].scan)
-                for n in scanned(w.subject)
-            ]
-        ],
+        rig=paths.RIG,
+        skin=paths.SKIN,
+        scans=lambda w: scans(w.subject, scanned(w.subject)),
         skins=lambda w: expand(
-            "results/{subject}/poses/{pose}/skin.h5",
+            paths.POSE_SKIN,
             pose=scanned(w.subject),
             allow_missing=True,
         ),
+        truth=in_truth(paths.TRUTH),
     output:
-        metrics="results/{subject}/metrics/skin.json",
+        metrics=paths.metrics_of("skin"),
         table=report(
-            "results/{subject}/tables/skin.json",
+            paths.table_of("skin"),
             caption="../report/skin.rst",
             category="Organs",
             subcategory="{subject}",
         ),
-        array="results/{subject}/tables/skin.nc",
+        array=paths.SKIN_ARRAY,
     log:
-        "results/{subject}/logs/evaluate_skin/all.log",
+        paths.log_of("evaluate_skin"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_skin/all.tsv"
+        paths.cost_of("evaluate_skin")
     threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
     params:
         dataset=reads("poses.*.role", "truth", "root"),
+        costs=costs_of(
+            "make_skin",
+            "mesh_fat",
+            "fit_fat_strains",
+            "collect_fat_strains",
+            "simulate_skin",
+        ),
     message:
         "{wildcards.subject}: skin against scans"
     script:

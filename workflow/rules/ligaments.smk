@@ -3,14 +3,14 @@
 
 rule fit_ligament:
     input:
-        rig="results/{subject}/rig.h5",
-        templates="results/{subject}/templates.h5",
+        rig=paths.RIG,
+        templates=paths.PLACED_TEMPLATES,
     output:
-        "results/{subject}/ligaments/{ligament}.h5",
+        paths.LIGAMENT,
     log:
-        "results/{subject}/logs/fit_ligament/{ligament}.log",
+        paths.log_of("fit_ligament", "ligament"),
     benchmark:
-        "results/{subject}/benchmarks/fit_ligament/{ligament}.tsv"
+        paths.cost_of("fit_ligament", "ligament")
     threads: 1
     resources:
         mem_mb=1500,

@@ -3,14 +3,14 @@
 
 rule place_templates:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         templates=lambda w: template_files(w.subject),
     output:
-        "results/{subject}/templates.h5",
+        paths.PLACED_TEMPLATES,
     log:
-        "results/{subject}/logs/place_templates/all.log",
+        paths.log_of("place_templates"),
     benchmark:
-        "results/{subject}/benchmarks/place_templates/all.tsv"
+        paths.cost_of("place_templates")
     threads: 1
     resources:
         mem_mb=1500,
@@ -25,17 +25,17 @@ rule place_templates:
 
 rule extract_muscle:
     input:
-        rig="results/{subject}/rig.h5",
-        templates="results/{subject}/templates.h5",
+        rig=paths.RIG,
+        templates=paths.PLACED_TEMPLATES,
         volume=neutral_volume,
         markers=of_muscle("markers"),
         landmarks=of_muscle("landmarks"),
     output:
-        "results/{subject}/muscles/{muscle}/fitted.h5",
+        paths.FITTED_MUSCLE,
     log:
-        "results/{subject}/logs/extract_muscle/{muscle}.log",
+        paths.log_of("extract_muscle", "muscle"),
     benchmark:
-        "results/{subject}/benchmarks/extract_muscle/{muscle}.tsv"
+        paths.cost_of("extract_muscle", "muscle")
     threads: 1
     resources:
         mem_mb=1500,
@@ -50,14 +50,14 @@ rule extract_muscle:
 
 rule separate_neutral:
     input:
-        rig="results/{subject}/rig.h5",
-        muscles=of_muscles("results/{subject}/muscles/{muscle}/fitted.h5"),
+        rig=paths.RIG,
+        muscles=of_muscles(paths.FITTED_MUSCLE),
     output:
-        "results/{subject}/muscles/neutral.h5",
+        paths.NEUTRAL_MUSCLES,
     log:
-        "results/{subject}/logs/separate_neutral/all.log",
+        paths.log_of("separate_neutral"),
     benchmark:
-        "results/{subject}/benchmarks/separate_neutral/all.tsv"
+        paths.cost_of("separate_neutral")
     threads: 1
     resources:
         mem_mb=2000,
@@ -74,22 +74,19 @@ rule separate_neutral:
 # One job for all: each pose starts from the most similar one that is known, and muscles know their neighbours.
 rule extract_muscle_shapes:
     input:
-        rig="results/{subject}/rig.h5",
-        neutral="results/{subject}/muscles/neutral.h5",
-        volumes=lambda w: [
-            dataset(w.subject).path(dataset(w.subject).poses[p].volume)
-            for p in dataset(w.subject).examples
-        ],
-        registrations=in_poses("results/{subject}/registration/{pose}.h5", Role.example),
+        rig=paths.RIG,
+        neutral=paths.NEUTRAL_MUSCLES,
+        volumes=lambda w: volumes(w.subject, dataset(w.subject).examples),
+        registrations=in_poses(paths.REGISTRATION, Role.example),
         flesh=in_flesh(Role.example),
         markers=all_of_muscles("markers"),
         landmarks=all_of_muscles("landmarks"),
     output:
-        "results/{subject}/muscles/shapes.h5",
+        paths.MUSCLE_SHAPES,
     log:
-        "results/{subject}/logs/extract_muscle_shapes/all.log",
+        paths.log_of("extract_muscle_shapes"),
     benchmark:
-        "results/{subject}/benchmarks/extract_muscle_shapes/all.tsv"
+        paths.cost_of("extract_muscle_shapes")
     threads: 1
     resources:
         mem_mb=2000,
@@ -109,16 +106,16 @@ rule extract_muscle_shapes:
 
 rule separate_muscles:
     input:
-        rig="results/{subject}/rig.h5",
-        registration="results/{subject}/registration/{pose}.h5",
-        neutral="results/{subject}/muscles/neutral.h5",
-        shapes="results/{subject}/muscles/shapes.h5",
+        rig=paths.RIG,
+        registration=paths.REGISTRATION,
+        neutral=paths.NEUTRAL_MUSCLES,
+        shapes=paths.MUSCLE_SHAPES,
     output:
-        "results/{subject}/muscle_separation/{pose}.h5",
+        paths.SEPARATED_MUSCLES,
     log:
-        "results/{subject}/logs/separate_muscles/{pose}.log",
+        paths.log_of("separate_muscles", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/separate_muscles/{pose}.tsv"
+        paths.cost_of("separate_muscles", "pose")
     threads: 1
     resources:
         mem_mb=1500,
@@ -131,19 +128,17 @@ rule separate_muscles:
 
 rule fit_muscle_strains:
     input:
-        rig="results/{subject}/rig.h5",
-        neutral="results/{subject}/muscles/neutral.h5",
-        shapes="results/{subject}/muscles/shapes.h5",
-        separated=in_poses(
-            "results/{subject}/muscle_separation/{pose}.h5", Role.example
-        ),
+        rig=paths.RIG,
+        neutral=paths.NEUTRAL_MUSCLES,
+        shapes=paths.MUSCLE_SHAPES,
+        separated=in_poses(paths.SEPARATED_MUSCLES, Role.example),
         flesh=in_flesh(Role.neutral, Role.example),
     output:
-        "results/{subject}/muscles/{muscle}/strains.h5",
+        paths.MUSCLE_STRAINS,
     log:
-        "results/{subject}/logs/fit_muscle_strains/{muscle}.log",
+        paths.log_of("fit_muscle_strains", "muscle"),
     benchmark:
-        "results/{subject}/benchmarks/fit_muscle_strains/{muscle}.tsv"
+        paths.cost_of("fit_muscle_strains", "muscle")
     threads: 1
     resources:
         mem_mb=1500,
@@ -158,31 +153,39 @@ rule fit_muscle_strains:
 
 rule evaluate_muscles:
     input:
-        rig="results/{subject}/rig.h5",
-        templates="results/{subject}/templates.h5",
-        muscles=of_muscles("results/{subject}/muscles/{muscle}/strains.h5"),
-        separated=in_poses(
-            "results/{subject}/muscle_separation/{pose}.h5", Role.example
-        ),
+        rig=paths.RIG,
+        templates=paths.PLACED_TEMPLATES,
+        muscles=of_muscles(paths.MUSCLE_STRAINS),
+        separated=in_poses(paths.SEPARATED_MUSCLES, Role.example),
         inner=lambda w: muscle_poses(w.subject),
+        registrations=in_poses(paths.REGISTRATION, Role.example),
+        truth=in_truth(paths.TRUTH),
     output:
-        metrics="results/{subject}/metrics/muscles.json",
+        metrics=paths.metrics_of("muscles"),
         table=report(
-            "results/{subject}/tables/muscles.json",
+            paths.table_of("muscles"),
             caption="../report/muscles.rst",
             category="Organs",
             subcategory="{subject}",
         ),
     log:
-        "results/{subject}/logs/evaluate_muscles/all.log",
+        paths.log_of("evaluate_muscles"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_muscles/all.tsv"
+        paths.cost_of("evaluate_muscles")
     threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
     params:
         dataset=reads("poses.*.role", "muscles.names", "truth", "root"),
+        costs=costs_of(
+            "place_templates",
+            "extract_muscle",
+            "separate_neutral",
+            "extract_muscle_shapes",
+            "separate_muscles",
+            "fit_muscle_strains",
+        ),
     message:
         "{wildcards.subject}: muscles against truth"
     script:

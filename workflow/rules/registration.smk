@@ -3,14 +3,14 @@
 
 rule register_bones:
     input:
-        neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
-        target="results/{subject}/segmentation/{pose}/surfaces.h5",
+        neutral=in_neutral(paths.BONE_SURFACES),
+        target=paths.BONE_SURFACES,
     output:
-        "results/{subject}/registration/{pose}.h5",
+        paths.REGISTRATION,
     log:
-        "results/{subject}/logs/register_bones/{pose}.log",
+        paths.log_of("register_bones", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/register_bones/{pose}.tsv"
+        paths.cost_of("register_bones", "pose")
     threads: 1
     resources:
         mem_mb=1500,
@@ -32,26 +32,28 @@ rule register_bones:
 
 rule evaluate_registration:
     input:
-        neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
-        registrations=in_poses("results/{subject}/registration/{pose}.h5"),
+        neutral=in_neutral(paths.BONE_SURFACES),
+        registrations=in_poses(paths.REGISTRATION),
+        truth=in_truth(paths.TRUTH),
     output:
-        metrics="results/{subject}/metrics/registration.json",
+        metrics=paths.metrics_of("registration"),
         table=report(
-            "results/{subject}/tables/registration.json",
+            paths.table_of("registration"),
             caption="../report/registration.rst",
             category="Bones",
             subcategory="{subject}",
         ),
     log:
-        "results/{subject}/logs/evaluate_registration/all.log",
+        paths.log_of("evaluate_registration"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_registration/all.tsv"
+        paths.cost_of("evaluate_registration")
     threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
     params:
         dataset=reads("poses.names", "neutral", "bones.names", "truth", "root"),
+        costs=costs_of("register_bones"),
     message:
         "{wildcards.subject}: registration against truth"
     script:

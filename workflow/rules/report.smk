@@ -3,26 +3,32 @@
 
 rule report:
     input:
-        rig="results/{subject}/rig.h5",
-        metrics=lambda w: report_metrics(w.subject),
+        rig=paths.RIG,
+        metrics=lambda w: expand(
+            paths.METRICS, subject=w.subject, stage=report_stages(w.subject)
+        ),
+        tables=lambda w: report_tables(w.subject),
         poses=lambda w: report_poses(w.subject),
+        volumes=lambda w: volumes(w.subject, poses_in_report(w.subject)),
+        scans=lambda w: scans(w.subject, poses_in_report(w.subject)),
+        truth=in_truth(paths.TRUTH),
         chunks=chunks_of_scenes,
-        scenes=lambda w: expand(
-            "results/{subject}/simulation/{scene}/{scene}.glb",
+        exports=lambda w: expand(
+            paths.SCENE_GLB,
             scene=SETTINGS.scenes,
             allow_missing=True,
         ),
     output:
         report(
-            "results/{subject}/report.html",
+            paths.REPORT,
             caption="../report/report.rst",
             category="Pictures and tables",
             subcategory="{subject}",
         ),
     log:
-        "results/{subject}/logs/report/all.log",
+        paths.log_of("report"),
     benchmark:
-        "results/{subject}/benchmarks/report/all.tsv"
+        paths.cost_of("report")
     threads: 1
     resources:
         mem_mb=2500,
@@ -46,13 +52,15 @@ rule report:
         ),
         scenes=lambda w: {
             s: expand(
-                "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
+                paths.SCENE_CHUNK,
                 subject=w.subject,
                 scene=s,
                 chunk=chunks(w.subject, s),
             )
             for s in SETTINGS.scenes
         },
+        jobs=lambda w: str(paths.at(paths.COSTS, subject=w.subject)),
+        benchmarks=paths.benchmark_of("fem.json"),  # shown where someone has made it
         settings={k: str(v) for k, v in SETTINGS.model_dump(mode="json").items()},
     message:
         "{wildcards.subject}: report"
@@ -65,12 +73,12 @@ rule evaluate_poses:
         simulated=lambda w: report_poses(w.subject),
         fits=lambda w: fat_fits(w.subject),
     output:
-        metrics="results/{subject}/metrics/poses.json",
-        table="results/{subject}/tables/poses.json",
+        metrics=paths.metrics_of("poses"),
+        table=paths.table_of("poses"),
     log:
-        "results/{subject}/logs/evaluate_poses/all.log",
+        paths.log_of("evaluate_poses"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_poses/all.tsv"
+        paths.cost_of("evaluate_poses")
     threads: 1
     resources:
         mem_mb=1500,
@@ -83,17 +91,19 @@ rule evaluate_poses:
 
 rule evaluate_build:
     input:
-        report="results/{subject}/report.html",
+        report=paths.REPORT,
     output:
-        "results/{subject}/metrics/build.json",
+        paths.metrics_of("build"),
     log:
-        "results/{subject}/logs/evaluate_build/all.log",
+        paths.log_of("evaluate_build"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_build/all.tsv"
+        paths.cost_of("evaluate_build")
     threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        jobs=lambda w: str(paths.at(paths.COSTS, subject=w.subject)),
     message:
         "{wildcards.subject}: time and memory of the build"
     script:

@@ -3,27 +3,28 @@
 
 rule fit_rig:
     input:
-        neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
-        registrations=in_poses("results/{subject}/registration/{pose}.h5"),
+        neutral=in_neutral(paths.BONE_SURFACES),
+        registrations=in_poses(paths.REGISTRATION),
+        truth=in_truth(paths.TRUTH, Role.example, Role.heldout),
     output:
-        rig="results/{subject}/rig.h5",
-        metrics="results/{subject}/metrics/rig.json",
+        rig=paths.RIG,
+        metrics=paths.metrics_of("rig"),
         table=report(
-            "results/{subject}/tables/rig.json",
+            paths.table_of("rig"),
             caption="../report/rig.rst",
             category="Bones",
             subcategory="{subject}",
         ),
         limits=report(
-            "results/{subject}/tables/limits.json",
+            paths.table_of("limits"),
             caption="../report/limits.rst",
             category="Bones",
             subcategory="{subject}",
         ),
     log:
-        "results/{subject}/logs/fit_rig/all.log",
+        paths.log_of("fit_rig"),
     benchmark:
-        "results/{subject}/benchmarks/fit_rig/all.tsv"
+        paths.cost_of("fit_rig")
     threads: 1
     resources:
         mem_mb=1500,

@@ -4,15 +4,15 @@
 rule propose_seeds:
     input:
         volume=of_pose("volume"),
-        neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
+        neutral=in_neutral(paths.BONE_SURFACES),
     output:
-        seeds="results/{subject}/segmentation/{pose}/seeds.nii.gz",
-        confidence="results/{subject}/segmentation/{pose}/seeds.json",
-        located="results/{subject}/segmentation/{pose}/located.h5",
+        seeds=paths.SEEDS,
+        confidence=paths.SEEDS_CONFIDENCE,
+        located=paths.LOCATED,
     log:
-        "results/{subject}/logs/propose_seeds/{pose}.log",
+        paths.log_of("propose_seeds", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/propose_seeds/{pose}.tsv"
+        paths.cost_of("propose_seeds", "pose")
     threads: 1
     resources:
         mem_mb=2500,
@@ -35,18 +35,26 @@ rule propose_seeds:
 
 rule evaluate_seeds:
     input:
-        neutral=lambda w: f"results/{w.subject}/segmentation/{neutral(w.subject)}/surfaces.h5",
+        neutral=in_neutral(paths.BONE_SURFACES),
         located=lambda w: expand(
-            "results/{subject}/segmentation/{pose}/located.h5",
+            paths.LOCATED,
             pose=proposed_poses(w.subject),
             allow_missing=True,
         ),
+        volumes=lambda w: volumes(w.subject, proposed_poses(w.subject)),
+        truth=lambda w: [
+            path
+            for pose, path in zip(
+                dataset(w.subject).poses, in_truth(paths.TRUE_MARROW)(w)
+            )
+            if pose in proposed_poses(w.subject)
+        ],
     output:
-        "results/{subject}/metrics/seeds.json",
+        paths.metrics_of("seeds"),
     log:
-        "results/{subject}/logs/evaluate_seeds/all.log",
+        paths.log_of("evaluate_seeds"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_seeds/all.tsv"
+        paths.cost_of("evaluate_seeds")
     threads: 1
     resources:
         mem_mb=1500,
@@ -54,6 +62,7 @@ rule evaluate_seeds:
     params:
         dataset=reads(*image_of("{proposed}"), "bones.*.label", "truth"),
         poses=lambda w: proposed_poses(w.subject),
+        costs=costs_of("propose_seeds"),
     message:
         "{wildcards.subject}: proposed seeds, and how many bones need a person"
     script:

@@ -6,11 +6,11 @@ rule segment_pose:
         volume=of_pose("volume"),
         seeds=seeds_of_pose,
     output:
-        "results/{subject}/segmentation/{pose}/bones.h5",
+        paths.SEGMENTED,
     log:
-        "results/{subject}/logs/segment_pose/{pose}.log",
+        paths.log_of("segment_pose", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/segment_pose/{pose}.tsv"
+        paths.cost_of("segment_pose", "pose")
     threads: 1
     resources:
         mem_mb=2500,
@@ -31,11 +31,11 @@ rule correct_bone:
         seeds=seeds_of_pose,
         scribbles=lambda w: scribbles(w.subject, w.pose, w.bone),
     output:
-        "results/{subject}/segmentation/{pose}/corrected/{bone}.h5",
+        paths.CORRECTED,
     log:
-        "results/{subject}/logs/correct_bone/{pose}/{bone}.log",
+        paths.log_of("correct_bone", "pose", "bone"),
     benchmark:
-        "results/{subject}/benchmarks/correct_bone/{pose}/{bone}.tsv"
+        paths.cost_of("correct_bone", "pose", "bone")
     threads: 1
     resources:
         mem_mb=1500,
@@ -52,19 +52,19 @@ rule merge_labels:
     input:
         volume=of_pose("volume"),
         seeds=seeds_of_pose,
-        bones="results/{subject}/segmentation/{pose}/bones.h5",
+        bones=paths.SEGMENTED,
         corrected=corrected_bones,
         scribbles=all_scribbles,
         neutral=neutral_looks,
     output:
-        labels="results/{subject}/segmentation/{pose}/labels.nii.gz",
-        table="results/{subject}/segmentation/{pose}/labels.json",
-        surfaces="results/{subject}/segmentation/{pose}/surfaces.h5",
-        looks="results/{subject}/segmentation/{pose}/looks.json",
+        labels=paths.LABELS,
+        table=paths.LABEL_TABLE,
+        surfaces=paths.BONE_SURFACES,
+        looks=paths.LOOKS,
     log:
-        "results/{subject}/logs/merge_labels/{pose}.log",
+        paths.log_of("merge_labels", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/merge_labels/{pose}.tsv"
+        paths.cost_of("merge_labels", "pose")
     threads: 1
     resources:
         mem_mb=2500,
@@ -79,20 +79,22 @@ rule merge_labels:
 
 rule evaluate_segmentation:
     input:
-        labels=in_poses("results/{subject}/segmentation/{pose}/labels.nii.gz"),
-        looks=in_poses("results/{subject}/segmentation/{pose}/looks.json"),
+        labels=in_poses(paths.LABELS),
+        looks=in_poses(paths.LOOKS),
+        truth=true_labels,
     output:
-        "results/{subject}/metrics/segmentation.json",
+        paths.metrics_of("segmentation"),
     log:
-        "results/{subject}/logs/evaluate_segmentation/all.log",
+        paths.log_of("evaluate_segmentation"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_segmentation/all.tsv"
+        paths.cost_of("evaluate_segmentation")
     threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
     params:
         dataset=reads("bones.*.label", "poses.names", "neutral", "truth", "root"),
+        costs=costs_of("segment_pose", "correct_bone", "merge_labels"),
     message:
         "{wildcards.subject}: segmentation against truth"
     script:

@@ -3,21 +3,21 @@
 
 rule simulate:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         frames=frames_file,
         layers=lambda w: layer_files(w.subject, scene(w.scene).needed),
     output:
-        "results/{subject}/simulation/{scene}/frames-{chunk}.h5",
+        paths.SCENE_CHUNK,
     log:
-        "results/{subject}/logs/simulate/{scene}/{chunk}.log",
+        paths.log_of("simulate", "scene", "chunk"),
     benchmark:
-        "results/{subject}/benchmarks/simulate/{scene}/{chunk}.tsv"
+        paths.cost_of("simulate", "scene", "chunk")
     threads: 1
     resources:
         mem_mb=3000,
         runtime=30,
     params:
-        partial=lambda w, output: partial_chunk(output[0]),
+        partial=lambda w, output: str(paths.partial_chunk(output[0])),
         dataset=of_layers(lambda w: scene(w.scene).needed, "hand"),
         scene=reads_scene("layers", "bones", "chunk"),
     message:
@@ -28,21 +28,21 @@ rule simulate:
 
 rule evaluate_frames:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         frames=frames_file,
         chunks=scene_chunks,
     output:
-        metrics="results/{subject}/metrics/frames-{scene}.json",
+        metrics=paths.metrics_of("frames-{scene}"),
         table=report(
-            "results/{subject}/tables/frames-{scene}.json",
+            paths.table_of("frames-{scene}"),
             caption="../report/frames.rst",
             category="Simulation",
             subcategory="{subject}",
         ),
     log:
-        "results/{subject}/logs/evaluate_frames/{scene}.log",
+        paths.log_of("evaluate_frames", "scene"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_frames/{scene}.tsv"
+        paths.cost_of("evaluate_frames", "scene")
     threads: 1
     resources:
         mem_mb=1500,
@@ -60,12 +60,12 @@ rule export_scene:
     input:
         chunks=scene_chunks,
     output:
-        glb="results/{subject}/simulation/{scene}/{scene}.glb",
-        vtk=directory("results/{subject}/simulation/{scene}/vtk"),
+        glb=paths.SCENE_GLB,
+        vtk=directory(paths.SCENE_VTK),
     log:
-        "results/{subject}/logs/export_scene/{scene}.log",
+        paths.log_of("export_scene", "scene"),
     benchmark:
-        "results/{subject}/benchmarks/export_scene/{scene}.tsv"
+        paths.cost_of("export_scene", "scene")
     threads: 1
     resources:
         mem_mb=1500,
@@ -80,11 +80,11 @@ rule export_obj:
     input:
         chunks=scene_chunks,
     output:
-        directory("results/{subject}/simulation/{scene}/obj"),
+        directory(paths.SCENE_OBJ),
     log:
-        "results/{subject}/logs/export_obj/{scene}.log",
+        paths.log_of("export_obj", "scene"),
     benchmark:
-        "results/{subject}/benchmarks/export_obj/{scene}.tsv"
+        paths.cost_of("export_obj", "scene")
     threads: 1
     resources:
         mem_mb=1500,
@@ -100,15 +100,15 @@ rule export_obj:
 rule require_frames:
     input:
         chunks=chunks_of_scenes,
-        made=lambda w: each_subject("report.html")
-        + each_subject("metrics/build.json")
+        made=lambda w: each_subject(paths.REPORT)
+        + each_subject(paths.metrics_of("build"))
         + obj_sequences(),
     output:
-        "results/{subject}/complete.json",
+        paths.COMPLETE,
     log:
-        "results/{subject}/logs/require_frames/all.log",
+        paths.log_of("require_frames"),
     benchmark:
-        "results/{subject}/benchmarks/require_frames/all.tsv"
+        paths.cost_of("require_frames")
     threads: 1
     resources:
         mem_mb=1500,
@@ -125,10 +125,10 @@ rule require_frames:
 use rule require_frames as require_simulation with:
     input:
         chunks=chunks_of_scenes,
-        made=lambda w: each_subject("simulation/{scene}/{scene}.glb") + obj_sequences(),
+        made=lambda w: each_subject(paths.SCENE_GLB) + obj_sequences(),
     output:
-        "results/{subject}/simulation/complete.json",
+        paths.SIMULATION_COMPLETE,
     log:
-        "results/{subject}/logs/require_simulation/all.log",
+        paths.log_of("require_simulation"),
     benchmark:
-        "results/{subject}/benchmarks/require_simulation/all.tsv"
+        paths.cost_of("require_simulation")

@@ -3,17 +3,17 @@
 
 rule extract_tendon:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         volume=neutral_volume,
         path=lambda w: curve_folder(
             w.subject, dataset(w.subject).tendons[w.tendon].path
         ),
     output:
-        "results/{subject}/tendons/{tendon}/neutral.h5",
+        paths.NEUTRAL_TENDON,
     log:
-        "results/{subject}/logs/extract_tendon/{tendon}.log",
+        paths.log_of("extract_tendon", "tendon"),
     benchmark:
-        "results/{subject}/benchmarks/extract_tendon/{tendon}.tsv"
+        paths.cost_of("extract_tendon", "tendon")
     threads: 1
     resources:
         mem_mb=1500,
@@ -34,16 +34,16 @@ rule extract_tendon:
 
 rule register_tendon:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         volume=of_pose("volume"),
-        neutral="results/{subject}/tendons/{tendon}/neutral.h5",
-        registration="results/{subject}/registration/{pose}.h5",
+        neutral=paths.NEUTRAL_TENDON,
+        registration=paths.REGISTRATION,
     output:
-        "results/{subject}/tendons/{tendon}/poses/{pose}.h5",
+        paths.POSED_TENDON,
     log:
-        "results/{subject}/logs/register_tendon/{tendon}/{pose}.log",
+        paths.log_of("register_tendon", "tendon", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/register_tendon/{tendon}/{pose}.tsv"
+        paths.cost_of("register_tendon", "tendon", "pose")
     threads: 1
     resources:
         mem_mb=1500,
@@ -58,14 +58,14 @@ rule register_tendon:
 
 rule simulate_flesh:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         layers=lambda w: layer_files(w.subject, ["bones", "flesh"]),
     output:
-        "results/{subject}/poses/{pose}/flesh.h5",
+        paths.POSE_FLESH,
     log:
-        "results/{subject}/logs/simulate_flesh/{pose}.log",
+        paths.log_of("simulate_flesh", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/simulate_flesh/{pose}.tsv"
+        paths.cost_of("simulate_flesh", "pose")
     threads: 1
     resources:
         mem_mb=2000,
@@ -80,18 +80,16 @@ rule simulate_flesh:
 
 rule fit_hooks:
     input:
-        rig="results/{subject}/rig.h5",
-        neutral="results/{subject}/tendons/{tendon}/neutral.h5",
-        poses=in_poses(
-            "results/{subject}/tendons/{tendon}/poses/{pose}.h5", Role.example
-        ),
+        rig=paths.RIG,
+        neutral=paths.NEUTRAL_TENDON,
+        poses=in_poses(paths.POSED_TENDON, Role.example),
         flesh=in_flesh(Role.neutral, Role.example),
     output:
-        "results/{subject}/tendons/{tendon}/hooks.h5",
+        paths.HOOKS,
     log:
-        "results/{subject}/logs/fit_hooks/{tendon}.log",
+        paths.log_of("fit_hooks", "tendon"),
     benchmark:
-        "results/{subject}/benchmarks/fit_hooks/{tendon}.tsv"
+        paths.cost_of("fit_hooks", "tendon")
     threads: 1
     resources:
         mem_mb=1500,
@@ -106,25 +104,29 @@ rule fit_hooks:
 
 rule evaluate_tendons:
     input:
-        rig="results/{subject}/rig.h5",
+        rig=paths.RIG,
         tendons=lambda w: expand(
-            "results/{subject}/tendons/{tendon}/hooks.h5",
+            paths.HOOKS,
             tendon=dataset(w.subject).tendons,
             allow_missing=True,
         ),
         flesh=in_flesh(Role.example, Role.heldout),
+        truth=in_truth(paths.TRUTH, Role.example, Role.heldout),
     output:
-        "results/{subject}/metrics/tendons.json",
+        paths.metrics_of("tendons"),
     log:
-        "results/{subject}/logs/evaluate_tendons/all.log",
+        paths.log_of("evaluate_tendons"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_tendons/all.tsv"
+        paths.cost_of("evaluate_tendons")
     threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
     params:
         dataset=reads("poses.*.role", "truth", "root"),
+        costs=costs_of(
+            "simulate_flesh", "extract_tendon", "register_tendon", "fit_hooks"
+        ),
     message:
         "{wildcards.subject}: simulated tendons against truth"
     script:

@@ -6,14 +6,14 @@ TRUTH_MEMORY = {"toy": 4000, "full": 12000}  # MiB
 
 rule coupled_body:
     input:
-        template="results/{subject}/anatomy/template.h5",
-        subject="results/{subject}/anatomy/subject.h5",
+        template=paths.TEMPLATE,
+        subject=paths.TEMPLATE_SUBJECT,
     output:
-        "results/{subject}/anatomy/coupled.h5",
+        paths.COUPLED_BODY,
     log:
-        "results/{subject}/logs/coupled_body/all.log",
+        paths.log_of("coupled_body"),
     benchmark:
-        "results/{subject}/benchmarks/coupled_body/all.tsv"
+        paths.cost_of("coupled_body")
     wildcard_constraints:
         subject=COUPLED,
     threads: 1
@@ -30,14 +30,14 @@ rule coupled_body:
 
 rule coupled_pose:
     input:
-        body="results/{subject}/anatomy/coupled.h5",
-        subject="results/{subject}/anatomy/subject.h5",
+        body=paths.COUPLED_BODY,
+        subject=paths.TEMPLATE_SUBJECT,
     output:
-        "results/{subject}/coupled/{pose}.h5",
+        paths.COUPLED_POSE,
     log:
-        "results/{subject}/logs/coupled_pose/{pose}.log",
+        paths.log_of("coupled_pose", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/coupled_pose/{pose}.tsv"
+        paths.cost_of("coupled_pose", "pose")
     wildcard_constraints:
         subject=COUPLED,
     threads: 1
@@ -55,19 +55,19 @@ rule coupled_pose:
 
 rule coupled_images:
     input:
-        body="results/{subject}/anatomy/coupled.h5",
-        subject="results/{subject}/anatomy/subject.h5",
-        positions="results/{subject}/coupled/{pose}.h5",
+        body=paths.COUPLED_BODY,
+        subject=paths.TEMPLATE_SUBJECT,
+        positions=paths.COUPLED_POSE,
     output:
-        volume="results/{subject}/data/volumes/{pose}.nii.gz",
-        scan="results/{subject}/data/scans/{pose}.ply",
-        truth="results/{subject}/data/truth/{pose}.h5",
-        bones="results/{subject}/data/truth/{pose}.bones.nii.gz",
-        marrow="results/{subject}/data/truth/{pose}.marrow.nii.gz",
+        volume=paths.DATA_VOLUME,
+        scan=paths.DATA_SCAN,
+        truth=paths.TRUTH,
+        bones=paths.TRUE_BONES,
+        marrow=paths.TRUE_MARROW,
     log:
-        "results/{subject}/logs/coupled_images/{pose}.log",
+        paths.log_of("coupled_images", "pose"),
     benchmark:
-        "results/{subject}/benchmarks/coupled_images/{pose}.tsv"
+        paths.cost_of("coupled_images", "pose")
     wildcard_constraints:
         subject=COUPLED,
     threads: 1
@@ -97,17 +97,17 @@ rule coupled_images:
 
 rule coupled_templates:
     input:
-        template="results/{subject}/anatomy/template.h5",
-        body="results/{subject}/anatomy/coupled.h5",
-        subject="results/{subject}/anatomy/subject.h5",
-        positions=lambda w: f"results/{w.subject}/coupled/{neutral(w.subject)}.h5",
+        template=paths.TEMPLATE,
+        body=paths.COUPLED_BODY,
+        subject=paths.TEMPLATE_SUBJECT,
+        positions=in_neutral(paths.COUPLED_POSE),
     output:
-        directory("results/{subject}/data/templates"),
-        directory("results/{subject}/data/curves"),
+        directory(paths.DATA_TEMPLATES),
+        directory(paths.DATA_CURVES),
     log:
-        "results/{subject}/logs/coupled_templates/all.log",
+        paths.log_of("coupled_templates"),
     benchmark:
-        "results/{subject}/benchmarks/coupled_templates/all.tsv"
+        paths.cost_of("coupled_templates")
     wildcard_constraints:
         subject=COUPLED,
     threads: 1
@@ -139,15 +139,15 @@ rule coupled_templates:
 
 rule evaluate_truth:
     input:
-        body="results/{subject}/anatomy/coupled.h5",
-        subject="results/{subject}/anatomy/subject.h5",
-        positions=in_poses("results/{subject}/coupled/{pose}.h5"),
+        body=paths.COUPLED_BODY,
+        subject=paths.TEMPLATE_SUBJECT,
+        positions=in_poses(paths.COUPLED_POSE),
     output:
-        "results/{subject}/metrics/truth.json",
+        paths.metrics_of("truth"),
     log:
-        "results/{subject}/logs/evaluate_truth/all.log",
+        paths.log_of("evaluate_truth"),
     benchmark:
-        "results/{subject}/benchmarks/evaluate_truth/all.tsv"
+        paths.cost_of("evaluate_truth")
     wildcard_constraints:
         subject=COUPLED,
     threads: 1
@@ -157,6 +157,7 @@ rule evaluate_truth:
     params:
         dataset=reads("name", "generator", "anatomy"),
         order=lambda w: TRUTH_ORDER[SETTINGS.truth],
+        costs=costs_of("coupled_pose"),
     message:
         "{wildcards.subject}: what the coupled truth says of itself"
     script:

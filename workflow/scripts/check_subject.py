@@ -1,15 +1,8 @@
 """A scanned subject's files, before hours are spent on its images."""
 
-import json
-
-from common import dataset_of, stage
+from common import dataset_of, inputs_of, output_of, stage
 
 with stage(snakemake):
-    from handpipe import artifacts
-    from handpipe.hand.subject import check_frames, check_images, check_surfaces
+    from handpipe.stages.images.check_subject import Inputs, check_subject
 
-    dataset = dataset_of(snakemake)
-    check_surfaces(dataset)
-    check_images(dataset)
-    check_frames(dataset)
-    artifacts.write_text(snakemake.output[0], json.dumps({"checked": [*snakemake.input]}, indent=2) + "\n")
+    check_subject(inputs_of(snakemake, Inputs), output_of(snakemake), dataset_of(snakemake))

@@ -1,9 +1,10 @@
-"""What every script does: log to the rule's file, turn errors into one message."""
+"""What every script does: log to the rule's file, turn errors into one message, hand the job's files on."""
 
 import logging
 import os
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 
 os.environ.setdefault("NUMBA_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
 
@@ -21,6 +22,27 @@ def dataset_of(job):
 def scene_of(job):
     """The fields of the scene that the rule declares; reading another one raises."""
     return restored(job.params.scene, Scene)
+
+
+def inputs_of(job, record):
+    """The job's input files as a record of `handpipe.stages.files`, with the names of the rule."""
+    return record.of(dict(job.input.items()))
+
+
+def outputs_of(job, record):
+    """The same of its output files."""
+    return record.of(dict(job.output.items()))
+
+
+def output_of(job):
+    """The one output file of the job."""
+    [path] = job.output
+    return Path(path)
+
+
+def costs_of(job):
+    """The folders of the benchmark files of the rules whose cost the stage reports."""
+    return [Path(folder) for folder in job.params.costs]
 
 
 @contextmanager

@@ -1,19 +1,14 @@
 """Marrow probability of one bone in one pose, with the scribbles that correct it."""
 
-from common import dataset_of, stage
+from common import dataset_of, inputs_of, output_of, stage
 
 with stage(snakemake):
-    from handpipe.imaging.claims import save
-    from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, check_seeds, segment_bone
-    from handpipe.imaging.volume import pose_volume, read_labels
+    from handpipe.stages.images.correct_bone import Inputs, correct_bone
 
-    dataset = dataset_of(snakemake)
-    volume = pose_volume(dataset, snakemake.wildcards.pose)
-    path, bone = snakemake.input.scribbles, snakemake.wildcards.bone
-    bones = dataset.labels
-    drawn = (read_labels(file, volume, bones) for file in (snakemake.input.seeds, path))
-    seeds = add_scribbles(*drawn)
-    others = set(dataset.bones) - {bone}
-    check_seeds(path, seeds, bones, others)
-    found = segment_bone(volume, seeds, dataset.bones[bone].label, SegmentationSettings())
-    save(snakemake.output[0], {bone: found}, [*snakemake.input])
+    correct_bone(
+        inputs_of(snakemake, Inputs),
+        output_of(snakemake),
+        dataset_of(snakemake),
+        snakemake.wildcards.pose,
+        snakemake.wildcards.bone,
+    )

@@ -1,11 +1,10 @@
 """Volume, scan, truth and label volumes of one pose of a coupled body."""
 
-from common import dataset_of, stage
+from common import dataset_of, inputs_of, stage
 
 with stage(snakemake):
-    from handpipe.datasets import coupled_hand
+    from handpipe.stages.synthetic.coupled_images import Inputs, coupled_images
 
-    given = snakemake.input
-    hand = coupled_hand.hand_body(given.body, given.subject, snakemake.params.order)
-    found = coupled_hand.load(given.positions)
-    coupled_hand.write_pose(dataset_of(snakemake), snakemake.wildcards.pose, hand, found)
+    coupled_images(
+        inputs_of(snakemake, Inputs), dataset_of(snakemake), snakemake.wildcards.pose, snakemake.params.order
+    )

@@ -1,10 +1,10 @@
 """Wall-clock time and peak memory of the whole build."""
 
-from common import stage
+from pathlib import Path
+
+from common import inputs_of, output_of, stage
 
 with stage(snakemake):
-    from handpipe import metrics
-    from handpipe.evaluation.build import build_metrics, read_jobs
+    from handpipe.stages.hand.evaluate_build import Inputs, evaluate_build
 
-    jobs = read_jobs(f"results/{snakemake.wildcards.subject}/benchmarks")
-    metrics.write(snakemake.output[0], build_metrics(jobs))
+    evaluate_build(inputs_of(snakemake, Inputs), output_of(snakemake), Path(snakemake.params.jobs))

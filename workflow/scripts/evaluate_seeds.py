@@ -1,44 +1,14 @@
 """How many bones a person has to look at after neutral, and proposed seeds against truth."""
 
-from pathlib import Path
+from common import costs_of, dataset_of, inputs_of, output_of, stage
 
-from common import dataset_of, stage
-from figures import stage_cost
+with stage(snakemake):
+    from handpipe.stages.images.evaluate_seeds import Inputs, evaluate_seeds
 
-with stage(snakemake) as log:
-    from handpipe import metrics
-    from handpipe.imaging.proposed_seeds import marrow_core, share_outside
-    from handpipe.imaging.volume import pose_volume, read_labels
-    from handpipe.skeleton.bones import read_surfaces
-    from handpipe.skeleton.locating import moved_surfaces
-    from handpipe.skeleton.location_confidence import read_located
-
-    WRONG = 0.2  # of a bone's seeds outside its true marrow
-
-    dataset = dataset_of(snakemake)
-    neutral = read_surfaces(snakemake.input.neutral, "marrow")
-    confidences, manual, wrong, unnoticed = [], 0, 0, 0
-    for pose, located in zip(snakemake.params.poses, snakemake.input.located, strict=True):
-        motions, sure = read_located(located)
-        marked = {bone for bone, confidence in sure.items() if confidence.marked}
-        confidences += [confidence.value for confidence in sure.values()]
-        manual += len(marked)
-        if dataset.truth is None:
-            continue
-        volume = pose_volume(dataset, pose)
-        truth = read_labels(dataset.path(dataset.truth.folder) / f"{pose}.marrow.nii.gz", volume)
-        for bone, surface in moved_surfaces(neutral, motions).items():
-            outside = share_outside(marrow_core(volume, surface), truth, dataset.bones[bone].label)
-            if outside > WRONG:
-                log.warning("%s in %s: %.0f %% of its seeds outside its marrow", bone, pose, 100 * outside)
-                wrong, unnoticed = wrong + 1, unnoticed + (bone not in marked)
-    figures = stage_cost(snakemake, "propose_seeds")
-    figures |= {"proposed_bones": (len(confidences), "1"), "manual_bones": (manual, "1")}
-    if confidences:
-        figures |= {
-            "confidence_min": (min(confidences), "1"),
-            "confidence_mean": (sum(confidences) / len(confidences), "1"),
-        }
-    if dataset.truth is not None:
-        figures |= {"wrong_bones": (wrong, "1"), "unnoticed_wrong_bones": (unnoticed, "1")}
-    metrics.write(Path(snakemake.output[0]), figures)
+    evaluate_seeds(
+        inputs_of(snakemake, Inputs),
+        output_of(snakemake),
+        dataset_of(snakemake),
+        snakemake.params.poses,
+        costs_of(snakemake),
+    )

@@ -1,50 +1,14 @@
 """What a coupled body says of itself: patch test, volumes, inverted tets, skin that cuts itself."""
 
-from pathlib import Path
+from common import costs_of, dataset_of, inputs_of, output_of, stage
 
-from common import dataset_of, stage
-from figures import stage_cost
+with stage(snakemake):
+    from handpipe.stages.synthetic.evaluate_truth import Inputs, evaluate_truth
 
-with stage(snakemake) as log:
-    import numpy as np
-
-    from handpipe import metrics
-    from handpipe.datasets import coupled_hand
-    from handpipe.datasets.known_hands import known_hand
-    from handpipe.truth.validation import patch_test, volume_changes
-
-    given = snakemake.input
-    hand = coupled_hand.hand_body(given.body, given.subject, snakemake.params.order)
-    motion = known_hand(dataset_of(snakemake)).motion
-    positions = {Path(file).stem: coupled_hand.load(file) for file in given.positions}
-    body, changes, ratios, inverted, crossing = hand.body, [], [], 0, 0
-    found = {"tets": (len(body.anatomy.mesh.tets), "1"), "nodes": (len(body.rest), "1")}
-    for pose, x in positions.items():
-        changes.append(list(volume_changes(body, x).values()))
-        ratios.append(float(body.solid.volume_ratios(x).min()))
-        inverted += body.inverted(x)
-        crossing += coupled_hand.cuts_itself(body, x)
-        log.info(
-            "%s: muscles' volumes change by %.2f %% at most, least volume ratio %.3f",
-            pose,
-            np.abs(changes[-1]).max(),
-            ratios[-1],
-        )
-    found |= metrics.summary("muscle_volume_change", np.abs(changes), "%")
-    found["volume_ratio_min"] = (min(ratios), "1")
-    found["inverted_tets"] = (inverted, "1")
-    found["poses"] = (len(ratios), "1")
-    found["poses_cutting_themselves"] = (crossing, "1")
-    one, other, apart = coupled_hand.start_difference(hand, motion, positions)
-    log.info("%s reached from %s: %.3g mm from where it is from rest", other, one, apart)
-    found["start_difference_max"] = (apart, "mm")
-    refined, errors = coupled_hand.refinement_errors(hand, motion, positions)
-    for ray, figures in errors.items():
-        (rms, _), (largest, _) = figures["rms"], figures["max"]
-        log.info(
-            "%s, %s: linear tets %.3f mm (rms), %.2f mm (max) from quadratic ones", refined, ray, rms, largest
-        )
-    for kind in ("rms", "max"):
-        found[f"refinement_{kind}"] = (max(figures[kind][0] for figures in errors.values()), "mm")
-    found["patch_test_error"] = (patch_test(body), "mm")
-    metrics.write(snakemake.output[0], found | stage_cost(snakemake, "coupled_pose"))
+    evaluate_truth(
+        inputs_of(snakemake, Inputs),
+        output_of(snakemake),
+        dataset_of(snakemake),
+        snakemake.params.order,
+        costs_of(snakemake),
+    )

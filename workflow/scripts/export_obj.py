@@ -1,10 +1,8 @@
 """A scene's frames as OBJ files, for programs that read nothing else."""
 
-from common import stage
+from common import inputs_of, output_of, stage
 
 with stage(snakemake):
-    from handpipe.hand.export import write_obj_sequence
-    from handpipe.hand.frames import read_frames
+    from handpipe.stages.hand.export_obj import Inputs, export_obj
 
-    frames = [frame for chunk in snakemake.input.chunks for frame in read_frames(chunk)]
-    write_obj_sequence(snakemake.output[0], frames)
+    export_obj(inputs_of(snakemake, Inputs), output_of(snakemake))

@@ -1,15 +1,13 @@
-"""A ligament: its placed template as an elastic body held by its bones, without contact (Zheng 2022 §4.1)."""
+"""A ligament: its placed template as an elastic body on its bones, without contact (Zheng 2022 §4.1)."""
 
-from common import dataset_of, stage
+from common import dataset_of, inputs_of, output_of, stage
 
 with stage(snakemake):
-    from handpipe.ligaments.fitting import fit_ligament
-    from handpipe.skeleton.rig import Rig
-    from muscle_files import read_guesses
+    from handpipe.stages.muscles.fit_ligament import Inputs, fit_ligament
 
-    dataset = dataset_of(snakemake)
-    name = snakemake.wildcards.ligament
-    rig = Rig.load(snakemake.input.rig)
-    [guess] = read_guesses(snakemake.input.templates, [name]).values()
-    ligament = fit_ligament(name, guess, rig.parents, dataset.neutral)
-    ligament.save(snakemake.output[0], [*snakemake.input])
+    fit_ligament(
+        inputs_of(snakemake, Inputs),
+        output_of(snakemake),
+        dataset_of(snakemake),
+        snakemake.wildcards.ligament,
+    )

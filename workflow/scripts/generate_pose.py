@@ -3,7 +3,6 @@
 from common import dataset_of, stage
 
 with stage(snakemake):
-    from handpipe.datasets import generators
+    from handpipe.stages.synthetic.generate_pose import generate_pose
 
-    dataset = dataset_of(snakemake)
-    generators.of(dataset).generate_pose(dataset, snakemake.wildcards.pose)
+    generate_pose(dataset_of(snakemake), snakemake.wildcards.pose)

@@ -3,7 +3,6 @@
 from common import dataset_of, stage
 
 with stage(snakemake):
-    from handpipe.datasets.seeds import draw
+    from handpipe.stages.synthetic.generate_seeds import generate_seeds
 
-    dataset = dataset_of(snakemake)
-    draw(dataset, snakemake.wildcards.pose)
+    generate_seeds(dataset_of(snakemake), snakemake.wildcards.pose)

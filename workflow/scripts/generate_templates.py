@@ -3,7 +3,6 @@
 from common import dataset_of, stage
 
 with stage(snakemake):
-    from handpipe.datasets import generators
+    from handpipe.stages.synthetic.generate_templates import generate_templates
 
-    dataset = dataset_of(snakemake)
-    generators.of(dataset).generate_templates(dataset)
+    generate_templates(dataset_of(snakemake))

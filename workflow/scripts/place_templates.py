@@ -1,39 +1,8 @@
 """Templates of muscles and ligaments carried onto the subject's bones (Wang 2021 §6.1)."""
 
-from common import dataset_of, stage
+from common import dataset_of, inputs_of, output_of, stage
 
-with stage(snakemake) as log:
-    from handpipe import artifacts
-    from handpipe.errors import InputError
-    from handpipe.imaging.markers import read_landmarks
-    from handpipe.mesh.surface import read_surface
-    from handpipe.muscles.templates import Warp, place, read_attachments, require_near_bones
-    from handpipe.skeleton.rig import Rig
+with stage(snakemake):
+    from handpipe.stages.muscles.place_templates import Inputs, place_templates
 
-    dataset = dataset_of(snakemake)
-    bones = Rig.load(snakemake.input.rig).surfaces
-    templates = {
-        name: read_surface(dataset.path(bone.template), closed=True)
-        for name, bone in dataset.bones.items()
-        if bone.template is not None
-    }
-    warp = Warp(templates, {name: bones[name] for name in templates})
-    data = {}
-    for name, organ in {**dataset.muscles, **dataset.ligaments}.items():
-        template = read_surface(dataset.path(organ.template), closed=True)
-        path = dataset.path(organ.attachments)
-        attachments = read_attachments(path, template)
-        for bone in attachments:
-            if bone not in dataset.bones:
-                raise InputError(path, bone, "is not a bone of the dataset", "Attach to one of its bones")
-        require_near_bones(dataset.path(organ.template), template, attachments, templates)
-        landmarks = read_landmarks(dataset.path(organ.landmarks)) if organ.landmarks else {}
-        edge = 1.1 if name in dataset.muscles else 0.7
-        guess = place(template, attachments, warp, edge, landmarks, path)
-        log.info("%s: %d vertices", name, len(guess.surface.vertices))
-        surface = {"vertices": guess.surface.vertices, "triangles": guess.surface.triangles}
-        data[name] = {**surface, "attachments": guess.attachments, "landmarks": guess.landmarks}
-    units = {f"{name}/vertices": "mm" for name in data}
-    artifacts.write(
-        snakemake.output[0], data, kind="placed_templates", units=units, inputs=[*snakemake.input]
-    )
+    place_templates(inputs_of(snakemake, Inputs), output_of(snakemake), dataset_of(snakemake))

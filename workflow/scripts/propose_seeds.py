@@ -1,52 +1,13 @@
 """Seeds of a pose from the neutral bones and the pose's image, and how sure each bone's place is."""
 
-from pathlib import Path
+from common import dataset_of, inputs_of, outputs_of, stage
 
-from common import dataset_of, stage
+with stage(snakemake):
+    from handpipe.stages.images.propose_seeds import Inputs, Outputs, propose_seeds
 
-with stage(snakemake) as log:
-    from handpipe import metrics
-    from handpipe.imaging.marrow_evidence import MarrowEvidence
-    from handpipe.imaging.proposed_seeds import propose
-    from handpipe.imaging.volume import pose_volume, write_labels
-    from handpipe.skeleton.bones import read_surfaces
-    from handpipe.skeleton.locating import HandModel, locate, moved_surfaces
-    from handpipe.skeleton.location_confidence import confidences, write_located
-    from handpipe.skeleton.sought_again import sought_again
-
-    dataset = dataset_of(snakemake)
-    labels = dataset.labels
-    evidence = MarrowEvidence.of(pose_volume(dataset, snakemake.wildcards.pose))
-    marrow, whole = (read_surfaces(snakemake.input.neutral, part) for part in ("marrow", "whole"))
-    hand = HandModel.of(dataset, marrow, whole)
-    motions = locate(hand, evidence)
-    motions, sure = sought_again(hand, evidence, motions, confidences(hand, evidence.fine, motions))
-    for bone, confidence in sure.items():
-        log.info("%s: %s", bone, confidence.verdict)
-        log.info("    %s", confidence)
-    marked = [bone for bone, confidence in sure.items() if confidence.marked]
-    for bone in (b for b, c in sure.items() if c.near and not c.marked):
-        log.warning("%s is %s: look at its seeds", bone, sure[bone].verdict)
-    for link in hand.links:
-        if link.gapes:
-            named = " or ".join(body for i in (link.parent, link.child) for body in hand.bodies[i].bones)
-            log.warning(
-                "joint %s: its bones are %.1f mm apart in neutral: one of them lacks its end there, and its"
-                " place in other poses is doubtful; draw scribbles of %s under poses.%s.scribbles",
-                *(link.name, link.neutral_gap, named, dataset.neutral),
-            )
-    if marked:
-        field = f"poses.{snakemake.wildcards.pose}.scribbles"
-        log.warning("draw scribbles of %s and name them under %s", ", ".join(marked), field)
-
-    marrows, wholes = (
-        {labels[b]: s for b, s in moved_surfaces(part, motions).items()} for part in (marrow, whole)
+    propose_seeds(
+        inputs_of(snakemake, Inputs),
+        outputs_of(snakemake, Outputs),
+        dataset_of(snakemake),
+        snakemake.wildcards.pose,
     )
-    seeds = propose(evidence.fine, marrows, wholes, unsure=[labels[b] for b in marked])
-    write_labels(snakemake.output.seeds, seeds, evidence.fine.affine)
-    write_located(snakemake.output.located, motions, sure, [*snakemake.input])
-    figures = {f"confidence_{b}": (c.value, "1") for b, c in sure.items()}
-    figures |= {f"marked_{b}": (float(c.marked), "1") for b, c in sure.items()}
-    figures |= {f"doubtful_{b}": (1.0, "1") for b, c in sure.items() if c.near}
-    figures |= {f"neutral_gap_{link.name}": (link.neutral_gap, "mm") for link in hand.links if link.gapes}
-    metrics.write(Path(snakemake.output.confidence), figures)

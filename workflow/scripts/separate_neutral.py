@@ -1,33 +1,8 @@
 """Neutral muscles without interpenetration, meshed anew: the bodies that all poses deform."""
 
-from common import stage
+from common import inputs_of, output_of, stage
 
-with stage(snakemake) as log:
-    from dataclasses import replace
+with stage(snakemake):
+    from handpipe.stages.muscles.separate_neutral import Inputs, separate_neutral
 
-    from handpipe.errors import InputError
-    from handpipe.muscles.body import Body
-    from handpipe.muscles.contested import uncontested
-    from handpipe.muscles.separation import NO_VOLUME, separate
-    from handpipe.skeleton.rig import Rig
-    from muscle_files import read_bodies, write_bodies
-
-    fitted = uncontested({n: b for path in snakemake.input.muscles for n, b in read_bodies(path).items()})
-    bones = Rig.load(snakemake.input.rig).surfaces
-    held = {n: b.held for n, b in fitted.items()}
-    # Volumes are the template's where nothing is seen: to keep them would push out what is.
-    surfaces = {n: b.surface for n, b in fitted.items()}
-    seen = {n: b.visible for n, b in fitted.items()}
-    found = separate(surfaces, bones, NO_VOLUME, held=held, seen=seen)
-    log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
-
-    def meshed(name, guess):
-        try:
-            body = Body.of(found.surfaces[name], guess.attachments, snakemake.params.edge)
-        except InputError as error:
-            remedy = f"Look at its template and its markers: {name} may be too thin, or folded"
-            raise InputError(name, error.field, error.problem, remedy) from error
-        return replace(body, visible=guess.visible, landmarks=guess.landmarks)
-
-    bodies = {name: meshed(name, guess) for name, guess in fitted.items()}
-    write_bodies(snakemake.output[0], bodies, [*snakemake.input])
+    separate_neutral(inputs_of(snakemake, Inputs), output_of(snakemake), snakemake.params.edge)

@@ -1,19 +1,8 @@
-"""The template hand of a generated subject: muscles, ligaments, tendons and nails from the curves' file."""
+"""The template hand of a generated subject: all organs from the file of curves."""
 
-from common import stage
+from common import inputs_of, outputs_of, stage
 
-with stage(snakemake) as log:
-    from handpipe import metrics
-    from handpipe.anatomy.hand import build_hand, load_hand
-    from handpipe.datasets.template_hand import bare_hand
-    from handpipe.fem.linear import factorise
+with stage(snakemake):
+    from handpipe.stages.synthetic.template_hand import Inputs, Outputs, template_hand
 
-    file = load_hand(snakemake.input.curves)
-    edges, figures = snakemake.params.edges, {}
-    with metrics.measured(figures):
-        bare = bare_hand(edges["bone"], edges["skin"])
-        hand = build_hand(file, bare, edges["fat"], factorise=factorise, source=snakemake.input.curves)
-    hand.tissue.save(snakemake.output.tissue, [snakemake.input.curves])
-    hand.subject.save(snakemake.output.subject, [snakemake.input.curves])
-    metrics.write(snakemake.output.metrics, hand.metrics() | figures)
-    log.info("%d tets, %d tissues", len(hand.tissue.labels), len(hand.tissue.names))
+    template_hand(inputs_of(snakemake, Inputs), outputs_of(snakemake, Outputs), snakemake.params.edges)

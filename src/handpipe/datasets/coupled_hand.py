@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -206,7 +206,7 @@ def cuts_itself(body: Body, x: Array) -> bool:
     return len(crossings(surface)) > 0
 
 
-def save(path: str | Path, x: Array, inputs: list[str]) -> None:
+def save(path: str | Path, x: Array, inputs: Sequence[str | Path]) -> None:
     """Write a pose's positions (n, 3) in mm (kind "coupled-pose")."""
     artifacts.write(path, {"positions": x}, kind=KIND, units={"positions": "mm"}, inputs=inputs)
 

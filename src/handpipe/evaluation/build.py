@@ -28,21 +28,21 @@ class Job:
     name: str = ""
 
 
-def read_jobs(folder: str | Path) -> list[Job]:
-    """The jobs whose benchmark files lie in `folder`/{rule}/….tsv or `folder`/{rule}.tsv.
+def read_jobs(folder: str | Path, rule: str | None = None) -> list[Job]:
+    """The jobs, of all rules or of one, with files `folder`/{rule}/….tsv or `folder`/{rule}.tsv.
 
     The file's own time is taken as the job's end. A file of several repetitions counts each. Figures that
     Snakemake could not take ("NA", "-") count as 0.
     """
     folder = Path(folder)
     jobs = []
-    for path in sorted(folder.rglob("*.tsv")):
-        rule, *rest = path.relative_to(folder).with_suffix("").parts
+    for path in sorted((folder / rule if rule else folder).rglob("*.tsv")):
+        name, *rest = path.relative_to(folder).with_suffix("").parts
         with open(path, newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file, delimiter="\t"):
                 seconds, cpu = _number(row.get("s")), _number(row.get("cpu_time"))
                 memory = _number(row.get("max_rss")) / MIB_PER_GIB
-                jobs.append(Job(rule, seconds, cpu, memory, path.stat().st_mtime, "/".join(rest)))
+                jobs.append(Job(name, seconds, cpu, memory, path.stat().st_mtime, "/".join(rest)))
     return jobs
 
 

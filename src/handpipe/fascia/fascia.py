@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -103,7 +103,7 @@ class Fascia:
         held = np.repeat(fixed[:, None], 3, axis=1)
         return equilibrium.solve(potentials, start, fixed=held, options=options).x
 
-    def save(self, path: str | Path, inputs: list[str | Path]) -> None:
+    def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "fascia"."""
         data = {
             "name": self.name,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 
 from handpipe.config import Dataset
@@ -13,14 +14,14 @@ from handpipe.mesh.surface import Surface
 
 
 def load_layers(
-    names: Iterable[str], dataset: Dataset, folder: str | Path, bones: Mapping[str, Surface]
+    names: Iterable[str], dataset: Dataset, files: Iterable[Path], bones: Mapping[str, Surface]
 ) -> list[Layer]:
     """Layers by name, inside out, without those that the subject lacks.
 
     Parameters
     ----------
-    folder : path
-        The subject's folder of results.
+    files : iterable of Path
+        The artifacts of the layers, as `handpipe.layer_registry.artifacts_of` lists them.
     bones : mapping of str to Surface
         The bones' neutral surfaces in mm.
 
@@ -29,13 +30,13 @@ def load_layers(
     InputError
         For an artifact that is missing or of another kind.
     """
-    return [load_layer(name, dataset, folder, bones) for name in made(names, dataset)]
+    left = iter(files)
+    own = {name: list(islice(left, len(LAYERS[name].files(dataset)))) for name in made(names, dataset)}
+    return [load_layer(name, given, bones) for name, given in own.items()]
 
 
-def load_layer(name: str, dataset: Dataset, folder: str | Path, bones: Mapping[str, Surface]) -> Layer:
-    """One layer; parameters as `load_layers`."""
-    record = LAYERS[name]
-    module, _, function = record.load.partition(":")
-    files = [Path(folder) / path for path in record.files(dataset)]
+def load_layer(name: str, files: Sequence[Path], bones: Mapping[str, Surface]) -> Layer:
+    """One layer of its artifacts; parameters as `load_layers`."""
+    module, _, function = LAYERS[name].load.partition(":")
     layer: Layer = getattr(import_module(module), function)(files, bones)
     return layer

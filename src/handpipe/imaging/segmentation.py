@@ -37,10 +37,12 @@ class SegmentationSettings(Model):
     """`beta` is the random walker's one parameter; the rest says what marrow and a finger look like."""
 
     beta: float = Field(
-        100.0, gt=0, description="contrast weight; intensities in units of the bone's marrow level"
+        default=100.0, gt=0, description="contrast weight; intensities in units of the bone's marrow level"
     )
-    margin: float = Field(7.0, gt=0, description="of the local region around a bone's seeds, mm")
-    dark: float = Field(0.3, gt=0, lt=1, description="darker than this part of the marrow level is no marrow")
+    margin: float = Field(default=7.0, gt=0, description="of the local region around a bone's seeds, mm")
+    dark: float = Field(
+        default=0.3, gt=0, lt=1, description="darker than this part of the marrow level is no marrow"
+    )
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from handpipe import artifacts
@@ -12,7 +12,7 @@ from handpipe.mesh.surface import Surface
 
 
 def write_surfaces(
-    path: str | Path, surfaces: Mapping[str, Mapping[str, Surface]], inputs: list[str | Path]
+    path: str | Path, surfaces: Mapping[str, Mapping[str, Surface]], inputs: Sequence[str | Path]
 ) -> None:
     """Write surfaces by bone and part ("marrow", in neutral also "whole")."""
     data = {

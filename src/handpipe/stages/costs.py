@@ -1,20 +1,31 @@
-"""Figures that several stages have: what they cost, and how contact settled."""
+"""What the jobs of a stage cost, as figures."""
 
-from handpipe.evaluation.build import read_jobs
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from handpipe.evaluation.build import Job, read_jobs
+from handpipe.metrics import Metrics
 
 
-def stage_cost(job, *rules):
-    """`seconds` (sum over jobs) and `peak_memory` (largest job) of a subject's rules, as metrics."""
-    jobs = [j for j in read_jobs(f"results/{job.wildcards.subject}/benchmarks") if j.rule in rules]
+def jobs_in(folders: Iterable[Path]) -> list[Job]:
+    """The jobs of some rules; folders: one a rule, with the benchmark files of its jobs."""
+    return [job for folder in folders for job in read_jobs(folder.parent, folder.name)]
+
+
+def stage_cost(folders: Iterable[Path]) -> Metrics:
+    """`seconds` (sum over jobs, s) and `peak_memory` (largest job, GiB) of some rules."""
+    jobs = jobs_in(folders)
     return {
         "seconds": (sum(j.seconds for j in jobs), "s"),
         "peak_memory": (max((j.peak_memory for j in jobs), default=0.0), "GiB"),
     }
 
 
-def pose_cost(job, poses, *rules):
+def pose_cost(folders: Iterable[Path], poses: Iterable[str]) -> Metrics:
     """`seconds_per_pose`, mean, and `seconds_per_pose_max`: the jobs of a pose, one after the other."""
-    jobs = [j for j in read_jobs(f"results/{job.wildcards.subject}/benchmarks") if j.rule in rules]
+    jobs = jobs_in(folders)
     seconds = [sum(j.seconds for j in jobs if j.name.split("/")[0] == pose) for pose in poses]
     return {
         "seconds_per_pose": (sum(seconds) / len(seconds), "s"),
@@ -22,7 +33,7 @@ def pose_cost(job, poses, *rules):
     }
 
 
-def contact_figures(settled, prefix=""):
+def contact_figures(settled: Sequence[dict[str, float]], prefix: str = "") -> Metrics:
     """Most renewals of contact planes, largest motion that was left, and how many frames did not settle.
 
     settled: what the layer says of itself in each frame (`handpipe.settling.Settled.figures`).

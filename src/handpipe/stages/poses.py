@@ -1,16 +1,22 @@
 """Scanned poses as frames, and the flesh in them."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
 from handpipe.hand.frames import read_frames
-from handpipe.layers import Frame
+from handpipe.layers import Frame, Shape
+from handpipe.skeleton.rig import Rig
 
 
-def flesh_in_poses(paths):
+def flesh_in_poses(paths: Iterable[Path]) -> dict[str, Shape]:
     """The flesh's shape in scanned poses, by pose."""
     frames = [read_frames(path)[0] for path in paths]
     return {frame.name: layers["flesh"]["flesh_mesh"] for frame, layers in frames}
 
 
-def scanned_frame(rig, pose):
+def scanned_frame(rig: Rig, pose: str) -> Frame:
     """A scanned pose as the rig explains it, the root at rest."""
     bones = rig.scanned_bones(pose)
     return Frame(pose, rig.poses[pose].angles, bones)

@@ -1,12 +1,17 @@
 """Muscles' intermediate artifacts."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
 from handpipe import artifacts
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.body import Body
 from handpipe.muscles.templates import Guess
 
 
-def read_guesses(path, names):
+def read_guesses(path: Path, names: Iterable[str]) -> dict[str, Guess]:
     """Placed templates by name."""
     data = artifacts.read(path, "placed_templates")
     guesses = {}
@@ -17,13 +22,13 @@ def read_guesses(path, names):
     return guesses
 
 
-def write_bodies(path, bodies, inputs):
+def write_bodies(path: Path, bodies: Mapping[str, Body], inputs: Sequence[Path]) -> None:
     """Neutral bodies by muscle."""
     units = {f"{name}/vertices": "mm" for name in bodies} | {f"{name}/mesh/vertices": "mm" for name in bodies}
     data = {name: body.to_group() for name, body in bodies.items()}
     artifacts.write(path, data, kind="muscle_bodies", units=units, inputs=inputs)
 
 
-def read_bodies(path):
+def read_bodies(path: Path) -> dict[str, Body]:
     """What `write_bodies` wrote."""
     return {name: Body.from_group(group) for name, group in artifacts.read(path, "muscle_bodies").items()}

@@ -1,0 +1,1 @@
+"""The whole hand: simulated poses and scenes, their figures, exports, the report."""

@@ -1,0 +1,52 @@
+"""Figures of a scene's frames: whether inside what was seen, collisions of bones, solvers, failures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe import artifacts, metrics
+from handpipe.config import Dataset, Role, Scene
+from handpipe.evaluation.frames import figure_metrics, figure_names, with_figures
+from handpipe.evaluation.table import Row
+from handpipe.hand.frames import read_simulated
+from handpipe.skeleton.drivers.scene_frames import read_frames
+from handpipe.skeleton.rig import Rig
+from handpipe.skeleton.validity import PoseValidity, validity_table
+from handpipe.stages.files import Files
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    frames: Path
+    chunks: Sequence[Path]
+
+
+@dataclass(frozen=True)
+class Outputs(Files):
+    """What the stage writes."""
+
+    metrics: Path
+    table: Path
+
+
+def evaluate_frames(inputs: Inputs, outputs: Outputs, dataset: Dataset, scene: Scene) -> None:
+    """Figures of a scene's frames: whether inside what was seen, collisions of bones, solvers, failures."""
+    rig = Rig.load(inputs.rig)
+    frames = read_frames(inputs.frames, rig, hand=dataset.hand, bones=scene.bones)
+    seen = [p for p in dataset.poses_of(Role.neutral, Role.example) if p in rig.poses]
+    figures: metrics.Metrics = {}
+    with metrics.measured(figures):
+        table, found = validity_table(PoseValidity(rig, seen), frames)
+        rows: list[Row] = [*table]
+        plain = list(rows[0])
+        for chunk in inputs.chunks:
+            rows = with_figures(rows, *read_simulated(chunk))
+        found |= figure_metrics(rows, figure_names(rows, plain))
+    artifacts.write_text(outputs.table, json.dumps(rows, indent=2))
+    metrics.write(outputs.metrics, found | figures)

@@ -1,0 +1,109 @@
+"""One HTML file with pictures, tables, figures and costs of a subject."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe import metrics
+from handpipe.config import Dataset
+from handpipe.evaluation.build import read_jobs
+from handpipe.evaluation.frames import frame_warnings, pose_warnings
+from handpipe.evaluation.report import PoseView, ReportInput, write_report
+from handpipe.hand.frames import read_frames
+from handpipe.imaging.volume import pose_volume
+from handpipe.mesh.scan import read_scan
+from handpipe.mesh.surface import Surface
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+from handpipe.stages.truth import surfaces_in, true_pose
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    metrics: Sequence[Path]
+    tables: Sequence[Path]
+    poses: Sequence[Path]
+    volumes: Sequence[Path]
+    scans: Sequence[Path]
+    truth: Sequence[Path]
+    chunks: Sequence[Path]
+    exports: Sequence[Path]
+
+
+def report(
+    inputs: Inputs,
+    output: Path,
+    dataset: Dataset,
+    scenes: Mapping[str, Sequence[Path]],
+    settings: Mapping[str, str],
+    jobs: Path,
+    benchmarks: Path,
+) -> None:
+    """One HTML file with pictures, tables, figures and costs of a subject."""
+    rig = Rig.load(inputs.rig)
+
+    def truth_of(pose: str) -> dict[str, list[Surface]]:
+        """True surfaces by tissue, where the subject has a truth."""
+        if dataset.truth is None:
+            return {}
+        data = true_pose(inputs.truth, pose)
+        found = {kind: data.get(kind, {}) for kind in ("bones", "muscles", "ligaments")}
+        found["skin"] = {"skin": data["skin"]}
+        return {kind: [*surfaces_in(group).values()] for kind, group in found.items()}
+
+    def view(pose: str) -> PoseView:
+        files = {p.stem.split("-")[0]: p for p in inputs.poses if p.parent.name == pose}
+        [(frame, layers)] = read_frames(files["inner"])
+        if "skin" in files:
+            [(_, skins)] = read_frames(files["skin"])
+            layers |= {"fat": skins["m0"]}
+        data = dataset.poses[pose]
+        return PoseView.from_scanner(
+            frame,
+            layers,
+            data.role.value,
+            rig.poses[pose].root,
+            sample=pose_volume(dataset, pose).sample,
+            scan=read_scan(dataset.path(data.scan)) if data.scan else None,
+            truth=truth_of(pose),
+        )
+
+    def bend(pose: str) -> float:
+        return sum(abs(angle) for angle in rig.poses[pose].angles.values())
+
+    asked = {p.stem: metrics.read(p) for p in inputs.metrics}
+
+    tables = {p.stem: json.loads(p.read_text(encoding="utf-8")) for p in inputs.tables}
+
+    simulated = sorted({p.parent.name for p in inputs.poses})
+    bent = sorted((p for p in simulated if p in dataset.examples), key=bend)[-2:]
+    shown = [p for p in dataset.poses if p in simulated and (p in bent or p not in dataset.examples)]
+    frames = {
+        name: [frame for path in paths for frame in read_frames(path)] for name, paths in scenes.items()
+    }
+    warnings = pose_warnings(tables.get("poses", []))
+    warnings += [said for name in scenes for said in frame_warnings(name, tables[f"frames-{name}"])]
+    write_report(
+        output,
+        ReportInput(
+            dataset,
+            poses=[view(pose) for pose in shown],
+            skin_rows=tables.get("skin", []),
+            muscle_rows=tables.get("muscles", []),
+            rig_rows=tables.get("rig", []),
+            metrics=asked,
+            scenes=frames,
+            warnings=warnings,
+            jobs=read_jobs(jobs),
+            benchmarks=metrics.read(benchmarks) if benchmarks.exists() else {},
+            settings=settings,
+            limits=["The limits of this version stand in docs/limitations.md."],
+            finger=list(rig.bones),
+        ),
+    )

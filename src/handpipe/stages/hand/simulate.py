@@ -1,0 +1,68 @@
+"""One chunk of a scene's frames, every layer that the scene needs; a failed frame is named and left out.
+
+Finished frames of a killed job, or of one with failed frames, are beside the output and are not made again.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.config import Dataset, Scene
+from handpipe.hand.frames import finished_frames, write_frames
+from handpipe.hand.layer_loading import load_layers
+from handpipe.hand.resume import key_of
+from handpipe.hand.simulation import Simulated
+from handpipe.hand.simulation import simulate as simulate_frames
+from handpipe.layers import Frame
+from handpipe.skeleton.drivers.scene_frames import read_frames
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    frames: Path
+    layers: Sequence[Path]
+
+
+def simulate(
+    inputs: Inputs,
+    output: Path,
+    dataset: Dataset,
+    scene: Scene,
+    chunk: int,
+    partial: Path,
+    made_of: Mapping[str, str],
+) -> None:
+    """One chunk of a scene's frames, every layer that the scene needs; a failed frame is named and left out.
+
+    partial: finished frames of a killed job, or of one with failed frames; they are not made again where
+    layers and `made_of` are the same.
+    """
+    rig = Rig.load(inputs.rig)
+    driven = read_frames(inputs.frames, rig, hand=dataset.hand, bones=scene.bones)
+    frames = list(driven.items())
+    first = chunk * scene.chunk
+    wanted = [
+        Frame(name, angles, rig.bone_transforms(angles))
+        for name, angles in frames[first : first + scene.chunk]
+    ]
+    layers = load_layers(scene.needed, dataset, inputs.layers, rig.surfaces)
+    key = key_of([inputs.rig, *inputs.layers], {**made_of, "layers": scene.needed})
+
+    def keep(found: Simulated) -> None:
+        """Finished frames beside the output, but for the last frame: the output follows."""
+        if len(found.frames) + len(found.failures) < len(wanted):
+            write_frames(partial, found.frames, key=key)
+
+    found = simulate_frames(wanted, layers, finished_frames(partial, key, wanted), keep)
+    write_frames(output, found.frames, inputs.all(), failures=found.failures, key=key)
+    partial.unlink(missing_ok=True)
+    for failure in found.failures:
+        print(f"handpipe: simulate: {failure}", file=sys.stderr)

@@ -1,0 +1,1 @@
+"""Images, seeds and bones: segmentation of scanned poses."""

@@ -1,0 +1,33 @@
+"""Marrow probability of one bone in one pose, with the scribbles that correct it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.config import Dataset
+from handpipe.imaging.claims import save
+from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, check_seeds, segment_bone
+from handpipe.imaging.volume import pose_volume, read_labels
+from handpipe.stages.files import Files
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    volume: Path
+    seeds: Path
+    scribbles: Path
+
+
+def correct_bone(inputs: Inputs, output: Path, dataset: Dataset, pose: str, bone: str) -> None:
+    """Marrow probability of one bone in one pose, with the scribbles that correct it."""
+    volume = pose_volume(dataset, pose)
+    path = inputs.scribbles
+    bones = dataset.labels
+    seeds = add_scribbles(read_labels(inputs.seeds, volume, bones), read_labels(path, volume, bones))
+    others = set(dataset.bones) - {bone}
+    check_seeds(path, seeds, bones, others)
+    found = segment_bone(volume, seeds, dataset.bones[bone].label, SegmentationSettings())
+    save(output, {bone: found}, inputs.all())

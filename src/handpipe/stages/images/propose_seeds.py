@@ -1,0 +1,76 @@
+"""Seeds of a pose from the neutral bones and the pose's image, and how sure each bone's place is."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe import metrics
+from handpipe.config import Dataset
+from handpipe.imaging.marrow_evidence import MarrowEvidence
+from handpipe.imaging.proposed_seeds import propose
+from handpipe.imaging.volume import pose_volume, write_labels
+from handpipe.skeleton.bones import read_surfaces
+from handpipe.skeleton.locating import HandModel, locate, moved_surfaces
+from handpipe.skeleton.location_confidence import confidences, write_located
+from handpipe.skeleton.sought_again import sought_again
+from handpipe.stages.files import Files
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    volume: Path
+    neutral: Path
+
+
+@dataclass(frozen=True)
+class Outputs(Files):
+    """What the stage writes."""
+
+    seeds: Path
+    confidence: Path
+    located: Path
+
+
+def propose_seeds(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) -> None:
+    """Seeds of a pose from the neutral bones and the pose's image, and how sure each bone's place is."""
+    labels = dataset.labels
+    evidence = MarrowEvidence.of(pose_volume(dataset, pose))
+    marrow, whole = (read_surfaces(inputs.neutral, part) for part in ("marrow", "whole"))
+    hand = HandModel.of(dataset, marrow, whole)
+    motions = locate(hand, evidence)
+    motions, sure = sought_again(hand, evidence, motions, confidences(hand, evidence.fine, motions))
+    for bone, confidence in sure.items():
+        log.info("%s: %s", bone, confidence.verdict)
+        log.info("    %s", confidence)
+    marked = [bone for bone, confidence in sure.items() if confidence.marked]
+    for bone in (b for b, c in sure.items() if c.near and not c.marked):
+        log.warning("%s is %s: look at its seeds", bone, sure[bone].verdict)
+    for link in hand.links:
+        if link.gapes:
+            named = " or ".join(body for i in (link.parent, link.child) for body in hand.bodies[i].bones)
+            log.warning(
+                "joint %s: its bones are %.1f mm apart in neutral: one of them lacks its end there, and its"
+                " place in other poses is doubtful; draw scribbles of %s under poses.%s.scribbles",
+                *(link.name, link.neutral_gap, named, dataset.neutral),
+            )
+    if marked:
+        field = f"poses.{pose}.scribbles"
+        log.warning("draw scribbles of %s and name them under %s", ", ".join(marked), field)
+
+    marrows, wholes = (
+        {labels[b]: s for b, s in moved_surfaces(part, motions).items()} for part in (marrow, whole)
+    )
+    seeds = propose(evidence.fine, marrows, wholes, unsure=[labels[b] for b in marked])
+    write_labels(outputs.seeds, seeds, evidence.fine.affine)
+    write_located(outputs.located, motions, sure, inputs.all())
+    figures = {f"confidence_{b}": (c.value, "1") for b, c in sure.items()}
+    figures |= {f"marked_{b}": (float(c.marked), "1") for b, c in sure.items()}
+    figures |= {f"doubtful_{b}": (1.0, "1") for b, c in sure.items() if c.near}
+    figures |= {f"neutral_gap_{link.name}": (link.neutral_gap, "mm") for link in hand.links if link.gapes}
+    metrics.write(outputs.confidence, figures)

@@ -1,0 +1,38 @@
+"""Marrow probability of every bone in one pose, each in a region around its seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.config import Dataset
+from handpipe.errors import InputError
+from handpipe.imaging.claims import save, segment
+from handpipe.imaging.segmentation import SegmentationSettings, check_seeds
+from handpipe.imaging.volume import pose_volume, read_labels
+from handpipe.stages.files import Files
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    volume: Path
+    seeds: Path
+
+
+def segment_pose(inputs: Inputs, output: Path, dataset: Dataset, pose: str, scribbled: Sequence[str]) -> None:
+    """Marrow probability of every bone in one pose, each in a region around its seeds."""
+    pose, path = pose, inputs.seeds
+    volume = pose_volume(dataset, pose)
+    bones = dataset.labels
+    seeds = read_labels(path, volume, bones)
+    drawn = dataset.poses[pose].seeds is not None  # else proposed, but for bones that a person has to look at
+    check_seeds(path, seeds, bones, scribbled if drawn else bones)
+    found, wrong = segment(volume, seeds, bones, SegmentationSettings())
+    missing = [name for name in wrong if name not in scribbled]
+    if pose == dataset.neutral and missing:
+        problem = "; ".join(f"{name}: {wrong[name]}" for name in missing)
+        raise InputError(path, "seeds", problem, "Draw the strokes of every bone in its marrow")
+    save(output, found, inputs.all())

@@ -1,0 +1,1 @@
+"""Muscles and ligaments: templates, shapes, separation, strains."""

@@ -1,0 +1,48 @@
+"""The neutral shape of one muscle, from its placed template and the image (Wang 2021 §5.3 and 5.4)."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.config import Dataset
+from handpipe.imaging.markers import read_landmarks, read_markers
+from handpipe.imaging.volume import pose_volume
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.surface import concatenate
+from handpipe.muscles.extraction import Evidence, extract_neutral
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+from handpipe.stages.muscles.muscle_files import read_guesses, write_bodies
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    templates: Path
+    volume: Path
+    markers: Path | None
+    landmarks: Path | None
+
+
+def extract_muscle(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:
+    """The neutral shape of one muscle, from its placed template and the image (Wang 2021 §5.3 and 5.4)."""
+    guesses = read_guesses(inputs.templates, dataset.muscles)
+    others = [guess.surface for other, guess in guesses.items() if other != name]
+    placed, known = inputs.markers, inputs.landmarks
+    evidence = Evidence(
+        pose_volume(dataset, dataset.neutral),
+        others=others,
+        bones=Distance(concatenate(list(Rig.load(inputs.rig).surfaces.values()))),
+        points=read_markers(placed)[0] if placed else None,
+        landmarks=read_landmarks(known) if known else None,
+    )
+    body, extraction = extract_neutral(guesses[name], evidence)
+    for figure, (value, unit) in extraction.metrics().items():
+        log.info("%s: %.3f %s", figure, value, unit)
+    write_bodies(output, {name: body}, inputs.all())

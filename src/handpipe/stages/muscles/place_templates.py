@@ -1,0 +1,55 @@
+"""Templates of muscles and ligaments carried onto the subject's bones (Wang 2021 §6.1)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe import artifacts
+from handpipe.config import Dataset
+from handpipe.errors import InputError
+from handpipe.imaging.markers import read_landmarks
+from handpipe.mesh.surface import read_surface
+from handpipe.muscles.templates import Warp, place, read_attachments, require_near_bones
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    templates: Sequence[Path]
+
+
+def place_templates(inputs: Inputs, output: Path, dataset: Dataset) -> None:
+    """Templates of muscles and ligaments carried onto the subject's bones (Wang 2021 §6.1)."""
+    bones = Rig.load(inputs.rig).surfaces
+    templates = {
+        name: read_surface(dataset.path(bone.template), closed=True)
+        for name, bone in dataset.bones.items()
+        if bone.template is not None
+    }
+    warp = Warp(templates, {name: bones[name] for name in templates})
+    data = {}
+    for name, organ in {**dataset.muscles, **dataset.ligaments}.items():
+        template = read_surface(dataset.path(organ.template), closed=True)
+        path = dataset.path(organ.attachments)
+        attachments = read_attachments(path, template)
+        for bone in attachments:
+            if bone not in dataset.bones:
+                raise InputError(path, bone, "is not a bone of the dataset", "Attach to one of its bones")
+        require_near_bones(dataset.path(organ.template), template, attachments, templates)
+        landmarks = read_landmarks(dataset.path(organ.landmarks)) if organ.landmarks else {}
+        edge = 1.1 if name in dataset.muscles else 0.7
+        guess = place(template, attachments, warp, edge, landmarks, path)
+        log.info("%s: %d vertices", name, len(guess.surface.vertices))
+        surface = {"vertices": guess.surface.vertices, "triangles": guess.surface.triangles}
+        data[name] = {**surface, "attachments": guess.attachments, "landmarks": guess.landmarks}
+    units = {f"{name}/vertices": "mm" for name in data}
+    artifacts.write(output, data, kind="placed_templates", units=units, inputs=inputs.all())

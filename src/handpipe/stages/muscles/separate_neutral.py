@@ -1,0 +1,49 @@
+"""Neutral muscles without interpenetration, meshed anew: the bodies that all poses deform."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from handpipe.errors import InputError
+from handpipe.muscles.body import Body
+from handpipe.muscles.contested import uncontested
+from handpipe.muscles.separation import NO_VOLUME, separate
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+from handpipe.stages.muscles.muscle_files import read_bodies, write_bodies
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    muscles: Sequence[Path]
+
+
+def separate_neutral(inputs: Inputs, output: Path, edge: float) -> None:
+    """Neutral muscles without interpenetration, meshed anew: the bodies that all poses deform."""
+    fitted = uncontested({n: b for path in inputs.muscles for n, b in read_bodies(path).items()})
+    bones = Rig.load(inputs.rig).surfaces
+    held = {n: b.held for n, b in fitted.items()}
+    # Volumes are the template's where nothing is seen: to keep them would push out what is.
+    surfaces = {n: b.surface for n, b in fitted.items()}
+    seen = {n: b.visible for n, b in fitted.items()}
+    found = separate(surfaces, bones, NO_VOLUME, held=held, seen=seen)
+    log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
+
+    def meshed(name: str, guess: Body) -> Body:
+        try:
+            body = Body.of(found.surfaces[name], guess.attachments, edge)
+        except InputError as error:
+            remedy = f"Look at its template and its markers: {name} may be too thin, or folded"
+            raise InputError(name, error.field, error.problem, remedy) from error
+        return replace(body, visible=guess.visible, landmarks=guess.landmarks)
+
+    bodies = {name: meshed(name, guess) for name, guess in fitted.items()}
+    write_bodies(output, bodies, inputs.all())

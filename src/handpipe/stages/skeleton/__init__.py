@@ -1,0 +1,1 @@
+"""The skeleton: registration of bones and the rig."""

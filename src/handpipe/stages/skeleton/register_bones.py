@@ -1,0 +1,27 @@
+"""Rigid registration of every bone's neutral marrow into one pose, from the root outwards."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.config import Dataset
+from handpipe.skeleton.bones import read_surfaces
+from handpipe.skeleton.pose_registration import register_pose, unmoved
+from handpipe.skeleton.registration_result import write_registrations
+from handpipe.stages.files import Files
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    neutral: Path
+    target: Path
+
+
+def register_bones(inputs: Inputs, output: Path, dataset: Dataset, pose: str) -> None:
+    """Rigid registration of every bone's neutral marrow into one pose, from the root outwards."""
+    neutral, target = (read_surfaces(p, "marrow") for p in (inputs.neutral, inputs.target))
+    found = unmoved(neutral) if pose == dataset.neutral else register_pose(dataset, neutral, target)
+    write_registrations(output, found, inputs.all())

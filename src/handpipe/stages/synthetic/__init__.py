@@ -1,0 +1,1 @@
+"""Generated subjects: templates, images, seeds and truth."""

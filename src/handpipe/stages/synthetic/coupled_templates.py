@@ -1,0 +1,31 @@
+"""What a person would bring to a subject that is made from a coupled body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.anatomy.template import Template
+from handpipe.config import Dataset
+from handpipe.datasets import coupled_hand
+from handpipe.datasets.marked_ends import marked_ends
+from handpipe.stages.files import Files
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    template: Path
+    body: Path
+    subject: Path
+    positions: Path
+
+
+def coupled_templates(inputs: Inputs, dataset: Dataset, order: int) -> None:
+    """What a person would bring to a subject that is made from a coupled body."""
+    given = inputs
+    hand = coupled_hand.hand_body(given.body, given.subject, order)
+    marked = marked_ends(Template.load(given.template), hand.subject)
+    neutral = coupled_hand.load(given.positions)
+    coupled_hand.write_templates(dataset, hand, neutral, marked)

@@ -1,0 +1,11 @@
+"""Volume, seeds, scan and truth of one pose of a generated subject."""
+
+from __future__ import annotations
+
+from handpipe.config import Dataset
+from handpipe.datasets import generators
+
+
+def generate_pose(dataset: Dataset, pose: str) -> None:
+    """Volume, seeds, scan and truth of one pose of a generated subject."""
+    generators.of(dataset).generate_pose(dataset, pose)

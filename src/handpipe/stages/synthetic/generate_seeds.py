@@ -1,0 +1,11 @@
+"""Seeds of one pose of a generated subject, drawn into its true bones."""
+
+from __future__ import annotations
+
+from handpipe.config import Dataset
+from handpipe.datasets.seeds import draw
+
+
+def generate_seeds(dataset: Dataset, pose: str) -> None:
+    """Seeds of one pose of a generated subject, drawn into its true bones."""
+    draw(dataset, pose)

@@ -1,0 +1,45 @@
+"""The template hand of a generated subject: all organs from the file of curves."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe import metrics
+from handpipe.anatomy.hand import build_hand, load_hand
+from handpipe.datasets.template_hand import bare_hand
+from handpipe.fem.linear import factorise
+from handpipe.stages.files import Files
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    curves: Path
+
+
+@dataclass(frozen=True)
+class Outputs(Files):
+    """What the stage writes."""
+
+    tissue: Path
+    subject: Path
+    metrics: Path
+
+
+def template_hand(inputs: Inputs, outputs: Outputs, edges: Mapping[str, float]) -> None:
+    """The template hand of a generated subject: all organs from the file of curves."""
+    file = load_hand(inputs.curves)
+    figures: metrics.Metrics = {}
+    with metrics.measured(figures):
+        bare = bare_hand(edges["bone"], edges["skin"])
+        hand = build_hand(file, bare, edges["fat"], factorise=factorise, source=inputs.curves)
+    hand.tissue.save(outputs.tissue, [inputs.curves])
+    hand.subject.save(outputs.subject, [inputs.curves])
+    metrics.write(outputs.metrics, hand.metrics() | figures)
+    log.info("%d tets, %d tissues", len(hand.tissue.labels), len(hand.tissue.names))

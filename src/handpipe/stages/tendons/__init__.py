@@ -1,0 +1,1 @@
+"""Tendons: rods in neutral and in poses, hooks."""

@@ -1,0 +1,46 @@
+"""A tendon's neutral rod and tube from the volume and a clicked curve."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe import artifacts
+from handpipe.config import Dataset
+from handpipe.imaging.markers import read_markers
+from handpipe.imaging.volume import pose_volume
+from handpipe.mesh.distance import Distance
+from handpipe.mesh.surface import concatenate
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+from handpipe.tendons.extraction import extract
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    volume: Path
+    path: Path
+
+
+def extract_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:
+    """A tendon's neutral rod and tube from the volume and a clicked curve."""
+    tendon = dataset.tendons[name]
+    rig = Rig.load(inputs.rig)
+    clicked, _ = read_markers(dataset.path(tendon.path))
+    bones = Distance(concatenate([rig.surfaces[b] for b in tendon.bones]))
+    found = extract(pose_volume(dataset, dataset.neutral), clicked, tendon.radius, bones)
+    log.info("%d segments, radius %.2f mm", len(found.x) - 1, found.radii.mean())
+    data = {
+        "x": found.x,
+        "radii": found.radii,
+        "confidence": found.confidence,
+        "tube": {"vertices": found.surface.vertices, "triangles": found.surface.triangles},
+    }
+    units = dict.fromkeys(("x", "radii", "tube/vertices"), "mm")
+    artifacts.write(output, data, kind="neutral_tendon", units=units, inputs=inputs.all())

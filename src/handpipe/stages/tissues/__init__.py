@@ -1,0 +1,1 @@
+"""Fascia, skin and fat: meshes, strains, comparison with scans."""

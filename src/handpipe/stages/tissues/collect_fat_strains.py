@@ -1,0 +1,44 @@
+"""The fat's strains and nail corrections over the poses, neutral (none) among them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from handpipe import artifacts
+from handpipe.config import Dataset, Interpolation
+from handpipe.fat.layer import FatStrains
+from handpipe.fat.tissue import Tissue
+from handpipe.mesh.rigid import RigidTransform
+from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    mesh: Path
+    poses: Sequence[Path]
+
+
+def collect_fat_strains(inputs: Inputs, output: Path, dataset: Dataset, interpolation: Interpolation) -> None:
+    """The fat's strains and nail corrections over the poses, neutral (none) among them."""
+    rig = Rig.load(inputs.rig)
+    fits = [artifacts.read(path, "fat_fit") for path in inputs.poses]
+    transforms = {dataset.neutral: dict.fromkeys(rig.bones, RigidTransform.identity())}
+    transforms |= {pose: rig.scanned_bones(pose) for pose in dataset.examples}
+    spaces = LocalPoseSpaces.build(rig.bones, rig.parents, transforms, interpolation)
+    logs = np.stack([np.zeros_like(fits[0]["log_strains"]), *(f["log_strains"] for f in fits)])
+    nails = {
+        name: np.stack([np.zeros(6), *(f["nails"][name] for f in fits)]) for name in fits[0].get("nails", {})
+    }
+    tissue = Tissue.load(inputs.mesh)
+    found = [tissue.shifts(transforms[p], f["vertices"]) for p, f in zip(dataset.examples, fits, strict=True)]
+    shifts = np.stack([np.zeros_like(found[0]), *found])
+    FatStrains(spaces, logs, nails, shifts).save(output, inputs.all())

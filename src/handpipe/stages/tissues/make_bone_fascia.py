@@ -1,0 +1,38 @@
+"""The cloth around the bones, and how each of its vertices is held."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.config import Dataset
+from handpipe.fascia.fascia import ClothSettings, Fascia
+from handpipe.fascia.regions import read_regions
+from handpipe.fascia.wrapping import bone_wrap
+from handpipe.skeleton.layer import bone_regions
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    regions: Path | None
+
+
+def make_bone_fascia(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> None:
+    """The cloth around the bones, and how each of its vertices is held."""
+    bones = Rig.load(inputs.rig).surfaces
+    joints = [(j.parent, j.child) for j in dataset.joints.values()]
+    surface = bone_wrap(bones, joints, edge)
+    regions = bone_regions(surface.vertices, bones, joint_radius=5.0, tolerance=1.0)
+    if painted := inputs.regions:
+        regions = read_regions(painted, len(surface.vertices))
+    log.info("%d vertices, %d of them fixed", len(regions), (regions > 0).sum())
+    cloth = ClothSettings(shrink=0.35)
+    Fascia.around("bone_fascia", surface, regions, bones, cloth).save(output, inputs.all())

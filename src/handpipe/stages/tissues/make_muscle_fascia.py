@@ -1,0 +1,41 @@
+"""The cloth around the muscles, and how each of its vertices is held."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.fascia.fascia import ClothSettings, Fascia
+from handpipe.fascia.regions import muscle_regions, read_regions
+from handpipe.fascia.wrapping import wrap
+from handpipe.muscles.muscle import Muscle
+from handpipe.stages.files import Files
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    muscles: Sequence[Path]
+    regions: Path | None
+
+
+def make_muscle_fascia(inputs: Inputs, output: Path, edge: float) -> None:
+    """The cloth around the muscles, and how each of its vertices is held."""
+    muscles = [Muscle.load(path) for path in inputs.muscles]
+    surfaces = {m.name: m.body.surface for m in muscles}
+    surface = wrap(list(surfaces.values()), edge)
+    attached = np.concatenate([m.body.surface.vertices[m.body.held] for m in muscles])
+    regions = muscle_regions(surface.vertices, surfaces, attached, attached_radius=2.0, gap=0.8)
+    if painted := inputs.regions:
+        regions = read_regions(painted, len(surface.vertices))
+    log.info("%d vertices; contact, sliding, fixed: %s", len(regions), np.bincount(regions, minlength=3))
+    cloth = ClothSettings(shrink=0.40)
+    Fascia.around("muscle_fascia", surface, regions, surfaces, cloth).save(output, inputs.all())

@@ -1,0 +1,44 @@
+"""The neutral skin from its scan, with nails and the cut end: for the fat and the soft tissue."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.config import Dataset
+from handpipe.fat.constraints import cut_end
+from handpipe.fat.nails import nail_vertices
+from handpipe.fat.skin import Rigid, Skin, closed_skin
+from handpipe.mesh.scan import read_scan
+from handpipe.mesh.surface import read_surface
+from handpipe.stages.files import Files
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    scan: Path
+    nails: Sequence[Path]
+
+
+def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> None:
+    """The neutral skin from its scan, with nails and the cut end: for the fat and the soft tissue."""
+    scan = read_scan(inputs.scan)
+    skin, notes = closed_skin(scan, edge)
+    for note in notes:
+        log.info("neutral scan: %s", note)
+    parts = {
+        name: Rigid(nail.bone, nail_vertices(skin, read_surface(dataset.path(nail.surface)), tolerance=0.4))
+        for name, nail in dataset.nails.items()
+    }
+    parts["cut_end"] = Rigid(dataset.root_bone, np.flatnonzero(cut_end(skin, scan, tolerance=1.0)))
+    rigid = {name: part for name, part in parts.items() if len(part.vertices)}
+    log.info("%d vertices, rigid parts: %s", len(skin.vertices), ", ".join(rigid))
+    Skin(skin, rigid).save(output, [inputs.scan])

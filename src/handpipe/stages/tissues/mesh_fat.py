@@ -1,0 +1,40 @@
+"""The fat: tetrahedra between the neutral inner layers and the skin, and what holds them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.fat.mesh import inner_surface
+from handpipe.fat.skin import Skin
+from handpipe.hand.frames import read_frames
+from handpipe.layer_registry import under_fat
+from handpipe.mesh.surface import Surface
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+from handpipe.stages.tissues.tissue import Inside, make_tissue
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    inner: Path
+    skin: Path
+
+
+def mesh_fat(inputs: Inputs, output: Path, edge: float) -> None:
+    """The fat: tetrahedra between the neutral inner layers and the skin, and what holds them."""
+    rig = Rig.load(inputs.rig)
+    [(_, below)] = read_frames(inputs.inner)
+    bodies = [
+        Surface(s.vertices, s.cells)
+        for n in under_fat()
+        for s in below.get(n, {}).values()
+        if s.cells.shape[1] == 3
+    ]
+    inner = inner_surface(bodies, spacing=0.8, gap=1.0)
+    inside = Inside(below, under_fat(), inner)
+    tissue = make_tissue(rig.surfaces, inside, Skin.load(inputs.skin), edge, young=1.0)
+    tissue.save(output, [inputs.inner, inputs.skin])

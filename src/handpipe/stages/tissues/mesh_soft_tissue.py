@@ -1,0 +1,37 @@
+"""One soft tissue between the bones and the skin (Wang 2019 §5)."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.config import Dataset
+from handpipe.fascia.wrapping import bone_wrap
+from handpipe.fat.skin import Skin
+from handpipe.skeleton.layer import BoneLayer
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+from handpipe.stages.poses import scanned_frame
+from handpipe.stages.tissues.tissue import Inside, make_tissue
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    skin: Path
+
+
+def mesh_soft_tissue(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> None:
+    """One soft tissue between the bones and the skin (Wang 2019 §5)."""
+    rig = Rig.load(inputs.rig)
+    below = {"bones": BoneLayer(rig.surfaces).solve(scanned_frame(rig, dataset.neutral), {})}
+    inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in dataset.joints.values()], edge=1.5)
+    # Wang 2019 §5.5: one tissue between fat and muscle; its stiffness does not change a free pose's shape.
+    skin = Skin.load(inputs.skin)
+    tissue = make_tissue(rig.surfaces, Inside(below, ("bones",), inner), skin, edge, young=6.0)
+    tissue.save(output, inputs.all())
