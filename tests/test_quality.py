@@ -17,6 +17,7 @@ CHECKOUT = Path(__file__).parents[1]
 SOURCE = CHECKOUT / "src" / "handpipe"
 PYTHON = sorted(SOURCE.rglob("*.py"))
 BASE = (
+    "arrays",
     "errors",
     "command",
     "artifacts",

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
@@ -16,7 +16,6 @@ from handpipe.skeleton.angles import Angles, check_angles
 from handpipe.skeleton.joint_knowledge import JointKnowledge
 from handpipe.skeleton.joints import JointFit, Model
 
-Array = NDArray[np.float64]
 Bones = Mapping[str, RigidTransform]
 
 
