@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe.anatomy.bony_points import away_from
 from handpipe.anatomy.subject_template import SubjectTemplate
+from handpipe.arrays import Array
 from handpipe.mesh.distance import sample_points
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 CARPALS = ("trapezium", "trapezoid", "capitate", "hamate")
 FOREARM = ("radius", "ulna")

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.anatomy.landmarks import basal, finger_joint, landmarks
 from handpipe.anatomy.feature_points import doubtful
@@ -14,8 +13,6 @@ from handpipe.anatomy.subject_template import SubjectTemplate, warped
 from handpipe.anatomy.warp import biharmonic_warp, feature_warp, refined
 from handpipe.datasets import hand_templates
 from handpipe.metrics import Metrics
-
-Array = NDArray[np.float64]
 
 GROUPS: dict[str, Callable[[str], bool]] = {
     "all": lambda name: True,

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.bones.subject import Scan
+from handpipe.arrays import Array
 from handpipe.datasets import image
 from handpipe.evaluation.surfaces import dice
 from handpipe.imaging.rasterise import rasterise
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 SPACING = 0.5  # mm of the grid of overlaps, whatever the image's voxels
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.datasets.image import Grid
 from handpipe.datasets.posed_hand import PosedHand
 from handpipe.imaging.volume import Labels
-
-Array = NDArray[np.float64]
 
 Seeding = Literal["in marrow", "in the neighbour", "in fat", "partly in fat"]
 LENGTH = 8.0  # mm of the wrong stroke

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 from unittest import mock
 
-import numpy as np
-from numpy.typing import NDArray
-
 from benchmarks.bones.cases import Case
 from benchmarks.bones.hard_cases import Pair, judge
 from benchmarks.bones.outcome import SETTINGS, registered, run, segmented
 from benchmarks.bones.subject import FIVE, Conditions, Part
+from handpipe.arrays import Array
 from handpipe.imaging import segmentation
 from handpipe.imaging.random_walker import Stop, random_walker
 from handpipe.imaging.segmentation import SegmentationSettings
@@ -68,7 +66,7 @@ def measure(
             yield _point(name, value, Conditions(), part, SETTINGS.model_copy(update={name: value}))
 
 
-def _walked(tolerance: float, *given: Any, **more: Any) -> NDArray[np.float64]:
+def _walked(tolerance: float, *given: Any, **more: Any) -> Array:
     """What the random walker finds with another tolerance."""
     more["stop"] = more.get("stop", Stop())._replace(tolerance=tolerance)
     return random_walker(*given, **more)

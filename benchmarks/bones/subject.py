@@ -14,17 +14,15 @@ from typing import Literal
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.bones.misled import Seeding, mislead
+from handpipe.arrays import Array
 from handpipe.config import Dataset, load_dataset
 from handpipe.datasets import image, phantom_hand, seeds
 from handpipe.datasets.posed_hand import MIRROR, PosedHand, clean_image
 from handpipe.imaging.volume import Labels, Volume
 from handpipe.mesh.rigid import RigidTransform
-
-Array = NDArray[np.float64]
 
 Handedness = Literal["right", "left"]
 DATASET = Path(__file__).parents[2] / "config" / "datasets" / "phantom-hand.yaml"

@@ -14,18 +14,15 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 from numba import njit, prange
-from numpy.typing import NDArray
 from skfem.helpers import ddot, det, grad
 
 from benchmarks.fem.skfem_newton import NeoHookean, internal_force
 from benchmarks.fem.skfem_newton import _stiffness as pair_stiffness
+from handpipe.arrays import Array, IntArray
 from handpipe.fem import plasticity
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Int32Array = NDArray[np.int32]
 Figures = dict[str, dict[str, float | str]]
 
 CELLS = (61, 25, 25)  # of a beam 4 x 1 x 1, 6 tets each: 228,750 tets

@@ -8,19 +8,18 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 
+from handpipe.arrays import Array
+
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from benchmarks.fem.cases import Outcome
     from benchmarks.fem.hard_cases import Row
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 CASES_ACROSS = 3
 LIGHT = np.array([0.3, -0.7, 0.65])

@@ -22,14 +22,12 @@ import igl
 import ipctk
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from benchmarks.fem.cases import CASES, Case, Outcome
 from benchmarks.fem.hard_case_pictures import draw
+from handpipe.arrays import Array, IntArray
 from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix, factorise
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 log = logging.getLogger(__name__)
 
 CHECKOUT = Path(__file__).parents[2]

@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sp
 import skfem
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import HandpipeError
 from handpipe.fem.conjugate_gradients import End, conjugate_gradients
 from handpipe.fem.elastic import Elastic
@@ -22,7 +22,6 @@ from handpipe.fem.multigrid import Multigrid
 from handpipe.fem.reduction import FreeBlock
 from handpipe.fem.system_sequence import SystemSequence
 
-Array = NDArray[np.float64]
 Figures = dict[str, dict[str, float | str | None]]
 
 REPEATS = 3

@@ -6,17 +6,16 @@ import logging
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.fem.machine import REPEATS, Figures, figure, median_seconds, watched
 from benchmarks.fem.scenes import box, turned
+from handpipe.arrays import Array
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import Options, Steps, continuation
 from handpipe.fem.linear import factorise
 from handpipe.fem.materials import Material
 from handpipe.fem.reduction import FreeBlock
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 CELLS = (8, 11, 14, 18, 22, 27)  # across a block 2 x 1 x 1: 6,144 to 236,196 tets

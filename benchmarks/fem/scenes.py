@@ -7,18 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 import skfem
 import trimesh
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fem import plasticity
 from handpipe.fem.materials import Material, piola_stresses
 from handpipe.mesh.tetrahedra import TetMesh
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 Triple = tuple[float, float, float]
 
 
@@ -43,7 +40,7 @@ class Body:
         """The same tets with other rest vertices."""
         return Body(vertices, self.tets, self.triangles)
 
-    def where(self, axis: int, value: float) -> Mask:
+    def where(self, axis: int, value: float) -> BoolArray:
         """Vertices (n,) on a plane across an axis."""
         return np.abs(self.vertices[:, axis] - value) < 1e-9
 
@@ -86,7 +83,7 @@ def asymmetry(x: Array, rest: Array, matrix: Array) -> float:
     return float(np.linalg.norm(x[mirror_images(rest, matrix)] - x @ matrix.T, axis=1).max())
 
 
-def without(body: Body, vertices: Mask) -> Body:
+def without(body: Body, vertices: BoolArray) -> Body:
     """The body without the tets all of whose corners are in a mask (n,)."""
     return Body.of_tets(body.vertices, body.tets[~vertices[body.tets].all(axis=1)])
 
@@ -113,7 +110,9 @@ def rotation(axis: Triple, degrees: float) -> Array:
     return Rotation.from_rotvec(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis)).as_matrix()
 
 
-def turned(x: Array, part: Mask, axis: Triple, degrees: float, centre: Triple = (0.0, 0.0, 0.0)) -> Array:
+def turned(
+    x: Array, part: BoolArray, axis: Triple, degrees: float, centre: Triple = (0.0, 0.0, 0.0)
+) -> Array:
     """Vertices (n, 3) of which a part (n,) is turned about a centre."""
     out = x.copy()
     out[part] = (x[part] - centre) @ rotation(axis, degrees).T + centre

@@ -10,11 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 import skfem
-from numpy.typing import NDArray
 from skfem.helpers import ddot, det, grad, inv, transpose
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from handpipe.arrays import Array, BoolArray, IntArray
 
 
 def missing() -> str | None:
@@ -87,7 +85,7 @@ class Reference:
         self,
         vertices: Array,
         tets: IntArray,
-        held: NDArray[np.bool_],
+        held: BoolArray,
         material: NeoHookean,
         threads: int = 1,
         solve_linear: Callable[[sp.csr_matrix, Array], Array] | None = None,

@@ -9,18 +9,17 @@ from contextlib import contextmanager
 from unittest import mock
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from benchmarks.fem.machine import REPEATS, Figures, figure
 from benchmarks.fem.scenes import turned
 from benchmarks.fem.twist import Beam
+from handpipe.arrays import Array
 from handpipe.fem import system_sequence
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import Options, Steps, continuation
 from handpipe.fem.materials import Material, Model
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 TURN, STEP = 90.0, 1 / 3  # degrees of one end, and the share of it in a step

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe import artifacts
+from handpipe.arrays import Array, BoolArray
 from handpipe.mesh.implicit import Grid, isosurface, remesh, smooth_minimum
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.surface import concatenate
 from handpipe.mesh.tetrahedra import TetMesh
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 KIND = "benchmark thin body"
@@ -44,7 +43,7 @@ class ThinBody:
     """A tetrahedral mesh and the mask (n,) of the vertices on its inner surface."""
 
     mesh: TetMesh
-    inner: NDArray[np.bool_]
+    inner: BoolArray
 
     def flexed(self, angle: float) -> Array:
         """All vertices (n, 3) turned about the joint's axis by `angle` (rad) times a smooth share of it.

@@ -7,16 +7,15 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.fem import skfem_newton
 from benchmarks.fem.machine import REPEATS, Figures, LinearWatch, figure, watched
 from benchmarks.fem.scenes import Body, grid, turned
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import Options, Record, Steps, continuation, solve
 from handpipe.fem.materials import Material
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 YOUNG, POISSON = 1.0, 0.45
@@ -44,7 +43,7 @@ class Beam:
     """The beam with its held vertices (n,) and where those are when the turn has come to a share t."""
 
     body: Body
-    held: NDArray[np.bool_]
+    held: BoolArray
 
     @staticmethod
     def of(cells: int) -> Beam:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe import artifacts
+from handpipe.arrays import IntArray
 from handpipe.datasets.varied_shapes import Variation
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface, concatenate, each_moved
@@ -22,7 +22,7 @@ from handpipe.settling import largest
 from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
 
-NOTHING: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+NOTHING: IntArray = np.zeros(0, dtype=np.int64)
 Scene = tuple[dict[str, Body], dict[str, Surface]]  # muscles and bones in a pose
 
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from benchmarks.fem.machine import Figures, facts, figure
 from benchmarks.segmentation.regions import Region, regions
-from benchmarks.segmentation.walkers import MODES, Array, Run, exact, ours, run, theirs
+from benchmarks.segmentation.walkers import MODES, Run, exact, ours, run, theirs
+from handpipe.arrays import Array
 from handpipe.config import Dataset
 
 log = logging.getLogger(__name__)

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from handpipe.arrays import Array, BoolArray
 from handpipe.config import Dataset
 from handpipe.imaging.segmentation import LocalProblem, SegmentationSettings, local_problem
 from handpipe.imaging.volume import box, read_labels, read_volume
@@ -22,8 +20,8 @@ class Region:
     bone: str
     pose: str
     problem: LocalProblem
-    truth: NDArray[np.bool_]
-    spacing: NDArray[np.float64]
+    truth: BoolArray
+    spacing: Array
 
 
 def regions(dataset: Dataset, pose: str, bones: Sequence[str]) -> list[Region]:

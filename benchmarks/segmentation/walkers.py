@@ -13,14 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from skimage import segmentation
 
 from benchmarks.segmentation.regions import SETTINGS, Region
+from handpipe.arrays import Array
 from handpipe.imaging.random_walker import Stop, random_walker
 from handpipe.imaging.segmentation import walk
-
-Array = NDArray[np.float64]
 
 MODES = ("cg_j", "cg_mg")  # cg_mg needs pyamg; "cg" and "bf" are slower in three dimensions
 EXACT = 1e-5

@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 import skfem
 import trimesh
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
 
 
 def bar(cells: tuple[int, int, int], size: tuple[float, float, float]) -> TetMesh:

@@ -11,14 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Map = Callable[[Array], Array]
 
 LAYERS, RINGS = 12, 2  # of the coarsest mesh

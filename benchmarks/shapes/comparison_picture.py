@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 
 from benchmarks.fem.machine import Figures
 from benchmarks.shapes.comparison_bodies import Body
+from handpipe.arrays import Array
 from handpipe.artifacts import atomic
 from handpipe.evaluation.render import Body as Drawn
 from handpipe.evaluation.render import Camera, Image, on_background, render
 from handpipe.mesh.surface import Surface, concatenate
-
-Array = NDArray[np.float64]
 
 LABELS = {
     "truth": "truth",

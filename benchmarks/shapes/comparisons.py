@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import surface_errors
@@ -22,9 +21,9 @@ from benchmarks.shapes.comparison_bodies import BODIES, Body
 from benchmarks.shapes.comparison_picture import draw
 from benchmarks.shapes.other_methods import METHODS
 from benchmarks.shapes.spikiness import Neighbourhood
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 
-Array = NDArray[np.float64]
 log = logging.getLogger("benchmarks.shapes")
 
 PICTURE = Path(__file__).parents[2] / "docs" / "figures" / "shapes-comparisons.png"

@@ -9,17 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.shapes.bodies import bar, farthest, liver, scattered
 from benchmarks.shapes.organs import grown_liver
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
 from handpipe.shapes.search import Settings
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SIZE = 22.0  # mm, about half of the organ's length
 NONE = np.zeros(0, dtype=np.int64)

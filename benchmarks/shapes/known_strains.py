@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import farthest, muscle
+from handpipe.arrays import Array
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
@@ -23,8 +23,6 @@ from handpipe.shapes.fit import MUSCLE
 from handpipe.shapes.marks import Pairs
 from handpipe.shapes.organ import OrganFit, fit_organ
 from handpipe.shapes.search import Settings
-
-Array = NDArray[np.float64]
 
 PULL = 6.0  # mN
 SETTINGS = Settings(alpha=100.0, beta=100.0, enough=1e-3, progress=1e-3)

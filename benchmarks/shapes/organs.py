@@ -10,18 +10,17 @@ import logging
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.fem.machine import Figures, figure, peak_memory
 from benchmarks.shapes.bodies import liver, muscle, scattered, surface_errors
 from benchmarks.shapes.solves import ends, target
+from handpipe.arrays import Array
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
 from handpipe.shapes.organ import OrganFit, fit_organ
 from handpipe.shapes.search import Settings
 
-Array = NDArray[np.float64]
 log = logging.getLogger("benchmarks.shapes")
 
 MEDIUM, MANY = 32, 10_000

@@ -9,18 +9,15 @@ from __future__ import annotations
 import igl
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from benchmarks.shapes.comparison_bodies import Body
+from handpipe.arrays import Array, IntArray
 from handpipe.fem import equilibrium
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 from handpipe.shapes.organ import fit_organ
 from handpipe.shapes.search import Settings
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SETTINGS = Settings(remesh_below=0.0)
 COMPRESSIBLE = Material(6.0, 0.0)  # kPa; nearly incompressible tissue loses more of the growth

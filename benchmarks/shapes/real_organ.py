@@ -14,9 +14,9 @@ import matplotlib
 import meshio
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from benchmarks.shapes.bodies import scattered
+from handpipe.arrays import Array
 from handpipe.imaging.markers import read_markers, write_markers
 from handpipe.mesh.distance import sample_points
 from handpipe.mesh.distance import surface_errors as distances
@@ -28,8 +28,6 @@ from handpipe.shapes.files import read_template
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 from matplotlib.collections import PolyCollection  # noqa: E402
-
-Array = NDArray[np.float64]
 
 MARKS, EDGE = 800, 1.6
 FINEST = 0.8  # mm: edges of the surface that marks are taken from

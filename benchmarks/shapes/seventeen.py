@@ -11,11 +11,11 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.packed_hand import packed_hand, turned_points
 from benchmarks.shapes.separation import deepest
+from handpipe.arrays import Array
 from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.remeshing import remesh
@@ -26,7 +26,6 @@ from handpipe.muscles.neighbours import touching
 from handpipe.muscles.pose_strains import KnownShape, PoseStrains, fit_pose_strains
 from handpipe.muscles.separation import separate
 
-Array = NDArray[np.float64]
 log = logging.getLogger("benchmarks.shapes")
 
 EDGE = 1.1  # mm, for about the tets of Zheng 2022 Table 1: 6,566 a muscle

@@ -18,10 +18,10 @@ from typing import TypeVar
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import muscle, scattered
+from handpipe.arrays import Array
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.gauss_newton import RIDGE, GaussNewton
 from handpipe.shapes.marks import BoundaryMarks, Pairs
@@ -29,7 +29,6 @@ from handpipe.shapes.response import Response
 from handpipe.shapes.rigid_motions import LooseMotions
 from handpipe.shapes.search import Search, Settings, weighted
 
-Array = NDArray[np.float64]
 log = logging.getLogger("benchmarks.shapes")
 
 Result = TypeVar("Result")

@@ -8,17 +8,15 @@ with marks met exactly), and how far each curve's slope leaves the interval from
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import bar
+from handpipe.arrays import Array
 from handpipe.fem.materials import Material
 from handpipe.shapes.marks import Pairs
 from handpipe.shapes.organ import OrganFit, fit_organ
 from handpipe.shapes.search import Settings
-
-Array = NDArray[np.float64]
 
 LENGTH = 100.0  # mm
 KNOTS, TARGETS = np.array([0.0, 0.25, 0.5, 1.0]), np.array([0.0, 0.25, 1.5, 2.0])

@@ -14,7 +14,8 @@ from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
 from pydicom.sequence import Sequence
 from pydicom.uid import UID, ExplicitVRLittleEndian
 
-Array = NDArray[np.float64]
+from handpipe.arrays import Array
+
 MR, ENHANCED_MR = UID("1.2.840.10008.5.1.4.1.1.4"), UID("1.2.840.10008.5.1.4.1.1.4.1")
 SERIES = "1.2.3.4"
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.frames.mixtures import mixtures
+from handpipe.arrays import Array, IntArray
 from handpipe.config import load_dataset, load_scene
 from handpipe.errors import HandpipeError
 from handpipe.hand.layer_loading import load_layers
@@ -22,7 +22,6 @@ from handpipe.skeleton.angles import Angles, Limits
 from handpipe.skeleton.rig import Rig
 from handpipe.skeleton.validity import PoseValidity
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 ROOT = Path(__file__).parents[2]
@@ -128,7 +127,7 @@ def jumps(skins: Sequence[Array | None]) -> Array:
     return np.max(differences, axis=0) if differences else np.zeros(0)
 
 
-def volume_ratios(rest: Array, vertices: Array, cells: NDArray[np.int64]) -> Array:
+def volume_ratios(rest: Array, vertices: Array, cells: IntArray) -> Array:
     """det F (m,) of tets (m, 4)."""
     edges = [x[cells[:, 1:]] - x[cells[:, :1]] for x in (rest, vertices)]
     return np.linalg.det(edges[1]) / np.linalg.det(edges[0])

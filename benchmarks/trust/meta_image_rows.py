@@ -10,7 +10,8 @@ import SimpleITK as sitk
 from numpy.typing import NDArray
 
 from benchmarks.trust.dicom_files import LPS_TO_RAS
-from benchmarks.trust.volume_table import Array, Table, edited, grey, oblique, stored_as
+from benchmarks.trust.volume_table import Table, edited, grey, oblique, stored_as
+from handpipe.arrays import Array
 
 
 def save_meta_image(path: Path, values: NDArray, affine: Array, compress: bool = False) -> Path:

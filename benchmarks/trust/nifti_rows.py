@@ -11,7 +11,8 @@ import nibabel
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.trust.volume_table import Array, Table, bent, by_nibabel, drawn, grey, oblique, stored_as
+from benchmarks.trust.volume_table import Table, bent, by_nibabel, drawn, grey, oblique, stored_as
+from handpipe.arrays import Array
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real_mri"
 

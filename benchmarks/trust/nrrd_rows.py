@@ -10,7 +10,8 @@ import nrrd
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.trust.volume_table import Array, Table, bent, drawn, edited, grey, oblique, stored_as
+from benchmarks.trust.volume_table import Table, bent, drawn, edited, grey, oblique, stored_as
+from handpipe.arrays import Array
 from handpipe.imaging.volume import Labels
 
 

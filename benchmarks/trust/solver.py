@@ -11,14 +11,13 @@ import logging
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.trust.solver_scenes import ONSET, REACH, Scene, draw
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.fem.equilibrium import Options, solve
 from handpipe.metrics import Metrics
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 SCENES, UNSUPPORTED = 210, 12

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from benchmarks.fem.scenes import Body, box, with_slivers
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fem.barrier import Barrier, CollidingPairs
 from handpipe.fem.constraints import Attachment, Contact
 from handpipe.fem.elastic import Elastic
@@ -19,7 +19,6 @@ from handpipe.fem.materials import Material
 from handpipe.fem.potential import Potential
 from handpipe.fem.pull import Pull
 
-Array = NDArray[np.float64]
 ONSET = 0.05  # mm of the penalty of planes
 REACH = 0.05  # mm at which the plate begins to push
 KINDS = ("springs", "embedded", "prestressed", "two", "slivers", "planes", "plate")
@@ -46,7 +45,7 @@ class Scene:
     heights: Array
     plane_stiffness: float = 0.0
     plate: float | None = None
-    fixed: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    fixed: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     supported: bool = True
 
     def potentials(self) -> list[Potential]:
@@ -115,7 +114,7 @@ def _stiffnesses(rng: np.random.Generator, young: float, count: int) -> Array:
     return np.asarray(young * 10 ** rng.uniform(0, 12, count))
 
 
-def _root(scene: Scene) -> NDArray[np.int64]:
+def _root(scene: Scene) -> IntArray:
     return np.flatnonzero(scene.body.vertices[:, 0] < 1e-9)
 
 
@@ -127,7 +126,7 @@ def _hold(scene: Scene, points: sp.csr_matrix, offsets: Array | float, stiffness
     scene.spring_stiffness = np.concatenate([scene.spring_stiffness, stiffness])
 
 
-def _vertex_points(scene: Scene, chosen: NDArray[np.int64]) -> sp.csr_matrix:
+def _vertex_points(scene: Scene, chosen: IntArray) -> sp.csr_matrix:
     return sp.eye(len(scene.body.vertices), format="csr")[chosen]
 
 

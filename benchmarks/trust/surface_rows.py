@@ -14,9 +14,9 @@ from typing import Any
 import meshio
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from benchmarks.trust.readers import Row, read_right, refused
+from handpipe.arrays import Array, IntArray
 from handpipe.imaging.markers import read_landmarks, read_markers
 from handpipe.imaging.same_frame import Foreground, require_points_in_image, require_scan_in_image
 from handpipe.imaging.volume import Volume
@@ -24,8 +24,6 @@ from handpipe.mesh.scan import read_scan
 from handpipe.mesh.surface import Surface, read_surface
 from handpipe.mesh.tet_files import read_tets
 from handpipe.muscles.templates import read_attachments, require_near_bones
-
-Array = NDArray[np.float64]
 
 CENTRE, RADIUS = np.array([20.0, -15.0, 30.0]), 12.0
 
@@ -443,7 +441,7 @@ def _frames(folder: Path) -> list[Row]:
     return found
 
 
-def _cube() -> tuple[Array, NDArray[np.int64]]:
+def _cube() -> tuple[Array, IntArray]:
     """A cube of 10 mm as six tets."""
     corners = 10.0 * np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     paths = [[0, a, a + b, 7] for a in (1, 2, 4) for b in (1, 2, 4) if a != b]

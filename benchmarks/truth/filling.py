@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import IntArray
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.surface import Surface, concatenate
 from handpipe.mesh.tetrahedra import TetMesh
-
-IntArray = NDArray[np.int64]
 
 
 def fill(

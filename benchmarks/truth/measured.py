@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from handpipe.arrays import Array
 from handpipe.fem.equilibrium import Options
 from handpipe.metrics import Metrics, measured
 from handpipe.truth.body import Anatomy, Body, Pose
@@ -21,7 +19,6 @@ from handpipe.truth.validation import (
     volume_changes,
 )
 
-Array = NDArray[np.float64]
 Motion = Callable[[float], Pose]
 
 

@@ -10,13 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.artifacts import atomic
 from handpipe.truth.body import Body
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 COLOURS = {"skin": "#e3a982", "fat": "#f6e5a8"}
 MUSCLE, STRAND = "#b4423c", "#ffffff"

@@ -7,16 +7,13 @@ import time
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from benchmarks.truth import toy
+from handpipe.arrays import Array
 from handpipe.fem.equilibrium import Options
 from handpipe.truth.body import Anatomy, Body
 from handpipe.truth.follow import follow
 from handpipe.truth.validation import difference, solved_from, volume_changes
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 

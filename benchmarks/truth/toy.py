@@ -7,18 +7,16 @@ centre, so that the gap between the bones does not change as it turns.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from benchmarks.truth.filling import fill
+from handpipe.arrays import Array
 from handpipe.fem.materials import Material
 from handpipe.mesh.implicit import Grid, isosurface
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.truth.body import Anatomy, Pose, Strand
-
-Array = NDArray[np.float64]
 
 CENTRE = np.array([20.0, 0.0, 1.5])  # of the joint
 BONE_RADIUS, GAP = 3.0, 2.0

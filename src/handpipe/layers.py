@@ -7,13 +7,10 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.rigid import RigidTransform
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

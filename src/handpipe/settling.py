@@ -7,11 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger(__name__)
 

@@ -10,15 +10,13 @@ from benchmarks.shapes.comparison_picture import draw
 from benchmarks.shapes.comparisons import REACH, UNITS, Case
 from benchmarks.shapes.other_methods import METHODS
 from benchmarks.shapes.spikiness import Neighbourhood, mean_curvature
-from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from handpipe import metrics
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
 
 RADIUS, LENGTH = 6.0, 40.0
 

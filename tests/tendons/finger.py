@@ -7,10 +7,11 @@ import trimesh
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.tendons.rest import RestTendon
-from handpipe.tendons.rod import Array, lay, resample
+from handpipe.tendons.rod import lay, resample
 from handpipe.tendons.tendon import RegisteredRods, Tendon, build_tendon
 
 BONES = ("distal", "middle", "base")  # from the insertion outwards

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from tests.muscles.shapes import box
 
+from handpipe.arrays import Array, IntArray
 from handpipe.layers import Shape
 from handpipe.tendons.rest import RestTendon
-from handpipe.tendons.rod import Array, lay
+from handpipe.tendons.rod import lay
 
 from .finger import course, hinge
-
-IntArray = NDArray[np.int64]
 
 BLEND = 4.0  # mm to either side of a hinge over which the flesh turns
 PALM, WIDTH = -5.0, 12.0  # x about which flesh is pushed, and how far

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from handpipe.arrays import Array
 from handpipe.mesh.distance import Distance
 from handpipe.tendons.energies import (
     Bend,
@@ -15,7 +16,7 @@ from handpipe.tendons.energies import (
     empty_blocks,
     spline_shape,
 )
-from handpipe.tendons.rod import Array, frames, resample, unit
+from handpipe.tendons.rod import frames, resample, unit
 from handpipe.tendons.surface_fit import SurfaceFit, Target
 from handpipe.tendons.tube import Tube, round_surface
 from handpipe.tendons.twist import twist_energy, twist_gradient

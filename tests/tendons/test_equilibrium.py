@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.tendons.energies import Bend, Hooks, Pull, closest_on_spline, spline_shape
 from handpipe.tendons.equilibrium import Options, solve
 from handpipe.tendons.rod import (
-    Array,
     bishop_normals,
     closest_on_rod,
     directions,

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from handpipe.arrays import Array
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.tendons.motion import relative_to, screw, steps_towards
 from handpipe.tendons.registration import Settings, centreline_errors, fit_surface, follow_bones, register
-from handpipe.tendons.rod import Array, closest_on_rod, lay, length_change, point_at
+from handpipe.tendons.rod import closest_on_rod, lay, length_change, point_at
 from handpipe.tendons.surface_fit import Target
 from handpipe.tendons.tube import round_surface
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.layers import Frame, Shape
 from handpipe.mesh.rigid import RigidTransform
@@ -17,7 +18,7 @@ from handpipe.tendons.hooks import fit_weights
 from handpipe.tendons.layer import TendonLayer
 from handpipe.tendons.registration import centreline_errors
 from handpipe.tendons.rest import PULL
-from handpipe.tendons.rod import Array, closest_on_rod, directions, frames, length_change
+from handpipe.tendons.rod import closest_on_rod, directions, frames, length_change
 from handpipe.tendons.tendon import RegisteredRods, Tendon, build_tendon
 
 from .finger import BONES, PARENTS, RADIUS, bone_surfaces, course, flexor, pose, rest_tendon, true_rod

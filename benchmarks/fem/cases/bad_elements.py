@@ -8,7 +8,8 @@ import numpy as np
 
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, STEPS, YOUNG, Outcome, case, largest
-from benchmarks.fem.scenes import Array, Body, Mask
+from benchmarks.fem.scenes import Body
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import Record, continuation, solve
 from handpipe.fem.materials import Material
@@ -66,10 +67,10 @@ def stiffness_halves(refine: int) -> Outcome:
     x = body.vertices
     stiff = x[body.tets, 0].mean(axis=1) > 0
 
-    def bent(part: Mask) -> Callable[[float], Array]:
+    def bent(part: BoolArray) -> Callable[[float], Array]:
         return lambda t: scenes.turned(x, part, (0, 1, 0), 60.0 * t)
 
-    def bend(elastic: Elastic, driven: Mask) -> tuple[Array, Record, Mask]:
+    def bend(elastic: Elastic, driven: BoolArray) -> tuple[Array, Record, BoolArray]:
         held = np.repeat(driven | body.where(0, -1.5), 3)
         found = continuation(lambda t: [elastic], x, fixed=held, prescribed=bent(driven), options=STEPS)
         return found.x, found.record, ~held

@@ -9,7 +9,8 @@ import numpy as np
 
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, YOUNG, Outcome, case, largest, without_rigid_motion
-from benchmarks.fem.scenes import Array, Body, Mask
+from benchmarks.fem.scenes import Body
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import solve
 from handpipe.fem.materials import Material
@@ -24,7 +25,7 @@ STARTS: dict[str, tuple[str, Callable[[Array], Array]]] = {
 }
 
 
-def rest_from(start: Array, body: Body, fixed: Mask, free_body: bool) -> Outcome:
+def rest_from(start: Array, body: Body, fixed: BoolArray, free_body: bool) -> Outcome:
     elastic = Elastic(body.vertices, body.tets, Material(YOUNG, 0.45))
     found = solve([elastic], start, fixed=fixed, options=ONE_STEP)
     if free_body:

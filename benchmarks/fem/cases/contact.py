@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.joint import joint_scene
 from benchmarks.fem.cases.outcome import ACROSS_Y, STEPS, YOUNG, Outcome, case, largest
-from benchmarks.fem.scenes import Array, Body, IntArray, Mask
+from benchmarks.fem.scenes import Body
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fem.barrier import Barrier
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
@@ -39,7 +40,7 @@ def with_shells(
 
 
 def by_two_paths(
-    x: Array, potentials: Callable[[float], Sequence[Potential]], fixed: Mask
+    x: Array, potentials: Callable[[float], Sequence[Potential]], fixed: BoolArray
 ) -> tuple[Array, Record, float]:
     """End and record of large steps, and how far that is from an end of small ones, or its mirror image.
 
@@ -62,7 +63,7 @@ ANOTHER_PATH = "in small steps, or its mirror image"
 
 def pressed(
     body: Body,
-    held: Mask,
+    held: BoolArray,
     shells: Sequence[tuple[Array, IntArray]],
     ways: Sequence[Array],
     distance: float,

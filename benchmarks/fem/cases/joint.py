@@ -8,19 +8,20 @@ import numpy as np
 
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ACROSS_Y, ONE_STEP, STEPS, YOUNG, Outcome, case, largest
-from benchmarks.fem.scenes import Array, Body, Mask
+from benchmarks.fem.scenes import Body
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import Record, continuation, solve
 from handpipe.fem.materials import Material
 
 
-def joint_scene(refine: int) -> tuple[Body, Mask, Mask]:
+def joint_scene(refine: int) -> tuple[Body, BoolArray, BoolArray]:
     """Tissue around two bones along x, with a joint space about the origin; the bones' surface vertices."""
     x = np.linspace(-3.0, 3.0, 16 * refine + 1)
     y, z = np.linspace(0.0, 0.45, 2 * refine + 1), np.linspace(-0.45, 0.45, 4 * refine + 1)
     body = scenes.mirrored_in_y(scenes.grid(x, y, z))
 
-    def bones(v: Array) -> Mask:
+    def bones(v: Array) -> BoolArray:
         return (np.abs(v[:, 1:]) < 0.226).all(axis=1) & (np.abs(v[:, 0]) > 1.124)
 
     body = scenes.without(body, bones(body.vertices))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from benchmarks.fem.scenes import Array, IntArray, Mask
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import Options, Record
 from handpipe.fem.potential import Potential
@@ -33,7 +33,7 @@ class Outcome:
     record: Record
     elastic: Elastic
     triangles: IntArray
-    free: Mask
+    free: BoolArray
     potentials: Sequence[Potential]
     error: float | None
     answer: str

@@ -9,7 +9,8 @@ import numpy as np
 
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, STEPS, YOUNG, Outcome, case, largest
-from benchmarks.fem.scenes import Body, Mask
+from benchmarks.fem.scenes import Body
+from handpipe.arrays import BoolArray
 from handpipe.fem import plasticity
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import continuation, solve
@@ -35,7 +36,7 @@ def plastic_compatible(refine: int) -> Outcome:
     )
 
 
-def random_scene(refine: int, low: float, high: float) -> tuple[Body, Callable[[float], Elastic], Mask]:
+def random_scene(refine: int, low: float, high: float) -> tuple[Body, Callable[[float], Elastic], BoolArray]:
     """A box held at one end, and its elasticity when a share t of the logarithms of the strains has come."""
     body = scenes.box((2.0, 1.0, 1.0), (6 * refine, 3 * refine, 3 * refine))
     elastic = Elastic(body.vertices, body.tets, Material(YOUNG, 0.45))

@@ -9,13 +9,14 @@ import numpy as np
 
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, STEPS, SWAP_YZ, YOUNG, Outcome, case, largest
-from benchmarks.fem.scenes import Array, Body, Mask
+from benchmarks.fem.scenes import Body
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.equilibrium import Record, Steps, continuation, solve
 from handpipe.fem.materials import Material
 
 
-def twist_scene(refine: int, poisson: float) -> tuple[Body, Elastic, Mask, Callable[[float], Array]]:
+def twist_scene(refine: int, poisson: float) -> tuple[Body, Elastic, BoolArray, Callable[[float], Array]]:
     body = scenes.box((4.0, 1.0, 1.0), (12 * refine, 3 * refine, 3 * refine))
     right = body.where(0, 2.0)
 

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe.anatomy.solids import Solid, depth
 from handpipe.anatomy.template import Template
+from handpipe.arrays import IntArray
 from handpipe.mesh.implicit import Grid
 from handpipe.mesh.surface import Surface, directed_edges
-
-Array = NDArray[np.float64]
 
 SPACING = 0.5  # mm
 
@@ -67,7 +65,7 @@ def _account(name: str, solids: Mapping[str, Solid], bones: Mapping[str, Surface
     return Account(*volumes, int((counts == 1).sum()), int((counts > 2).sum()))
 
 
-def _triangles_at_edges(surface: Surface) -> NDArray[np.int64]:
+def _triangles_at_edges(surface: Surface) -> IntArray:
     """The number (e,) of triangles at each edge."""
     edges = np.sort(directed_edges(surface.triangles), axis=1)
     return np.asarray(np.unique(edges, axis=0, return_counts=True)[1], dtype=np.int64)

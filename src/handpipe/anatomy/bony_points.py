@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from handpipe.anatomy.feature_points import FINGERS
 from handpipe.anatomy.subject_template import TemplateJoint
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 KNUCKLE, TIP = 2.0, 3.0  # mm of soft tissue on the back of the joints and at the tips of a median adult
 WEB = 0.45  # share of the proximal phalanx at which the skin between two fingers begins

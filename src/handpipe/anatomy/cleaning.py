@@ -6,16 +6,13 @@ import logging
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from handpipe.anatomy.stars import Stars
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh.operators import tet_neighbours
 from handpipe.mesh.tetrahedra import EDGES, FACES, TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 
@@ -71,7 +68,7 @@ def label_parts(labels: IntArray, pairs: IntArray) -> IntArray:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def _given_away(labels: IntArray, given: NDArray[np.bool_], pairs: IntArray, area: Array) -> IntArray:
+def _given_away(labels: IntArray, given: BoolArray, pairs: IntArray, area: Array) -> IntArray:
     """Tets `given` take the other label that they share the largest area with, from the outside of a crumb
     on.
     """
@@ -90,9 +87,7 @@ def _given_away(labels: IntArray, given: NDArray[np.bool_], pairs: IntArray, are
     return labels
 
 
-def _pinched(
-    mesh: TetMesh, labels: IntArray, pairs: IntArray, volumes: Array
-) -> tuple[NDArray[np.bool_], IntArray]:
+def _pinched(mesh: TetMesh, labels: IntArray, pairs: IntArray, volumes: Array) -> tuple[BoolArray, IntArray]:
     """Tets (m,) at a vertex or edge that are not connected there, by faces, to the most of their label
     there.
     """

@@ -6,12 +6,9 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from handpipe.anatomy.stars import OUTSIDE, Stars, least_sine
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from handpipe.arrays import Array, BoolArray, IntArray
 
 OUTER = np.cos(np.radians(1.0))  # cosine by which a face of the domain's boundary may turn
 INNER = np.cos(np.radians(35.0))  # and one between two labels
@@ -22,7 +19,7 @@ def collapse_bad(
     tets: IntArray,
     labels: IntArray,
     regions: IntArray,
-    fixed: NDArray[np.bool_],
+    fixed: BoolArray,
     worst_first: IntArray,
     stars: Stars,
 ) -> int:

@@ -13,16 +13,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
+from handpipe.arrays import Array
 from handpipe.config import Model, Name, Vector, load_yaml
 from handpipe.errors import InputError
 from handpipe.mesh.curves import arclength, bishop_frames, resample, tangents
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0)]
 
 

@@ -15,20 +15,17 @@ from typing import Protocol
 
 import numpy as np
 import skfem
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 from skfem.helpers import dot, grad, mul
 
 from handpipe.anatomy.curves import PlacedCurve, PlacedMuscle
 from handpipe.anatomy.domain import Domain
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.curves import arclength
 from handpipe.mesh.embedding import Embedding, Locator
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 

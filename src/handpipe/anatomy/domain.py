@@ -6,16 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from handpipe.anatomy.splitting import MarkedEdges, bisect
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.surface import Surface, concatenate
 from handpipe.mesh.tetrahedra import EDGES, TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TOO_LONG = 1.4  # an edge over the size that it should have
 GROWTH = 0.6  # of sizes by distance from where tets are to be fine
@@ -76,7 +73,7 @@ class Domain:
         return self.mesh.edge_length()
 
 
-def _boundary_edges(mesh: TetMesh, edges: IntArray) -> NDArray[np.bool_]:
+def _boundary_edges(mesh: TetMesh, edges: IntArray) -> BoolArray:
     """Whether each of edges (e, 2), smaller number first, is one of a boundary face."""
     n = len(mesh.vertices)
     return np.isin(edges @ [n, 1], Surface(mesh.vertices, mesh.boundary_faces()[0]).edges() @ [n, 1])

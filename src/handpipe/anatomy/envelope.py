@@ -14,14 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from handpipe.anatomy.splitting import MarkedEdges, bisect
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.tetrahedra import EDGES, TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 
@@ -197,7 +194,7 @@ def _zeros(vertices: Array, difference: Array, ends: IntArray) -> tuple[Array, A
     return np.concatenate([vertices, zeros]), share
 
 
-def _has_volume(vertices: Array, tets: IntArray) -> NDArray[np.bool_]:
+def _has_volume(vertices: Array, tets: IntArray) -> BoolArray:
     corners = vertices[tets]
     longest = ((corners[:, EDGES[:, 0]] - corners[:, EDGES[:, 1]]) ** 2).sum(axis=2).max(axis=1)
     return TetMesh(vertices, tets).volumes() > LEAST_VOLUME * longest**1.5

@@ -12,19 +12,17 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from handpipe.anatomy.bony_points import away_from
 from handpipe.anatomy.posing import OF_RAYS, Skeleton
 from handpipe.anatomy.subject_template import SubjectTemplate, warped
 from handpipe.anatomy.warp import require_invertible
+from handpipe.arrays import Array
 from handpipe.config import Model, Name, load_yaml
 from handpipe.errors import InputError
 from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.muscles.templates import Affine
-
-Array = NDArray[np.float64]
 
 KINDS = {4: OF_RAYS, 3: ("metacarpal", "proximal", "distal")}
 RAYS = {

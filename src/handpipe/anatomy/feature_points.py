@@ -13,14 +13,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.imaging.markers import read_landmarks, write_markers
 from handpipe.mesh.biharmonic import left_out
 from handpipe.muscles.templates import fit_similarity
 
-Array = NDArray[np.float64]
 Points = Mapping[str, Array]
 
 log = logging.getLogger(__name__)

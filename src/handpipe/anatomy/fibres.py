@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
@@ -24,14 +23,12 @@ from handpipe.anatomy.diffusion import (
     stiffness,
     superlu,
 )
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.curves import closest_on_polyline
 from handpipe.mesh.embedding import Locator
 from handpipe.mesh.operators import shape_gradients
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ALIGNMENT = 5.0  # alpha of Eq. 17, with both terms weighted by volume
 TINY = 1e-9  # of a matrix's mean diagonal, against parts that nothing holds

@@ -6,12 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from handpipe.anatomy.stars import Stars, least_sine
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from handpipe.arrays import Array, IntArray
 
 LARGEST_RING = 7
 SPARE = 2 * (LARGEST_RING - 2) - LARGEST_RING  # tets that one flip adds at most

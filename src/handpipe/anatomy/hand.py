@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from handpipe.anatomy.curves import CurveFile, MuscleCurves, Place, Positive, catmull_rom, locate, long_axis
@@ -15,6 +14,7 @@ from handpipe.anatomy.diffusion import Factorise, superlu
 from handpipe.anatomy.domain import Domain
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateMuscle, TemplateTendon
 from handpipe.anatomy.template import Template, build_template
+from handpipe.arrays import IntArray
 from handpipe.config import Model, Name, Vector, load_yaml
 from handpipe.errors import InputError
 from handpipe.mesh.crossings import crossings
@@ -24,9 +24,6 @@ from handpipe.mesh.embedding import Locator
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.metrics import Metrics
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TOUCHING = 0.3  # mm from a bone within which a muscle's end is on it: what smoothing may move
 TENDON_STEP = 1.0  # mm between points of a tendon's path

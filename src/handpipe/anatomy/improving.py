@@ -11,17 +11,14 @@ import logging
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe.anatomy.collapsing import collapse_bad
 from handpipe.anatomy.flipping import flip_bad
 from handpipe.anatomy.relaxing import Faces, improve_vertices, smooth_borders
 from handpipe.anatomy.stars import MOST_LABELS, Stars, least_sines, regions_at_vertices
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 
@@ -73,7 +70,7 @@ def improve(
 
 
 def _round(
-    x: Array, tets: IntArray, labels: IntArray, held: NDArray[np.bool_], bound: float
+    x: Array, tets: IntArray, labels: IntArray, held: BoolArray, bound: float
 ) -> tuple[IntArray, IntArray, int]:
     """One pass of each operation; x changes in place."""
     stars = Stars.of(tets, len(x))

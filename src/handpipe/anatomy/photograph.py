@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from handpipe.anatomy.feature_points import NAMES, require_enough
 from handpipe.anatomy.subject_template import SubjectTemplate
+from handpipe.arrays import Array
 from handpipe.config import Model, load_yaml
 from handpipe.errors import InputError
 
-Array = NDArray[np.float64]
 Pixel = tuple[float, float]
 
 log = logging.getLogger(__name__)

@@ -11,17 +11,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from handpipe.anatomy.bony_points import away_from
 from handpipe.anatomy.feature_points import FINGERS, Points
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateJoint
+from handpipe.arrays import Array
 from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.muscles.templates import Affine, fit_similarity
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger(__name__)
 

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy import sparse
 
 from handpipe.anatomy.stars import Stars, least_sine
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh.tetrahedra import FACES
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TURN_OUTER = np.sin(np.radians(1.0)) ** 2  # of faces that count as one plane: the domain's boundary,
 TURN_INNER = np.sin(np.radians(40.0)) ** 2  # borders of labels
@@ -29,7 +26,7 @@ class Faces:
     """Faces (f, 3) of the domain's boundary (`outer`) and between two labels; each once."""
 
     corners: IntArray
-    outer: NDArray[np.bool_]
+    outer: BoolArray
 
     @staticmethod
     def of(tets: IntArray, labels: IntArray) -> Faces:
@@ -75,7 +72,7 @@ class Faces:
 
 
 def improve_vertices(
-    x: Array, tets: IntArray, stars: Stars, free: Array, chosen: IntArray, held: NDArray[np.bool_]
+    x: Array, tets: IntArray, stars: Stars, free: Array, chosen: IntArray, held: BoolArray
 ) -> int:
     """Move the chosen vertices, in place, to where the worst of their tets is best; returns how many moved.
 

@@ -10,20 +10,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe.anatomy.cleaning import label_parts
 from handpipe.anatomy.diffusion import Factorise, superlu
 from handpipe.anatomy.domain import Domain
 from handpipe.anatomy.fibres import harmonic_fibres
 from handpipe.anatomy.template import Template, numbered_surfaces, segment
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.operators import tet_neighbours
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Distances = Mapping[str, Distance]
 
 REACH = 3.0  # mm outside of an organ up to which its function is a distance

@@ -6,12 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh.tetrahedra import EDGES
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 LOW, HIGH = EDGES[:, 0].copy(), EDGES[:, 1].copy()
 
@@ -24,7 +21,7 @@ class MarkedEdges:
     of_tet: IntArray
 
     @staticmethod
-    def of(tets: IntArray, marked: NDArray[np.bool_], n_vertices: int) -> MarkedEdges:
+    def of(tets: IntArray, marked: BoolArray, n_vertices: int) -> MarkedEdges:
         """From marks (c, 6) of the edges of tets (c, 4), in the order of `EDGES`."""
         ends = np.sort(tets[:, EDGES][marked], axis=1)
         keys, inverse = np.unique(ends[:, 0] * n_vertices + ends[:, 1], return_inverse=True)

@@ -6,10 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from handpipe.arrays import Array, IntArray
 
 OUTSIDE = 62  # bit of the outside in the set of regions at a vertex
 MOST_LABELS = OUTSIDE

@@ -10,16 +10,14 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe import artifacts
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.muscles.templates import Guess, place
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Side = Literal["right", "left"]
 
 KIND = "subject-template"

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from handpipe import artifacts
@@ -20,14 +19,12 @@ from handpipe.anatomy.envelope import contenders, upper_envelope
 from handpipe.anatomy.fibres import fibres
 from handpipe.anatomy.improving import Labelled, improve
 from handpipe.anatomy.volumes import meet_volumes
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.operators import tet_neighbours
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.metrics import Metrics
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 

@@ -6,11 +6,9 @@ import logging
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from handpipe.anatomy.feature_points import Points, matched
@@ -20,12 +19,11 @@ from handpipe.anatomy.subject_template import (
     rotation_of,
     warped,
 )
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.templates import Warp, fit_similarity
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger(__name__)
 

@@ -8,12 +8,10 @@ from typing import Protocol
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.surface import Surface as Mesh
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Surface = tuple[Array, IntArray]
 Similarity = tuple[Array, Array]
 """Matrix (3, 3), a rotation times a scale, and offset (3,) in mm."""

@@ -6,8 +6,8 @@ import logging
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.datasets import image, sampled
 from handpipe.datasets.implicit import Implicit
 from handpipe.datasets.kinematics import Posture, smoothstep
@@ -16,8 +16,6 @@ from handpipe.mesh import implicit as grids
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface as Mesh
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Surface = tuple[Array, IntArray]
 Pair = tuple[str, str]
 log = logging.getLogger(__name__)

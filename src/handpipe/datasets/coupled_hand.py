@@ -9,13 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from handpipe import artifacts
 from handpipe.anatomy.subject_template import SubjectTemplate
 from handpipe.anatomy.template import Template
+from handpipe.arrays import Array, IntArray
 from handpipe.config import Dataset, Scanner
 from handpipe.datasets import image, real_hand, scans, templates
 from handpipe.datasets.hand_body import HandBody, materials, open_hand
@@ -43,8 +43,6 @@ from handpipe.truth.surfaces import outer_faces
 from handpipe.truth.uninverted import uninverted
 from handpipe.truth.validation import difference
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 log = logging.getLogger(__name__)
 
 KIND = "coupled-pose"

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateMuscle
 from handpipe.anatomy.template import Template
+from handpipe.arrays import Array
 from handpipe.fem.materials import Material
 from handpipe.mesh.curves import arclength, resample
 from handpipe.mesh.distance import Distance
@@ -19,7 +19,6 @@ from handpipe.truth.body import Anatomy, Body, Contact, Pose, Strand
 from handpipe.truth.joint_spaces import gliding, opened
 from handpipe.truth.surfaces import outer_faces
 
-Array = NDArray[np.float64]
 Bones = Mapping[str, RigidTransform]
 
 FAT, MUSCLE, LIGAMENT = Material(3.0, 0.45), Material(10.0, 0.47), Material(30.0, 0.45)

@@ -7,15 +7,12 @@ the palm thicker and round off its thenar and hypothenar side.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from handpipe.datasets.hand_tissue import Cone, Layout, cone_rows, field_of_cones, skin
 from handpipe.mesh.implicit import Grid, isosurface
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 WRIST = -30.0  # mm along x, behind the carpals, where the hand is cut
 ROUNDING = 6.0  # mm of the cut's edge

@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe.anatomy.bony_points import bony_feature_points
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateJoint, TemplateMuscle
+from handpipe.arrays import IntArray
 from handpipe.datasets import (
     myohand_bones,
     myohand_model,
@@ -32,7 +32,6 @@ from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 FOREARM = 45.0  # mm of radius and ulna that are kept
@@ -142,7 +141,7 @@ def _end(bone: Surface) -> Surface:
     return Surface(bone.vertices, bone.triangles[near[bone.triangles].all(axis=1)]).compact()
 
 
-def _attached(body: Surface, bones: Mapping[str, Surface]) -> dict[str, NDArray[np.int64]]:
+def _attached(body: Surface, bones: Mapping[str, Surface]) -> dict[str, IntArray]:
     """The vertices near each bone; none of a muscle that springs from tendons, as lumbricals do."""
     found = {}
     for name, bone in bones.items():

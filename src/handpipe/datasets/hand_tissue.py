@@ -14,12 +14,12 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from handpipe.arrays import Array
 from handpipe.datasets.image import Grid
 from handpipe.datasets.phantom_bones import Point
 from handpipe.mesh import implicit
 from handpipe.mesh.rigid import RigidTransform
 
-Array = NDArray[np.float64]
 Bones = Mapping[str, RigidTransform]
 Place = tuple[str, Point]
 """A point in a bone's own frame."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from handpipe.arrays import Array, IntArray
+
 Implicit = Callable[[Array], Array]
 """Values (n,) of points (n, 3)."""
 

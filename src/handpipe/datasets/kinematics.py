@@ -10,12 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

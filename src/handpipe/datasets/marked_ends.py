@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from handpipe.anatomy.subject_template import SubjectTemplate
 from handpipe.anatomy.template import Template
+from handpipe.arrays import IntArray
 from handpipe.mesh.distance import Distance
 
-IntArray = NDArray[np.int64]
 FEW, REACH = 10, 2.5  # an end of fewer vertices takes those within so many mm of it along
 
 

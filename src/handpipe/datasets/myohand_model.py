@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.datasets.source_meshes import read_mesh, require
 from handpipe.mesh.surface import Surface as Mesh
-
-Array = NDArray[np.float64]
 
 FINGERS = (2, 3, 4, 5)
 BONES = {

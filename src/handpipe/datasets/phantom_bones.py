@@ -9,14 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.datasets.implicit import Implicit, ellipsoid, offset, round_cone, smooth_union, triangulate
 from handpipe.datasets.kinematics import KnownJoint, smoothstep
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
 
 Point = tuple[float, float, float]
 

@@ -9,9 +9,9 @@ import zlib
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array, IntArray
 from handpipe.config import Dataset
 from handpipe.datasets import scans, templates
 from handpipe.datasets.kinematics import Posture
@@ -24,8 +24,6 @@ from handpipe.datasets.tubes import sweep
 from handpipe.errors import InputError
 from handpipe.mesh.rigid import RigidTransform
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Surface = tuple[Array, IntArray]
 
 # MP2_flexion, MP2_abduction, PIP2_flexion, DIP2_flexion in degrees

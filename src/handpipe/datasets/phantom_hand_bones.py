@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array, IntArray
 from handpipe.datasets.implicit import Implicit, carved, ellipsoid, rounded_box, smooth_union
 from handpipe.datasets.phantom_bones import (
     DISTAL,
@@ -28,8 +28,6 @@ from handpipe.datasets.phantom_bones import (
 from handpipe.datasets.sampled import moved
 from handpipe.mesh.rigid import RigidTransform
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Surface = tuple[Array, IntArray]
 
 FINGERS = (2, 3, 4, 5)

@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.datasets.kinematics import KnownJoint
 from handpipe.datasets.phantom_hand_bones import FINGERS, RAYS, facet_centre, frames, saddle_centre
 from handpipe.mesh.rigid import RigidTransform
-
-Array = NDArray[np.float64]
 
 # Motions that no pure hinge has, at their largest: a turn in deg and a shift in mm; distal, radial, dorsal.
 RESIDUALS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {

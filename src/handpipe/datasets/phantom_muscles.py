@@ -9,15 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from handpipe.arrays import Array, IntArray
 from handpipe.datasets.implicit import Implicit
 from handpipe.datasets.kinematics import Posture, ramp, smoothstep
 from handpipe.datasets.tubes import close_rings, superellipse, volume
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ORIGIN, INSERTION = 12.0, 75.5  # x of both muscles' ends
 TRANSITION = (40.0, 67.0)  # x over which muscle passes from following the metacarpal to following the phalanx

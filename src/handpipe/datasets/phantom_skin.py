@@ -6,16 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from handpipe.arrays import Array, IntArray
 from handpipe.datasets.kinematics import Posture, ramp, smoothstep
 from handpipe.datasets.phantom_muscles import KnownMuscle, contact_height
 from handpipe.datasets.tubes import close_rings
 from handpipe.mesh.rigid import RigidTransform
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 START, END = -9.5, 154.0
 CUT, TIP = 5.0, 11.0  # mm over which the skin closes at the cut end and at the tip

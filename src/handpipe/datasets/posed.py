@@ -9,17 +9,15 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from handpipe import artifacts
+from handpipe.arrays import Array, IntArray
 from handpipe.config import Dataset
 from handpipe.datasets import image, seeds
 from handpipe.datasets.kinematics import Posture
 from handpipe.mesh.rigid import RigidTransform
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Surface = tuple[Array, IntArray]
 
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe import artifacts
+from handpipe.arrays import Array, IntArray
 from handpipe.config import Dataset, Scanner
 from handpipe.datasets import hand_tissue as tissue
 from handpipe.datasets import image
@@ -26,8 +26,6 @@ from handpipe.datasets.posed import repositioning, write_surface
 from handpipe.errors import InputError
 from handpipe.mesh.rigid import RigidTransform
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Surface = tuple[Array, IntArray]
 LOG = logging.getLogger(__name__)
 

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.config import Dataset
 from handpipe.datasets import carving, phantom_hand_bones, phantom_hand_joints, posed_hand, sampled
 from handpipe.datasets.hand_tissue import Layout, Place, Strand, Surroundings
@@ -21,8 +21,6 @@ from handpipe.datasets.kinematics import KnownJoint
 from handpipe.datasets.posed_hand import Hand, Motion
 from handpipe.mesh.rigid import RigidTransform
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Surface = tuple[Array, IntArray]
 Bones = Mapping[str, Surface]
 log = logging.getLogger(__name__)

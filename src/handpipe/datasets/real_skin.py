@@ -10,17 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 from scipy.spatial import cKDTree
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.datasets.hand_tissue import Cone, Layout, cone_rows, field_of_cones
 from handpipe.mesh.implicit import Grid, isosurface, smooth_minimum
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Box = tuple[slice, slice, slice]
 
 SPACING = 0.8  # mm of the grid
@@ -73,7 +71,7 @@ def _grid(points: Array, wrist: float) -> Grid:
     return Grid(origin, SPACING, (whole.shape[0] - first, *whole.shape[1:]))
 
 
-def occupied(surfaces: Sequence[Surface], grid: Grid) -> Mask:
+def occupied(surfaces: Sequence[Surface], grid: Grid) -> BoolArray:
     """Which points of a grid surfaces wind around."""
     filled = np.zeros(grid.shape, dtype=bool)
     for surface in surfaces:
@@ -87,7 +85,7 @@ def occupied(surfaces: Sequence[Surface], grid: Grid) -> Mask:
     return filled
 
 
-def _closed_part(places: NDArray[np.int64], closing: Closing, shape: tuple[int, ...]) -> tuple[Box, Array]:
+def _closed_part(places: IntArray, closing: Closing, shape: tuple[int, ...]) -> tuple[Box, Array]:
     """The closing of a grid's points (n, 3) by number, and the box of the grid that it is in."""
     margin = int(closing.outwards / SPACING) + 3
     low = np.maximum(places.min(axis=0) - margin, 0)
@@ -97,11 +95,11 @@ def _closed_part(places: NDArray[np.int64], closing: Closing, shape: tuple[int, 
     return _box(low, high), closed(own, closing)
 
 
-def _box(low: NDArray[np.int64], high: NDArray[np.int64]) -> Box:
+def _box(low: IntArray, high: IntArray) -> Box:
     return slice(low[0], high[0]), slice(low[1], high[1]), slice(low[2], high[2])
 
 
-def closed(filled: Mask, closing: Closing) -> Array:
+def closed(filled: BoolArray, closing: Closing) -> Array:
     """About the distance in mm, negative inside, to the closing of what is filled of a grid."""
     outside = SPACING * distance_transform_edt(~filled)
     inside = SPACING * distance_transform_edt(outside < closing.outwards)
@@ -123,7 +121,7 @@ def pulp(layout: Layout) -> list[Cone]:
     return cones
 
 
-def _rays(points: Array, bones: Mapping[str, Surface], layout: Layout) -> NDArray[np.int64]:
+def _rays(points: Array, bones: Mapping[str, Surface], layout: Layout) -> IntArray:
     """The ray (n,) of the phalanx that is nearest to each point (n, 3), 0 for the palm."""
     corners, owner = [], []
     for name, bone in bones.items():

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
+from handpipe.arrays import Array, IntArray
 from handpipe.datasets import image
 from handpipe.datasets.implicit import Implicit
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.smoothing import averaging
 from handpipe.mesh.surface import Surface as Mesh
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Surface = tuple[Array, IntArray]
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, find_objects
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.config import Dataset
 from handpipe.datasets.image import Grid, write_volume
 from handpipe.errors import InputError
 
-Array = NDArray[np.float64]
 Labels = NDArray[np.uint8]
 
 BACKGROUND = 255
@@ -92,7 +92,7 @@ def draw(dataset: Dataset, pose: str) -> None:
     write_volume(dataset.path(path), scribble_locally(marrow, whole, grid, rng), grid)
 
 
-def _widest(depth: Array, spacing: float) -> NDArray[np.bool_]:
+def _widest(depth: Array, spacing: float) -> BoolArray:
     """Voxels 1.6 voxels deep or more; where a slice across x has none, its deepest; all where few."""
     deepest = depth.max(axis=(1, 2), keepdims=True)
     wide = (depth >= np.minimum(1.6 * spacing, 0.9 * deepest)) & (depth > spacing)
@@ -101,7 +101,7 @@ def _widest(depth: Array, spacing: float) -> NDArray[np.bool_]:
 
 def _draw(
     seeds: Labels,
-    allowed: NDArray[np.bool_],
+    allowed: BoolArray,
     value: int,
     grid: Grid,
     rng: np.random.Generator,

@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+from handpipe.arrays import Array
 from handpipe.datasets.implicit import Implicit
 from handpipe.datasets.kinematics import KnownJoint, Posture
 from handpipe.mesh.rigid import RigidTransform
-
-Array = NDArray[np.float64]
 
 STEP = 0.25  # mm between the points of a path while it is laid
 CLEARANCE = 0.15  # mm that the tendon's surface keeps from bone

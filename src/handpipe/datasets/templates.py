@@ -8,13 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.artifacts import write_text
-from handpipe.datasets.tubes import IntArray
 from handpipe.mesh.rigid import RigidTransform
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateTendon
+from handpipe.arrays import Array
 from handpipe.datasets import real_hand
 from handpipe.mesh.curves import arclength, resample
 from handpipe.mesh.distance import Distance
-
-Array = NDArray[np.float64]
 
 BIN = 3.0  # mm along a tendon over which its middle is taken
 BESIDE = 16.0  # mm from a ray's middle line to the points of its tendon

@@ -8,11 +8,9 @@ from __future__ import annotations
 import zlib
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.distance import Distance
-
-Array = NDArray[np.float64]
 
 LENGTH = 12.0  # mm over which shapes vary: the standard deviation of the Gaussian that correlates them
 ORGANS, BONES = 0.8, 0.3  # mm, standard deviation of each component

@@ -11,9 +11,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.config import Dataset
 from handpipe.datasets import myohand_bones, myohand_model, real_hand
 from handpipe.datasets.carried_joints import Similarity, carried, similarity
@@ -22,7 +22,6 @@ from handpipe.datasets.source_meshes import folder_of, mended, read_mesh, subdiv
 from handpipe.datasets.zanatomy_source import HAND
 from handpipe.mesh.surface import Surface as Mesh
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 NAME = "zanatomy-bones"

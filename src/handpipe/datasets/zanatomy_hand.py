@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from handpipe.anatomy.accounts import accounts
@@ -21,6 +20,7 @@ from handpipe.anatomy.hand import HandTemplate, Nail, nail_triangles
 from handpipe.anatomy.solids import Solid, template_of
 from handpipe.anatomy.subject_template import SubjectTemplate, TemplateMuscle, TemplateTendon
 from handpipe.anatomy.template import Template
+from handpipe.arrays import Array, IntArray
 from handpipe.datasets import real_hand, zanatomy_bones
 from handpipe.datasets.hand_templates import template_joints, with_points
 from handpipe.datasets.phantom_hand_bones import FINGERS
@@ -36,7 +36,6 @@ from handpipe.mesh.repair import repair
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
 Row = dict[str, str | float]
 log = logging.getLogger(__name__)
 
@@ -122,7 +121,7 @@ def _organ(tissue: Template, name: str, solid: Solid, bones: Mapping[str, Surfac
     mesh, used = tissue.part(name)
     outside = mesh.boundary_vertices()
     surface = mesh.boundary().compact()
-    attachments: dict[str, list[NDArray[np.int64]]] = {}
+    attachments: dict[str, list[IntArray]] = {}
     for chosen, on in ((tissue.origins[name], solid.origin), (tissue.insertions[name], solid.insertion)):
         held = np.flatnonzero(np.isin(used[outside], chosen))
         if len(on) == 0 or len(held) == 0:
@@ -149,7 +148,7 @@ def _tendons(folder: Path, place: RigidTransform, bare: SubjectTemplate) -> dict
     return found
 
 
-def _nails(bare: SubjectTemplate, frames: Mapping[str, RigidTransform]) -> dict[str, NDArray[np.int64]]:
+def _nails(bare: SubjectTemplate, frames: Mapping[str, RigidTransform]) -> dict[str, IntArray]:
     """The skin's triangles over the back of each distal phalanx."""
     found = {}
     for ray, chain in real_hand.RAYS.items():

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import igl
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array, IntArray
 from handpipe.config import Dataset
 from handpipe.datasets import image, sampled, scans, templates, zanatomy_source
 from handpipe.datasets.implicit import Implicit, round_cone, smooth_union
@@ -33,8 +33,6 @@ from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface as Mesh
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Surface = tuple[Array, IntArray]
 log = logging.getLogger(__name__)
 

@@ -10,16 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from handpipe.anatomy.solids import Solid
 from handpipe.datasets.source_meshes import read_mesh
 from handpipe.datasets.zanatomy_source import HAND
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

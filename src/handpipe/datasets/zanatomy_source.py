@@ -13,8 +13,8 @@ from pathlib import Path
 
 import igl
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.datasets import myohand_model
 from handpipe.datasets.carried_joints import Similarity, carried, similarity
 from handpipe.datasets.kinematics import KnownJoint
@@ -23,8 +23,6 @@ from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface as Mesh
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Surface = tuple[Array, IntArray]
 log = logging.getLogger(__name__)
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.evaluation.surfaces import symmetric_distance
 from handpipe.evaluation.table import STATISTICS, Row
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def surface_errors(found: Mapping[str, Surface], true: Mapping[str, Surface]) -> dict[str, Array]:

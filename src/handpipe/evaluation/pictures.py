@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from handpipe.evaluation.render import Body, Camera, Image, on_background, render
@@ -23,8 +22,6 @@ from handpipe.layer_registry import LAYERS
 from handpipe.layers import Shape, Shapes
 from handpipe.mesh.surface import Surface
 from handpipe.tendons.tube import round_surface
-
-Array = NDArray[np.float64]
 
 ROD_RADIUS = 1.0  # mm, of a tendon that is given as a line
 CONTOUR_COLOURS = {  # skin and muscles as in Zheng 2022, Fig. 32

@@ -10,10 +10,9 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Image = NDArray[np.uint8]
 
 AMBIENT, HEADLIGHT, SIDELIGHT = 0.35, 0.55, 0.20

@@ -11,7 +11,6 @@ from typing import Any
 
 import jinja2
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe import __version__
 from handpipe.artifacts import write_text
@@ -32,7 +31,6 @@ from handpipe.mesh.surface import Surface
 from handpipe.metrics import Metrics
 
 log = logging.getLogger(__name__)
-Array = NDArray[np.float64]
 
 SIZE = (520, 390)  # pixels of a picture
 ALONG, ACROSS, DORSAL = np.eye(3)  # distal, radial, dorsal in the neutral frame

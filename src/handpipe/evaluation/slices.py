@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
 Sample = Callable[[Array], NDArray]  # points (n, 3) in mm -> values (n,), NaN outside of the volume
 
 STRAIGHT = 2.0  # mm: bones nearer to one line than this do not turn the sagittal plane

@@ -6,10 +6,9 @@ import igl
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 
 def surface_distance(points: Array, surface: Surface) -> Array:

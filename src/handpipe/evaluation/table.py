@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.metrics import Metrics
 
-Array = NDArray[np.float64]
 Cell = str | float | None
 Row = Mapping[str, str | float]
 

@@ -10,13 +10,12 @@ import fast_simplification
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.evaluation.pictures import body_surface
 from handpipe.hand.appearance import colour, opacity, shown, tissue
 from handpipe.hand.simulation import SimulatedFrame
 from handpipe.layers import Shape
 from handpipe.mesh.distance import Distance
-
-Array = NDArray[np.float64]
 
 STEPS = 65535  # of a 16-bit coordinate
 TRIANGLES = 3000  # of one body in the view
@@ -65,7 +64,7 @@ def _series(frames: Sequence[SimulatedFrame]) -> Mapping[tuple[str, str], list[S
     return {key: shapes for key, shapes in series.items() if len(shapes) == len(frames)}
 
 
-def _decimated(shapes: Sequence[Shape], target: int) -> tuple[NDArray[np.int64], Array]:
+def _decimated(shapes: Sequence[Shape], target: int) -> tuple[IntArray, Array]:
     """Triangles (k, 3) and positions (f, n, 3) of a body's coarse surface.
 
     It is made in the first frame; the fine triangles at its vertices' feet carry it into the others.

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from handpipe import artifacts
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fascia.regions import slender
 from handpipe.fem import equilibrium
 from handpipe.fem.cloth import Membrane
@@ -24,9 +24,6 @@ from handpipe.mesh.anchors import Anchors
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.operators import mass_lumped
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 THICKNESS = 1.0  # mm, of the membrane that `young` belongs to
 SLENDER = 2.0  # mm, radius of a body around which cloth with edges of 1.5 mm has too few vertices to stay
@@ -55,7 +52,7 @@ class Fascia:
     surface: Surface
     regions: IntArray
     owners: IntArray
-    tied: NDArray[np.bool_]
+    tied: BoolArray
     bodies: tuple[str, ...]
     settings: ClothSettings = field(default_factory=ClothSettings)
 

@@ -11,15 +11,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import InputError
 from handpipe.layers import Region
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def distances_to(points: Array, bodies: Mapping[str, Surface]) -> Array:
@@ -27,7 +24,7 @@ def distances_to(points: Array, bodies: Mapping[str, Surface]) -> Array:
     return np.stack([np.maximum(Distance(b).signed(points)[0], 0.0) for b in bodies.values()], axis=1)
 
 
-def slender(points: Array, bodies: Mapping[str, Surface], radius: float) -> NDArray[np.bool_]:
+def slender(points: Array, bodies: Mapping[str, Surface], radius: float) -> BoolArray:
     """Points (n,) on bodies in which no ball of a radius in mm fits beneath them."""
     signed, _, closest, normals = zip(*(Distance(b).signed(points) for b in bodies.values()), strict=True)
     nearest = np.abs(signed).argmin(axis=0)

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.hull import convex_hull
 from handpipe.mesh.implicit import remesh, union_surface
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 
 def joint_faces(child: Surface, parent: Surface, threshold: float) -> Array:

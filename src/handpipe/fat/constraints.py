@@ -7,15 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.layers import Region, Shapes
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.operators import mass_lumped
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -89,7 +86,7 @@ def inner_points(
     return replace(points, region=np.where(changed, Region.contact, points.region).astype(np.int64))
 
 
-def cut_end(skin: Surface, scan: Surface, tolerance: float) -> NDArray[np.bool_]:
+def cut_end(skin: Surface, scan: Surface, tolerance: float) -> BoolArray:
     """Skin vertices (n,) that the scan does not cover at its largest opening: where the limb was cut off.
 
     tolerance: distance in mm to the scan from which a vertex counts as uncovered.
@@ -100,7 +97,7 @@ def cut_end(skin: Surface, scan: Surface, tolerance: float) -> NDArray[np.bool_]
     return _largest_group(uncovered, both)
 
 
-def _largest_group(members: NDArray[np.bool_], edges: IntArray) -> NDArray[np.bool_]:
+def _largest_group(members: BoolArray, edges: IntArray) -> BoolArray:
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

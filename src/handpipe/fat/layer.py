@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe import artifacts
+from handpipe.arrays import Array
 from handpipe.fat.nails import from_vector
 from handpipe.fat.tissue import Tissue
 from handpipe.fem import plasticity
@@ -18,8 +18,6 @@ from handpipe.layers import Frame, Shape, Shapes, vertices_of
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

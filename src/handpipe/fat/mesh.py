@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.implicit import remesh, union_surface
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SAMPLES = 20  # points a tet, to measure how much of it is tissue
 LEAST_OCCUPANCY = 0.1  # a tet of the mesh keeps at least this share of its stiffness
@@ -58,7 +55,7 @@ def occupancy(mesh: TetMesh, skin: Surface, inner: Surface) -> Array:
     return share
 
 
-def _far_from(mesh: TetMesh, skin: Surface, inner: Surface) -> NDArray[np.bool_]:
+def _far_from(mesh: TetMesh, skin: Surface, inner: Surface) -> BoolArray:
     """Tets (m,) whose circumscribed reach from their centre meets neither surface, and that are tissue."""
     centres = mesh.vertices[mesh.tets].mean(axis=1)
     reach = np.linalg.norm(mesh.vertices[mesh.tets] - centres[:, None], axis=2).max(axis=1)

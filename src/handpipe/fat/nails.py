@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
 
-
-def nail_vertices(skin: Surface, nail: Surface, tolerance: float) -> NDArray[np.int64]:
+def nail_vertices(skin: Surface, nail: Surface, tolerance: float) -> IntArray:
     """Skin vertices within a tolerance in mm of the nail's patch."""
     return np.flatnonzero(Distance(nail).closest(skin.vertices)[0] < tolerance)
 

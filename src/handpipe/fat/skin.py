@@ -6,15 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from handpipe import artifacts
+from handpipe.arrays import IntArray
 from handpipe.mesh.implicit import remesh
 from handpipe.mesh.repair import repair
 from handpipe.mesh.surface import Surface
-
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array
 from handpipe.fem.constraints import Contact, Sliding, left_deep
 from handpipe.fem.potential import Potential
 from handpipe.mesh.self_contact import SelfContact, self_contact
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 TOUCH, DEEP = 1.0, 6.0  # mm above and beneath another sheet of the skin within which a vertex feels it
 BITE = 1.0  # mm of depth that one set of planes takes away at most: deep ones push from where sheets were

@@ -13,10 +13,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.fat.tissue import Tissue
 from handpipe.fem import plasticity
@@ -31,7 +31,6 @@ from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.settling import Limits
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 ON_THE_WAY = Limits(

@@ -9,10 +9,10 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from handpipe import artifacts
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import ConvergenceError
 from handpipe.fat.constraints import InnerPoints
 from handpipe.fat.skin import Rigid
@@ -39,8 +39,6 @@ from handpipe.settling import Limits, Settled, root_mean_square, settle
 from handpipe.skeleton.skinning import blend, blended
 
 log = logging.getLogger(__name__)
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 OPTIONS = Options(
     displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=False, barrier=True, name="soft tissue"

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.errors import ConvergenceError
 from handpipe.fem.attempts import minimum
 from handpipe.fem.barrier import Barrier
@@ -17,7 +17,6 @@ from handpipe.fem.potential import Potential, Sum
 from handpipe.fem.record import Equilibrium, Options, finite
 from handpipe.fem.workspace import Workspace
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 ROUNDS = 200
@@ -33,7 +32,7 @@ def approach(
     x: Array,
     vertices: Array,
     *,
-    fixed: NDArray[np.bool_] | None = None,
+    fixed: BoolArray | None = None,
     target: Array | None = None,
     options: Options | None = None,
 ) -> tuple[Equilibrium, Barrier]:
@@ -78,7 +77,7 @@ def _follow(
     x: Array,
     motion: Array,
     shift: Array,
-    free: NDArray[np.bool_],
+    free: BoolArray,
     workspace: Workspace,
 ) -> Array:
     """Step (n, 3) that makes the prescribed motions and keeps equilibrium to first order.

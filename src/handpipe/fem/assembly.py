@@ -12,13 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, Int32Array, IntArray
 from handpipe.fem.buffers import Buffers
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Int32Array = NDArray[np.int32]
 
 
 @dataclass(frozen=True)

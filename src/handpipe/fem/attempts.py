@@ -5,9 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
+from handpipe.arrays import Array, BoolArray
 from handpipe.errors import ConvergenceError
 from handpipe.fem.checkpoint import Checkpoint
 from handpipe.fem.crushing import CRUSHED, STEEPEST, Crushing
@@ -28,14 +26,13 @@ from handpipe.fem.untangling import (
 from handpipe.fem.validity import Validity
 from handpipe.fem.workspace import Workspace
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 
 def minimum(
     energy: Sum,
     x: Array,
-    free: NDArray[np.bool_],
+    free: BoolArray,
     options: Options,
     workspace: Workspace,
     checkpoint: Checkpoint | None = None,
@@ -54,7 +51,7 @@ class Attempts:
         self,
         energy: Sum,
         x: Array,
-        free: NDArray[np.bool_],
+        free: BoolArray,
         options: Options,
         workspace: Workspace,
         checkpoint: Checkpoint | None = None,

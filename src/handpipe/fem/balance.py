@@ -12,15 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from handpipe.arrays import Array, Int32Array, IntArray
 from handpipe.fem.potential import Potential, Sum
 from handpipe.fem.spacing import spacing
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Int32Array = NDArray[np.int32]
 
 SMALL_STRAIN = 1e-3
 ROUNDINGS = 16.0  # errors of a unit in the last place that a sum of a vertex's forces may gather

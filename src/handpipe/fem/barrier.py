@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import ipctk
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import InputError
 from handpipe.fem.collision_surface import (
     collision_filter,
@@ -21,9 +21,6 @@ from handpipe.fem.collision_surface import (
 )
 from handpipe.fem.growing_pattern import GrowingPattern
 from handpipe.fem.potential import Potential, Sum
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 RESERVE = 0.9  # share of a free step that is taken
 REACH = 10.0  # mean edge lengths that no surface vertex moves beyond in one step: bounds the candidates
@@ -169,7 +166,7 @@ class Barrier:
         """Size (n,) in mN of the force on each vertex."""
         return np.asarray(np.sqrt((self.gradient(x) ** 2).sum(axis=1)))
 
-    def reached(self) -> NDArray[np.bool_]:
+    def reached(self) -> BoolArray:
         """Mask (n,) of the vertices that carry the surface."""
         return np.bincount(self._narrow.indices, minlength=self._narrow.shape[1]) > 0
 

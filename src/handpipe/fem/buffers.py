@@ -5,9 +5,8 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from handpipe.arrays import Array
 
 KEPT = 3  # arrays: two matrices that a solver compares, and the next one
 OWN_REFERENCES = 3  # the list, the loop variable and the argument of getrefcount

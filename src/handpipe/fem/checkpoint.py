@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from handpipe.arrays import Array
+
 log = logging.getLogger(__name__)
 
 

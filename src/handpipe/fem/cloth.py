@@ -7,15 +7,11 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, Int32Array, IntArray
 from handpipe.errors import InputError
 from handpipe.fem.assembly import Pattern
 from handpipe.fem.materials import Material
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Int32Array = NDArray[np.int32]
 
 
 class _Sheet(NamedTuple):

@@ -5,10 +5,8 @@ from __future__ import annotations
 import ipctk
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from handpipe.arrays import Array, BoolArray, IntArray
 
 NEIGHBOUR_RINGS = 3  # so many edges apart along a surface, vertices that are near at rest are neighbours
 
@@ -52,7 +50,7 @@ def collision_mesh(positions: Array, triangles: IntArray, count: int) -> ipctk.C
     return mesh
 
 
-def _capped(areas: Array, own: NDArray[np.bool_]) -> Array:
+def _capped(areas: Array, own: BoolArray) -> Array:
     out = np.array(areas)
     out[~own] = np.minimum(out[~own], np.median(out[own]))
     return out

@@ -10,9 +10,8 @@ from enum import Enum
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from handpipe.arrays import Array
 
 JUDGED_AFTER = 4  # iterations at least (or a quarter of all), whose mean rate foretells the rest
 SLACK = 1.5  # since convergence speeds up

@@ -11,14 +11,14 @@ from typing import Self, TypeAlias, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.fem.closest_feature import shape_operators
 from handpipe.fem.points import PointPotential, per_point
 from handpipe.mesh.distance import Distance
 
-Array = NDArray[np.float64]
 Operator: TypeAlias = sp.spmatrix | sp.sparray
 Kind = TypeVar("Kind", bound=PointPotential)
 

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.fem.assembly import Pattern
 from handpipe.fem.tet_kernels import Body, volume_ratios
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 CRUSHED = 0.1  # of its volume at rest: where the barrier begins
 STEEPEST = 1e-3  # of that: below, the barrier is quadratic, so that an inverted start has an energy

@@ -8,14 +8,13 @@ from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix
 from handpipe.fem.potential import Sum
 from handpipe.fem.record import Record
 from handpipe.fem.workspace import Workspace
 
-Array = NDArray[np.float64]
 Result = TypeVar("Result")
 
 LEAST_BLEND = 1 / 16  # smaller shares of the projected Hessian are not tried
@@ -28,7 +27,7 @@ class Directions:
     `convexified` tells whether the last Hessian was not positive definite.
     """
 
-    def __init__(self, energy: Sum, free: NDArray[np.bool_], workspace: Workspace, record: Record) -> None:
+    def __init__(self, energy: Sum, free: BoolArray, workspace: Workspace, record: Record) -> None:
         self.energy, self.free, self.workspace, self.record = energy, free, workspace, record
         self.convexified = False
         self._share = 0.0

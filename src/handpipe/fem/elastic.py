@@ -7,8 +7,8 @@ import copy
 import numpy as np
 import scipy.sparse as sp
 from numba import get_num_threads, njit
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
 from handpipe.fem import plasticity, tet_kernels
 from handpipe.fem.assembly import Pattern
@@ -18,9 +18,6 @@ from handpipe.fem.partition import Partition, spatial_order
 from handpipe.fem.tangles import Tangles
 from handpipe.fem.tet_checks import check_tets
 from handpipe.fem.tet_kernels import Body, gather
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 PARALLEL_TETS = 30_000  # below, on a busy machine waiting for the other thread costs more than it saves
 

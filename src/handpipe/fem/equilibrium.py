@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.errors import ConvergenceError, InputError
 from handpipe.fem.attempts import Attempts, minimum
 from handpipe.fem.checkpoint import Checkpoint
@@ -20,7 +21,6 @@ from handpipe.fem.workspace import Workspace
 
 __all__ = ["Equilibrium", "Options", "Record", "Steps", "continuation", "solve"]
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 TANGLED_STEP = 1 / 8  # of the first step: above it, a step that ends tangled is halved
@@ -99,7 +99,7 @@ class _Path:
         self,
         make_potentials: Callable[[float], Sequence[Potential]],
         prescribed: Callable[[float], Array] | None,
-        free: NDArray[np.bool_],
+        free: BoolArray,
         options: Options,
         intermediate: Options,
     ) -> None:
@@ -206,7 +206,7 @@ class _Path:
         raise ConvergenceError(self.options.name, self.record.reason)
 
 
-def _free(fixed: NDArray | None, size: int) -> NDArray[np.bool_]:
+def _free(fixed: NDArray | None, size: int) -> BoolArray:
     """Mask (3n,) of the unknowns."""
     free = np.ones(size, dtype=bool)
     if fixed is None:

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.potential import Potential, Sum
-
-Array = NDArray[np.float64]
 
 
 class Expansion:
@@ -19,7 +17,7 @@ class Expansion:
     It stands for costly energies of a large body where few nodes move, and little.
     """
 
-    def __init__(self, potentials: Sequence[Potential], x: Array, nodes: NDArray[np.bool_]) -> None:
+    def __init__(self, potentials: Sequence[Potential], x: Array, nodes: BoolArray) -> None:
         """At positions x (n, 3), for the moves of the nodes of a mask (n,), in their order."""
         energy, chosen = Sum(potentials), np.repeat(nodes, 3)
         self._start = x[nodes]

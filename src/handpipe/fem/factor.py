@@ -7,11 +7,9 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import HandpipeError
-
-Array = NDArray[np.float64]
 
 
 class NotPositiveDefinite(HandpipeError):

@@ -7,10 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Int32Array = NDArray[np.int32]
+from handpipe.arrays import Int32Array
 
 EXCESS = 4  # a pattern with so many times the entries that are needed is given up
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Inertia:

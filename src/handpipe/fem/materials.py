@@ -11,12 +11,12 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.fem.matrix3 import cofactor, determinant, rotational_svd, symmetric_eigen
 
-Array = NDArray[np.float64]
 Model = Literal["stable-neo-hookean", "stvk"]
 MODELS: dict[str, int] = {"stable-neo-hookean": 0, "stvk": 1}
 NEO_HOOKEAN = 0

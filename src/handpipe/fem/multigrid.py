@@ -5,15 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pyamg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import InputError
 from handpipe.fem.factor import Factor
 from handpipe.fem.linear import factorise
 from handpipe.fem.nullspace import rigid_modes
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 COARSEST = 12_000  # unknowns that are factorised: a third fewer iterations than with further levels
 STRENGTH = 0.03  # of a connection that aggregates; at 0.08 aggregates are small for nu = 0.3
@@ -27,7 +24,7 @@ class Multigrid:
     ones are filled in with a diagonal, which does not change the solution of the others.
     """
 
-    def __init__(self, matrix: sp.csr_matrix, free: NDArray[np.bool_], rest: Array) -> None:
+    def __init__(self, matrix: sp.csr_matrix, free: BoolArray, rest: Array) -> None:
         """`free` is a mask (3n,) of N unknowns, `rest` (n, 3) positions, whose rigid modes are near-null.
 
         Raises `NotPositiveDefinite` where the coarsest matrix is not, hence neither the finest.

@@ -7,8 +7,8 @@ import math
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fem import unheld
 from handpipe.fem.balance import Balance, lengths, rounding
 from handpipe.fem.checkpoint import Checkpoint
@@ -19,8 +19,6 @@ from handpipe.fem.record import Options, Record
 from handpipe.fem.spacing import spacing
 from handpipe.fem.workspace import Workspace
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 log = logging.getLogger(__name__)
 
 ARMIJO = 1e-4  # share of the predicted decrease that a step must bring
@@ -47,7 +45,7 @@ class Newton:
         self,
         energy: Sum,
         x: Array,
-        free: NDArray[np.bool_],
+        free: BoolArray,
         options: Options,
         workspace: Workspace,
         checkpoint: Checkpoint | None = None,
@@ -171,7 +169,7 @@ class Newton:
         self._pin(unheld.pins(self.energy, stiffness, self.x, self.free))
         return True
 
-    def _set_unknowns(self, unknowns: NDArray[np.bool_]) -> None:
+    def _set_unknowns(self, unknowns: BoolArray) -> None:
         self._unknowns = unknowns
         self._directions = Directions(self.energy, unknowns, self._workspace, self.record)
 

@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.fem.linear import factorise
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def unit_twists(x: Array, centre: Array, size: float) -> Array:

@@ -11,12 +11,11 @@ import logging
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.balance import lengths
 from handpipe.fem.potential import Sum
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 NEARLY = 1e-3  # of the activation distance: surfaces nearer than this are opened
@@ -25,7 +24,7 @@ WEAK = 1e-3  # of the largest contact force: vertices with more are moved by as 
 ROUNDS = 30
 
 
-def opened(energy: Sum, x: Array, free: NDArray[np.bool_], name: str) -> Array:
+def opened(energy: Sum, x: Array, free: BoolArray, name: str) -> Array:
     """Positions (n, 3) near x whose gaps are a thousandth of the barriers' activation distance at least.
 
     Vertices move along the barrier's forces, as far as contact lets them; fixed degrees of freedom (those not

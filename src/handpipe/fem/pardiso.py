@@ -14,10 +14,9 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, Int32Array
 from handpipe.fem.factor import NotPositiveDefinite, Pattern, SingularMatrix, Work, check_memory
 
-Array = NDArray[np.float64]
-Int32Array = NDArray[np.int32]
 log = logging.getLogger(__name__)
 
 BALANCE = 28.0  # see Work

@@ -6,11 +6,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Int32Array = NDArray[np.int32]
+from handpipe.arrays import Array, Int32Array, IntArray
 
 
 class Share(NamedTuple):

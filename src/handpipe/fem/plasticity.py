@@ -8,12 +8,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.fem.matrix3 import rotational_svd
-
-Array = NDArray[np.float64]
 
 ROWS = np.array([0, 0, 0, 1, 1, 2])
 COLUMNS = np.array([0, 1, 2, 1, 2, 2])

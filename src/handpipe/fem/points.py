@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from handpipe.arrays import Array, BoolArray, Int32Array
 from handpipe.errors import InputError
 from handpipe.fem.assembly import Pattern
-
-Array = NDArray[np.float64]
-Int32Array = NDArray[np.int32]
 
 
 class PointPotential:
@@ -65,7 +63,7 @@ class PointPotential:
         """Sum (n,) of the sizes in mN of the forces that points put on each vertex."""
         return abs(self.operator).T @ np.sqrt((self.forces(self.points(x)) ** 2).sum(axis=1))
 
-    def reached(self) -> NDArray[np.bool_]:
+    def reached(self) -> BoolArray:
         """Mask (n,) of the vertices that carry points."""
         return np.bincount(self.operator.indices, minlength=self.operator.shape[1]) > 0
 

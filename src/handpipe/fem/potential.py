@@ -8,12 +8,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import scipy.sparse as sp
 from numba import get_num_threads, njit, prange
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, Int32Array
 from handpipe.fem.buffers import Buffers
-
-Array = NDArray[np.float64]
-Int32Array = NDArray[np.int32]
 
 PARALLEL_ENTRIES = 1_000_000  # of a matrix; fewer are moved sooner than a thread is woken
 

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix
 from handpipe.fem.potential import Sum
 from handpipe.fem.spacing import spacing
 from handpipe.fem.workspace import Workspace
 
-Array = NDArray[np.float64]
-
 TOLERANCE = 1e-3  # relative error of the linear solve; looser ones leave compressed tets at nu = 0.48
 NEAR = 1e-3  # of the spacing of vertices: a tangent from there serves
 
 
-def predict(energy: Sum, x: Array, target: Array, free: NDArray[np.bool_], workspace: Workspace) -> Array:
+def predict(energy: Sum, x: Array, target: Array, free: BoolArray, workspace: Workspace) -> Array:
     """Move the fixed degrees of freedom of x (n, 3) to the target and the others with them.
 
     One linear solve with the tangent stiffness at x, projected where it is not positive definite.
@@ -37,9 +35,7 @@ def predict(energy: Sum, x: Array, target: Array, free: NDArray[np.bool_], works
     return start
 
 
-def _response(
-    matrix: sp.csr_matrix, moved: Array, free: NDArray[np.bool_], workspace: Workspace
-) -> Array | None:
+def _response(matrix: sp.csr_matrix, moved: Array, free: BoolArray, workspace: Workspace) -> Array | None:
     """Displacements of the unknowns that balance those of the others (3n,); None where there are none."""
     force = -(matrix @ moved)[free]
     block = workspace.block(matrix, free)

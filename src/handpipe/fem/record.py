@@ -6,11 +6,9 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,19 +5,16 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 from numba import njit, prange
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, Int32Array
 from handpipe.fem.buffers import Buffers
 from handpipe.fem.potential import PARALLEL_ENTRIES, canonical, pattern_of
-
-Array = NDArray[np.float64]
-Int32Array = NDArray[np.int32]
 
 
 class FreeBlock:
     """Rows and columns of a mask of unknowns (N,), for all matrices of the pattern of `source`."""
 
-    def __init__(self, source: sp.csr_matrix, free: NDArray[np.bool_]) -> None:
+    def __init__(self, source: sp.csr_matrix, free: BoolArray) -> None:
         source.sort_indices()
         self.source = pattern_of(source)
         self._buffers = Buffers()
@@ -46,7 +43,7 @@ def _take(values: Array, places: Int32Array, out: Array) -> None:
 
 @njit(cache=True)
 def _pattern(
-    indptr: Int32Array, indices: Int32Array, free: NDArray[np.bool_]
+    indptr: Int32Array, indices: Int32Array, free: BoolArray
 ) -> tuple[Int32Array, Int32Array, Int32Array]:
     n = len(free)
     number = np.full(n, -1, dtype=np.int32)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from handpipe.arrays import Array
 
 
-def spacing(x: NDArray[np.float64]) -> float:
+def spacing(x: Array) -> float:
     """Mean distance in mm of vertices (n, 3) from their neighbours, by the volume of their box."""
     extent = np.ptp(x, axis=0)
     extent = np.maximum(extent, 1e-3 * extent.max())

@@ -7,12 +7,10 @@ With S the plastic strain, G its inverse, A = F G and e = w V0 |S| psi(A): a cha
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.fem import materials, plasticity
 from handpipe.fem.elastic import Elastic
-
-Array = NDArray[np.float64]
 
 BASIS = plasticity.to_matrices(np.eye(6))  # (6, 3, 3): the change of S with each of its six numbers
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.fem.factor import FactorTooLarge, NotPositiveDefinite, SingularMatrix, Work, check_memory
-
-Array = NDArray[np.float64]
 
 LARGEST = 40_000  # unknowns: multigrid is faster beyond (SuperLU took 256 s for 136,000)
 # Entries of L for N unknowns of a solid, k N^(4/3), and the bytes that SuperLU takes for each.

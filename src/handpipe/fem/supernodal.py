@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.fem.factor import NotPositiveDefinite, Pattern, SingularMatrix, Work, check_memory
-
-Array = NDArray[np.float64]
 
 BALANCE = 36.0  # see Work
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.fem.constraints import SurfaceContact, dyads
-
-Array = NDArray[np.float64]
 
 
 class SurfaceSliding(SurfaceContact):

@@ -13,6 +13,7 @@ import psutil
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.errors import InputError
 from handpipe.fem.conjugate_gradients import End, Iterations, conjugate_gradients, norm
 from handpipe.fem.factor import Factor, FactorTooLarge, NotPositiveDefinite, SingularMatrix
@@ -20,7 +21,6 @@ from handpipe.fem.linear import factorise
 from handpipe.fem.multigrid import Multigrid
 from handpipe.fem.two_level import TwoLevel
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 LEAST_SAVING = 12.0  # where a factorisation costs fewer iterations than this, always factorise
@@ -234,7 +234,7 @@ class SystemSequence:
         return found.x
 
 
-def _mask(free: NDArray | None, size: int, total: int) -> NDArray[np.bool_]:
+def _mask(free: NDArray | None, size: int, total: int) -> BoolArray:
     """Mask (3n,) of the unknowns; where `total` = 3n is not known, as far as indices reach."""
     if free is None:
         return np.ones(size, dtype=bool)

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, Int32Array, IntArray
 from handpipe.fem.assembly import Pattern
 from handpipe.fem.materials import (
     NEO_HOOKEAN,
@@ -23,10 +23,6 @@ from handpipe.fem.materials import (
 )
 from handpipe.fem.matrix3 import cofactor, determinant, rotational_svd
 from handpipe.fem.partition import Partition, Share
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Int32Array = NDArray[np.int32]
 
 
 class Body(NamedTuple):

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from pyamg.relaxation.relaxation import block_gauss_seidel
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import InputError
 from handpipe.fem.linear import factorise
-
-Array = NDArray[np.float64]
 
 
 class TwoLevel:
@@ -21,7 +19,7 @@ class TwoLevel:
     over the nodes, forward and backward.
     """
 
-    def __init__(self, matrix: sp.csr_matrix, free: NDArray[np.bool_], prolongation: sp.csr_matrix) -> None:
+    def __init__(self, matrix: sp.csr_matrix, free: BoolArray, prolongation: sp.csr_matrix) -> None:
         """`free` is a mask (3n,) of N unknowns, three or none of each node; `prolongation` is (n, c), whose
         columns have a one each at the first node that they carry most to, and are held where that is.
 
@@ -53,7 +51,7 @@ class TwoLevel:
         block_gauss_seidel(self._blocks, x, r, sweep=order, blocksize=3, Dinv=self._inverse)
 
 
-def with_nodes(prolongation: sp.csr_matrix, nodes: NDArray[np.int64]) -> sp.csr_matrix:
+def with_nodes(prolongation: sp.csr_matrix, nodes: IntArray) -> sp.csr_matrix:
     """The prolongation (n, c) with some nodes (k,) in the coarse space themselves, those that are not in it.
 
     Where single nodes are held far more stiffly than others, smoothing takes for ever.
@@ -65,7 +63,7 @@ def with_nodes(prolongation: sp.csr_matrix, nodes: NDArray[np.int64]) -> sp.csr_
     )
 
 
-def _own_nodes(prolongation: sp.csr_matrix) -> NDArray[np.int64]:
+def _own_nodes(prolongation: sp.csr_matrix) -> IntArray:
     """The node (c,) that each column carries most to, the first of several."""
     return np.asarray(prolongation.tocsc().argmax(axis=0)).ravel()
 

@@ -12,15 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fem.balance import lengths, loads, vertex_parts
 from handpipe.fem.nullspace import unit_twists
 from handpipe.fem.potential import Potential, Sum
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 HELD = 1e-9  # of the largest stiffness: a body softer than this against translation is looked at
 UNFELT = 1e-8  # of the force's size: forces in equilibrium leave rounding
@@ -31,7 +27,7 @@ FREE = 1e-10  # of a body's contact and spring stiffness: less against translati
 SHARE = 0.1  # of a body's load: a smaller net force is not what moves it
 
 
-def pins(energy: Sum, matrix: sp.csr_matrix, x: Array, free: Mask) -> IntArray:
+def pins(energy: Sum, matrix: sp.csr_matrix, x: Array, free: BoolArray) -> IntArray:
     """Unknowns whose fixing stops every rigid motion of x (n, 3) without resistance, and nothing else.
 
     `matrix` (3n, 3n) is the Hessian at x; `free` (3n,) masks the unknowns. Each connected part of the matrix
@@ -44,7 +40,7 @@ def pins(energy: Sum, matrix: sp.csr_matrix, x: Array, free: Mask) -> IntArray:
     return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
 
-def unbalanced(energy: Sum, matrix: sp.csr_matrix, x: Array, free: Mask) -> str:
+def unbalanced(energy: Sum, matrix: sp.csr_matrix, x: Array, free: BoolArray) -> str:
     """What constant load no potential can ever resist, by body and direction; empty where there is none.
 
     A body that contact may reach is not judged here: it may yet come to rest.
@@ -64,7 +60,7 @@ def unbalanced(energy: Sum, matrix: sp.csr_matrix, x: Array, free: Mask) -> str:
     return ""
 
 
-def drifting(energy: Sum, x: Array, start: Array, free: Mask) -> str:
+def drifting(energy: Sum, x: Array, start: Array, free: BoolArray) -> str:
     """Which body has moved far from `start` (n, 3) under a net load against which it has no stiffness.
 
     A fixed degree of freedom, one that is not in the mask `free` (3n,), stops its body in that direction.
@@ -117,7 +113,7 @@ def _free_shifts(stiffness: sp.csr_matrix, vertices: IntArray) -> Array:
     return np.asarray(directions[:, values <= FREE * whole])
 
 
-def _barred(potentials: Sequence[Potential], count: int) -> Mask:
+def _barred(potentials: Sequence[Potential], count: int) -> BoolArray:
     """Vertices (n,) that contact may reach, wherever they are now."""
     mask = np.zeros(count, dtype=bool)
     for potential in potentials:
@@ -126,7 +122,7 @@ def _barred(potentials: Sequence[Potential], count: int) -> Mask:
     return mask
 
 
-def _loose_parts(matrix: sp.csr_matrix, x: Array, free: Mask) -> list[IntArray]:
+def _loose_parts(matrix: sp.csr_matrix, x: Array, free: BoolArray) -> list[IntArray]:
     """Vertices of the connected parts whose unknowns do not resist some translation."""
     shifts = np.zeros((x.size, 3))
     for i in range(3):
@@ -147,7 +143,9 @@ def _loose_parts(matrix: sp.csr_matrix, x: Array, free: Mask) -> list[IntArray]:
     return np.split(order, np.flatnonzero(np.diff(parts[order])) + 1) if len(order) else []
 
 
-def _rows(potentials: Sequence[Potential], x: Array, parts: Sequence[IntArray], free: Mask) -> list[Array]:
+def _rows(
+    potentials: Sequence[Potential], x: Array, parts: Sequence[IntArray], free: BoolArray
+) -> list[Array]:
     """For each part, conditions (r, 6) on the rigid motions that nothing resists.
 
     Each potential's forces are compared with themselves alone: those of weak springs are far smaller than
@@ -172,7 +170,7 @@ def _rows(potentials: Sequence[Potential], x: Array, parts: Sequence[IntArray], 
     return [np.array(found).reshape(-1, 6) for found in rows]
 
 
-def _part_pins(rows: Array, x: Array, vertices: IntArray, free: Mask) -> IntArray:
+def _part_pins(rows: Array, x: Array, vertices: IntArray, free: BoolArray) -> IntArray:
     unfelt = _nullspace(rows)
     if unfelt.shape[1] == 0:
         return np.zeros(0, dtype=np.int64)

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.crushing import STEEPEST
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.linear import factorise
@@ -21,8 +21,6 @@ from handpipe.fem.record import Equilibrium, Options, Record
 from handpipe.fem.spacing import spacing
 from handpipe.fem.workspace import Workspace
 from handpipe.mesh.operators import dirichlet_matrix
-
-Array = NDArray[np.float64]
 
 TURNING = (0.3, 0.03, 0.003)  # shares below which the barrier is quadratic, while inverted tets turn over
 LOOSE = 0.02  # of the spacing of vertices: steps below it end the phase
@@ -57,7 +55,7 @@ def nearly_incompressible(energy: Sum) -> bool:
 
 
 def by_stand_in(
-    energy: Sum, x: Array, free: NDArray[np.bool_], options: Options, workspace: Workspace
+    energy: Sum, x: Array, free: BoolArray, options: Options, workspace: Workspace
 ) -> Equilibrium:
     """A shape near equilibrium of the compressible stand-in of every body, from x (n, 3)."""
     bodies = [p.compressible() if isinstance(p, Elastic) else p for p in energy.potentials]
@@ -78,9 +76,7 @@ def by_stand_in(
     return Equilibrium(newton.x, record)
 
 
-def uncrushed(
-    energy: Sum, x: Array, free: NDArray[np.bool_], options: Options, workspace: Workspace
-) -> Newton:
+def uncrushed(energy: Sum, x: Array, free: BoolArray, options: Options, workspace: Workspace) -> Newton:
     """The minimum near x (n, 3) of the energy with a barrier on volume.
 
     Where tets are inverted at x the barrier is quadratic at first: they turn over before it is steep.
@@ -102,7 +98,7 @@ def uncrushed(
     return newton
 
 
-def from_rest(energy: Sum, x: Array, free: NDArray[np.bool_]) -> Array:
+def from_rest(energy: Sum, x: Array, free: BoolArray) -> Array:
     """The rest shapes carried along with the fixed degrees of freedom of x (n, 3): argmin sum V |F - I|^2.
 
     Vertices of no body stay; bodies without fixed degrees of freedom get their rest positions.

@@ -6,13 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import ConvergenceError
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 REMEDY = "Move less from the scanned poses, or refine the mesh there."
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.potential import Sum, same_pattern
 from handpipe.fem.reduction import FreeBlock
 from handpipe.fem.system_sequence import SystemSequence
-
-Array = NDArray[np.float64]
 
 
 class Workspace:
@@ -27,7 +25,7 @@ class Workspace:
         self._free = np.zeros(0, dtype=bool)
         self._tangent: tuple[Sum, Array, sp.csr_matrix] | None = None
 
-    def block(self, matrix: sp.csr_matrix, free: NDArray[np.bool_]) -> sp.csr_matrix:
+    def block(self, matrix: sp.csr_matrix, free: BoolArray) -> sp.csr_matrix:
         """The rows and columns of the unknowns, a mask (3n,)."""
         known = self._block is not None and np.array_equal(free, self._free)
         if not known or not same_pattern(self._block.source, matrix):  # type: ignore[union-attr]

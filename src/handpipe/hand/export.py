@@ -17,11 +17,12 @@ import numpy as np
 import pygltflib as gltf
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.artifacts import atomic, write_text
 from handpipe.hand.appearance import colour, opacity, shown, tissue
 from handpipe.hand.simulation import SimulatedFrame
 from handpipe.layer_registry import LAYERS
-from handpipe.layers import Array, IntArray, Shape
+from handpipe.layers import Shape
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 

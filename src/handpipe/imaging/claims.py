@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from handpipe import artifacts
+from handpipe.arrays import BoolArray
 from handpipe.artifacts import write_text
 from handpipe.errors import ConvergenceError, InputError
 from handpipe.imaging.open_boundary import open_patch
@@ -240,14 +241,14 @@ def _left_over(volume: Volume, bones: Mapping[str, BoneProbability], name: str, 
     return Unclaimed(left.volume, left.middle + lower)
 
 
-def _border(claimed: NDArray[np.bool_]) -> float:
+def _border(claimed: BoolArray) -> float:
     """Share of the claimed voxels that a layer of `BORDER` voxels at their boundary amounts to."""
     padded = np.pad(claimed, 1)
     faces = sum(np.count_nonzero(np.diff(padded, axis=axis)) for axis in range(3))
     return BORDER * STAIRS * float(faces) / max(int(np.count_nonzero(claimed)), 1)
 
 
-def _enclosed(volume: Volume, bone: BoneProbability, claimed: NDArray[np.bool_], level: float) -> float:
+def _enclosed(volume: Volume, bone: BoneProbability, claimed: BoolArray, level: float) -> float:
     """Share of the claimed voxels beside unclaimed ones that have a dark voxel within `SHELL`.
 
     The volume's border is no boundary: whatever the bone has beyond it is not seen.
@@ -261,13 +262,13 @@ def _enclosed(volume: Volume, bone: BoneProbability, claimed: NDArray[np.bool_],
     return float((distance[beside] < SHELL + 0.5 * volume.spacing.max()).mean())
 
 
-def _cut_off(bone: BoneProbability, claimed: NDArray[np.bool_], shape: tuple[int, int, int]) -> bool:
+def _cut_off(bone: BoneProbability, claimed: BoolArray, shape: tuple[int, int, int]) -> bool:
     """Whether claimed voxels lie on a face of the whole volume."""
     index = np.argwhere(claimed) + bone.offset
     return bool(((index == 0) | (index == np.array(shape) - 1)).any())
 
 
-def _spans(bone: BoneProbability, claimed: NDArray[np.bool_], shape: tuple[int, int, int]) -> bool:
+def _spans(bone: BoneProbability, claimed: BoolArray, shape: tuple[int, int, int]) -> bool:
     """Whether claimed voxels lie on two opposite faces of the whole volume."""
     index = np.argwhere(claimed) + bone.offset
     return bool(((index == 0).any(axis=0) & (index == np.array(shape) - 1).any(axis=0)).any())

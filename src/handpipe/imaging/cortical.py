@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.imaging.band import DistanceBand, at_closest
 from handpipe.imaging.marrow import Cortex, contour, cortical_layers, extent_along, within
 from handpipe.imaging.profiles import graph_laplacian, smooth_field
@@ -20,8 +20,6 @@ from handpipe.imaging.shell_watershed import THICKEST, outer_faces, shell_basins
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.smoothing import taubin
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 STIFFNESS = 0.5
 OUTLIER, OUTLIER_THICKER = 0.6, 0.5  # mm; a dark neighbour only ever thickens the shell

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from handpipe.arrays import Array
 
 WINDOW = 2.5  # deviations of the blur beyond a face that the fit looks at
 SIGNIFICANT = 0.25  # least rise to the outer tissue, of the inner tissue's contrast with the layer

@@ -13,19 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from scipy import ndimage
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.artifacts import write_text
 from handpipe.config import Model
 from handpipe.errors import InputError
 from handpipe.imaging.profiles import BLUR, graph_laplacian, sample_profiles, smooth_field, summed_curvature
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +57,7 @@ def boundary_markers(
     volume: Volume,
     surface: Surface,
     settings: MarkerSettings | None = None,
-    forbid: NDArray[np.bool_] | None = None,
+    forbid: BoolArray | None = None,
     muscle_level: float | None = None,
 ) -> Markers:
     """Edges between muscle inside and another tissue outside, near the surface of a guess.

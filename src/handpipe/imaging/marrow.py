@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage import measure
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.imaging.bridges import bridged
 from handpipe.imaging.dark_layer import WINDOW, DarkLayers, fit_dark_layers, fit_dark_level
@@ -17,8 +18,6 @@ from handpipe.imaging.segmentation import BoneProbability
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.smoothing import taubin
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 SMOOTHING = (0.7, 0.35)  # voxels
 FADED = 0.9  # of the claimed voxels: with less left, smoothing was too much

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.measure import block_reduce
 
+from handpipe.arrays import IntArray
 from handpipe.imaging.volume import Volume
-
-Array = NDArray[np.float64]
 
 LEVEL_GRID = 2.0  # mm, of the field of levels
 LEVEL_REACH = 8.0  # mm within which some marrow or fat lies, wherever there is a bone
@@ -47,7 +46,7 @@ class MarrowEvidence:
         return MarrowEvidence(fine, bright, darkest.like(ndimage.minimum_filter(darkest.values, 3)))
 
 
-def blocks(volume: Volume, steps: NDArray[np.int64], reduction: object) -> Volume:
+def blocks(volume: Volume, steps: IntArray, reduction: object) -> Volume:
     """One voxel for each block of steps (3,) voxels; what does not fill a block at the end is left out."""
     whole = [slice(0, max(n // s, 1) * s) for n, s in zip(volume.shape, steps, strict=True)]
     values = block_reduce(volume.values[tuple(whole)], tuple(int(s) for s in steps), reduction)

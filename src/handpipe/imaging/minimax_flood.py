@@ -13,14 +13,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from handpipe.arrays import BoolArray
+
 STEPS = 250  # costs between 0 and `HIGHEST`
 HIGHEST = 1.25  # in units of the values: what costs more is not reached
 
 
 def flood(
     values: NDArray,
-    sources: NDArray[np.bool_],
-    allowed: NDArray[np.bool_],
+    sources: BoolArray,
+    allowed: BoolArray,
     references: NDArray | None = None,
     brighter: bool = False,
 ) -> NDArray[np.float32]:

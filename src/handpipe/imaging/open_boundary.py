@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from handpipe.arrays import Array, BoolArray
+
 SHELL = 1.0  # mm from the marrow's boundary within which the shell is dark
 DARK = 0.42  # of the marrow's level: grey tissue and dim marrow are brighter
 VALLEY = 0.15  # of that level: a thinner shell is darker by this than the tissue on both sides
@@ -22,13 +24,13 @@ class Patch(NamedTuple):
     """The largest connected part of a boundary without a shell: area in mm^2, middle voxel (3,)."""
 
     area: float
-    middle: NDArray[np.float64]
+    middle: Array
 
 
 NOWHERE = Patch(0.0, np.zeros(3))
 
 
-def open_patch(values: NDArray, claimed: NDArray[np.bool_], spacing: NDArray) -> Patch:
+def open_patch(values: NDArray, claimed: BoolArray, spacing: NDArray) -> Patch:
     """The largest open patch of a claim (nx, ny, nz); values: intensities in units of the marrow's level.
 
     Beyond the borders of the arrays nothing is seen: faces there are not open.
@@ -47,9 +49,7 @@ def open_patch(values: NDArray, claimed: NDArray[np.bool_], spacing: NDArray) ->
     return Patch(float(sums[largest - 1]), np.argwhere(parts == largest).mean(axis=0))
 
 
-def _open_faces(
-    values: NDArray, claimed: NDArray[np.bool_], axis: int, step: int, spacing: float
-) -> NDArray[np.bool_]:
+def _open_faces(values: NDArray, claimed: BoolArray, axis: int, step: int, spacing: float) -> BoolArray:
     """Claimed voxels whose next voxel along an axis is not claimed, and no dark layer or valley follows."""
     near = int(np.floor(SHELL / spacing + 0.5)) + 1
     far = near + int(np.ceil(BEYOND / spacing))

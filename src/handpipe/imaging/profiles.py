@@ -5,16 +5,13 @@ from __future__ import annotations
 import igl
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import cg
 
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import ConvergenceError
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.smoothing import averaging
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLUR = 0.5  # voxels: deviation of a voxel's box, 0.29, and of trilinear interpolation, 0.41, together
 

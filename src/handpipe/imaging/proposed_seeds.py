@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.imaging.rasterise import rasterise
 from handpipe.imaging.segmentation import BACKGROUND
 from handpipe.imaging.volume import Labels, Volume
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 DEEP = 1.4  # voxels inside the marrow
 LEAST = 0.6  # of the greatest depth, where the marrow is thinner
@@ -48,7 +46,7 @@ def propose(
     return seeds
 
 
-def _around(volume: Volume, whole: Mapping[int, Surface]) -> NDArray[np.bool_]:
+def _around(volume: Volume, whole: Mapping[int, Surface]) -> BoolArray:
     """Voxels (nx, ny, nz) in a shell about all bones, found on a grid of `GRID`."""
     step = _step(volume)
     affine = volume.affine.copy()
@@ -62,12 +60,12 @@ def _around(volume: Volume, whole: Mapping[int, Surface]) -> NDArray[np.bool_]:
     return shell[tuple(slice(0, n) for n in volume.shape)]
 
 
-def _step(volume: Volume) -> NDArray[np.int64]:
+def _step(volume: Volume) -> IntArray:
     """Voxels (3,) from one place of the coarse grid to the next."""
     return np.maximum(np.round(GRID / volume.spacing), 1).astype(np.int64)
 
 
-def marrow_core(volume: Volume, marrow: Surface) -> NDArray[np.int64]:
+def marrow_core(volume: Volume, marrow: Surface) -> IntArray:
     """Voxels (n, 3) deep inside a marrow surface; the deepest ones where it is thin.
 
     Between its ends the deepest of every slice across its long axis are among them: a walk from one end
@@ -90,19 +88,19 @@ def marrow_core(volume: Volume, marrow: Surface) -> NDArray[np.int64]:
     return voxels[depth > np.minimum(DEEP * size, LEAST * wanted)[slices]] + lower
 
 
-def _slices(places: Array, thickness: float) -> NDArray[np.int64]:
+def _slices(places: Array, thickness: float) -> IntArray:
     """Number (n,) of the slice across the long axis that each place (n, 3) is in."""
     centred = places - places.mean(axis=0)
     along = centred @ np.linalg.eigh(centred.T @ centred)[1][:, -1]
     return np.floor((along - along.min()) / thickness).astype(np.int64)
 
 
-def share_outside(voxels: NDArray[np.int64], truth: Labels, label: int) -> float:
+def share_outside(voxels: IntArray, truth: Labels, label: int) -> float:
     """Share of a bone's voxels (n, 3) that lie outside its true marrow; one where there are none."""
     return float((truth[tuple(voxels.T)] != label).mean()) if len(voxels) else 1.0
 
 
-def _distances(volume: Volume, surface: Surface, lower: NDArray[np.int64], upper: NDArray[np.int64]) -> Array:
+def _distances(volume: Volume, surface: Surface, lower: IntArray, upper: IntArray) -> Array:
     """Signed distances in mm of the voxels lower <= index < upper to a surface, exact within `GRID` of it.
 
     Farther away they come from a coarse grid: in a waist, that would miss what little depth there is.
@@ -117,7 +115,7 @@ def _distances(volume: Volume, surface: Surface, lower: NDArray[np.int64], upper
     return found
 
 
-def _refined(coarse: Array, step: NDArray[np.int64], shape: NDArray[np.int64]) -> Array:
+def _refined(coarse: Array, step: IntArray, shape: IntArray) -> Array:
     """A field on every step-th voxel made linear between them, axis by axis."""
     for axis in range(3):
         at = np.arange(shape[axis]) / step[axis]

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 
 INSIDE, OUTSIDE = 1, 2
@@ -41,8 +42,8 @@ class Stop(NamedTuple):
 class Level(NamedTuple):
     """Edges (3, nx, ny, nz) from each free voxel to its next along each axis, diagonal (nx, ny, nz)."""
 
-    edges: NDArray[np.float64]
-    diagonal: NDArray[np.float64]
+    edges: Array
+    diagonal: Array
 
 
 def random_walker(
@@ -52,7 +53,7 @@ def random_walker(
     start: NDArray | None = None,
     spacing: NDArray | None = None,
     stop: Stop | None = None,
-) -> NDArray[np.float64]:
+) -> Array:
     """Probability (nx, ny, nz) that a walk from a voxel reaches an inside seed first.
 
     values (nx, ny, nz): intensities in units of a tissue contrast, so that `beta` has no unit;
@@ -213,7 +214,7 @@ def _prolong_add(x, coarse, diagonal):  # type: ignore[no-untyped-def]
                     x[i, j, k] += coarse[(i + 1) // 2, (j + 1) // 2, (k + 1) // 2]
 
 
-def _v_cycle(levels: list[Level], b: NDArray, depth: int = 0) -> NDArray[np.float64]:
+def _v_cycle(levels: list[Level], b: NDArray, depth: int = 0) -> Array:
     """One symmetric V-cycle from zero for A x = b."""
     edges, diagonal = levels[depth]
     x = np.zeros_like(b)
@@ -233,7 +234,7 @@ def _doubts(x: NDArray, error: NDArray) -> int:
     return int(np.count_nonzero(np.abs(error) > np.abs(x - 0.5)))
 
 
-def _conjugate_gradients(levels: list[Level], b: NDArray, x: NDArray, stop: Stop) -> NDArray[np.float64]:
+def _conjugate_gradients(levels: list[Level], b: NDArray, x: NDArray, stop: Stop) -> Array:
     """Solve to where the preconditioned residual, an estimate of the error, is below the tolerance, or moves
     no more than a share of the voxels across 0.5."""
     fine = levels[0]

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from handpipe.arrays import BoolArray
 from handpipe.imaging.volume import Volume, box
 from handpipe.mesh.surface import Surface
 
@@ -23,7 +24,7 @@ def rasterise(volume: Volume, surfaces: Mapping[int, Surface]) -> NDArray[np.uin
     return labels
 
 
-def inside(volume: Volume, surface: Surface) -> NDArray[np.bool_]:
+def inside(volume: Volume, surface: Surface) -> BoolArray:
     """Whether the voxels' centres (nx, ny, nz) lie inside a closed surface that faces outwards."""
     crossings = _crossings(volume.to_index(surface.vertices), surface.triangles, volume.shape)
     return np.cumsum(crossings, axis=2, dtype=np.int16)[:, :, :-1] > 0

@@ -13,15 +13,14 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skimage.filters import threshold_li
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.errors import InputError
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
 Fit = Callable[[Array], float]
 
 log = logging.getLogger(__name__)
@@ -80,7 +79,7 @@ class Foreground:
     """Places (n, 3) of an image in mm and which of them are in the body (n,)."""
 
     points: Array
-    body: NDArray[np.bool_]
+    body: BoolArray
 
     @staticmethod
     def of(volume: Volume) -> Foreground:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy import ndimage
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.config import Model
 from handpipe.errors import InputError
 from handpipe.imaging.random_walker import INSIDE, OUTSIDE, Stop, random_walker
@@ -20,7 +21,6 @@ from handpipe.imaging.volume import Labels, Volume, box
 
 logger = logging.getLogger(__name__)
 
-IntArray = NDArray[np.int64]
 
 BACKGROUND = 255
 BRIGHT_PERCENTILE = 99.0  # of the volume: fat and marrow
@@ -53,7 +53,7 @@ class BoneProbability:
     in voxels of the whole volume.
     """
 
-    offset: NDArray[np.int64]
+    offset: IntArray
     probability: NDArray[np.float32]
     undecided: float = 0.0
     undecided_at: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -75,7 +75,7 @@ class BoneProbability:
         local, inside = self._local(indices)
         self.probability[tuple(local[inside].T)] = values[inside]
 
-    def _local(self, indices: IntArray) -> tuple[IntArray, NDArray[np.bool_]]:
+    def _local(self, indices: IntArray) -> tuple[IntArray, BoolArray]:
         local = indices - self.offset
         inside = np.all((local >= 0) & (local < self.probability.shape), axis=1)
         return local, inside
@@ -182,9 +182,7 @@ def _risen(problem: LocalProblem) -> float:
     return problem.level * (level if RISE[0] < level < RISE[1] else 1.0)
 
 
-def walk(
-    problem: LocalProblem, spacing: NDArray, beta: float, start: NDArray | None = None
-) -> NDArray[np.float64]:
+def walk(problem: LocalProblem, spacing: NDArray, beta: float, start: NDArray | None = None) -> Array:
     """The walker's probability (nx, ny, nz), as exact as claims need it."""
     stop = Stop(undecided=UNDECIDED)
     return random_walker(problem.values, problem.marks, beta, start, spacing=spacing, stop=stop)
@@ -211,7 +209,7 @@ def _growing(
     lower: IntArray,
     upper: IntArray,
     settings: SegmentationSettings,
-) -> tuple[LocalProblem, NDArray[np.bool_]]:
+) -> tuple[LocalProblem, BoolArray]:
     """The problem in a box, and the voxels (nx, ny, nz) that have to end inside the box."""
     values, marked = volume.values[box(lower, upper)] / np.float32(level), seeds[box(lower, upper)]
     dark, other = values < settings.dark, (marked != 0) & (marked != label)
@@ -241,7 +239,7 @@ def _around_seeds(volume: Volume, seeds: Labels, label: int) -> tuple[IntArray, 
     return own.min(0), own.max(0) + 1, level
 
 
-def _check_length(claimed: NDArray[np.bool_], spacing: NDArray, label: int) -> None:
+def _check_length(claimed: BoolArray, spacing: NDArray, label: int) -> None:
     """Raise `InputError` where what the seeds lie in is longer than a bone of the hand."""
     low, high = bounds(claimed)
     length = float(np.max((high - low) * spacing))
@@ -271,13 +269,13 @@ def _in_box(bone: BoneProbability, lower: IntArray, upper: IntArray) -> NDArray[
     return out
 
 
-def bounds(mask: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
+def bounds(mask: BoolArray) -> tuple[IntArray, IntArray]:
     """First voxel (3,) and the one after the last (3,) of a mask's box; the mask must not be empty."""
     spans = [np.flatnonzero(mask.any(axis=tuple(c for c in range(3) if c != axis))) for axis in range(3)]
     return np.array([s[0] for s in spans]), np.array([s[-1] + 1 for s in spans])
 
 
-def _connected(probability: NDArray, seeds: NDArray[np.bool_]) -> NDArray:
+def _connected(probability: NDArray, seeds: BoolArray) -> NDArray:
     """Keep only the claimed voxels that hang together with a seed; holes inside the marrow are filled."""
     parts, _ = ndimage.label(probability > 0.5)
     kept = np.isin(parts, np.setdiff1d(parts[seeds], 0))
@@ -286,9 +284,7 @@ def _connected(probability: NDArray, seeds: NDArray[np.bool_]) -> NDArray:
     return np.where(filled & ~kept, 1 - np.minimum(probability, 0.5), np.where(stray, 0.0, probability))
 
 
-def touched(
-    mask: NDArray[np.bool_], lower: IntArray, upper: IntArray, shape: tuple[int, int, int]
-) -> NDArray[np.bool_]:
+def touched(mask: BoolArray, lower: IntArray, upper: IntArray, shape: tuple[int, int, int]) -> BoolArray:
     """Which faces (2, 3), first and last along each axis, a mask reaches in its box lower <= index < upper.
 
     Faces that are faces of the whole volume do not count.

@@ -19,13 +19,12 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 from skimage.segmentation import watershed
 
+from handpipe.arrays import Array, BoolArray, Int32Array, IntArray
 from handpipe.imaging.band import DistanceBand, at_closest
 from handpipe.imaging.marrow import Cortex
 from handpipe.imaging.profiles import graph_laplacian, sample_profiles, smooth_field
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 THICKEST = 2.2  # mm of cortical bone in a hand
 REACH = THICKEST + 1.0  # mm either side of the marrow's surface that are flooded
@@ -47,7 +46,7 @@ class OuterFaces(NamedTuple):
     something bright (n,), so that the image shows the face."""
 
     offset: Array
-    seen: NDArray[np.bool_]
+    seen: BoolArray
 
 
 def shell_basins(volume: Volume, cortex: Cortex, marrow: Surface, others: Sequence[Surface] = ()) -> Volume:
@@ -154,7 +153,7 @@ def _markers(
     depth: NDArray[np.float32],
     cortex: Cortex,
     others: Sequence[Surface],
-) -> NDArray[np.int32]:
+) -> Int32Array:
     """Markers (nx, ny, nz) of the basins; 0 where the flood decides.
 
     distance: from the marrow's surface; depth: from the darkest place outside it, less than 0 before it.
@@ -182,8 +181,8 @@ def _valley(volume: Volume, cortex: Cortex, marrow: Surface) -> Array:
 
 
 def _nearer_to(
-    others: Sequence[Surface], grid: FineGrid, where: NDArray[np.bool_], distance: NDArray[np.float32]
-) -> NDArray[np.int64]:
+    others: Sequence[Surface], grid: FineGrid, where: BoolArray, distance: NDArray[np.float32]
+) -> IntArray:
     """Voxels (m, 3) of those asked for that are nearer to other surfaces' vertices than to the own one."""
     indices = np.argwhere(where)
     close = [s.vertices[_within(s.vertices, grid, REACH)] for s in others]
@@ -195,7 +194,7 @@ def _nearer_to(
     return indices[other < own]
 
 
-def _within(points: Array, grid: FineGrid, reach: float) -> NDArray[np.bool_]:
+def _within(points: Array, grid: FineGrid, reach: float) -> BoolArray:
     """Which points (n, 3) lie in the grid's box or within `reach` mm of it."""
     index = (points - grid.affine[:3, 3]) @ np.linalg.inv(grid.affine[:3, :3]).T
     margin = reach / np.linalg.norm(grid.affine[:3, :3], axis=0)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.imaging.minimax_flood import flood
 from handpipe.imaging.random_walker import INSIDE, OUTSIDE
 
@@ -39,14 +40,12 @@ class SureMarks(NamedTuple):
     clearly better; middle (3,): of that part, in voxels."""
 
     marks: NDArray[np.uint8]
-    growing: NDArray[np.bool_]
+    growing: BoolArray
     undecided: float
-    middle: NDArray[np.float64]
+    middle: Array
 
 
-def sure_marks(
-    values: NDArray, inside: NDArray[np.bool_], outside: NDArray[np.bool_], allowed: NDArray[np.bool_]
-) -> SureMarks:
+def sure_marks(values: NDArray, inside: BoolArray, outside: BoolArray, allowed: BoolArray) -> SureMarks:
     """The strokes, and the voxels that belong to one side's strokes for sure.
 
     A part behind a barrier that nothing decides stays free if it is small, and is outside if it is much

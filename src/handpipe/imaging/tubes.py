@@ -6,18 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import make_splprep
 from skimage.graph import route_through_array
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.imaging.profiles import smooth_field
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 RAYS = 24  # around a section
 STEP = 0.1  # mm along a ray

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from handpipe.arrays import Array, BoolArray
+
 BRIGHT = (0.4, 0.65)  # of the marrow's level: thresholds at which a shell may be closed
 RIM = 2  # voxels around a claim that its blurred boundary takes
 FARTHEST = 25.0  # mm of solid bone between two parts of one marrow
@@ -25,15 +27,13 @@ class Unclaimed(NamedTuple):
     """The largest part that is left over: volume in mm^3, middle voxel (3,)."""
 
     volume: float
-    middle: NDArray[np.float64]
+    middle: Array
 
 
 NOTHING = Unclaimed(0.0, np.zeros(3))
 
 
-def unclaimed_marrow(
-    values: NDArray, claimed: NDArray[np.bool_], others: NDArray[np.bool_], spacing: NDArray
-) -> Unclaimed:
+def unclaimed_marrow(values: NDArray, claimed: BoolArray, others: BoolArray, spacing: NDArray) -> Unclaimed:
     """The largest bright part within a claim's shell that the claim lacks.
 
     Parameters
@@ -53,9 +53,9 @@ def unclaimed_marrow(
 def _largest(
     values: NDArray,
     threshold: float,
-    claimed: NDArray[np.bool_],
-    covered: NDArray[np.bool_],
-    others: NDArray[np.bool_],
+    claimed: BoolArray,
+    covered: BoolArray,
+    others: BoolArray,
     spacing: NDArray,
 ) -> Unclaimed:
     """The largest part brighter than a threshold."""
@@ -79,7 +79,7 @@ def _largest(
     return NOTHING
 
 
-def _joined(values: NDArray, claimed: NDArray[np.bool_], rest: NDArray, spacing: NDArray) -> bool:
+def _joined(values: NDArray, claimed: BoolArray, rest: NDArray, spacing: NDArray) -> bool:
     """Whether a part's voxels (m, 3) and the claim are the ends of one solid piece of bone.
 
     Half-way between them, and all the way but near the ends, it is dark for `AROUND` mm across: a joint's

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.artifacts import atomic, write_text
 from handpipe.config import Dataset
 from handpipe.errors import InputError
@@ -28,8 +29,6 @@ from handpipe.imaging.formats.nrrd_image import read_nrrd
 from handpipe.imaging.formats.segments import is_segmentation, read_segments
 from handpipe.imaging.formats.stored import Stored
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Labels = NDArray[np.uint8]
 
 ROUNDING = 1e-3  # of a label: how far from a whole number a scaled one may be

@@ -10,15 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.muscles.body import Body
 from handpipe.muscles.muscle import Muscle
 from handpipe.muscles.templates import Guess
 from handpipe.skeleton.pose_space import PoseSpace
-
-Array = NDArray[np.float64]
 
 
 def fit_ligament(

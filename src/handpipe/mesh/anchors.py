@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import ipctk
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ROUNDING = 1e-12  # mm^3, of six times a volume
 
@@ -27,7 +24,7 @@ def crossings(surface: Surface) -> IntArray:
     return pairs[_cross(ends, corners)]
 
 
-def _cross(ends: Array, corners: Array) -> NDArray[np.bool_]:
+def _cross(ends: Array, corners: Array) -> BoolArray:
     """Whether segments (n, 2, 3) pass through triangles (n, 3, 3), by the signs of five volumes."""
     a, b, c = np.moveaxis(corners, 1, 0)
     p, q = np.moveaxis(ends, 1, 0)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def arclength(points: Array) -> Array:

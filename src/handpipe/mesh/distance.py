@@ -5,13 +5,10 @@ from __future__ import annotations
 import igl
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.barycentric import barycentric_matrix
 from handpipe.mesh.surface import Surface, sums_at
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ON_EDGE = 1e-8  # barycentric coordinates below this lie on an edge or vertex
 

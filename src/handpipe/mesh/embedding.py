@@ -6,15 +6,12 @@ from dataclasses import dataclass
 
 import igl
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Locator:

@@ -9,11 +9,9 @@ import sys
 
 import gmsh
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from handpipe.arrays import Array, IntArray
 
 DELAUNAY = 1
 GRADING = 0.5  # growth of the element size per mm of distance from the surface

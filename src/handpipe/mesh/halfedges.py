@@ -10,10 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from handpipe.arrays import IntArray
 
 SPLIT = 4 / 3  # of the wanted length: halving and doubling then both come closer to it
 COLLAPSE = 4 / 5

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from handpipe.arrays import Array
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 
 def convex_hull(points: Array) -> Surface:

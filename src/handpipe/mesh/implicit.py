@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
+from handpipe.arrays import Array
 from handpipe.errors import HandpipeError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.remeshing import relax, remesh
 from handpipe.mesh.surface import Surface
 
 __all__ = ["Grid", "isosurface", "relax", "remesh", "signed_distance", "smooth_minimum", "union_surface"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import IntArray
 from handpipe.errors import HandpipeError, InputError
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface, component_labels, concatenate, require_closed
@@ -41,7 +41,7 @@ def tetrahedralise(surface: Surface, edge_length: float, *, keep_surface: bool =
     return mesh
 
 
-def _shells(surface: Surface) -> NDArray[np.int64]:
+def _shells(surface: Surface) -> IntArray:
     """The shell of each triangle (k,): 0 for the outer one, which faces outwards, then the holes."""
     labels = component_labels(surface.triangles)
     parts = [
@@ -57,7 +57,7 @@ def _shells(surface: Surface) -> NDArray[np.int64]:
     return np.argsort(order)[labels]
 
 
-def _run_gmsh(surface: Surface, shell: NDArray[np.int64], edge_length: float) -> TetMesh:
+def _run_gmsh(surface: Surface, shell: IntArray, edge_length: float) -> TetMesh:
     if importlib.util.find_spec("gmsh") is None:
         raise HandpipeError("gmsh is not installed: pip install gmsh, or install handpipe[gmsh]")
     with tempfile.TemporaryDirectory() as folder:

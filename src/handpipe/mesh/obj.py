@@ -10,13 +10,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.mesh.polygons import Polygons
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 AGAIN = "Export the surface again"
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 import igl
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import FACES, TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def rest_inverses(vertices: Array, tets: IntArray) -> Array:

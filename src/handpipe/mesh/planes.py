@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh.distance import Distance
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 AGREE = 0.5  # least cosine between a surface's normal and the side from which a point touches it
 LIFTS = (0.5, 1.0, 2.0, 4.0)  # mm that a point inside a body is lifted towards its own side to find it again
@@ -34,7 +31,7 @@ def touching_planes(
     return places, normals
 
 
-def astray(signed: Array, normals: Array, sides: Array) -> NDArray[np.bool_]:
+def astray(signed: Array, normals: Array, sides: Array) -> BoolArray:
     """Which points (k,) at signed distances (k,) are inside a body and closest to a side that is not theirs.
 
     normals (k, 3) at the closest places, sides (k, 3): as in `touching_planes`.

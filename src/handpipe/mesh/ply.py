@@ -16,11 +16,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.polygons import Polygons
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
 log = logging.getLogger(__name__)

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from handpipe.arrays import Array, BoolArray, IntArray
 
 FLAT = 1e-9  # of a polygon's size squared: a corner that turns less is straight
 
@@ -77,7 +75,7 @@ def _newell(points: Array) -> Array:
     return np.cross(centred, np.roll(centred, -1, axis=1)).sum(axis=1)
 
 
-def _convex(points: Array, normals: Array) -> NDArray[np.bool_]:
+def _convex(points: Array, normals: Array) -> BoolArray:
     """Which polygons (f,) turn the same way at every corner, and once around in all."""
     edges = np.roll(points, -1, axis=1) - points
     before = np.roll(edges, 1, axis=1)

@@ -8,11 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh import halfedges
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface, require_closed
 
-Array = NDArray[np.float64]
 Project = Callable[[Array], Array]  # points (n, 3) -> points (n, 3) on the surface that is kept
 
 
@@ -29,7 +29,7 @@ def remesh(surface: Surface, edge_length: float, *, iterations: int = 10) -> Sur
 
 
 def remesh_free(
-    surface: Surface, edge_length: float, fixed: NDArray[np.bool_], project: Project, *, iterations: int = 10
+    surface: Surface, edge_length: float, fixed: BoolArray, project: Project, *, iterations: int = 10
 ) -> Surface:
     """`remesh` that keeps the vertices `fixed` (n,) and the edges between them, projected by any map.
 
@@ -69,7 +69,7 @@ def relax(surface: Surface, project: Project, iterations: int) -> Surface:
     return surface.moved(x)
 
 
-def _half_edges(surface: Surface, fixed: NDArray[np.bool_]):  # type: ignore[no-untyped-def]
+def _half_edges(surface: Surface, fixed: BoolArray):  # type: ignore[no-untyped-def]
     """Half-edge arrays of the surface; fixed vertices first, a vertex between two fans doubled."""
     order = np.concatenate([np.flatnonzero(fixed), np.flatnonzero(~fixed)])
     rank = np.empty(len(order), dtype=np.int64)
@@ -88,7 +88,7 @@ def _half_edges(surface: Surface, fixed: NDArray[np.bool_]):  # type: ignore[no-
     return surface.vertices[source].copy(), corner, twin, out, fixed[source].copy()
 
 
-def _splits(x: Array, corner: NDArray[np.int64], edge_length: float) -> int:
+def _splits(x: Array, corner: IntArray, edge_length: float) -> int:
     """Bound of the number of edges that one sweep splits: the long ones, and those that splitting makes."""
     ends = x[corner.reshape(-1, 3)]
     lengths = np.linalg.norm(np.roll(ends, -1, axis=1) - ends, axis=2)
@@ -112,7 +112,7 @@ def _squeezed(x, corner, twin, held, n_vertices, n_faces):  # type: ignore[no-un
     return x[used], corner, twin, out, held[used]
 
 
-def _relaxed(x: Array, triangles: NDArray[np.int64], held: NDArray[np.bool_], project: Project) -> Array:
+def _relaxed(x: Array, triangles: IntArray, held: BoolArray, project: Project) -> Array:
     moved = _tangential(x, triangles)
     moved[held] = x[held]
     free = ~held

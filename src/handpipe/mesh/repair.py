@@ -5,20 +5,17 @@ from __future__ import annotations
 import igl
 import ipctk
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.implicit import Grid, isosurface
 from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
 from handpipe.mesh.remeshing import remesh, remesh_free
 from handpipe.mesh.surface import Surface, concatenate, directed_edges
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MERGE = 1e-6  # of the extent: vertices closer than this are one
 SMALL = 0.01  # of the largest part's area: smaller parts are dropped
@@ -96,7 +93,7 @@ def _orient(surface: Surface, said: list[str]) -> Surface:
     return Surface(surface.vertices, triangles)
 
 
-def _winding(triangles: IntArray) -> NDArray[np.bool_]:
+def _winding(triangles: IntArray) -> BoolArray:
     """Whether each triangle runs through its sorted corners forwards (k,)."""
     lowest = np.argmin(triangles, axis=1)[:, None]
     first, second = (np.take_along_axis(triangles, (lowest + i) % 3, axis=1)[:, 0] for i in (1, 2))
@@ -135,7 +132,7 @@ def _stay(points: Array) -> Array:
     return points
 
 
-def _fair(surface: Surface, fixed: NDArray[np.bool_]) -> Surface:
+def _fair(surface: Surface, fixed: BoolArray) -> Surface:
     """Free vertices where the biharmonic energy is least: the patch continues the slope at its rim."""
     stiffness = cotangent_laplacian(surface.vertices, surface.triangles)
     area = mass_lumped(surface.vertices, surface.triangles)

@@ -6,13 +6,10 @@ import logging
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe.errors import InputError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface, component_labels, concatenate, read_surface
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger(__name__)
 

@@ -6,15 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.barycentric import barycentric_matrix
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 FACING = -0.25  # cosine between normals of two sheets that lie on one another, at most
 LIFT = 1e-2  # mm off its own sheet, where a vertex is asked for others around it

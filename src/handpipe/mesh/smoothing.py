@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 
 def averaging(surface: Surface) -> sparse.csr_matrix:

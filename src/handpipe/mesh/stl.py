@@ -7,12 +7,10 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.mesh.polygons import Polygons
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger(__name__)
 

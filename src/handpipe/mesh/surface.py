@@ -11,9 +11,9 @@ from pathlib import Path
 import igl
 import meshio
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.artifacts import atomic
 from handpipe.errors import InputError
 from handpipe.mesh.obj import read_obj
@@ -21,9 +21,6 @@ from handpipe.mesh.ply import read_ply
 from handpipe.mesh.polygons import NotSimple, Polygons, triangulate
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.stl import read_stl
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 
@@ -87,7 +84,7 @@ class Surface:
         """
         return _unit(feet @ self.vertex_normals())
 
-    def contains(self, points: Array) -> NDArray[np.bool_]:
+    def contains(self, points: Array) -> BoolArray:
         """Which points (n,) of (n, 3) are inside: about which the surface winds by more than a half.
 
         Holes of an open surface count as closed (Jacobson et al. 2013, Robust inside-outside segmentation).

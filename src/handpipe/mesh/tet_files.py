@@ -10,16 +10,13 @@ from pathlib import Path
 
 import meshio
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from handpipe.arrays import IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.surface import METRES, MICROMETRES
 from handpipe.mesh.tetrahedra import FACES, TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # The face opposite to each corner, seen counter-clockwise from outside a tet of positive volume.
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -41,7 +38,7 @@ class TetMesh:
         """The same tets on other vertices (n, 3)."""
         return TetMesh(vertices, self.tets)
 
-    def part(self, chosen: IntArray | NDArray[np.bool_]) -> tuple[TetMesh, IntArray]:
+    def part(self, chosen: IntArray | BoolArray) -> tuple[TetMesh, IntArray]:
         """Some tets, by number or mask, with their own vertices, and those vertices' numbers (n,) here."""
         used, tets = np.unique(self.tets[chosen], return_inverse=True)
         return TetMesh(self.vertices[used], tets.reshape(-1, 4)), used

@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.layers import Shape
 from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fem.linear import factorise
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Embedding
@@ -23,8 +23,6 @@ from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.attached import Attached
 from handpipe.skeleton.skinning import blend, bone_weights
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Transforms = Mapping[str, RigidTransform]
 
 ON_BONE = 0.4  # mm from a bone within which a vertex goes with it: farther ones go ways of their own
@@ -45,7 +43,7 @@ class Body:
     mesh: TetMesh
     embedding: Embedding
     attachments: dict[str, IntArray]
-    visible: NDArray[np.bool_]
+    visible: BoolArray
     landmarks: dict[str, int] = field(default_factory=dict)
 
     @staticmethod

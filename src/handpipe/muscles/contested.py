@@ -8,15 +8,14 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.body import Body
 from handpipe.muscles.parting import Inseparable
 from handpipe.muscles.separation import Separation, separate
 
-Array = NDArray[np.float64]
 Result = TypeVar("Result")
 log = logging.getLogger(__name__)
 
@@ -77,7 +76,7 @@ def _gaps(points: Array, others: list[Distance]) -> Array:
     return np.min([alone, *(other.signed(points)[0] for other in others)], axis=0)
 
 
-def _kept(gaps: Array, least: int, margin: float) -> NDArray[np.int64]:
+def _kept(gaps: Array, least: int, margin: float) -> IntArray:
     order = np.argsort(-gaps, kind="stable")
     count = max(int((gaps > margin).sum()), min(least, len(gaps)))
     return np.sort(order[:count])

@@ -16,10 +16,10 @@ from __future__ import annotations
 import logging
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 from scipy.interpolate import BSpline
 
+from handpipe.arrays import Array
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
@@ -27,8 +27,6 @@ from handpipe.fem.strain_derivatives import strain_gradient
 from handpipe.mesh.operators import shape_gradients, tet_laplacian
 from handpipe.muscles.body import Body, Transforms
 from handpipe.shapes.fit import MUSCLE
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger(__name__)
 

@@ -5,16 +5,13 @@ without ever meeting.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 STRIDE = 0.15  # of the way to the medial surface, in one step
 MOST = 0.95  # of the way

@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import ConvergenceError
 from handpipe.imaging.markers import MarkerSettings, boundary_markers, estimate_muscle_level
 from handpipe.imaging.volume import Volume
@@ -28,9 +28,6 @@ from handpipe.muscles.surroundings import carried_along
 from handpipe.muscles.templates import Guess
 from handpipe.shapes.correspondence import Markers, fixed_markers
 from handpipe.shapes.fit import FindMarkers, ShapeFit, ShapeOptions, fit_shape
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 
@@ -385,7 +382,7 @@ def image_markers(
     return find
 
 
-def _mostly(surface: Surface, vertices: IntArray) -> NDArray[np.bool_]:
+def _mostly(surface: Surface, vertices: IntArray) -> BoolArray:
     """Vertices (n,) that, with their neighbours, are mostly in a set."""
     n = len(surface.vertices)
     inside = np.zeros(n)

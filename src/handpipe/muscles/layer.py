@@ -10,9 +10,9 @@ from itertools import permutations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array, IntArray
 from handpipe.fem import equilibrium
 from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact, left_deep
 from handpipe.fem.elastic import Elastic
@@ -31,7 +31,6 @@ from handpipe.muscles.neighbours import Pairs, pairs, sliding_vertices
 from handpipe.settling import Limits, Settled, settle
 from handpipe.shapes.fit import MUSCLE
 
-Array = NDArray[np.float64]
 Planes = tuple[sparse.csr_matrix, Array, Array]  # what is apart (c, N), by places and normals (c, 3)
 
 BITE = 0.5  # mm of depth that one set of planes takes away at most: all at once, thin muscles are flung about
@@ -253,7 +252,7 @@ def _stacked(kind: type[Sliding], planes: Sequence[Planes], stiffness: float) ->
     return [kind(stack, np.concatenate(places), np.concatenate(normals), stiffness)]
 
 
-def _without(matrix: sparse.csr_matrix, rows: NDArray[np.int64]) -> sparse.csr_matrix:
+def _without(matrix: sparse.csr_matrix, rows: IntArray) -> sparse.csr_matrix:
     keep = np.ones(matrix.shape[0], dtype=bool)
     keep[rows] = False
     return matrix[keep]

@@ -8,10 +8,10 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from handpipe import artifacts
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fem import plasticity
 from handpipe.layers import Shape
 from handpipe.mesh.rigid import RigidTransform
@@ -21,8 +21,6 @@ from handpipe.muscles.body import ON_BONE, Body
 from handpipe.muscles.neighbours import touching
 from handpipe.muscles.pose_strains import KnownShape, PoseStrains, StrainOptions, fit_pose_strains
 from handpipe.skeleton.pose_space import Interpolation, PoseSpace
-
-Array = NDArray[np.float64]
 
 KIND = "muscle"
 TOUCHING = 0.2  # mm to a neighbour: separated muscles that press on one another are 0.05 mm apart
@@ -135,7 +133,7 @@ class Muscle:
         return plasticity.exp(self.space.interpolate(self.logs, bones))
 
     @cached_property
-    def firm(self) -> NDArray[np.int64]:
+    def firm(self) -> IntArray:
         """Surface vertices that go with a bone; the other marked ones leave theirs in an example."""
         return self.body.held[self._firm]
 
@@ -160,7 +158,7 @@ class Muscle:
         return self.body.embedding.chosen(self.body.held).drawn_in().matrix(len(self.body.mesh.vertices))
 
     @cached_property
-    def _firm(self) -> NDArray[np.bool_]:
+    def _firm(self) -> BoolArray:
         return np.linalg.norm(self._beside, axis=2).max(axis=0) <= ON_BONE
 
     @cached_property

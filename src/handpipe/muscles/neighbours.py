@@ -6,15 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.barycentric import barycentric_matrix
 from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Neighbours = dict[tuple[str, str], tuple[IntArray, Array]]
 
 

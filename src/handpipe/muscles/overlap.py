@@ -8,14 +8,11 @@ from functools import cached_property
 
 import ipctk
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh.crossings import crossings
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface, concatenate
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +27,10 @@ class Body:
     surface: Surface
     held: IntArray
     fixed: bool = False
-    seen: NDArray[np.bool_] | None = None
+    seen: BoolArray | None = None
 
     @cached_property
-    def tied(self) -> NDArray[np.bool_]:
+    def tied(self) -> BoolArray:
         """Which triangles (k,) have a held vertex."""
         return np.asarray(np.isin(self.surface.triangles, self.held).any(axis=1))
 
@@ -90,7 +87,7 @@ def _boxes_cross(xa: Array, xb: Array) -> bool:
     return bool(((xa.min(axis=0) <= xb.max(axis=0)) & (xb.min(axis=0) <= xa.max(axis=0))).all())
 
 
-def _in_box(points: Array, other: Array) -> NDArray[np.bool_]:
+def _in_box(points: Array, other: Array) -> BoolArray:
     return ((points >= other.min(axis=0)) & (points <= other.max(axis=0))).all(axis=1)
 
 

@@ -7,17 +7,14 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.muscles.deflation import Deflation
 from handpipe.muscles.overlap import Body, crossing, meet
 from handpipe.settling import largest
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 

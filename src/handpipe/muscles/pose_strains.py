@@ -18,18 +18,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array, IntArray
 from handpipe.fem import plasticity
 from handpipe.fem.linear import Factor, factorise
 from handpipe.fem.validity import Validity
 from handpipe.mesh.operators import tet_laplacian
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.stretch import COUNTS, StretchField
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 

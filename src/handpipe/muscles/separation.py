@@ -11,11 +11,11 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from handpipe import artifacts
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import ConvergenceError
 from handpipe.fem import equilibrium
 from handpipe.fem.barrier import Barrier, CollidingPairs
@@ -26,10 +26,6 @@ from handpipe.mesh.surface import Surface
 from handpipe.muscles.overlap import Body, collision_filter, depth
 from handpipe.muscles.parting import body_pairs, parted
 from handpipe.muscles.surface_energy import KeptVolumes, Plate, thin_plate, volume_gradient
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 log = logging.getLogger(__name__)
 
@@ -85,7 +81,7 @@ def separate(
     options: SeparationOptions | None = None,
     *,
     held: Mapping[str, IntArray] | None = None,
-    seen: Mapping[str, Mask] | None = None,
+    seen: Mapping[str, BoolArray] | None = None,
 ) -> Separation:
     """Part overlapping closed surfaces, both muscles of a pair alike; `fixed` bodies stay.
 

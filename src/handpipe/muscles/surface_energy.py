@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 CALM = 0.1  # mm that a body moves in a step at most, for its pressure to be changed
 
@@ -92,7 +90,7 @@ class KeptVolumes:
             self.renew(x, np.array([moved[part].max() < CALM for _, part in self._bodies]))
         self._last = x
 
-    def renew(self, x: Array, chosen: NDArray[np.bool_] | None = None) -> None:
+    def renew(self, x: Array, chosen: BoolArray | None = None) -> None:
         """Change the pressures, all or of chosen (bodies,), whose volumes are beyond half their band."""
         changes, half = self.changes(x), 0.5 * self._band
         missing = self._rest * (np.clip(changes, -half, half) - changes)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
-Array = NDArray[np.float64]
+from handpipe.arrays import Array
 
 REACH = 8.0  # mm about a body's box within which its surroundings tell where it goes
 ENOUGH = 2000  # of their points: a dense system

@@ -10,19 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import ConvergenceError, InputError
 from handpipe.imaging.same_frame import likely_cause
 from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.mesh.distance import Distance, sample_points
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface, component_labels
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 log = logging.getLogger(__name__)
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from handpipe.arrays import Array, IntArray
 
 
 @dataclass(frozen=True)

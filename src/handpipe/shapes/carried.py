@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.fem.potential import Potential
-
-Array = NDArray[np.float64]
 
 
 class Carried:

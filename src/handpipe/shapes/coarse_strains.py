@@ -11,11 +11,9 @@ import numpy as np
 import pyamg
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.shapes.stretch import COUNTS
-
-Array = NDArray[np.float64]
 
 SWEEPS = 5  # more make the products dearer, fewer the iterations more
 LARGEST = 2.0  # bound of the eigenvalues of D^-1 L: it is a graph's

@@ -6,15 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.barycentric import barycentric_matrix
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

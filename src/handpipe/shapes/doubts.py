@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.metrics import Metrics
 from handpipe.shapes.attached import Attached
@@ -21,10 +21,6 @@ from handpipe.shapes.marks import NORMAL, TUKEY, BoundaryMarks
 from handpipe.shapes.predictions import Predictions, all_points
 from handpipe.shapes.remeshing import Given
 from handpipe.shapes.search import EARLY, FindMarks, Search
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 log = logging.getLogger(__name__)
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import meshio
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe import artifacts, metrics
 from handpipe.errors import InputError
@@ -18,8 +17,6 @@ from handpipe.mesh.tet_files import read_tets
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
 from handpipe.shapes.organ import OrganFit
-
-Array = NDArray[np.float64]
 
 
 def read_template(path: str | Path) -> TetMesh:

@@ -16,10 +16,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from handpipe import artifacts
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.constraints import Attachment
@@ -34,8 +34,6 @@ from handpipe.shapes.holds import Holds
 from handpipe.shapes.smooth_strains import SmoothStrains
 from handpipe.shapes.stretch import COUNTS, StretchField
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 FindMarkers = Callable[[Surface], Markers]
 
 log = logging.getLogger(__name__)

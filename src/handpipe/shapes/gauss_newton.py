@@ -21,14 +21,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.shapes.response import Response
 from handpipe.shapes.row_system import NearRows, positive_solve, solve_rows
 from handpipe.shapes.smoothness import Smoothness
 from handpipe.shapes.stretch import COUNTS
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 RIDGE = 1e-5 * COUNTS  # on the means of log-strains

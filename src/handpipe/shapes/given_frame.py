@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.imaging.same_frame import likely_cause, unit_of
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
-
-Array = NDArray[np.float64]
 
 # Times as large or as small as its template is no organ; the least mistake of a unit makes ten.
 LARGER = 6.0

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array
 from handpipe.imaging.markers import MarkerSettings, boundary_markers
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.correspondence import Correspondence, Markers
-
-Array = NDArray[np.float64]
 
 
 class ImageMarks:

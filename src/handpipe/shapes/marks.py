@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Embedding
@@ -19,8 +19,6 @@ from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.attached import Attached
 from handpipe.shapes.correspondence import Correspondence, Markers
-
-Array = NDArray[np.float64]
 
 NEIGHBOURS = 3  # of a mark; where marks cover the boundary, none of it is farther from the nearest one
 TUKEY = 4.685  # scales beyond which a mark has no say: 95 % efficient where all are good

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe import artifacts
+from handpipe.arrays import Array, BoolArray
 from handpipe.errors import InputError
 from handpipe.fem import plasticity
 from handpipe.fem.potential import Potential
@@ -26,8 +26,6 @@ from handpipe.shapes.resume import FitCheckpoint
 from handpipe.shapes.search import Record, Settings, State
 from handpipe.shapes.stages import NEW_TETS, Position, follow, plan
 from handpipe.shapes.straight import loosened
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,8 +44,8 @@ class OrganFit:
     strains: Array
     carried: Array
     record: list[Record]
-    kept: NDArray[np.bool_]
-    doubtful: NDArray[np.bool_]
+    kept: BoolArray
+    doubtful: BoolArray
     quality: Metrics
 
     def table(self) -> dict[str, list[Any]]:
@@ -141,7 +139,7 @@ def _checked_marks(marks: Array | None) -> Array:
     return points
 
 
-def _quality(task: OnMesh, state: State, kept: NDArray[np.bool_], before: Array) -> Metrics:
+def _quality(task: OnMesh, state: State, kept: BoolArray, before: Array) -> Metrics:
     """Errors in mm at marks (before: at the start), landmarks and attachments, and what has become of the
     elements.
     """

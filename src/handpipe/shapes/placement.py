@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.attached import Attached
 from handpipe.shapes.marks import BoundaryMarks
 from handpipe.shapes.rigid_motions import LooseMotions
 from handpipe.shapes.straight import direction, on_line
-
-Array = NDArray[np.float64]
 
 ROUNDS = 15
 CLEARLY = 0.7  # of the distance of marks: a turn is only believed where it brings so much

@@ -9,17 +9,14 @@ and not on the springs of attachments, which would hold these to any place.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.shapes.attached import Attached
 from handpipe.shapes.gauss_newton import GaussNewton
 from handpipe.shapes.marks import with_landmarks
 from handpipe.shapes.rigid_motions import LooseMotions
 from handpipe.shapes.row_system import positive_solve
 from handpipe.shapes.search import FindMarks, Search, State, weighted
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Predictions:

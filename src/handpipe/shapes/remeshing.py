@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import HandpipeError
 from handpipe.fem import plasticity
 from handpipe.fem.elastic import Elastic
@@ -32,8 +32,6 @@ from handpipe.shapes.image_marks import ImageMarks
 from handpipe.shapes.marks import BoundaryMarks, with_landmarks
 from handpipe.shapes.search import EARLY, FindMarks, Record, Search, Settings, State
 from handpipe.shapes.strain_frame import StrainFrame
-
-Array = NDArray[np.float64]
 
 WORSE = 0.7  # of the angle at rest: tets that were bad from the start are not strains' doing
 BETTER = 1.5  # times the angle before, without which new tets are not worth it

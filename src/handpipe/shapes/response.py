@@ -12,8 +12,8 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.fem import plasticity
 from handpipe.fem.elastic import Elastic
@@ -21,8 +21,6 @@ from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix, factorise
 from handpipe.fem.nullspace import DeflatedFactor
 from handpipe.fem.potential import Potential, Sum
 from handpipe.shapes.strain_frame import StrainFrame
-
-Array = NDArray[np.float64]
 
 WHAT = "Shape from plastic strains"
 

@@ -9,15 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array, IntArray
 from handpipe.fem.nullspace import unit_twists
 from handpipe.mesh.rigid import RigidTransform, left_jacobian
 from handpipe.shapes.correspondence import Correspondence
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 UNFELT = 1e-6  # of what attachments resist most: three on a line leave the turn about it
 ROUNDS, SETTLED = 20, 1e-7  # of the body's size

@@ -15,9 +15,9 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from handpipe.arrays import Array
+
 log = logging.getLogger(__name__)
 
 ROUNDING = 1e-13  # of the trace of a small system

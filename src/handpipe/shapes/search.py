@@ -16,8 +16,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError, InputError
 from handpipe.fem import equilibrium, plasticity
 from handpipe.fem.constraints import Attachment
@@ -34,7 +34,6 @@ from handpipe.shapes.rigid_motions import LooseMotions
 from handpipe.shapes.smoothness import Smoothness
 from handpipe.shapes.strain_frame import StrainFrame
 
-Array = NDArray[np.float64]
 FindMarks = Callable[[Array], Correspondence]
 
 log = logging.getLogger(__name__)

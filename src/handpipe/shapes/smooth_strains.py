@@ -11,15 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import eigsh
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.operators import tet_laplacian
 from handpipe.shapes.stretch import COUNTS
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TRACE = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 

@@ -12,17 +12,14 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
 from handpipe.fem.linear import factorise
 from handpipe.mesh.operators import tet_laplacian
 from handpipe.shapes.coarse_strains import CoarseStrains
 from handpipe.shapes.stretch import COUNTS
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ROOTS = np.sqrt(COUNTS)
 

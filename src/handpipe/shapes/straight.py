@@ -10,11 +10,9 @@ from __future__ import annotations
 import logging
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.shapes.marks import Pairs
-
-Array = NDArray[np.float64]
 
 log = logging.getLogger(__name__)
 

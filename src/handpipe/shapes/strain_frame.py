@@ -12,11 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.fem import plasticity
-
-Array = NDArray[np.float64]
 
 UNITS = plasticity.to_matrices(np.eye(6))
 

@@ -8,14 +8,12 @@ definite.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from handpipe.arrays import Array
 from handpipe.fem import plasticity
 from handpipe.mesh.operators import gradient_operator
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
 
 COUNTS = np.array(
     [1.0, 2.0, 2.0, 1.0, 2.0, 1.0]

@@ -13,13 +13,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.skeleton.prior import Weighing
 
-Array = NDArray[np.float64]
 TOLERANCE = 1e-13
 ORDERS = ((0, 1), (1, 0))
 SAME = 1e-6  # relative, of what two fits lack; 1e-6 rad where they lack nothing

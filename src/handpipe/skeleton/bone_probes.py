@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.config import Dataset
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.bodies import bodies
-
-Array = NDArray[np.float64]
 
 POINTS = 320  # on a bone
 DEPTHS = (1.6, 1.1, 0.7, 0.4)  # mm inside the marrow, as deep as it is wide enough

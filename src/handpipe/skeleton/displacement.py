@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.twists import MovingBone
 
-Array = NDArray[np.float64]
 Moments = tuple[Array, Array]  # centroid (3,) and square root (3, 3) of the covariance of a bone's vertices
 
 

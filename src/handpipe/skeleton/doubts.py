@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe.config import Joint
 from handpipe.mesh.distance import Distance
@@ -19,8 +18,6 @@ from handpipe.mesh.surface import Surface
 from handpipe.skeleton.axes import Axes, orthogonal_hints
 from handpipe.skeleton.hinted_axes import beyond_hints
 from handpipe.skeleton.registration_result import Registration
-
-Array = NDArray[np.float64]
 
 RESIDUAL = 3.0  # times the median residual of the pose's bones
 LEAST_RESIDUAL = 0.12  # mm; below, no residual is odd

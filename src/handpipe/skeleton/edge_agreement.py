@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from handpipe.imaging.profiles import sample_profiles
@@ -14,8 +13,6 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.bone_probes import Body, Probes
 from handpipe.skeleton.edge_refinement import steepest_falls
 from handpipe.skeleton.normal_equations import Rows, moved, robust_weights, solve
-
-Array = NDArray[np.float64]
 
 REACHES = (1.4, 1.4, 1.4, 1.0, 1.0, 1.0, 0.8, 0.8)  # mm either side in which edges are sought, by iteration
 EDGE_NOISE = 0.2  # mm, of an edge

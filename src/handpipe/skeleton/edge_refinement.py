@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.imaging.profiles import sample_profiles
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.normal_equations import Rows, covariance, moved, robust_weights, solve
 from handpipe.skeleton.registration_result import Registration
-
-Array = NDArray[np.float64]
 
 REACH = (1.2, 0.7)  # mm either side of the surface in which the edge is sought, at first and at last
 SAMPLES = 17

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.angles import Angles
 from handpipe.skeleton.displacement import displacement, displacement_rates, moments
@@ -21,8 +21,6 @@ from handpipe.skeleton.joint_tree import JointTree
 from handpipe.skeleton.joints import Model
 from handpipe.skeleton.twists import moving_bones
 
-Array = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Bones = Mapping[str, RigidTransform]
 AROUND = np.pi / 2  # rad from where the joint's own motion puts an angle
 BEYOND = np.radians(30.0)  # beyond its limits, of an angle that no motion of its own tells

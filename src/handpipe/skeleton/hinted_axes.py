@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.skeleton.axes import Axes
 from handpipe.skeleton.joints import leftover
 
-Array = NDArray[np.float64]
 OFF = np.radians(30.0)  # by which a hint may be off
 DIRECTIONS, STEPS = 24, 3  # of the tilts that are tried
 

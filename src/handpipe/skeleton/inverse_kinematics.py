@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.errors import InputError
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.angles import Angles
@@ -17,7 +17,6 @@ from handpipe.skeleton.rig import Rig
 from handpipe.skeleton.targets import Target
 from handpipe.skeleton.twists import MovingBone, moving_bones
 
-Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 Limits = Mapping[str, tuple[float, float]]
 STEPS = 200
@@ -145,7 +144,7 @@ class _Problem:
         """Angles (n,) in the order of the rig, zero where they are not given."""
         return np.array([angles.get(n, 0.0) for n in self.rig.angle_names])
 
-    def moved_by(self, values: Array, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def moved_by(self, values: Array, chosen: BoolArray) -> BoolArray:
         """Which angles (n,) move any of the chosen targets."""
         bones = self._bones(values)
         rates = [t.residual(bones)[1] for t, c in zip(self.targets, chosen, strict=True) if c]

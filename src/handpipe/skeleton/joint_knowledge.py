@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.joints import JointFit, axes_apart, leftover
 from handpipe.skeleton.prior import (
@@ -23,8 +23,6 @@ from handpipe.skeleton.prior import (
     unexplained,
 )
 
-Array = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 ASSUMED = MotionNoise(float(np.radians(0.3)), 0.1)  # of a motion whose noise nobody states
 TOLD = np.sqrt(0.5)  # of the prior's deviation: below, poses tell more than the hint
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.config import Dataset, Joint
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
@@ -19,8 +19,6 @@ from handpipe.skeleton.bone_probes import Body
 from handpipe.skeleton.hinted_axes import tilted_axes
 from handpipe.skeleton.motion_search import Motions
 from handpipe.skeleton.rig import joint_point
-
-Array = NDArray[np.float64]
 
 UNSTATED = ((-45.0, 110.0),)  # deg, of an angle whose limits are left to the data
 WIDENED = np.radians(15.0)  # beyond the limits on either side

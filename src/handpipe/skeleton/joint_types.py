@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.joints import DEGREES, JointFit, JointType, fit_joint, leave_one_out
 from handpipe.skeleton.prior import MotionNoise
 
-Array = NDArray[np.float64]
 ORDER: tuple[JointType, ...] = ("hinge", "universal", "saddle", "ball")
 LEVER = 12.0  # mm at which a wrong rotation counts: half the width of what a bone carries about it
 SHARE = 0.7  # of the simpler type's error that a richer one may have

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform, left_jacobian
 from handpipe.skeleton.axes import Axes, fit_axes, fit_oblique_axes, orthogonal_hints, three_axes
 from handpipe.skeleton.prior import (
@@ -22,7 +22,6 @@ from handpipe.skeleton.prior import (
 )
 from handpipe.skeleton.residual import Residual, features, fit_residual
 
-Array = NDArray[np.float64]
 Model = Literal["full", "partial"]
 JointType = Literal["rigid", "hinge", "universal", "saddle", "ball"]
 Errors = tuple[Array, Array]

@@ -6,18 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.layer_registry import LAYERS
 from handpipe.layers import Frame, Region, Shape, Shapes
 from handpipe.mesh.distance import Distance, about
 from handpipe.mesh.surface import Surface
 
-IntArray = NDArray[np.int64]
-
 
 def bone_regions(
-    points: NDArray[np.float64], bones: Mapping[str, Surface], joint_radius: float, tolerance: float
+    points: Array, bones: Mapping[str, Surface], joint_radius: float, tolerance: float
 ) -> IntArray:
     """Fixed on the bodies of bones, contact at heads and joints: (n,).
 

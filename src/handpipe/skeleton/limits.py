@@ -11,13 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.angles import Angles
 from handpipe.skeleton.joint_tree import JointTree, RigJoint
 
-Array = NDArray[np.float64]
 Limits = dict[str, tuple[float, float]]
 MARGIN = np.radians(3.0)  # beyond what was seen where nothing is published: the error of a registered angle
 

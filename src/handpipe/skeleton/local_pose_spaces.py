@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.pose_space import Interpolation, PoseSpace, ancestry
-
-Array = NDArray[np.float64]
 
 REACHES = (1, 2)  # joints from a bone to those whose motions are felt around it: the first that will do
 APART = 0.05  # rad: examples nearer to one another are not told apart

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe.config import Dataset
 from handpipe.imaging.marrow_evidence import MarrowEvidence
@@ -32,7 +31,6 @@ from handpipe.skeleton.motion_search import (
 )
 from handpipe.skeleton.root_search import root_starts
 
-Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 
 CANDIDATES = 24  # trials that are improved

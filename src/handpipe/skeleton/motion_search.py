@@ -10,12 +10,11 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array, IntArray
 from handpipe.imaging.marrow_evidence import MarrowEvidence
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.bone_probes import Body, Probes
-
-Array = NDArray[np.float64]
 
 FEW = 110  # probes in the coarse images
 UNKNOWN = 0.3  # contrast of a probe that lies beyond the image
@@ -138,7 +137,7 @@ def _mean_linear(values, points, rotations, translations, beyond):  # type: igno
     return out
 
 
-def best_distinct(body: Body, motions: Motions, scores: Array, count: int, apart: float) -> NDArray[np.int64]:
+def best_distinct(body: Body, motions: Motions, scores: Array, count: int, apart: float) -> IntArray:
     """Indices of the best motions of which no two put the body's points within `apart` mm (rms)."""
     points = body.probes.points[:24]
     order = np.argsort(-scores, kind="stable")[:600]

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.config import Dataset
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
@@ -15,7 +15,6 @@ from handpipe.skeleton.bodies import bodies
 from handpipe.skeleton.prior import MotionNoise
 from handpipe.skeleton.registration_result import Registration
 
-Array = NDArray[np.float64]
 Bones = Mapping[str, RigidTransform]
 Registrations = Mapping[str, Mapping[str, Registration]]  # pose -> bone
 

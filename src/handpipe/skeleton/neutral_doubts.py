@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.config import Joint
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 # mm, metacarpal to distal phalanx of a median male hand: Buryanov and Kotiuk 2010, "Proportions of hand
 # segments". The thumb has no middle phalanx.

@@ -13,14 +13,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.skeleton.angles import Angles
 from handpipe.skeleton.joint_tree import RigJoint
 from handpipe.skeleton.residual import features
 from handpipe.skeleton.rig import Rig
 
-Array = NDArray[np.float64]
 SAMPLES = {1: 9, 2: 5, 3: 4}  # values of each angle over its range
 
 

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.rigid import RigidTransform
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 PATCHES, LEAST_PATCH = 20, 10  # of a bone's surface, some millimetres wide each; vertices of one at least
 UNTOLD = np.array([1.0, 10.0])  # rad and mm
 FINEST = 0.01  # mm; distances below this are not told apart

@@ -10,8 +10,8 @@ import logging
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.config import Dataset
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
@@ -20,7 +20,6 @@ from handpipe.skeleton.bodies import moved_as_one
 from handpipe.skeleton.doubts import blame
 from handpipe.skeleton.joints import leftover
 
-Array = NDArray[np.float64]
 Bones = Mapping[str, RigidTransform]
 LOG = logging.getLogger(__name__)
 

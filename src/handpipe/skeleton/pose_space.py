@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import pdist
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 
-Array = NDArray[np.float64]
 Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
 COINCIDENT = 1e-9  # rad, or a share of the points' spread; closer poses are one
 # rad, or shares of the points' spread; examples that spread less in a direction tell no slope along it.

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance, sample_points
@@ -24,7 +24,6 @@ from handpipe.skeleton.normal_equations import FINEST, Rows, alike, covariance, 
 from handpipe.skeleton.registration_result import Registration, loosest_turn, rotation_uncertainty
 from handpipe.skeleton.starts import principal_starts, uniform_starts
 
-Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 
 COARSE, FINE, VERTICES = 300, 1500, 6000  # points in the stages

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe import artifacts
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 
-Array = NDArray[np.float64]
 ALONG = 0.9  # cosine of the angle up to which an axis is a bone's long one
 
 

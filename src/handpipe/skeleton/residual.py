@@ -14,10 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-Array = NDArray[np.float64]
+from handpipe.arrays import Array
+
 Terms = tuple[int, ...]  # which columns of `features` a function uses
 
 # From simple to rich: a later choice has to predict better to be taken.

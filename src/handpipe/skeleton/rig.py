@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from handpipe import artifacts
+from handpipe.arrays import Array
 from handpipe.config import Dataset, Joint
 from handpipe.errors import InputError
 from handpipe.mesh.distance import Distance
@@ -30,7 +30,6 @@ from handpipe.skeleton.motions import BoneNoise, Motions, Registrations, joint_m
 from handpipe.skeleton.residual import Residual
 from handpipe.skeleton.rig_groups import angles_of_group, knowledge_of_group, rig_groups, rig_units
 
-Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 ANY_ANGLE = ((-180.0, 180.0),)
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.skeleton.angles import Angles
 from handpipe.skeleton.joint_knowledge import JointKnowledge
 from handpipe.skeleton.joint_tree import JointTree
@@ -79,7 +79,7 @@ def knowledge_of_group(group: Mapping[str, Any]) -> JointKnowledge:
 
 
 def angles_of_group(
-    names: Sequence[str], angles: NDArray[np.float64], assumed: NDArray[np.float64] | None
+    names: Sequence[str], angles: Array, assumed: Array | None
 ) -> tuple[Angles, frozenset[str]]:
     """A pose's angles and the names of those that are assumed: NaN among the angles that the pose tells."""
     values = angles if assumed is None else np.where(np.isnan(angles), assumed, angles)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.imaging.marrow_evidence import MarrowEvidence
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
@@ -19,7 +19,6 @@ from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.motion_search import Motions
 
-Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 
 THRESHOLDS = (0.55, 0.7)  # levels: marrow is above; where shells are thin a higher one parts it from others

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.fem.linear import factorise
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
 
 
 def bone_weights(points: Array, bones: Mapping[str, Surface], power: float = 3.0) -> Array:

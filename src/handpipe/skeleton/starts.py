@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.mesh.distance import sample_points
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
-
-Array = NDArray[np.float64]
 
 ROLLS = 8  # starts about the long axis
 LONG = 1.6  # standard deviation along a long axis by that across it

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.config import Dataset
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
@@ -18,7 +18,6 @@ from handpipe.skeleton.joints import JointFit, Model, fit_joint
 from handpipe.skeleton.motions import BoneNoise, Registrations, joint_motions
 from handpipe.skeleton.rig import Rig, joint_point
 
-Array = NDArray[np.float64]
 MODELS: tuple[tuple[Model, str], ...] = (("full", "FM"), ("partial", "PM"))
 PREFIXES: tuple[tuple[Model, str], ...] = (("full", ""), ("partial", "partial_"))
 Row = dict[str, str | float]

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.skeleton.twists import MovingBone
 
-Array = NDArray[np.float64]
 LEVER = 30.0  # mm; a rotation counts as the displacement at this distance
 
 

@@ -6,13 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.joint_tree import JointTree
 from handpipe.skeleton.joints import Model
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

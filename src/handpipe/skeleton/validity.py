@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.metrics import Metrics
@@ -16,7 +16,6 @@ from handpipe.skeleton.angles import Angles
 from handpipe.skeleton.limits import Limits, seen_ranges
 from handpipe.skeleton.rig import Rig
 
-Array = NDArray[np.float64]
 Pair = tuple[str, str]
 SLACK = 1e-9  # rad
 TOUCH = 0.3  # mm that bones may lie deeper in one another than in neutral: the error of their surfaces

@@ -12,11 +12,9 @@ from typing import Protocol
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from handpipe.tendons.rod import Array, IntArray
+from handpipe.arrays import Array, BoolArray, IntArray
 
-BoolArray = NDArray[np.bool_]
 REACH = 3  # vertices i and i + REACH may share a term, no further
 RETURNS = 3  # times that a hook may hold a rod again in one solve
 

@@ -16,9 +16,10 @@ import numpy as np
 from numba import njit
 from scipy.linalg import LinAlgError, cholesky_banded, solve_banded
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.tendons.energies import REACH, RodEnergy, empty_blocks
-from handpipe.tendons.rod import Array, directions, segment_length, unit
+from handpipe.tendons.rod import directions, segment_length, unit
 
 log = logging.getLogger(__name__)
 

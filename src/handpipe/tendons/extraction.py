@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from handpipe.arrays import Array
 from handpipe.imaging import tubes
 from handpipe.imaging.volume import Volume
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface
-from handpipe.tendons.rod import Array, resample, tangents
+from handpipe.tendons.rod import resample, tangents
 
 SPACING = 1.2  # mm, length of a segment
 SMOOTHING = 2.5  # mm; wiggles of the centres shorter than this are noise

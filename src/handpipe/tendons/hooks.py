@@ -9,18 +9,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.layers import Shape
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.tendons.rod import Array, arc_length, closest_on_rod, point_at, unit
+from handpipe.tendons.rod import arc_length, closest_on_rod, point_at, unit
 
 Bones = Mapping[str, RigidTransform]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,7 @@ def closest_points(points: Array, x: Array) -> Array:
 
 def fit_weights(
     rest: Array,
-    pair: NDArray[np.int64],
+    pair: IntArray,
     rods: Sequence[Array],
     poses: Sequence[Sequence[RigidTransform]],
     *,

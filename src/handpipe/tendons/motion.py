@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 
-Array = NDArray[np.float64]
 Bones = Mapping[str, RigidTransform]
 
 

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.tendons.energies import Bend, Hooks
 from handpipe.tendons.equilibrium import Options, solve
 from handpipe.tendons.motion import relative_to, steps_towards
 from handpipe.tendons.rest import PULL, RestTendon
-from handpipe.tendons.rod import Array, closest_on_rod, tangents
+from handpipe.tendons.rod import closest_on_rod, tangents
 from handpipe.tendons.surface_fit import SurfaceFit, Target
 from handpipe.tendons.twist import untwisted
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from handpipe.arrays import Array
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.skeleton.skinning import blend, bone_weights
 from handpipe.tendons.energies import Pull
-from handpipe.tendons.rod import Array, directions, frames, lay, perpendicular, segment_length, unit
+from handpipe.tendons.rod import directions, frames, lay, perpendicular, segment_length, unit
 from handpipe.tendons.tube import Tube, round_surface
 
 PULL = 0.5  # c1 |f| of Zheng et al. 2022, Table 2: the tension of the rod

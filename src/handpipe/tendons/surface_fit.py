@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.distance import Distance
 from handpipe.tendons.energies import REACH
-from handpipe.tendons.rod import Array, IntArray, directions, frames
+from handpipe.tendons.rod import directions, frames
 from handpipe.tendons.tube import SEGMENTS, Tube
 
 

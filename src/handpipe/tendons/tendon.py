@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from handpipe import artifacts
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.layers import Shape
 from handpipe.mesh.rigid import RigidTransform
@@ -21,7 +22,7 @@ from handpipe.tendons.equilibrium import Equilibrium, solve
 from handpipe.tendons.hooks import HookSet, closest_points, fit_hooks, past_end
 from handpipe.tendons.motion import Bones, relative_to
 from handpipe.tendons.rest import PULL, RestTendon
-from handpipe.tendons.rod import Array, closest_on_rod, frames, lay, point_at
+from handpipe.tendons.rod import closest_on_rod, frames, lay, point_at
 from handpipe.tendons.tube import Tube
 
 BEND_LENGTH = 2.0  # mm over which the rod rounds the kink at a hook

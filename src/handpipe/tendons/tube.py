@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.surface import Surface
-from handpipe.tendons.rod import Array, IntArray, bishop_normals, closest_on_rod, perpendicular, tangents
+from handpipe.tendons.rod import bishop_normals, closest_on_rod, perpendicular, tangents
 
 SEGMENTS = 3  # segments that carry a surface vertex, neighbours on the rod
 
@@ -67,7 +67,7 @@ def round_surface(x: Array, radii: Array | float, sides: int = 12) -> Surface:
     return Surface(vertices, _tube_triangles(n, sides))
 
 
-def _tube_triangles(n: int, sides: int) -> NDArray[np.int64]:
+def _tube_triangles(n: int, sides: int) -> IntArray:
     """Triangles of n rings in order, then the middles of the first and the last ring; they face outwards."""
     i, j = (a.ravel() for a in np.meshgrid(np.arange(n - 1), np.arange(sides), indexing="ij"))
     a, b = i * sides + j, i * sides + (j + 1) % sides

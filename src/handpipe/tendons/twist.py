@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from handpipe.tendons.rod import Array, frames
+from handpipe.arrays import Array
+from handpipe.tendons.rod import frames
 from handpipe.tendons.surface_fit import SurfaceFit
 from handpipe.tendons.tube import SEGMENTS
 

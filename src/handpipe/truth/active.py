@@ -5,13 +5,12 @@ from __future__ import annotations
 import copy
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.truth.density import DensityPotential
 from handpipe.truth.elements import Elements
-
-Array = NDArray[np.float64]
 
 BLUNT = 1e-3  # stretch at which the cone |F f| is rounded, so that crushed fibres have a direction
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.mesh.embedding import Locator
 from handpipe.truth.elements import Elements
-
-Array = NDArray[np.float64]
 
 GOLDEN = (1 + np.sqrt(5)) / 2
 CORNERS = np.array([[0, i, j * GOLDEN] for i in (-1, 1) for j in (-1, 1)]) / np.hypot(1, GOLDEN)

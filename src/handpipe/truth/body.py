@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import InputError
 from handpipe.fem.barrier import Barrier
 from handpipe.fem.materials import Material
@@ -25,10 +25,6 @@ from handpipe.truth.refinement import Midpoints, refine
 from handpipe.truth.solid import Solid
 from handpipe.truth.strands import Cable, Strands, chain
 from handpipe.truth.surfaces import bone_faces, bone_weights, outer_faces
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 CRUSH_STIFFNESS = 10.0  # kPa
 LARGE = 150_000  # nodes, whose factor of 20 GiB would not fit
@@ -70,7 +66,7 @@ class Anatomy:
         """Numbers of a region's tets."""
         return np.flatnonzero(self.labels == self.regions.index(region))
 
-    def part(self, kept: IntArray | Mask) -> tuple[Anatomy, IntArray]:
+    def part(self, kept: IntArray | BoolArray) -> tuple[Anatomy, IntArray]:
         """The anatomy of some tets, by number or mask, and its vertices' (n,) numbers in the whole."""
         mesh, used = self.mesh.part(kept)
         number = np.full(len(self.mesh.vertices), -1)
@@ -143,7 +139,7 @@ class Body:
         self.barrier = self._barrier(contact) if contact is not None else None
 
     @property
-    def fixed(self) -> Mask:
+    def fixed(self) -> BoolArray:
         """Mask (3n,) of the nodes that bones hold."""
         held = np.zeros(len(self.rest), dtype=bool)
         for nodes in self.on_bones.values():
@@ -189,15 +185,15 @@ class Body:
         points = int((self.solid.volume_ratios(x) <= 0).sum())
         return points + int((self.cells.moved(x).volumes() <= 0).sum())
 
-    def crushed(self, x: Array, left: float = 0.0) -> Mask:
+    def crushed(self, x: Array, left: float = 0.0) -> BoolArray:
         """Elements (m,) of which a quadrature point has this share left at x (n, 3), or is inside out."""
         return np.asarray((self.solid.volume_ratios(x) <= left).any(axis=1))
 
-    def inside_out(self, x: Array) -> Mask:
+    def inside_out(self, x: Array) -> BoolArray:
         """Elements (m,) that are inside out at a point, or between nodes, at x (n, 3)."""
         return self.crushed(x) | self.folded(x)
 
-    def folded(self, x: Array, left: float = 0.0) -> Mask:
+    def folded(self, x: Array, left: float = 0.0) -> BoolArray:
         """Quadratic tets (m,) of which a tet between nodes has this share left at x (n, 3), or folds."""
         count = len(self.elements.cells)
         if self.order == 1:
@@ -205,7 +201,7 @@ class Body:
         shares = self.cells.moved(x).volumes() / self.cells.volumes()
         return np.asarray(shares.reshape(count, -1).min(axis=1) <= left)
 
-    def between_nodes(self, cells: Mask, last: float = LAST) -> Crushing:
+    def between_nodes(self, cells: BoolArray, last: float = LAST) -> Crushing:
         """Resistance to the end, `last`, against the crushing of the tets between the nodes of cells (m,)."""
         chosen = self.cells.tets[np.repeat(cells, len(self.cells.tets) // len(cells))]
         return Crushing(Elements.linear(TetMesh(self.rest, chosen)), CRUSH_STIFFNESS).to_the_end(last)

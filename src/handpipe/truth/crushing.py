@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.truth.density import DensityPotential, add_stiffness, semidefinite
 from handpipe.truth.determinant import cofactors, second_derivatives
 from handpipe.truth.elements import Elements
-
-Array = NDArray[np.float64]
 
 CRUSHED = 0.3  # of its volume at rest: where the resistance begins
 STEEPEST = 0.02  # of that: below, it grows quadratically, so that a bad start has an energy

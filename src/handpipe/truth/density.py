@@ -8,14 +8,9 @@ from typing import ClassVar, Self
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, Int32Array, IntArray
 from handpipe.truth.elements import Elements
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Int32Array = NDArray[np.int32]
-Mask = NDArray[np.bool_]
 
 CHUNK = 2_000  # cells whose (9, 9) tangents are held at a time
 
@@ -34,7 +29,7 @@ class DensityPotential:
         self.vertices = elements.nodes
         self._points = elements.volumes.shape[1]
 
-    def about(self, moving: Mask, nodes: Mask) -> Self:
+    def about(self, moving: BoolArray, nodes: BoolArray) -> Self:
         """The energy of the cells that have one of the nodes `moving` (n,), of the positions of `nodes` (n,).
 
         Of the whole body's nodes (n,); `nodes` are to have all of these cells'.

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from handpipe.arrays import Array
 
 TWIST = np.zeros((3, 3, 3))  # the permutation symbol
 TWIST[[0, 1, 2], [1, 2, 0], [2, 0, 1]], TWIST[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = 1.0, -1.0

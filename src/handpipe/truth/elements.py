@@ -7,17 +7,13 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fem.assembly import Pattern
 from handpipe.fem.elastic import shape_gradients
 from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.tetrahedra import EDGES, TetMesh
 from handpipe.truth.refinement import Midpoints
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 # Four points exact for quadratic polynomials (Hammer and Stroud 1956), as barycentric coordinates.
 NEAR, FAR = (5 + 3 * np.sqrt(5)) / 20, (5 - np.sqrt(5)) / 20
@@ -75,17 +71,17 @@ class Elements:
             volumes=self.volumes[cells],
         )
 
-    def nodes_of(self, cells: Mask) -> Mask:
+    def nodes_of(self, cells: BoolArray) -> BoolArray:
         """The nodes (n,) of some cells (m,)."""
         nodes = np.zeros(len(self.nodes), dtype=bool)
         nodes[self.cells[cells]] = True
         return nodes
 
-    def touching(self, nodes: Mask) -> Mask:
+    def touching(self, nodes: BoolArray) -> BoolArray:
         """The cells (m,) that have one of some nodes (n,)."""
         return np.asarray(nodes[self.cells].any(axis=1))
 
-    def among(self, cells: Mask, nodes: Mask) -> Elements:
+    def among(self, cells: BoolArray, nodes: BoolArray) -> Elements:
         """Some of the cells (m,), of the nodes of a mask (n,) that has all of theirs, in their order."""
         number, corners = np.cumsum(nodes) - 1, nodes[: len(self.mesh.vertices)]
         used = number[self.cells[cells]]

@@ -7,15 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.fem.approach import approach
 from handpipe.fem.equilibrium import Equilibrium, Options, Steps, continuation, solve
 from handpipe.fem.record import Record
 from handpipe.truth.body import Body, Pose
 from handpipe.truth.uninverted import uninverted
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 REACH = 3.0  # of contact on the way, in activation distances: the skin is pushed along in longer rounds

@@ -7,18 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.operators import tet_neighbours
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.mesh.surface import Surface
 from handpipe.truth.body import Anatomy
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 
 def gliding(
@@ -28,7 +24,7 @@ def gliding(
     joints: Iterable[tuple[str, str]],
     motions: Sequence[Mapping[str, RigidTransform]],
     reach: float,
-) -> Mask:
+) -> BoolArray:
     """Which vertices (n,) on bones another bone of their joint passes within `reach` mm, in any position.
 
     `joints` are pairs of bones, `surfaces` the bones at rest, `motions` their positions.
@@ -44,7 +40,7 @@ def gliding(
     return passed
 
 
-def opened(anatomy: Anatomy, passed: Mask) -> Anatomy:
+def opened(anatomy: Anatomy, passed: BoolArray) -> Anatomy:
     """The anatomy without tets between two bones, and without attachment at the vertices `passed` (n,).
 
     What hangs on nothing but an edge or a vertex after that is left out, too.

@@ -5,21 +5,19 @@ from __future__ import annotations
 import logging
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.fem.linear import factorise
 from handpipe.mesh.operators import dirichlet_matrix, shape_gradients
 from handpipe.truth.body import Body
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 log = logging.getLogger(__name__)
 
 RINGS = (2, 3, 4, 6)  # of elements about what is inside out that are taken over: the fewest that will do
 SPREADING = 4  # times that what folds for it is taken over, too
 
 
-def mended(body: Body, x: Array, right: Array) -> tuple[Array, Mask] | None:
+def mended(body: Body, x: Array, right: Array) -> tuple[Array, BoolArray] | None:
     """Positions (n, 3) of which nothing is inside out, and no skin passes through skin: those of x but for
     some nodes, whose mask (n,) comes with them. None where none are found.
 
@@ -43,14 +41,14 @@ def mended(body: Body, x: Array, right: Array) -> tuple[Array, Mask] | None:
     return None
 
 
-def _within(body: Body, cells: Mask, rings: int) -> Mask:
+def _within(body: Body, cells: BoolArray, rings: int) -> BoolArray:
     """The nodes (n,) in some cells (m,) and the rings about them, without those on the border or on bones."""
     for _ in range(rings):
         cells = body.elements.touching(body.elements.nodes_of(cells))
     return body.elements.nodes_of(cells) & ~body.elements.nodes_of(~cells) & ~body.fixed[::3]
 
 
-def _harmonic(body: Body, values: Array, inside: Mask) -> Array:
+def _harmonic(body: Body, values: Array, inside: BoolArray) -> Array:
     """Harmonic continuation (k, 3) into the nodes of a mask (n,) of values (n, 3) at the others."""
     near = inside[body.cells.tets].any(axis=1)
     tets, volumes = body.cells.tets[near], body.cells.volumes()[near]

@@ -9,8 +9,8 @@ import logging
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import ConvergenceError
 from handpipe.fem.equilibrium import Equilibrium, Options, solve
 from handpipe.fem.record import Record
@@ -21,7 +21,6 @@ from handpipe.truth.elements import Elements
 from handpipe.truth.uninverted import uninverted
 from handpipe.truth.validation import volume_changes
 
-Array = NDArray[np.float64]
 log = logging.getLogger(__name__)
 
 KEPT = 2e-3  # relative change of a muscle's volume that is left

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.mesh.tetrahedra import EDGES, TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Corners 0 to 3 and midpoints 4 to 9 in the order of EDGES.
 AT_CORNERS = np.array([[0, 4, 5, 6], [4, 1, 7, 8], [5, 7, 2, 9], [6, 8, 9, 3]])

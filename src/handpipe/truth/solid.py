@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.fem.materials import (
     MODELS,
     Material,
@@ -15,8 +15,6 @@ from handpipe.fem.materials import (
 )
 from handpipe.truth.density import DensityPotential
 from handpipe.truth.elements import Elements
-
-Array = NDArray[np.float64]
 
 
 class Solid(DensityPotential):

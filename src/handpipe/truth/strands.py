@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
 from handpipe.fem.constraints import Operator, penalty
 from handpipe.fem.points import PointPotential, per_point
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLUNT = 1e-3  # mm: a segment of no length has no direction
 TOE = 0.02  # strain over which tension rises from none to its full slope, as collagen uncrimps

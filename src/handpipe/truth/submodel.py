@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.fem.equilibrium import Options, solve
 from handpipe.fem.materials import Material
 from handpipe.mesh.operators import tet_neighbours
@@ -20,14 +20,10 @@ from handpipe.truth.body import Anatomy, Body, Pose
 from handpipe.truth.elements import Elements
 from handpipe.truth.validation import difference, solved_from
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-Mask = NDArray[np.bool_]
-
 CUT = "cut"  # takes the place of a bone's name
 
 
-def cut_out(anatomy: Anatomy, chosen: Mask) -> tuple[Anatomy, IntArray]:
+def cut_out(anatomy: Anatomy, chosen: BoolArray) -> tuple[Anatomy, IntArray]:
     """The anatomy of the chosen tets (m,), without strands, and its vertices' (n,) numbers in the whole.
 
     What holds it to the rest, vertices of faces between chosen and other tets, is like a bone named "cut".
@@ -57,7 +53,7 @@ class _Carried:
 def refinement_error(
     anatomy: Anatomy,
     materials: Mapping[str, Material],
-    chosen: Mask,
+    chosen: BoolArray,
     pose: Pose,
     x: Array,
     options: Options | None = None,

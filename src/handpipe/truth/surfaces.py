@@ -6,16 +6,13 @@ from collections.abc import Iterable
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, IntArray
 from handpipe.errors import InputError
 from handpipe.mesh.barycentric import barycentric_weights
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface, component_labels
 from handpipe.mesh.tetrahedra import TetMesh
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 REACH = 2.0  # mm from a bone within which a strand's end is taken to be on it
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array, BoolArray
 from handpipe.errors import ConvergenceError
 from handpipe.fem.equilibrium import Equilibrium, Options, solve
 from handpipe.fem.expansion import Expansion
@@ -20,8 +20,6 @@ from handpipe.truth.crushing import CRUSHED, LAST, STEEPEST, Crushing
 from handpipe.truth.density import DensityPotential
 from handpipe.truth.mended import mended
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 log = logging.getLogger(__name__)
 
 NEARLY = 0.1  # of its volume at rest: a tet between nodes that has less left folds where its neighbours turn
@@ -76,7 +74,9 @@ def uninverted(
     return found
 
 
-def _turned(body: Body, energies: Sequence[Potential], moving: Mask, x: Array, options: Options) -> Array:
+def _turned(
+    body: Body, energies: Sequence[Potential], moving: BoolArray, x: Array, options: Options
+) -> Array:
     """Positions (n, 3) at which the nodes of a mask (n,) rest, while all others stay.
 
     What is no tissue, contact above all, acts as for small moves from x.
@@ -99,7 +99,7 @@ def _place(body: Body, x: Array) -> str:
     return f"first at ({at}) in {body.anatomy.regions[body.anatomy.labels[cell]]}"
 
 
-def _about(body: Body, cells: Mask) -> Mask:
+def _about(body: Body, cells: BoolArray) -> BoolArray:
     """The nodes (n,) of some cells (m,) and of those around them."""
     for _ in range(RINGS):
         cells = body.elements.touching(body.elements.nodes_of(cells))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.fem.equilibrium import Options, solve
 from handpipe.fem.materials import Material
 from handpipe.mesh.tetrahedra import EDGES
@@ -14,8 +14,6 @@ from handpipe.metrics import Metrics
 from handpipe.truth.body import Body, Pose
 from handpipe.truth.follow import follow
 from handpipe.truth.solid import Solid
-
-Array = NDArray[np.float64]
 
 AFFINE = np.array([[1.10, 0.08, -0.05], [0.03, 0.93, 0.06], [-0.04, 0.02, 1.02]])
 SHAKEN = 0.1  # of the shortest edge at a node: where inner nodes start the patch test from

@@ -14,9 +14,10 @@ import numpy as np
 import SimpleITK as sitk
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.imaging.formats.dicom_frames import Frame, frames_of
-from handpipe.imaging.formats.stored import LPS_TO_RAS, Array, Stored, reading, require_size
+from handpipe.imaging.formats.stored import LPS_TO_RAS, Stored, reading, require_size
 
 log = logging.getLogger(__name__)
 

@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 import pydicom
-from numpy.typing import NDArray
 from pydicom.errors import InvalidDicomError
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.imaging.formats.stored import reading, require_size
 
 log = logging.getLogger(__name__)
-Array = NDArray[np.float64]
 
 SUFFIXES = (".dcm", ".dicom", ".ima")
 LONG = 2**12  # bytes

@@ -9,8 +9,9 @@ import numpy as np
 from nibabel.orientations import apply_orientation, inv_ornt_aff, io_orientation
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
-from handpipe.imaging.formats.stored import Array, Stored
+from handpipe.imaging.formats.stored import Stored
 
 SPACING_RANGE = (0.02, 20.0)  # mm; a hand's voxels lie far inside
 SKEW = 1e-3  # cosine between two axes: lengths measured by spacing alone are wrong by less than this share

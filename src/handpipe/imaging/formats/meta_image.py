@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.imaging.formats.stored import (
     DEFLATE,
     EXPORT,
     LPS_TO_RAS,
-    Array,
     Stored,
     reading,
     require_scalar,

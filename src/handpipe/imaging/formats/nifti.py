@@ -10,11 +10,11 @@ from typing import Any
 import nibabel
 import numpy as np
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.imaging.formats.stored import (
     DEFLATE,
     EXPORT,
-    Array,
     Stored,
     reading,
     require_scalar,

@@ -13,11 +13,11 @@ import nrrd
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.imaging.formats.stored import (
     DEFLATE,
     EXPORT,
-    Array,
     Stored,
     reading,
     require_scalar,

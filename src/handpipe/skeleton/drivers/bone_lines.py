@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.skeleton.rig import Rig
-
-Array = NDArray[np.float64]
 
 
 def joint_places(rig: Rig) -> dict[str, Array]:

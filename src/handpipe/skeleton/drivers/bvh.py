@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.artifacts import read_text, write_text
 from handpipe.errors import InputError
 from handpipe.skeleton.frame_table import number_in
 
-Array = NDArray[np.float64]
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.angles import Angles
@@ -19,7 +19,6 @@ from handpipe.skeleton.inverse_kinematics import Options, solve
 from handpipe.skeleton.rig import Rig
 from handpipe.skeleton.targets import Orientation
 
-Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 SAME = 1e-2  # mm; a skeleton whose joints are as near to the rig's is in the rig's own frame
 FLAT = 0.02  # a skeleton this thin, beside its length, does not tell its turn about it

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.errors import InputError
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.skeleton.angles import Angles
@@ -22,7 +22,6 @@ from handpipe.skeleton.inverse_kinematics import Options, solve
 from handpipe.skeleton.rig import Rig
 from handpipe.skeleton.targets import Direction, Position, Target
 
-Array = NDArray[np.float64]
 BONES = {
     "THUMB": ("metacarpal1", "proximal1", "distal1"),
     **{

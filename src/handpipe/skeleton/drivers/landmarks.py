@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from handpipe.arrays import Array
 from handpipe.artifacts import read_text
 from handpipe.errors import InputError
 from handpipe.skeleton.frame_table import delimiter_of, frame_name, number_in, read_table
 
-Array = NDArray[np.float64]
 Hand = Literal["right", "left"]
 FINGERS = ("INDEX_FINGER", "MIDDLE_FINGER", "RING_FINGER", "PINKY")
 LANDMARKS = (
