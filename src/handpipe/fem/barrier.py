@@ -6,7 +6,6 @@ import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import ipctk
 import numpy as np
 import scipy.sparse as sp
 
@@ -21,6 +20,7 @@ from handpipe.fem.collision_surface import (
 )
 from handpipe.fem.growing_pattern import GrowingPattern
 from handpipe.fem.potential import Potential, Sum
+from handpipe.mesh.contact_toolkit import ipctk
 
 RESERVE = 0.9  # share of a free step that is taken
 REACH = 10.0  # mean edge lengths that no surface vertex moves beyond in one step: bounds the candidates

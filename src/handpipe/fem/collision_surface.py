@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import ipctk
 import numpy as np
 import scipy.sparse as sp
 
 from handpipe.arrays import Array, BoolArray, IntArray
+from handpipe.mesh.contact_toolkit import ipctk
 
 NEIGHBOUR_RINGS = 3  # so many edges apart along a surface, vertices that are near at rest are neighbours
 

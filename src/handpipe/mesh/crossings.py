@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import ipctk
 import numpy as np
 
 from handpipe.arrays import Array, BoolArray, IntArray
+from handpipe.mesh.contact_toolkit import ipctk
 from handpipe.mesh.surface import Surface
 
 ROUNDING = 1e-12  # mm^3, of six times a volume

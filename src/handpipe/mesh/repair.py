@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import igl
-import ipctk
 import numpy as np
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.csgraph import connected_components
@@ -11,6 +10,7 @@ from scipy.sparse.linalg import spsolve
 
 from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.errors import InputError
+from handpipe.mesh.contact_toolkit import ipctk
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.implicit import Grid, isosurface
 from handpipe.mesh.operators import cotangent_laplacian, mass_lumped

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import ipctk
 import numpy as np
 
 from handpipe.arrays import Array, BoolArray, IntArray
+from handpipe.mesh.contact_toolkit import ipctk
 from handpipe.mesh.crossings import crossings
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.surface import Surface, concatenate
