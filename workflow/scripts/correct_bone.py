@@ -10,10 +10,9 @@ with stage(snakemake):
     dataset = dataset_of(snakemake)
     volume = pose_volume(dataset, snakemake.wildcards.pose)
     path, bone = snakemake.input.scribbles, snakemake.wildcards.bone
-    bones = dataset.labels
-    drawn = (read_labels(file, volume, bones) for file in (snakemake.input.seeds, path))
+    drawn = (read_labels(file, volume, dataset.seed_labels) for file in (snakemake.input.seeds, path))
     seeds = add_scribbles(*drawn)
     others = set(dataset.bones) - {bone}
-    check_seeds(path, seeds, bones, others)
+    check_seeds(path, seeds, dataset.labels, others, dataset.other_labels)
     found = segment_bone(volume, seeds, dataset.bones[bone].label, SegmentationSettings())
     save(snakemake.output[0], {bone: found}, [*snakemake.input])

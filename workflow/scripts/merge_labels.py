@@ -17,10 +17,12 @@ with stage(snakemake) as log:
     pose = snakemake.wildcards.pose
     volume = pose_volume(dataset, pose)
     table = dataset.labels
-    seeds = read_labels(snakemake.input.seeds, volume, table)
+    seeds = read_labels(snakemake.input.seeds, volume, dataset.seed_labels)
     corrected = dataset.poses[pose].scribbles
     for name, path in zip(corrected, snakemake.input.scribbles, strict=True):
-        seeds = add_scribbles(seeds, read_labels(path, volume, table), dataset.bones[name].label)
+        seeds = add_scribbles(
+            seeds, read_labels(path, volume, dataset.seed_labels), dataset.bones[name].label
+        )
     names = {label: name for name, label in table.items()}
 
     found = claims.load(snakemake.input.bones, snakemake.input.corrected)

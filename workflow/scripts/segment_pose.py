@@ -12,9 +12,9 @@ with stage(snakemake):
     pose, path = snakemake.wildcards.pose, snakemake.input.seeds
     volume = pose_volume(dataset, pose)
     bones = dataset.labels
-    seeds = read_labels(path, volume, bones)
+    seeds = read_labels(path, volume, dataset.seed_labels)
     drawn = dataset.poses[pose].seeds is not None  # else proposed, but for bones that a person has to look at
-    check_seeds(path, seeds, bones, snakemake.params.scribbled if drawn else bones)
+    check_seeds(path, seeds, bones, snakemake.params.scribbled if drawn else bones, dataset.other_labels)
     found, wrong = segment(volume, seeds, bones, SegmentationSettings())
     missing = [name for name in wrong if name not in snakemake.params.scribbled]
     if pose == dataset.neutral and missing:
