@@ -81,6 +81,7 @@ CHANGES = [
             "poses.fist.landmarks.lumbrical1": ("new/l.mrk.json", "extract_muscle_shapes"),
             "bones.distal2.label": (9, "correct_bone evaluate_segmentation merge_labels segment_pose"),
             "bones.distal2.template": ("new/distal2.ply", "place_templates"),
+            "other_labels.sesamoid1": (9, "correct_bone merge_labels segment_pose"),
             "joints.DIP2.parent": (
                 "proximal2",
                 "fit_rig make_bone_fascia merge_labels mesh_soft_tissue register_bones",
@@ -139,6 +140,7 @@ CHANGES = [
             "layers": (["bones", "skin"], "report simulate"),
             "frames": ("config/scenes/moved.csv", "evaluate_frames simulate"),
             "bones": ({"distal2": "Index3"}, "evaluate_frames simulate"),
+            "only": (["index"], ""),  # all of the finger's bones
             "chunk": (5, "simulate"),
             "obj": (True, "export_obj require_frames"),
         },

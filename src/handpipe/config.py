@@ -191,6 +191,9 @@ class Dataset(Model):
     hand: Literal["right", "left"] = "right"
     poses: dict[Name, Pose]
     bones: dict[Name, Bone]
+    other_labels: dict[Name, int] = Field(
+        {}, description="labels of other bones in the seeds: known not to be any of `bones`, and not modelled"
+    )
     joints: dict[Name, Joint]
     muscles: dict[Name, Muscle] = {}
     ligaments: dict[Name, Muscle] = {}
@@ -224,13 +227,18 @@ class Dataset(Model):
                 if bone not in self.bones:
                     raise ValueError(f"{kind}: names the bone {bone!r}, which is not under bones")
         unique: dict[str, list[Any]] = {
-            "bones: the label": [bone.label for bone in self.bones.values()],
+            "bones: the label": [*(bone.label for bone in self.bones.values()), *self.other_labels.values()],
             "joints: the angle": [angle for joint in self.joints.values() for angle in joint.angles],
         }
         for kind, values in unique.items():
             twice = [value for value in values if values.count(value) > 1]
             if twice:
                 raise ValueError(f"{kind} {twice[0]!r} stands twice")
+        for bone, label in self.other_labels.items():
+            if bone in self.bones:
+                raise ValueError(f"other_labels: {bone!r} is under bones, too")
+            if not 1 <= label <= 254:
+                raise ValueError(f"other_labels: {label} of {bone} is no label: 1 to 254 are")
         children = [j.child for j in self.joints.values()]
         if len(set(children)) != len(children) or len(self.root_bones) != 1:
             raise ValueError("joints: must form one tree over the bones, each bone a child at most once")
@@ -254,6 +262,11 @@ class Dataset(Model):
     def labels(self) -> dict[str, int]:
         """Label of each bone in seed and label volumes."""
         return {name: bone.label for name, bone in self.bones.items()}
+
+    @property
+    def seed_labels(self) -> dict[str, int]:
+        """Label of each bone that seeds may hold."""
+        return self.labels | self.other_labels
 
     def poses_of(self, *roles: Role) -> list[str]:
         """Names of the poses with one of the roles, in file order."""
@@ -286,6 +299,9 @@ class Scene(Model):
     )
     bones: dict[Name, str] = Field(
         {}, description="bone -> name of its joint in a BVH file, where the two differ"
+    )
+    only: tuple[Name, ...] | None = Field(
+        None, min_length=1, description="bones or fingers that are modelled, with the bones that carry them"
     )
     chunk: int = Field(4, ge=1, description="frames in one job")
     obj: bool = Field(False, description="write the frames as a sequence of OBJ files, too")

@@ -1,5 +1,6 @@
 """A build makes what its target and its scenes need, and a change reruns what depends on it."""
 
+import json
 import shutil
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -11,8 +12,11 @@ import yaml
 from benchmarks.trust.__main__ import PARTS
 from benchmarks.trust.job_plans import JobPlan, plan
 from benchmarks.trust.stale import Workbench, workbench
+from snakemake.exceptions import WorkflowError
 
 from handpipe.config import Scene
+from handpipe.skeleton.bones import read_surfaces
+from handpipe.skeleton.rig import Rig
 
 from .running import planned, run, working_copy
 from .small_subject import LABELS, ball, seeds, write_dataset, write_image, write_mesh
@@ -187,3 +191,89 @@ def test_changed_scan_is_checked_but_images_stay(built_small: Path, tmp_path: Pa
     folder = Path(shutil.copytree(built_small, tmp_path / "copy"))
     write_mesh(folder / "small" / "bent.ply", ball().apply_scale(1.1))
     assert planned(folder, "segmentation", *SMALL) == {"check_subject": 1, "segmentation": 1}
+
+
+SCOPES = {  # of the finger: what a scene names, and the bones that it models
+    ("index",): ("metacarpal2", "proximal2", "middle2", "distal2"),
+    ("distal2",): ("metacarpal2", "proximal2", "middle2", "distal2"),
+    ("middle2",): ("metacarpal2", "proximal2", "middle2"),
+    ("proximal2",): ("metacarpal2", "proximal2"),
+}
+ATTACHED = {  # in place of the attachments of the finger's muscles and ligaments
+    "PIP2_radial": ("proximal2", "middle2"),
+    "PIP2_ulnar": ("proximal2",),
+    "lumbrical1": ("metacarpal2", "distal2"),
+    "dorsal_interosseous1": ("metacarpal2", "proximal2"),
+}
+
+
+def plan_of_scope(bench: Workbench, only: Sequence[str], layers: Sequence[str]) -> JobPlan:
+    """The plan of a scene of some bones of a person's finger."""
+    bench.before("person")
+    for organ, bones in ATTACHED.items():
+        file = bench.folder / "person" / "templates" / f"{organ}.json"
+        file.write_text(json.dumps({bone: [0] for bone in bones}), encoding="utf-8")
+    joints = bench.contents["person"]["joints"].values()
+    angles = [f"{a} [deg]" for j in joints if j["child"] in SCOPES[tuple(only)] for a in j["angles"]]
+    frames = Path("config/scenes/scope.csv")
+    (bench.folder / frames).write_text(f"frame,{','.join(angles)}\nrest{',0' * len(angles)}\n")
+    scene = {"frames": str(frames), "layers": list(layers), "only": list(only)}
+    bench.write("scenes/flexion", bench.contents["scene"] | scene)
+    return bench.plan("person")
+
+
+def segmented(found: JobPlan) -> set[str]:
+    """The bones that the segmentation of every pose reads."""
+    jobs = [str(compared) for job, compared in found.compared.items() if job.rule == "segment_pose"]
+    return {bone for bone in SCOPES["index",] if all(f'"{bone}": {{"label"' in job for job in jobs)}
+
+
+def members(found: JobPlan, rule: str, kind: str) -> set[str]:
+    return {dict(job.wildcards)[kind] for job in found.compared if job.rule == rule}
+
+
+@pytest.mark.parametrize("only", SCOPES, ids="-".join)
+def test_a_scene_of_some_bones_builds_what_lies_on_them(bench: Workbench, only: tuple[str, ...]) -> None:
+    found = plan_of_scope(bench, only, ("bones", "tendons", "ligaments", "muscles"))
+    bones = set(SCOPES[only])
+    on_bones = {organ for organ, attached in ATTACHED.items() if bones.issuperset(attached)}
+    whole = len(bones) == 4
+    assert segmented(found) == bones
+    assert members(found, "fit_hooks", "tendon") == ({"flexor2", "extensor2"} if whole else set())
+    fitted = members(found, "fit_ligament", "ligament") | members(found, "extract_muscle", "muscle")
+    assert fitted == on_bones
+    assert ("simulate_flesh" in found.rules()) == whole
+    assert ("correct_bone" in found.rules()) == whole  # distal2 alone has scribbles
+
+
+def test_a_scene_of_other_bones_segments_again(bench: Workbench) -> None:
+    """Artifacts of both have the same paths."""
+    first, second = (plan_of_scope(bench, (bone,), ("bones",)) for bone in ("middle2", "proximal2"))
+    changed = {job.rule for job in second.changed(first)}
+    assert {"segment_pose", "merge_labels", "register_bones", "fit_rig"} <= changed
+    assert "check_subject" not in changed
+
+
+@pytest.mark.parametrize("layer", ["fat", "skin"])
+def test_skin_around_some_bones_is_refused_before_any_job(bench: Workbench, layer: str) -> None:
+    with pytest.raises(WorkflowError, match=f"flexion.yaml: layers: {layer} is made of the skin around all"):
+        plan_of_scope(bench, ("proximal2",), (layer,))
+
+
+def test_other_bones_are_not_segmented(small: Path) -> None:
+    """A third bone has strokes, in what is muscle in the image: they are known as its own, and left alone."""
+    subject = yaml.safe_load((small / "config/datasets/small.yaml").read_text(encoding="utf-8"))
+    subject["bones"]["end"] = {"label": 3, "template": "far.ply"}
+    subject["joints"]["tip"] = {"parent": "far", "child": "end", "angles": [], "axis_hints": []}
+    write_dataset(small, subject)
+    drawn = seeds()
+    drawn[:3, :3][drawn[:3, :3] == 255] = 3
+    for pose in ("flat", "bent"):
+        write_image(small / "small" / f"{pose}-seeds.nii.gz", drawn)
+    write_scene(small, "part", "layers: [bones]\nonly: [far]")
+    process = run(small, "-j2", "rig", "--config", "subjects=[small]", "scenes=[part]")
+    assert process.returncode == 0, process.stdout
+    for pose in ("flat", "bent"):
+        surfaces = read_surfaces(small / "results/small/segmentation" / pose / "surfaces.h5", "marrow")
+        assert set(surfaces) == set(LABELS)
+    assert set(Rig.load(small / "results/small/rig.h5").bones) == set(LABELS)

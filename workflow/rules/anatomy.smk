@@ -47,7 +47,7 @@ rule zanatomy_hand:
         mem_mb=4000,
         runtime=30,
     params:
-        dataset=reads("name", "anatomy"),
+        dataset=reads_whole("name", "anatomy"),
         edges=HAND_EDGES,
     message:
         "{wildcards.subject}: template of real organs"

@@ -23,6 +23,7 @@ from handpipe.config import (
 from handpipe.datasets import generators
 from handpipe.errors import HandpipeError
 from handpipe.hand.frames import failures_in
+from handpipe.hand.part import part_of
 from handpipe.layer_registry import (
     LAYERS,
     artifacts_of,
@@ -54,6 +55,22 @@ SETTINGS = checked(
 
 @functools.cache
 def dataset(subject):
+    """The part of a subject that the scenes model; all other parts of its file are as if they were not there."""
+    scenes = {
+        Path(f"config/scenes/{name}.yaml"): scene(name) for name in SETTINGS.scenes
+    }
+    file = Path(dataset_file(subject))
+    part = checked(part_of, scenes, file, whole_dataset(subject))
+    if part.left_out:
+        logger.warning(
+            f"handpipe: {subject}: left out, with the bones that `only` would have to name: {part}"
+        )
+    return part.dataset
+
+
+@functools.cache
+def whole_dataset(subject):
+    """All that a subject has, for generators and for the check of its files."""
     data = checked(load_dataset, dataset_file(subject))
     if not data.generator:
         checked(require_files, dataset_file(subject), data)
@@ -65,12 +82,12 @@ def dataset_file(subject):
 
 
 @functools.cache
-def selected(subject, fields, names):
+def selected(of, subject, fields, names):
     """Fields of a dataset as text: a parameter of rules, of which their script makes the dataset."""
-    return selection.select(dataset(subject), fields, **dict(names))
+    return selection.select(of(subject), fields, **dict(names))
 
 
-def reads(*fields):
+def reads(*fields, of=dataset):
     """Parameter function: the fields of the dataset that the rule's script reads, and no others.
 
     Fields are those of `handpipe.selection`; wildcards stand in braces, and {neutral}, {examples} and
@@ -78,16 +95,21 @@ def reads(*fields):
     """
 
     def values(wildcards):
-        data = dataset(wildcards.subject)
+        data = of(wildcards.subject)
         names = {
             **dict(wildcards.items()),
             "neutral": data.neutral,
             "examples": tuple(data.examples),
             "proposed": tuple(proposed_poses(wildcards.subject)),
         }
-        return selected(wildcards.subject, fields, tuple(names.items()))
+        return selected(of, wildcards.subject, fields, tuple(names.items()))
 
     return values
+
+
+def reads_whole(*fields):
+    """As `reads`, of all that the subject has, whatever part of it the scenes model."""
+    return reads(*fields, of=whole_dataset)
 
 
 def image_of(pose="{pose}"):
@@ -97,7 +119,13 @@ def image_of(pose="{pose}"):
 
 def of_labels(wildcards):
     """Parameter function: the fields that merging the labels of a pose reads; joints, too, in neutral."""
-    fields = [*image_of(), "bones.*.label", "neutral", "poses.{pose}.scribbles"]
+    fields = [
+        *image_of(),
+        "bones.*.label",
+        "other_labels",
+        "neutral",
+        "poses.{pose}.scribbles",
+    ]
     if wildcards.pose == neutral(wildcards.subject):
         fields += ["joints.*.parent", "joints.*.child", "joints.*.angles"]
     return reads(*fields)(wildcards)
@@ -138,7 +166,7 @@ def buildable_subjects():
     """Subjects of the configuration whose source data are here; others are skipped with a reason."""
     kept = []
     for subject in SETTINGS.subjects:
-        source = dataset(subject).anatomy
+        source = whole_dataset(subject).anatomy
         if source is not None and not source.exists():
             logger.warning(
                 f"handpipe: {subject} is skipped: its anatomy {source} is not on this machine"
@@ -220,7 +248,7 @@ def take_lock():
 
 def given_files(wildcards):
     """Every file that a dataset names."""
-    return list(named_files(dataset(wildcards.subject)).values())
+    return list(named_files(whole_dataset(wildcards.subject)).values())
 
 
 def subject_checks():
@@ -575,6 +603,11 @@ def example_scan(wildcards):
 
 def needed_scan(subject, pose, layer):
     """A pose's scan that a layer is made of; where there is none the build ends before it begins."""
+    if len(dataset(subject).bones) < len(whole_dataset(subject).bones):
+        raise WorkflowError(
+            f"handpipe: {', '.join(SETTINGS.scenes)}: only: {layer} is made of the skin around all bones. "
+            "Remove `only` from the scenes, or build another target"
+        )
     return checked(require_scan, dataset_file(subject), dataset(subject), pose, layer)
 
 

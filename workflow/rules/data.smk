@@ -16,7 +16,7 @@ rule generate_templates:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads(
+        dataset=reads_whole(
             "name",
             "generator",
             "anatomy",
@@ -57,7 +57,7 @@ rule generate_pose:
         mem_mb=2500,
         runtime=10,
     params:
-        dataset=reads(
+        dataset=reads_whole(
             "name",
             "generator",
             "anatomy",
@@ -94,7 +94,7 @@ rule generate_bones:
         mem_mb=2000,
         runtime=10,
     params:
-        dataset=reads(
+        dataset=reads_whole(
             "name",
             "generator",
             "anatomy",
@@ -135,7 +135,7 @@ rule generate_seeds:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads("name", "seed", "truth", "root", "poses.{pose}.seeds"),
+        dataset=reads_whole("name", "seed", "truth", "root", "poses.{pose}.seeds"),
     message:
         "{wildcards.subject}: seeds of {wildcards.pose} as a person would draw them"
     script:
@@ -157,7 +157,7 @@ rule check_subject:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads("*"),
+        dataset=reads_whole("*"),
     message:
         "{wildcards.subject}: images, scans, templates and attachments are what the dataset says"
     script:

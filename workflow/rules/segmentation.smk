@@ -16,7 +16,13 @@ rule segment_pose:
         mem_mb=2500,
         runtime=20,
     params:
-        dataset=reads(*image_of(), "bones.*.label", "neutral", "poses.{pose}.seeds"),
+        dataset=reads(
+            *image_of(),
+            "bones.*.label",
+            "other_labels",
+            "neutral",
+            "poses.{pose}.seeds",
+        ),
         scribbled=scribbled_bones,
     message:
         "{wildcards.subject}: segment the bones of {wildcards.pose}"
@@ -41,7 +47,7 @@ rule correct_bone:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads(*image_of(), "bones.*.label"),
+        dataset=reads(*image_of(), "bones.*.label", "other_labels"),
     message:
         "{wildcards.subject}: segment {wildcards.bone} in {wildcards.pose} with its scribbles"
     script:

@@ -21,7 +21,7 @@ rule coupled_body:
         mem_mb=2000,
         runtime=10,
     params:
-        dataset=reads("name", "generator", "anatomy"),
+        dataset=reads_whole("name", "generator", "anatomy"),
     message:
         "{wildcards.subject}: the template as one body whose joints can open"
     script:
@@ -45,7 +45,7 @@ rule coupled_pose:
         mem_mb=lambda w: TRUTH_MEMORY[SETTINGS.truth],
         runtime=120,
     params:
-        dataset=reads("name", "generator", "anatomy"),
+        dataset=reads_whole("name", "generator", "anatomy"),
         order=lambda w: TRUTH_ORDER[SETTINGS.truth],
     message:
         "{wildcards.subject}: equilibrium of the coupled body in {wildcards.pose}"
@@ -75,7 +75,7 @@ rule coupled_images:
         mem_mb=3000,
         runtime=20,
     params:
-        dataset=reads(
+        dataset=reads_whole(
             "name",
             "generator",
             "anatomy",
@@ -115,7 +115,7 @@ rule coupled_templates:
         mem_mb=3000,
         runtime=10,
     params:
-        dataset=reads(
+        dataset=reads_whole(
             "name",
             "generator",
             "anatomy",
@@ -155,7 +155,7 @@ rule evaluate_truth:
         mem_mb=lambda w: TRUTH_MEMORY[SETTINGS.truth],
         runtime=lambda w: {"toy": 20, "full": 120}[SETTINGS.truth],
     params:
-        dataset=reads("name", "generator", "anatomy"),
+        dataset=reads_whole("name", "generator", "anatomy"),
         order=lambda w: TRUTH_ORDER[SETTINGS.truth],
         costs=costs_of("coupled_pose"),
     message:

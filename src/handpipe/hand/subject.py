@@ -164,10 +164,10 @@ def check_images(dataset: Dataset) -> None:
             raise InputError(dataset.path(pose.volume), "values", problem, "Export it again")
         if pose.seeds is not None:
             path = dataset.path(pose.seeds)
-            seeds = read_labels(path, volume, dataset.labels)
-            check_seeds(path, seeds, dataset.labels, pose.scribbles)
+            seeds = read_labels(path, volume, dataset.seed_labels)
+            check_seeds(path, seeds, dataset.labels, pose.scribbles, dataset.other_labels)
         for scribbles in pose.scribbles.values():
-            read_labels(dataset.path(scribbles), volume, dataset.labels)
+            read_labels(dataset.path(scribbles), volume, dataset.seed_labels)
 
 
 def joint_limits(dataset: Dataset) -> dict[str, tuple[float, float]]:

@@ -82,11 +82,16 @@ class BoneProbability:
 
 
 def check_seeds(
-    source: str | Path, seeds: Labels, bones: Mapping[str, int], scribbled: Collection[str] = ()
+    source: str | Path,
+    seeds: Labels,
+    bones: Mapping[str, int],
+    scribbled: Collection[str] = (),
+    others: Mapping[str, int] | None = None,
 ) -> None:
     """Raise `InputError` where seeds (nx, ny, nz) lack a bone or the background, or hold unknown labels.
 
-    scribbled: bones that may have none: their scribbles are all the seeds they have.
+    scribbled: bones that may have none: their scribbles are all the seeds they have; others: labels of
+    further bones, which seeds may hold and need not.
     """
     present = set(np.unique(seeds).tolist())
     for name, label in bones.items():
@@ -97,7 +102,7 @@ def check_seeds(
     if BACKGROUND not in present:
         problem = f"the background (label {BACKGROUND}) has none"
         raise InputError(source, "seeds", problem, "Draw strokes in the tissue around the bones")
-    unknown = present - set(bones.values()) - {0, BACKGROUND}
+    unknown = present - {*bones.values(), *(others or {}).values(), 0, BACKGROUND}
     if unknown:
         problem = f"labels {sorted(unknown)} are no bones of the dataset"
         raise InputError(source, "seeds", problem, "Relabel them, or add the bones to the dataset file")

@@ -25,9 +25,9 @@ def correct_bone(inputs: Inputs, output: Path, dataset: Dataset, pose: str, bone
     """Marrow probability of one bone in one pose, with the scribbles that correct it."""
     volume = pose_volume(dataset, pose)
     path = inputs.scribbles
-    bones = dataset.labels
-    seeds = add_scribbles(read_labels(inputs.seeds, volume, bones), read_labels(path, volume, bones))
+    known = dataset.seed_labels
+    seeds = add_scribbles(read_labels(inputs.seeds, volume, known), read_labels(path, volume, known))
     others = set(dataset.bones) - {bone}
-    check_seeds(path, seeds, bones, others)
+    check_seeds(path, seeds, dataset.labels, others, dataset.other_labels)
     found = segment_bone(volume, seeds, dataset.bones[bone].label, SegmentationSettings())
     save(output, {bone: found}, inputs.all())

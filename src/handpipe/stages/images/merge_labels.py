@@ -48,10 +48,11 @@ def merge_labels(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) 
     """Labels of a pose without conflicts between bones, and the bones' surfaces."""
     volume = pose_volume(dataset, pose)
     table = dataset.labels
-    seeds = read_labels(inputs.seeds, volume, table)
+    known = dataset.seed_labels
+    seeds = read_labels(inputs.seeds, volume, known)
     corrected = dataset.poses[pose].scribbles
     for name, path in zip(corrected, inputs.scribbles, strict=True):
-        seeds = add_scribbles(seeds, read_labels(path, volume, table), dataset.bones[name].label)
+        seeds = add_scribbles(seeds, read_labels(path, volume, known), dataset.bones[name].label)
     names = {label: name for name, label in table.items()}
 
     found = claims.load(inputs.bones, inputs.corrected)

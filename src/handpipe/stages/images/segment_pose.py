@@ -24,12 +24,12 @@ class Inputs(Files):
 
 def segment_pose(inputs: Inputs, output: Path, dataset: Dataset, pose: str, scribbled: Sequence[str]) -> None:
     """Marrow probability of every bone in one pose, each in a region around its seeds."""
-    pose, path = pose, inputs.seeds
+    path = inputs.seeds
     volume = pose_volume(dataset, pose)
     bones = dataset.labels
-    seeds = read_labels(path, volume, bones)
+    seeds = read_labels(path, volume, dataset.seed_labels)
     drawn = dataset.poses[pose].seeds is not None  # else proposed, but for bones that a person has to look at
-    check_seeds(path, seeds, bones, scribbled if drawn else bones)
+    check_seeds(path, seeds, bones, scribbled if drawn else bones, dataset.other_labels)
     found, wrong = segment(volume, seeds, bones, SegmentationSettings())
     missing = [name for name in wrong if name not in scribbled]
     if pose == dataset.neutral and missing:
