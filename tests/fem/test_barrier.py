@@ -286,3 +286,18 @@ def test_a_barrier_that_reaches_farther_pushes_from_there_on():
     pressure = 6.0 * pressure_ratio(0.5)
     assert 0.2 * pressure < -far.gradient(x)[:, 2].sum() < 4.0 * pressure  # on an area of 1 mm^2
     assert np.isinf(near.gap(x)) and np.isclose(far.gap(x), 2 * NEAR)
+
+
+def test_the_same_scene_gives_the_same_bits():
+    (x, tets), (lid, lid_tets) = box((8.0, 8.0, 1.0), (16, 16, 1)), box((8.0, 8.0, 1.0), (15, 15, 1))
+    faces, above = (TetMesh(*body).boundary_faces()[0] for body in ((x, tets), (lid, lid_tets)))
+    x = x + np.random.default_rng(0).normal(0.0, 1e-3, x.shape)
+    every = sp.eye(len(x), format="csr")
+    found = set()
+    for _ in range(6):
+        barrier = Barrier(every, faces, x, NEAR, 6.0, obstacle=(lid + [0.1, 0.2, 1.02], above))
+        hessian = sp.csr_matrix(barrier.hessian(x))
+        hessian.sort_indices()
+        found.add((barrier.value(x), barrier.gradient(x).tobytes(), hessian.data.tobytes()))
+    assert len(found) == 1
+    assert next(iter(found))[0] > 0
