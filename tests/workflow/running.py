@@ -4,7 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 CHECKOUT = Path(__file__).parents[2]
@@ -27,12 +27,23 @@ def command(arguments: Sequence[str]) -> list[str]:
     return [sys.executable, "-m", "snakemake", TOY, *arguments]
 
 
-def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Snakemake in a folder; what it says is in `stdout`, errors included."""
+def watching(folder: Path) -> dict[str, str]:
+    """Variables for `run`: each job writes into the folder what it read (tests/workflow/watch)."""
+    places = [str(Path(__file__).with_name("watch")), ENVIRONMENT.get("PYTHONPATH", "")]
+    return {"WATCHED": str(folder), "PYTHONPATH": os.pathsep.join(filter(None, places))}
+
+
+def run(
+    folder: Path, *arguments: str, environment: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Snakemake in a folder; what it says is in `stdout`, errors included.
+
+    environment: variables beside those of `ENVIRONMENT`.
+    """
     return subprocess.run(
         command(arguments),
         cwd=folder,
-        env=ENVIRONMENT,
+        env={**ENVIRONMENT, **(environment or {})},
         encoding="utf-8",
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

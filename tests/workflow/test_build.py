@@ -10,7 +10,7 @@ import pytest
 import trimesh
 import yaml
 
-from .running import CHECKOUT, planned, run, working_copy
+from .running import CHECKOUT, planned, run, watching, working_copy
 
 # Bars on the figures that the stages measure against truth: the largest value that passes.
 AT_MOST = [
@@ -32,6 +32,7 @@ AT_MOST = [
 AT_LEAST = [("segmentation", "dice_mean", 0.95, "1"), ("segmentation", "dice_min", 0.90, "1")]
 
 
+WATCHED = "watched"  # what each job read
 Figure = Callable[[str, str, str], float]
 
 
@@ -39,7 +40,8 @@ Figure = Callable[[str, str, str], float]
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A working copy with everything, as `make finger` builds it; nothing that was built before counts."""
     folder = working_copy(tmp_path_factory.mktemp("finger") / "copy")
-    process = run(folder, "-j2", "all")
+    (folder / WATCHED).mkdir()
+    process = run(folder, "-j2", "all", environment=watching(folder / WATCHED))
     assert process.returncode == 0, process.stdout[-5000:]
     return folder
 
@@ -87,6 +89,13 @@ def test_skin_of_every_model_is_measured(figure: Figure, model: str, role: str) 
 def test_time_and_memory_of_the_build(figure: Figure) -> None:
     assert figure("build", "wall_seconds", "s") > 0
     assert figure("build", "peak_memory", "GiB") > 0.05  # no Python with numpy is smaller
+
+
+def test_jobs_read_no_file_that_their_rules_do_not_declare(folder: Path) -> None:
+    """Below `results`, through Python or HDF5."""
+    jobs = [json.loads(path.read_text(encoding="utf-8")) for path in (folder / WATCHED).glob("*.json")]
+    assert [job for job in jobs if job["undeclared"]] == []
+    assert {job["rule"] for job in jobs} == planned(folder, "all", "--forceall").keys() - {"all"}
 
 
 def test_finished_build_does_nothing(folder: Path) -> None:
