@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from handpipe.datasets import generators
+from handpipe.layer_registry import LAYERS
 
 CHECKOUT = Path(__file__).parents[1]
 SOURCE = CHECKOUT / "src" / "handpipe"
@@ -137,7 +138,7 @@ def module_of(name: str, known: Mapping[str, Path]) -> str | None:
 
 
 def entries(known: Mapping[str, Path]) -> set[str]:
-    """What users and the workflow begin with: scripts, commands, generators, examples of the documents."""
+    """What users and the workflow begin with: scripts, commands, generators, layers, examples."""
     names = [name for path in (CHECKOUT / "workflow").rglob("*.py") for name in imported(path)]
     rules = [CHECKOUT / "Snakefile", *(CHECKOUT / "workflow").rglob("*.smk")]
     for path in (*rules, CHECKOUT / "README.md", *(CHECKOUT / "docs").rglob("*.md")):
@@ -145,6 +146,7 @@ def entries(known: Mapping[str, Path]) -> set[str]:
         for module, found in re.findall(r"^from (handpipe[.\w]*) import (.*)$", text, re.MULTILINE):
             names += [f"{module}.{name}" for name in re.findall(r"\w+", found)]
     names += [f"handpipe.datasets.{module}" for module in generators.MODULES.values()]
+    names += [record.module for record in LAYERS.values()]
     commands = {n for n, p in known.items() if '__name__ == "__main__"' in p.read_text(encoding="utf-8")}
     return commands | {found for name in names if (found := module_of(name, known))}
 
