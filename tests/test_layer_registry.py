@@ -76,6 +76,13 @@ def test_one_record_adds_a_layer_to_scenes_loading_simulation_and_exports(toy, t
     assert written == ["bones.pvd"]
 
 
+@pytest.mark.parametrize("count", [1, 3])
+def test_files_that_are_not_the_artifacts_of_the_layers_are_refused(toy, tmp_path, count):
+    files = [tmp_path / f"{i}.h5" for i in range(count)]
+    with pytest.raises(ValueError, match="zip"):
+        load_layers(["toy"], SUBJECT, files, {})
+
+
 def test_one_record_adds_a_layer_to_the_workflow(monkeypatch):
     """Its artifact is one that a rule makes already, so that jobs can be planned."""
     record = LayerRecord(needs=("bones",), load="handpipe.skeleton.layer:load", artifacts=("fascia/bone.h5",))

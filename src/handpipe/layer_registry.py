@@ -10,8 +10,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from handpipe import paths
+
 Colour = tuple[float, float, float]
 MEMBER = "{member}"
+
+
+def _below(pattern: str, member: str = "") -> str:
+    """The pattern of a file below the subject's folder; the wildcard `member` stands for any member."""
+    return pattern.removeprefix(f"{paths.SUBJECT}/").replace(f"{{{member}}}", MEMBER)
 
 
 @dataclass(frozen=True)
@@ -83,61 +90,61 @@ LAYERS: dict[str, LayerRecord] = {
     "bones": LayerRecord(
         needs=(),
         load="handpipe.skeleton.layer:load",
-        artifacts=("rig.h5",),
+        artifacts=(_below(paths.RIG),),
         look=Look((0.93, 0.89, 0.77)),
     ),
     "bone_fascia": LayerRecord(
         needs=("bones",),
         load="handpipe.fascia.layer:load_bone_fascia",
-        artifacts=("fascia/bone.h5",),
+        artifacts=(_below(paths.BONE_FASCIA),),
         look=Look((0.62, 0.76, 0.88), opacity=0.35),
     ),
     "flesh": LayerRecord(
         needs=("bones",),
         load="handpipe.fat.flesh:load",
-        artifacts=("soft_tissue/mesh.h5",),
+        artifacts=(_below(paths.SOFT_TISSUE),),
         condition="fleshed",
         role="aid",
     ),
     "tendons": LayerRecord(
         needs=("bones", "flesh"),
         load="handpipe.tendons.layer:load",
-        artifacts=("tendons/{member}/hooks.h5",),
+        artifacts=(_below(paths.HOOKS, "tendon"),),
         members="tendons",
         look=Look((0.55, 0.72, 0.93)),
     ),
     "muscles": LayerRecord(
         needs=("bones", "flesh"),
         load="handpipe.muscles.layer:load",
-        artifacts=("muscles/{member}/strains.h5",),
+        artifacts=(_below(paths.MUSCLE_STRAINS, "muscle"),),
         members="muscles",
         look=Look((0.78, 0.27, 0.25)),
     ),
     "muscle_fascia": LayerRecord(
         needs=("bones", "muscles"),
         load="handpipe.fascia.layer:load_muscle_fascia",
-        artifacts=("fascia/muscle.h5",),
+        artifacts=(_below(paths.MUSCLE_FASCIA),),
         members="muscles",
         look=Look((0.86, 0.62, 0.66), opacity=0.35),
     ),
     "ligaments": LayerRecord(
         needs=("bones",),
         load="handpipe.ligaments.layer:load",
-        artifacts=("ligaments/{member}.h5",),
+        artifacts=(_below(paths.LIGAMENT, "ligament"),),
         members="ligaments",
         look=Look((0.45, 0.70, 0.52)),
     ),
     "fat": LayerRecord(
         needs=("bones", "bone_fascia", "tendons", "muscle_fascia", "ligaments"),
         load="handpipe.fat.layer:load_fat",
-        artifacts=("fat/mesh.h5", "fat/strains.h5"),
+        artifacts=(_below(paths.FAT), _below(paths.FAT_STRAINS)),
         look=Look((0.96, 0.80, 0.42), opacity=0.3),
         role="outer",
     ),
     "skin": LayerRecord(
         needs=("bones",),
         load="handpipe.fat.layer:load_skin",
-        artifacts=("soft_tissue/mesh.h5",),
+        artifacts=(_below(paths.SOFT_TISSUE),),
         instead="fat",
         look=Look((0.91, 0.71, 0.60), opacity=0.3),
         role="outer",

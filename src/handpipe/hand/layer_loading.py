@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
-from itertools import islice
 from pathlib import Path
 
 from handpipe.config import Dataset
@@ -29,9 +28,13 @@ def load_layers(
     ------
     InputError
         For an artifact that is missing or of another kind.
+    ValueError
+        Where there are more or fewer files than artifacts.
     """
-    left = iter(files)
-    own = {name: list(islice(left, len(LAYERS[name].files(dataset)))) for name in made(names, dataset)}
+    own: dict[str, list[Path]] = {name: [] for name in made(names, dataset)}
+    owners = [name for name in own for _ in LAYERS[name].files(dataset)]
+    for name, file in zip(owners, files, strict=True):
+        own[name].append(file)
     return [load_layer(name, given, bones) for name, given in own.items()]
 
 
