@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,9 +9,11 @@ from pathlib import Path
 
 from handpipe.config import Dataset, Muscle, Scene
 from handpipe.errors import InputError
+from handpipe.layer_registry import LAYERS
+from handpipe.muscles.templates import read_vertex_ids
 
 FINGERS = {"thumb": "1", "index": "2", "middle": "3", "ring": "4", "little": "5"}
-WHOLE_ONLY = ("fat", "skin")  # layers that are made of the skin around all bones
+ORGANS = ("tendons", "muscles", "ligaments")  # layers whose members lie on bones of their own
 FIELD = "only"
 
 
@@ -104,7 +105,7 @@ def _require_one_choice(chosen: Mapping[Path, Sequence[str]]) -> None:
 
 
 def _require_layers(file: Path, scene: Scene, dataset: Dataset) -> None:
-    wrong = [layer for layer in scene.layers if layer in WHOLE_ONLY]
+    wrong = [layer for layer in scene.layers if LAYERS[layer].role == "outer"]
     if wrong:
         problem = f"{wrong[0]} is made of the skin around all bones, but `{FIELD}` names some of them"
         raise InputError(file, "layers", problem, f"Remove {' and '.join(wrong)}, or `{FIELD}`")
@@ -120,14 +121,11 @@ def _restricted(dataset: Dataset, bones: Sequence[str], layers: Collection[str])
     kept = set(bones)
     missing = {
         kind: {name: tuple(sorted(on - kept)) for name, on in _bones_of_organs(dataset, kind).items()}
-        for kind in ("tendons", "muscles", "ligaments")
+        for kind in ORGANS
         if kind in layers
     }
     on_part = {kind: [name for name, gone in organs.items() if not gone] for kind, organs in missing.items()}
-    organs = {
-        kind: {name: getattr(dataset, kind)[name] for name in on_part.get(kind, ())}
-        for kind in ("tendons", "muscles", "ligaments")
-    }
+    organs = {kind: {name: getattr(dataset, kind)[name] for name in on_part.get(kind, ())} for kind in ORGANS}
     poses = {
         name: pose.model_copy(
             update={
@@ -170,11 +168,7 @@ def attached_bones(dataset: Dataset, path: Path) -> set[str]:
         raise InputError(
             path, "attachments", "is not made yet, and tells which organs lie on the bones", remedy
         )
-    try:
-        return set(json.loads(path.read_text(encoding="utf-8-sig")))
-    except (OSError, ValueError, TypeError, RecursionError) as error:
-        remedy = "Give {bone: [template vertex ids]}"
-        raise InputError(path, "content", f"cannot be read ({error})", remedy) from error
+    return set(read_vertex_ids(path))
 
 
 def _words(bones: Sequence[str]) -> str:

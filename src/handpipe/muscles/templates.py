@@ -26,6 +26,7 @@ log = logging.getLogger(__name__)
 SAMPLES = 250  # points a bone that steer the warp
 ROUND = 0.85  # of V / A, half the radius of a long round body: 15 edges around it, which cut off 3 % of it
 NEAR = 0.75  # of a bone's size: what attaches to it is nearer
+VERTEX_IDS = "Give {bone: [template vertex ids]}"  # the remedy for a malformed file of attachments
 FINEST = 0.4  # of the edge length that is asked for
 
 
@@ -226,17 +227,22 @@ def read_attachments(path: str | Path, template: Surface) -> dict[str, IntArray]
     InputError
         Where the file is malformed, or names vertices that the template lacks or does not use.
     """
-    remedy = "Give {bone: [template vertex ids]}"
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8-sig"), object_pairs_hook=_no_key_twice)
-        found = {str(bone): _whole_numbers(ids) for bone, ids in content.items()}
-    except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        raise InputError(path, "content", f"cannot be read ({error})", remedy) from error
+    found = read_vertex_ids(path)
     for bone, ids in found.items():
         if len(ids) == 0 or ids.min() < 0 or ids.max() >= len(template.vertices):
-            raise InputError(path, bone, f"has ids outside 0..{len(template.vertices) - 1}, or none", remedy)
+            problem = f"has ids outside 0..{len(template.vertices) - 1}, or none"
+            raise InputError(path, bone, problem, VERTEX_IDS)
         found[bone] = _in_use(path, bone, ids, template)
     return found
+
+
+def read_vertex_ids(path: str | Path) -> dict[str, IntArray]:
+    """Whole numbers by bone of a JSON file {bone: [ids]}; raises `InputError` where it is malformed."""
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8-sig"), object_pairs_hook=_no_key_twice)
+        return {str(bone): _whole_numbers(ids) for bone, ids in content.items()}
+    except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise InputError(path, "content", f"cannot be read ({error})", VERTEX_IDS) from error
 
 
 def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
