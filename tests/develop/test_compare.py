@@ -77,3 +77,20 @@ def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(SystemExit) as stopped:
         main([str(made(tmp_path / "a")), str(tmp_path / "empty")])
     assert stopped.value.code == 2
+
+
+@pytest.mark.parametrize("tolerance", ["nan", "-1", "inf"])
+def test_a_tolerance_that_is_no_length_is_refused(tmp_path: Path, tolerance: str) -> None:
+    """No number is larger than NaN: everything would count as equal."""
+    folders = [str(made(tmp_path / name)) for name in ("a", "b")]
+    with pytest.raises(SystemExit) as ended:
+        main([*folders, f"--tolerance={tolerance}"])
+    assert ended.value.code == 2
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = made(tmp_path / "a"), made(tmp_path / "b")
+    file = next(first.rglob("*.h5"))
+    file.write_bytes(b"no HDF5")
+    assert main([str(first), str(second)]) == 1
+    assert capsys.readouterr().err.startswith("handpipe: ")

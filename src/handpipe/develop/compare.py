@@ -8,7 +8,6 @@ anything differs.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.command import Parser, number, reported
 from handpipe.develop.contents import Contents, contents, is_compared
+
+LARGEST = 1e6  # of a tolerance
 
 
 @dataclass(frozen=True)
@@ -99,20 +101,25 @@ def _compare_numbers(a: NDArray[Any], b: NDArray[Any], tolerance: float) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print every difference and return the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m handpipe.develop.compare", description=__doc__)
+    parser = Parser(prog="python -m handpipe.develop.compare", description=__doc__)
     parser.add_argument("folders", metavar="RESULTS", nargs=2, type=Path)
-    parser.add_argument("--tolerance", type=float, default=0.0, help="largest difference that is ignored")
+    parser.add_argument(
+        "--tolerance", type=number(0.0, LARGEST), default=0.0, help="largest difference that is ignored"
+    )
     options = parser.parse_args(arguments)
     first, second = options.folders
-    for folder in (first, second):
-        if not _names(folder):
+    names = {folder: _names(folder) for folder in (first, second)}
+    for folder, found in names.items():
+        if not found:
             parser.error(f"{folder} holds no results")
-    differences = list(compare_folders(first, second, options.tolerance))
-    for difference in differences:
-        print(difference)
-    files = len(_names(first) | _names(second))
-    print(f"{files} files compared, {len(differences)} differences, tolerance {options.tolerance:g}")
-    return int(bool(differences))
+    differences: list[Difference] = []
+    with reported() as failure:
+        differences += compare_folders(first, second, options.tolerance)
+        for difference in differences:
+            print(difference)
+        files = len(names[first] | names[second])
+        print(f"{files} files compared, {len(differences)} differences, tolerance {options.tolerance:g}")
+    return failure.code or int(bool(differences))
 
 
 if __name__ == "__main__":
