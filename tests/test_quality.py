@@ -151,6 +151,11 @@ def entries(known: Mapping[str, Path]) -> set[str]:
     return commands | {found for name in names if (found := module_of(name, known))}
 
 
+def test_the_contact_toolkit_is_imported_with_one_thread() -> None:
+    direct = [path.name for path, name in imports() if name.partition(".")[0] == "ipctk"]
+    assert direct == ["contact_toolkit.py"]
+
+
 def test_no_modules_import_one_another_in_a_circle() -> None:
     """Imports inside functions and under TYPE_CHECKING count: a circle that these hide is a circle."""
     known = modules()

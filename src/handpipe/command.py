@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import math
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NoReturn
@@ -75,6 +76,15 @@ def reported() -> Iterator[Failure]:
         with tempfile.NamedTemporaryFile("w", prefix="handpipe-", suffix=".log", delete=False) as file:
             traceback.print_exc(file=file)
         failure.code = _said(f"unexpected {type(error).__name__}: {error}. The log is {file.name}")
+
+
+def run(parser: argparse.ArgumentParser, arguments: Sequence[str] | None = None) -> int:
+    """Call the function that the parser sets as `run`; 0 if it succeeded, 1 with a line that says why not."""
+    options = parser.parse_args(arguments)
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(message)s", stream=sys.stderr)
+    with reported() as failure:
+        options.run(options)
+    return failure.code
 
 
 def _said(problem: str) -> int:

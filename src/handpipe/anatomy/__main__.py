@@ -14,7 +14,6 @@ LPS, as 3D Slicer says in them. Output is written only where all of it could be 
 from __future__ import annotations
 
 import argparse
-import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,16 +23,12 @@ from handpipe.anatomy.family import family, lengths_of, read_family
 from handpipe.anatomy.photograph import from_photograph, read_photograph
 from handpipe.anatomy.subject_template import SpaceMap, SubjectTemplate, warped
 from handpipe.anatomy.warp import biharmonic_warp, feature_warp, require_invertible
-from handpipe.command import Parser, reported
+from handpipe.command import Parser, run
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 if it succeeded, 1 with a line that says why not."""
-    options = _parser().parse_args(arguments)
-    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(message)s", stream=sys.stderr)
-    with reported() as failure:
-        options.run(options)
-    return failure.code
+    return run(_parser(), arguments)
 
 
 def photograph(options: argparse.Namespace) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -19,7 +19,7 @@ from handpipe.anatomy.posing import OF_RAYS, Skeleton
 from handpipe.anatomy.subject_template import SubjectTemplate, warped
 from handpipe.anatomy.warp import require_invertible
 from handpipe.arrays import Array
-from handpipe.config import Model, Name, load_yaml
+from handpipe.config import Length, Model, Name, load_yaml
 from handpipe.errors import InputError
 from handpipe.mesh.biharmonic import Biharmonic
 from handpipe.muscles.templates import Affine
@@ -48,13 +48,14 @@ class StatedHand(Model):
     base: Literal["median-male", "template"] = Field(
         "median-male", description="whose lengths of bones the hand starts from"
     )
-    size: float = Field(1.0, gt=0, description="factor of the lengths of the base")
-    lengths: dict[str, Annotated[float, Field(gt=0)]] = Field(
+    size: float = Field(1.0, gt=0, allow_inf_nan=False, description="factor of the lengths of the base")
+    lengths: dict[str, Length] = Field(
         {}, description="lengths of single bones in mm, in place of those of the base"
     )
     across: float | None = Field(
         None,
         gt=0,
+        allow_inf_nan=False,
         description="factor of the template across the bones and in the palm; "
         "by default the mean ratio of the lengths to the template's",
     )

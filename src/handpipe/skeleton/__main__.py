@@ -9,13 +9,12 @@ from __future__ import annotations
 import argparse
 import csv
 import io
-import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from handpipe.artifacts import write_text
-from handpipe.command import Parser, reported, whole_number
+from handpipe.command import Parser, run, whole_number
 from handpipe.skeleton.angles import read_angles
 from handpipe.skeleton.next_pose import RigUncertainty, plan_poses
 from handpipe.skeleton.rig import Rig
@@ -23,11 +22,7 @@ from handpipe.skeleton.rig import Rig
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; 0 if it succeeded, 1 with a line that says why not."""
-    options = _parser().parse_args(arguments)
-    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(message)s", stream=sys.stderr)
-    with reported() as failure:
-        options.run(options)
-    return failure.code
+    return run(_parser(), arguments)
 
 
 def next_pose(options: argparse.Namespace) -> None:
