@@ -158,3 +158,4 @@ rule simulation:
 
 
 depend_on_code()
+share_between_workflows()

@@ -137,6 +137,19 @@ def rebuilt_differently():
     return r"two\.h5: content: is not the file that whole\.h5 was made of"
 
 
+def rebuilt_by_other_code():
+    """The same data with another commit: what was made of it is still right."""
+    with artifacts.made_by("part", {"code": "other"}):
+        artifacts.write("two.h5", {"name": "two"}, kind="part")
+
+
+def test_the_same_data_from_other_code_belongs_together(chain):
+    before = Path("two.h5").read_bytes()
+    rebuilt_by_other_code()
+    assert Path("two.h5").read_bytes() != before
+    artifacts.check_inputs(chain)
+
+
 def another_scan():
     Path("scan.ply").write_text("nacs")
     return r"scan\.ply: content: is not the file that whole\.h5 was made of"

@@ -8,7 +8,7 @@ import json
 import os
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import asdict
 from functools import cache
@@ -75,6 +75,17 @@ def _content_hash(path: str, _time: int, _size: int) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def identity(path: str | Path) -> str:
+    """What a result that was made of a file depends on: an artifact's hash of its data, else `content_hash`.
+
+    An artifact also records the commit of the code that wrote it, on which no result depends.
+    """
+    if Path(path).suffix == ".h5":
+        with suppress(OSError):
+            return str(read_attributes(path).get("data_hash") or content_hash(path))
+    return content_hash(path)
+
+
 def write(
     path: str | Path,
     data: Mapping[str, Any],
@@ -96,7 +107,7 @@ def write(
         file.attrs["schema_version"] = SCHEMA_VERSION
         file.attrs["handpipe_version"] = __version__
         file.attrs["path"] = _place(path)
-        file.attrs["inputs"] = json.dumps({_place(p): content_hash(p) for p in inputs})
+        file.attrs["inputs"] = json.dumps({_place(p): identity(p) for p in inputs})
         for key, value in {**(_STAGE.get() or {}), **(attributes or {})}.items():
             file.attrs[key] = value
         _write_group(file, data)
@@ -154,7 +165,7 @@ def check_inputs(paths: Iterable[str | Path]) -> None:
                 problem = f"is the artifact {recorded['path']}, copied or renamed"
                 raise InputError(path, "path", problem, REBUILD)
             for place, known in json.loads(recorded.get("inputs", "{}")).items():
-                if place in places and content_hash(places[place]) != known:
+                if place in places and identity(places[place]) != known:
                     problem = f"is not the file that {path} was made of"
                     raise InputError(places[place], "content", problem, f"Delete {path} and run again")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import handpipe
 import yaml
+from snakemake.caching.rule import CacheFlag
 from snakemake.exceptions import WorkflowError
 
 from handpipe import paths, selection
@@ -709,7 +710,39 @@ def generator_file(subject):
 
 
 def depend_on_code():
-    """Give every rule the digest of its code as a parameter. So a change of the library reruns what imports it."""
+    """Give every rule the digest of its code and the names of its files as parameters.
+
+    A change of the library reruns what imports it. Without the names, two jobs of one rule that read the same
+    files would be one job to Snakemake's cache between workflows, which looks at parameters, not at wildcards.
+    """
     for each in workflow.rules:
         if each.script:
-            each.set_params(code=code_of(each))
+            each.set_params(code=code_of(each), made=lambda w, output: [*output])
+
+
+# Long jobs with one file. A rule that reads several files of one kind that a person gives, as extract_muscle_shapes
+# does, is none of them: Snakemake's key tells the contents of such files, not which of them is which.
+WORTH_SHARING = (
+    "coupled_pose",
+    "segment_pose",
+    "register_bones",
+    "register_tendon",
+    "extract_muscle",
+    "separate_neutral",
+    "separate_muscles",
+    "fit_muscle_strains",
+    "fit_fat_strains",
+)
+
+
+def share_between_workflows():
+    """With --cache, keep the files of long jobs for all workflows, in $SNAKEMAKE_OUTPUT_CACHE.
+
+    The directive `cache` would warn in every other call, and Snakemake refuses it beside `benchmark`: a file from
+    the cache has no cost.
+    """
+    if workflow.enable_cache:
+        for each in workflow.rules:
+            if each.name in WORTH_SHARING:
+                each.cache.flag |= CacheFlag.output
+                each._benchmark = None

@@ -7,10 +7,10 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from handpipe.artifacts import content_hash
+from handpipe.artifacts import identity
 
 
 def key_of(inputs: Sequence[str | Path], parameters: Mapping[str, str | Sequence[str]]) -> str:
     """A digest of input files and of the parameters of the job, among them the digest of its code."""
-    said = {"inputs": [content_hash(path) for path in inputs], "parameters": dict(parameters)}
+    said = {"inputs": [identity(path) for path in inputs], "parameters": dict(parameters)}
     return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
