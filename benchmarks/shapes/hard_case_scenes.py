@@ -16,7 +16,7 @@ from benchmarks.shapes.organs import grown_liver
 from handpipe.arrays import Array, IntArray
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
-from handpipe.shapes.search import Settings
+from handpipe.shapes.settings import Settings
 
 SIZE = 22.0  # mm, about half of the organ's length
 NONE = np.zeros(0, dtype=np.int64)

@@ -19,10 +19,9 @@ from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.pull import Pull
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.fit import MUSCLE
 from handpipe.shapes.marks import Pairs
 from handpipe.shapes.organ import OrganFit, fit_organ
-from handpipe.shapes.search import Settings
+from handpipe.shapes.settings import MUSCLE, Settings
 
 PULL = 6.0  # mN
 SETTINGS = Settings(alpha=100.0, beta=100.0, enough=1e-3, progress=1e-3)

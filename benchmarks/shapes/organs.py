@@ -19,7 +19,7 @@ from handpipe.arrays import Array
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
 from handpipe.shapes.organ import OrganFit, fit_organ
-from handpipe.shapes.search import Settings
+from handpipe.shapes.settings import Settings
 
 log = logging.getLogger("benchmarks.shapes")
 

@@ -17,7 +17,7 @@ from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
 from handpipe.shapes.organ import fit_organ
-from handpipe.shapes.search import Settings
+from handpipe.shapes.settings import Settings
 
 SETTINGS = Settings(remesh_below=0.0)
 COMPRESSIBLE = Material(6.0, 0.0)  # kPa; nearly incompressible tissue loses more of the growth

@@ -23,11 +23,12 @@ from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import muscle, scattered
 from handpipe.arrays import Array
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.all_tets import AllTets
 from handpipe.shapes.gauss_newton import RIDGE, GaussNewton
+from handpipe.shapes.holds import Holds
 from handpipe.shapes.marks import BoundaryMarks, Pairs
-from handpipe.shapes.response import Response
-from handpipe.shapes.rigid_motions import LooseMotions
-from handpipe.shapes.search import Search, Settings, weighted
+from handpipe.shapes.search import Search
+from handpipe.shapes.settings import Settings
 
 log = logging.getLogger("benchmarks.shapes")
 
@@ -65,14 +66,12 @@ def model(edge: float, rows: int) -> GaussNewton:
     wanted = target(mesh)
     held = ends(mesh, wanted)
     settings = Settings()
-    search = Search(mesh, held.attached(mesh), settings=settings)
-    state = search.begin(mesh.vertices)
+    space = AllTets(mesh.tets, settings)
+    search = Search(mesh, space, settings)
+    state = search.begin(Holds.of(held.attached(mesh), (), mesh.vertices), mesh.vertices)
     count = max(rows // 3 - len(held.points), 1)
     marks = BoundaryMarks(mesh, scattered(wanted.boundary(), count), settings.tangential)
-    motions = LooseMotions(search.attached.targets, state.x)
-    response = Response(state.body, search.held, state.x, state.logs, motions.modes(state.x))
-    found = weighted(marks(state.x), settings.alpha)
-    return GaussNewton(search.smoothness, response, search.rows(state.x, found), state.logs)
+    return space.system(state, search.held(state.holds), marks(state.x), settings.alpha)
 
 
 def plain(system: GaussNewton, reactions: Array, exact: Array, limit: float) -> tuple[float, float, int]:

@@ -23,7 +23,7 @@ from benchmarks.shapes.organs import grown_liver
 from handpipe.artifacts import atomic
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.organ import fit_organ
-from handpipe.shapes.search import Settings
+from handpipe.shapes.settings import Settings
 
 log = logging.getLogger("benchmarks.shapes")
 

@@ -16,7 +16,7 @@ from handpipe.arrays import Array
 from handpipe.fem.materials import Material
 from handpipe.shapes.marks import Pairs
 from handpipe.shapes.organ import OrganFit, fit_organ
-from handpipe.shapes.search import Settings
+from handpipe.shapes.settings import Settings
 
 LENGTH = 100.0  # mm
 KNOTS, TARGETS = np.array([0.0, 0.25, 0.5, 1.0]), np.array([0.0, 0.25, 1.5, 2.0])

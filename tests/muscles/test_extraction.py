@@ -13,7 +13,7 @@ from handpipe.muscles import extraction
 from handpipe.muscles.contraction import slack
 from handpipe.muscles.extraction import Evidence, PoseData
 from handpipe.muscles.templates import place
-from handpipe.shapes.fit import ShapeOptions
+from handpipe.shapes.settings import ShapeOptions
 
 from .shapes import flesh_about, hinge, hinge_bones, rod, spindle
 

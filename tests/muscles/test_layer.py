@@ -19,7 +19,7 @@ from handpipe.muscles.body import Body
 from handpipe.muscles.layer import MuscleLayer, SimulationOptions
 from handpipe.muscles.muscle import Examples, Muscle, SeparatedShape
 from handpipe.muscles.pose_strains import PoseStrains
-from handpipe.shapes.fit import MUSCLE
+from handpipe.shapes.settings import MUSCLE
 from handpipe.shapes.stretch import StretchField
 from handpipe.skeleton.layer import BoneLayer
 

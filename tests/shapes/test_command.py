@@ -20,7 +20,7 @@ from handpipe.shapes.__main__ import main
 from handpipe.shapes.files import read_pairs, read_template
 from handpipe.shapes.marks import Pairs
 from handpipe.shapes.organ import fit_organ
-from handpipe.shapes.search import Settings
+from handpipe.shapes.settings import Settings
 
 MESH = box((6, 2, 2), (30.0, 8.0, 8.0))
 GROWN = MESH.moved(MESH.vertices * [1.0, 1.3, 0.9] - [0.0, 1.0, 0.0])

@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 from tests.muscles.shapes import box
 
+from handpipe.shapes.all_tets import AllTets
+from handpipe.shapes.attached import Attached
 from handpipe.shapes.coarse_template import WORTH, coarsened
 from handpipe.shapes.doubts import examine
+from handpipe.shapes.holds import Holds
 from handpipe.shapes.marks import BoundaryMarks, Pairs
 from handpipe.shapes.predictions import Predictions
 from handpipe.shapes.remeshing import Given
-from handpipe.shapes.search import Search, Settings
+from handpipe.shapes.search import Search
+from handpipe.shapes.settings import Settings
 
 MESH = box((5, 2, 2), (30.0, 10.0, 8.0))
 RNG = np.random.default_rng(0)
@@ -30,9 +34,10 @@ def given(marks: np.ndarray, attachments: Pairs | None) -> Given:
 def test_errors_are_those_of_a_model_without_the_point() -> None:
     held = Pairs(OUTER[:6], grown(OUTER[:6])).attached(MESH)
     marks = BoundaryMarks(MESH, grown(OUTER[6:]), 0.1)
-    search = Search(MESH)
-    state = search.begin(MESH.vertices)
-    predictions = Predictions.at(search, state, marks, None, held)
+    space = AllTets(MESH.tets, Settings())
+    free = Holds.of(Attached.nothing(len(MESH.vertices)), (), MESH.vertices)
+    state = Search(MESH, space, Settings()).begin(free, MESH.vertices)
+    predictions = Predictions.at(space, state, marks, None, held)
     found = predictions.errors(predictions.attachments, predictions.points, 0.5)
     gram, free, wanted = predictions._gram, predictions._free, predictions._wanted
     weak = np.diag(1 / np.sqrt(predictions._ridge))

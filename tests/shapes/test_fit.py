@@ -12,9 +12,14 @@ from handpipe.fem.elastic import Elastic
 from handpipe.mesh.surface import Surface
 from handpipe.shapes.attached import Attached
 from handpipe.shapes.correspondence import Correspondence, Markers
-from handpipe.shapes.fit import MUSCLE, ShapeOptions, _Problem, fit_shape
+from handpipe.shapes.fit import fit_shape
 from handpipe.shapes.holds import Holds
+from handpipe.shapes.rigid_motions import LooseMotions
+from handpipe.shapes.search import Search
+from handpipe.shapes.settings import MUSCLE, ShapeOptions
+from handpipe.shapes.smooth_fields import SmoothFields
 from handpipe.shapes.smooth_strains import SmoothStrains
+from handpipe.shapes.strain_space import Stage
 
 
 def grown():
@@ -72,15 +77,18 @@ def halves(attached: Attached) -> tuple[Attached, list[sparse.csr_matrix]]:
 def test_predicted_motion_agrees_with_a_small_step(loose):
     mesh, attached, truth = grown()
     attached, ends = halves(attached) if loose else (attached, [])
-    problem = _Problem(mesh, ShapeOptions(fields=(1, 4), spring=100.0))
+    options = ShapeOptions(fields=(1, 4), spring=100.0)
+    space = SmoothFields(mesh, truth, options)
+    search = Search(mesh, space, options)
     marks = Correspondence(sparse.identity(len(truth), format="csr"), truth, None)
-    state = problem.begin(mesh, truth, Holds.of(attached, ends, mesh.vertices))
-    found = problem.direction(state, marks, 4)
+    state = search.at(space.guess, Holds.of(attached, ends, mesh.vertices), truth)
+    found = space.step(state, search.held(state.holds), marks, Stage("marks", lambda x: marks, 0.1, 4, 1))
     assert len(found.ends) == 6 * len(ends)
     size = 1e-3
-    trial = problem.changed(state, found, size)
-    assert (trial.x - state.x) / size == pytest.approx(found.x, rel=0.02, abs=0.02 * np.abs(found.x).max())
-    change = problem.objective(trial, marks) - problem.objective(state, marks)
+    trial = search.taken(state, found, size, LooseMotions(state.holds.targets, state.x))
+    motion = (trial.x - state.x) / size
+    assert motion == pytest.approx(found.motion, rel=0.02, abs=0.02 * np.abs(found.motion).max())
+    change = search.objective(trial, marks, 0.1) - search.objective(state, marks, 0.1)
     assert change / size == pytest.approx(found.slope, rel=0.02)
 
 

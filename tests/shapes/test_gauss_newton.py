@@ -8,19 +8,22 @@ from tests.muscles.shapes import box
 from handpipe.errors import InputError
 from handpipe.fem import plasticity
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.all_tets import AllTets
 from handpipe.shapes.attached import Attached
 from handpipe.shapes.correspondence import Correspondence
 from handpipe.shapes.gauss_newton import RIDGE, GaussNewton
-from handpipe.shapes.response import Response
+from handpipe.shapes.holds import Holds
 from handpipe.shapes.rigid_motions import LooseMotions
-from handpipe.shapes.search import Search, Settings, State
+from handpipe.shapes.search import Search
+from handpipe.shapes.settings import Settings
 from handpipe.shapes.smoothness import Smoothness
+from handpipe.shapes.strain_space import Stage, State
 from handpipe.shapes.stretch import COUNTS
 
 MESH = box((4, 2, 2), (12.0, 4.0, 4.0))
 
 
-def search(held: str) -> tuple[Search, State, Correspondence]:
+def search(held: str) -> tuple[Search, AllTets, State, Correspondence]:
     """A bar held at one end, along one edge or not at all, under small strains, and marks beside it."""
     x = MESH.vertices
     ids = {
@@ -28,8 +31,10 @@ def search(held: str) -> tuple[Search, State, Correspondence]:
         "edge": np.flatnonzero((x[:, 0] == 0) & (x[:, 1] == 0)),
         "nothing": np.zeros(0, int),
     }[held]
-    attached = Attached.vertices(ids, x[ids], len(x)) if len(ids) else None
-    found = Search(MESH, attached, settings=Settings(alpha=3.0, beta=2.0))
+    settings = Settings(beta=2.0)
+    space = AllTets(MESH.tets, settings)
+    found = Search(MESH, space, settings)
+    holds = Holds.of(Attached.vertices(ids, x[ids], len(x)), (), x)
     rng = np.random.default_rng(1)
     middles = x[MESH.tets].mean(axis=1)
     logs = 0.01 * middles @ rng.standard_normal((3, 6))
@@ -38,15 +43,12 @@ def search(held: str) -> tuple[Search, State, Correspondence]:
         (np.ones(len(outer)), outer, np.arange(len(outer) + 1)), shape=(len(outer), len(x))
     )
     marks = Correspondence(matrix, 1.1 * x[outer] + 0.3 * rng.standard_normal((len(outer), 3)), None)
-    return found, found.at(logs, x), marks
+    return found, space, found.at(logs, holds, x), marks
 
 
 def system(held: str) -> tuple[Search, State, Correspondence, GaussNewton]:
-    found, state, marks = search(held)
-    motions = LooseMotions(found.attached.targets, state.x)
-    response = Response(state.body, found.held, state.x, state.logs, motions.modes(state.x))
-    rows = found.rows(state.x, marks)
-    return found, state, marks, GaussNewton(found.smoothness, response, rows, state.logs)
+    found, space, state, marks = search(held)
+    return found, state, marks, space.system(state, found.held(state.holds), marks, 1.0)
 
 
 def dense(system: GaussNewton) -> tuple[np.ndarray, np.ndarray]:
@@ -80,13 +82,13 @@ def test_all_solvers_give_the_step_of_the_dense_system(held: str) -> None:
 def test_motion_and_slope_are_those_of_a_small_step(held: str) -> None:
     found, state, marks, model = system(held)
     step = model.by_rows()
-    motions = LooseMotions(found.attached.targets, state.x)
+    motions = LooseMotions(state.holds.targets, state.x)
     assert motions.count == {"end": 0, "edge": 1, "nothing": 6}[held]
     size = 1e-3
     moved = state.x + size * step.motion
-    trial = found.at(state.logs + size * step.strains, moved)
+    trial = found.at(state.unknowns + size * step.strains, state.holds, moved)
     assert np.abs(trial.x - moved).max() < 0.02 * np.abs(trial.x - state.x).max()
-    change = found.objective(trial, marks) - found.objective(state, marks)
+    change = found.objective(trial, marks, 1.0) - found.objective(state, marks, 1.0)
     assert change / size == pytest.approx(step.slope, rel=0.02)
 
 
@@ -106,13 +108,15 @@ def test_pull_is_the_transpose_of_motion() -> None:
 
 
 def test_uniform_growth_of_a_free_body_is_found_in_a_few_steps() -> None:
-    found = Search(MESH, settings=Settings(alpha=3.0, enough=1e-4))
+    settings = Settings(enough=1e-4)
+    found = Search(MESH, AllTets(MESH.tets, settings), settings)
     grown = MESH.vertices @ np.diag([1.4, 0.8, 1.2]) + [3.0, -2.0, 1.0]
     marks = Correspondence(sp.identity(len(grown), format="csr"), grown, None)
-    state = found.run(found.begin(MESH.vertices), "marks", lambda x: marks, 1.0, True, 10)
+    free = Holds.of(Attached.nothing(len(grown)), (), MESH.vertices)
+    state = found.run(found.begin(free, MESH.vertices), Stage("marks", lambda x: marks, 1.0, 1, 10))
     assert state.x == pytest.approx(grown, abs=1e-3)
     expected = np.tile([1.4, 0, 0, 0.8, 0, 1.2], (len(MESH.tets), 1))
-    assert plasticity.exp(state.logs) == pytest.approx(expected, abs=1e-3)
+    assert plasticity.exp(state.unknowns) == pytest.approx(expected, abs=1e-3)
 
 
 def test_smoothness_is_inverted_up_to_constants() -> None:

@@ -13,10 +13,9 @@ from handpipe.fem.elastic import Elastic
 from handpipe.fem.pull import Pull
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.fit import MUSCLE
 from handpipe.shapes.marks import Pairs
 from handpipe.shapes.organ import fit_organ
-from handpipe.shapes.search import Settings
+from handpipe.shapes.settings import MUSCLE, Settings
 
 
 def lump(cells: int = 4) -> TetMesh:

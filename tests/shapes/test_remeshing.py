@@ -23,12 +23,12 @@ from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes import remeshing
 from handpipe.shapes.carried import Carried
 from handpipe.shapes.correspondence import Correspondence
-from handpipe.shapes.fit import MUSCLE
 from handpipe.shapes.marks import BoundaryMarks, Pairs
 from handpipe.shapes.organ import OrganFit, fit_organ
 from handpipe.shapes.remeshing import Given, OnMesh, remeshed
-from handpipe.shapes.search import Settings, State
+from handpipe.shapes.settings import MUSCLE, Settings
 from handpipe.shapes.strain_frame import StrainFrame
+from handpipe.shapes.strain_space import Stage, State
 
 SPHERE = trimesh.creation.icosphere(subdivisions=4)
 SEMIAXES = np.array([30.0, 5.0, 4.0])
@@ -104,7 +104,7 @@ def hanging() -> tuple[OnMesh, State]:
     place = mesh.vertices[mesh.tets].mean(axis=1) / 10.0
     logs = np.zeros((len(mesh.tets), 6))
     logs[:, 0], logs[:, 3], logs[:, 5] = 1.3, -0.3 * place[:, 0], -0.6 + 0.3 * place[:, 1]
-    return task, task.search.at(logs, mesh.vertices * [3.6, 1.0, 0.6])
+    return task, task.search.at(logs, task.holds, mesh.vertices * [3.6, 1.0, 0.6])
 
 
 @cache
@@ -114,15 +114,16 @@ def meshed_anew() -> tuple[OnMesh, State]:
 
 def test_new_tets_keep_the_shape_under_load() -> None:
     task, state = hanging()
-    unloaded = OnMesh.of_template(replace(task.given, loads=())).search.at(state.logs, state.x)
+    alone = OnMesh.of_template(replace(task.given, loads=()))
+    unloaded = alone.search.at(state.unknowns, alone.holds, state.x)
     bent = np.abs(state.x - unloaded.x).max()
     assert bent > 2.0
     new, after = meshed_anew()
     assert len(new.mesh.tets) != len(task.mesh.tets)
     assert new.mesh.smallest_dihedral() > 1.5 * task.mesh.moved(state.x).smallest_dihedral()
     assert np.abs(after.x - new.mesh.vertices).max() < 0.1 * bent
-    attached = np.abs(new.search.attached.errors(after.x)).max()
-    assert attached < 2 * np.abs(task.search.attached.errors(state.x)).max() + 0.01
+    attached = np.abs(new.holds.errors(after.x)).max()
+    assert attached < 2 * np.abs(task.holds.errors(state.x)).max() + 0.01
 
 
 def test_smoothed_strains_go_on_where_tets_are_replaced() -> None:
@@ -130,11 +131,11 @@ def test_smoothed_strains_go_on_where_tets_are_replaced() -> None:
     new, after = meshed_anew()
     weights = new.mesh.volumes() / new.mesh.volumes().sum()
     before = task.mesh.moved(state.x).volumes()
-    assert weights @ after.logs == pytest.approx(before / before.sum() @ state.logs, abs=0.1)
+    assert weights @ after.unknowns == pytest.approx(before / before.sum() @ state.unknowns, abs=0.1)
     old_centres = state.x[task.mesh.tets].mean(axis=1)
     nearest = cKDTree(old_centres).query(new.mesh.vertices[new.mesh.tets].mean(axis=1))[1]
     assert (
-        np.abs(after.logs - state.logs[nearest]).mean() < 0.1
+        np.abs(after.unknowns - state.unknowns[nearest]).mean() < 0.1
     )  # of 1.3; steps that keep the shape add to it
 
 
@@ -157,10 +158,11 @@ def test_steps_over_replaced_tets_follow_the_objective() -> None:
     rng = np.random.default_rng(0)
     targets = after.x + 0.3 * rng.standard_normal(after.x.shape)
     marks = Correspondence(sp.identity(len(after.x), format="csr"), targets, None)
-    step, _ = new.search.step(after, marks, False)
+    search, stage = new.search, Stage("marks", lambda x: marks, 1.0, None, 1)
+    step = search.space.step(after, search.held(after.holds), marks, stage)
     size = 1e-4
-    trial = new.search.at(after.logs + size * step.strains, after.x + size * step.motion)
-    change = new.search.objective(trial, marks) - new.search.objective(after, marks)
+    trial = search.at(after.unknowns + size * step.strains, after.holds, after.x + size * step.motion)
+    change = search.objective(trial, marks, 1.0) - search.objective(after, marks, 1.0)
     assert change / size == pytest.approx(step.slope, rel=0.02)
 
 

@@ -17,7 +17,7 @@ from handpipe.shapes.marks import Pairs
 from handpipe.shapes.organ import OrganFit, fit_organ
 from handpipe.shapes.remeshing import Given, OnMesh
 from handpipe.shapes.resume import FitCheckpoint, digest
-from handpipe.shapes.search import Settings
+from handpipe.shapes.settings import Settings
 from handpipe.shapes.stages import NEW_TETS, Position
 
 SPHERE = trimesh.creation.icosphere(subdivisions=3)
@@ -87,7 +87,7 @@ def written(path: Path) -> tuple[Given, Position]:
     """A position in a file."""
     given = Given(MESH, LONG, None, None, (), None, Settings())
     task = OnMesh.of_template(given)
-    state = task.search.at(np.full((len(MESH.tets), 6), 0.01), MESH.vertices)
+    state = task.search.at(np.full((len(MESH.tets), 6), 0.01), task.holds, MESH.vertices)
     position = Position(task, state, 2, 0, 1)
     FitCheckpoint(path, given).write(position)
     return given, position

@@ -26,7 +26,7 @@ from handpipe.fem.elastic import Elastic
 from handpipe.fem.strain_derivatives import strain_gradient
 from handpipe.mesh.operators import shape_gradients, tet_laplacian
 from handpipe.muscles.body import Body, Transforms
-from handpipe.shapes.fit import MUSCLE
+from handpipe.shapes.settings import MUSCLE
 
 log = logging.getLogger(__name__)
 

@@ -27,7 +27,8 @@ from handpipe.muscles.contraction import contracted, slack
 from handpipe.muscles.surroundings import carried_along
 from handpipe.muscles.templates import Guess
 from handpipe.shapes.correspondence import Markers, fixed_markers
-from handpipe.shapes.fit import FindMarkers, ShapeFit, ShapeOptions, fit_shape
+from handpipe.shapes.fit import FindMarkers, ShapeFit, fit_shape
+from handpipe.shapes.settings import ShapeOptions
 
 log = logging.getLogger(__name__)
 

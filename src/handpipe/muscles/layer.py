@@ -29,7 +29,7 @@ from handpipe.mesh.surface import Surface, each_moved
 from handpipe.muscles.muscle import Muscle
 from handpipe.muscles.neighbours import Pairs, pairs, sliding_vertices
 from handpipe.settling import Limits, Settled, settle
-from handpipe.shapes.fit import MUSCLE
+from handpipe.shapes.settings import MUSCLE
 
 Planes = tuple[sparse.csr_matrix, Array, Array]  # what is apart (c, N), by places and normals (c, 3)
 

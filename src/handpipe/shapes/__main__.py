@@ -20,7 +20,7 @@ from handpipe.imaging.volume import read_volume
 from handpipe.shapes.files import read_pairs, read_template, write_fit
 from handpipe.shapes.given_frame import Sources
 from handpipe.shapes.organ import fit_organ
-from handpipe.shapes.search import RANGES, Settings
+from handpipe.shapes.settings import RANGES, Settings
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

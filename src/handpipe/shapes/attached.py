@@ -23,6 +23,11 @@ class Attached:
         t = len(ids)
         return Attached(sparse.csr_matrix((np.ones(t), ids, np.arange(t + 1)), shape=(t, count)), targets)
 
+    @staticmethod
+    def nothing(count: int) -> Attached:
+        """No point of a mesh with `count` vertices."""
+        return Attached(sparse.csr_matrix((0, count)), np.zeros((0, 3)))
+
     def errors(self, x: Array) -> Array:
         """Offsets (t, 3) from the targets."""
         return self.matrix @ x - self.targets

@@ -64,10 +64,6 @@ class Correspondence:
         root = across + np.sqrt(tangential) * (np.eye(3) - across)
         return Correspondence(matrix, markers.points, np.sqrt(markers.weights)[:, None, None] * root)
 
-    def with_landmarks(self, matrix: sparse.csr_matrix, targets: Array) -> Correspondence:
-        """These and points (k, n) of the body whose places (k, 3) are known in full, with weight one."""
-        return self.joined(Correspondence(matrix, targets, None))
-
     def joined(self, other: Correspondence) -> Correspondence:
         """These points and others of the same body."""
         return Correspondence(

@@ -10,17 +10,19 @@ import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from handpipe.arrays import Array, BoolArray, IntArray
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.metrics import Metrics
+from handpipe.shapes.all_tets import AllTets
 from handpipe.shapes.attached import Attached
 from handpipe.shapes.coarse_template import coarsened
+from handpipe.shapes.holds import Holds
 from handpipe.shapes.marks import NORMAL, TUKEY, BoundaryMarks
 from handpipe.shapes.predictions import Predictions, all_points
-from handpipe.shapes.remeshing import Given
-from handpipe.shapes.search import EARLY, FindMarks, Search
+from handpipe.shapes.remeshing import EARLY, Given
+from handpipe.shapes.search import Search
+from handpipe.shapes.strain_space import FindMarks, Stage
 
 log = logging.getLogger(__name__)
 
@@ -96,10 +98,14 @@ def examine(given: Given, start: Array) -> Doubts:
 
 @dataclass(frozen=True)
 class _Body:
-    """The free body that is fitted: its search, vertices placed rigidly, and points that it carries."""
+    """The free body that is fitted: its strains, their search, vertices placed rigidly, what nothing holds,
+    and points that it carries.
+    """
 
+    space: AllTets
     search: Search
     start: Array
+    holds: Holds
     marks: FindMarks
     known: Attached | None
     held: Attached
@@ -110,10 +116,13 @@ class _Body:
         mesh, carry = coarsened(given.template)
         robust = settings.mark_error if settings.outliers else None
         marks = BoundaryMarks(given.template, given.marks, settings.tangential, robust).thinned(SAMPLE)
-        held = given.held or Attached(sp.csr_matrix((0, len(placed))), np.zeros((0, 3)))
+        held = given.held or Attached.nothing(len(placed))
+        space = AllTets(mesh.tets, settings)
         return _Body(
-            Search(mesh, settings=settings),
+            space,
+            Search(mesh, space, settings),
             RigidTransform.fit(given.template.vertices, placed)(mesh.vertices),
+            Holds.of(Attached.nothing(len(mesh.vertices)), (), mesh.vertices),
             lambda x: marks(carry @ x).carried(carry),
             None if given.known is None else given.known.carried(carry),
             held.carried(carry),
@@ -129,14 +138,15 @@ class _Examination:
         search, marks, known = body.search, body.marks, body.known
         alpha = given.settings.alpha
         find = all_points(marks, known, self.held)
-        state = search.run(search.begin(body.start), "doubts, uniform", find, alpha, True, EARLY)
+        state = search.begin(body.holds, body.start)
+        state = search.run(state, Stage("doubts, uniform", find, alpha, 1, EARLY))
         self.suspects = np.zeros(len(self.held.targets), dtype=bool)
         if len(self.suspects):
-            self.predictions = Predictions.at(search, state, marks, known, self.held)
+            self.predictions = Predictions.at(body.space, state, marks, known, self.held)
             self.suspects = self._suspects()
             find = all_points(marks, known, self.held.chosen(np.flatnonzero(~self.suspects)))
-        state = search.run(state, "doubts", find, SMOOTH * alpha, False, EARLY)
-        self.predictions = Predictions.at(search, state, marks, known, self.held)
+        state = search.run(state, Stage("doubts", find, SMOOTH * alpha, None, EARLY))
+        self.predictions = Predictions.at(body.space, state, marks, known, self.held)
 
     def _suspects(self) -> BoolArray:
         """Attachments (t,) with large errors, the worst before the others, whose predictions it spoils."""

@@ -26,6 +26,7 @@ from handpipe.arrays import Array
 from handpipe.shapes.response import Response
 from handpipe.shapes.row_system import NearRows, positive_solve, solve_rows
 from handpipe.shapes.smoothness import Smoothness
+from handpipe.shapes.strain_space import NOTHING, Step
 from handpipe.shapes.stretch import COUNTS
 
 log = logging.getLogger(__name__)
@@ -45,19 +46,6 @@ class Rows:
 
     matrix: sp.csr_matrix
     residuals: Array
-
-
-@dataclass(frozen=True)
-class Step:
-    """Change of the log-strains (m, 6), of the loose motions (r,), of the positions (n, 3) to first order,
-    the objective's slope along it, and the iterations it took (0: solved directly).
-    """
-
-    strains: Array
-    loose: Array
-    motion: Array
-    slope: float
-    iterations: int = 0
 
 
 class GaussNewton:
@@ -154,7 +142,7 @@ class GaussNewton:
         slope = float(np.vdot(self.smoothness.gradient(self.logs), strains))
         slope += float((RIDGE * self.mean) @ strains.mean(axis=0))
         slope += float(self.rows.residuals @ (self.rows.matrix @ motion))
-        return Step(strains, loose, motion.reshape(-1, 3), slope, iterations)
+        return Step(strains, motion.reshape(-1, 3), slope, ends=NOTHING, loose=loose, iterations=iterations)
 
 
 class _Projection:

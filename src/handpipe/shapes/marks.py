@@ -125,4 +125,4 @@ def with_landmarks(
     """The same marks and landmarks with them."""
     if landmarks is None:
         return find
-    return lambda x: find(x).with_landmarks(landmarks.matrix, landmarks.targets)
+    return lambda x: find(x).joined(Correspondence(landmarks.matrix, landmarks.targets, None))

@@ -23,9 +23,11 @@ from handpipe.shapes.marks import BoundaryMarks, Pairs
 from handpipe.shapes.placement import placed
 from handpipe.shapes.remeshing import Given, OnMesh
 from handpipe.shapes.resume import FitCheckpoint
-from handpipe.shapes.search import Record, Settings, State
+from handpipe.shapes.search import Record
+from handpipe.shapes.settings import Settings
 from handpipe.shapes.stages import NEW_TETS, Position, follow, plan
 from handpipe.shapes.straight import loosened
+from handpipe.shapes.strain_space import State
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ def fit_organ(
     file = None if checkpoint is None else FitCheckpoint(checkpoint, given)
     position = None if file is None else file.read()
     if position is None:
-        position = Position(task, task.search.begin(start))
+        position = Position(task, task.search.begin(task.holds, start))
     position = follow(position, plan(given), lambda p: None if file is None else file.write(p))
     if file is not None:
         file.done()
@@ -164,7 +166,7 @@ def _quality(task: OnMesh, state: State, kept: BoolArray, before: Array) -> Metr
         edges = task.image(state.x)
         found |= _errors("image_marks", edges.distances(state.x))
         found["image_marks"] = (float(edges.count), "1")
-    for name, pairs in (("attachments", task.search.attached), ("landmarks", task.known)):
+    for name, pairs in (("attachments", task.holds), ("landmarks", task.known)):
         if pairs is not None and len(pairs.targets):
             found |= _errors(name, np.linalg.norm(pairs.errors(state.x), axis=1))
     return found

@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 
 from handpipe.arrays import Array, IntArray
+from handpipe.shapes.all_tets import AllTets
 from handpipe.shapes.attached import Attached
 from handpipe.shapes.gauss_newton import GaussNewton
 from handpipe.shapes.marks import with_landmarks
-from handpipe.shapes.rigid_motions import LooseMotions
 from handpipe.shapes.row_system import positive_solve
-from handpipe.shapes.search import FindMarks, Search, State, weighted
+from handpipe.shapes.strain_space import FindMarks, State
 
 
 class Predictions:
@@ -34,12 +34,12 @@ class Predictions:
 
     @staticmethod
     def at(
-        search: Search, state: State, marks: FindMarks, known: Attached | None, held: Attached | None
+        space: AllTets, state: State, marks: FindMarks, known: Attached | None, held: Attached | None
     ) -> Predictions:
-        """Of all points, about a state of a free body."""
-        points = weighted(all_points(marks, known, held)(state.x), 1.0)
+        """Of all points, about a state of a body that nothing holds."""
+        points = all_points(marks, known, held)(state.x)
         counts = [0 if pairs is None else len(pairs.targets) for pairs in (known, held)]
-        system = search.system(state, points, LooseMotions(search.attached.targets, state.x))
+        system = space.system(state, (), points, 1.0)
         return Predictions(system, points.count - sum(counts), counts[0])
 
     def errors(self, asked: IntArray, among: IntArray, weight: float) -> Array:

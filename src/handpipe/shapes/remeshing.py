@@ -25,14 +25,19 @@ from handpipe.mesh.embedding import Embedding
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.shapes.all_tets import AllTets
 from handpipe.shapes.attached import Attached
 from handpipe.shapes.carried import Carried
 from handpipe.shapes.correspondence import Correspondence
+from handpipe.shapes.holds import Holds
 from handpipe.shapes.image_marks import ImageMarks
 from handpipe.shapes.marks import BoundaryMarks, with_landmarks
-from handpipe.shapes.search import EARLY, FindMarks, Record, Search, Settings, State
+from handpipe.shapes.search import Record, Search
+from handpipe.shapes.settings import Settings
 from handpipe.shapes.strain_frame import StrainFrame
+from handpipe.shapes.strain_space import FindMarks, Stage, State
 
+EARLY = 4  # steps of a stage that another one follows
 WORSE = 0.7  # of the angle at rest: tets that were bad from the start are not strains' doing
 BETTER = 1.5  # times the angle before, without which new tets are not worth it
 HINDERED = 0.25  # length of a step that tets stood in the way of
@@ -75,8 +80,10 @@ class OnMesh:
         self.carry = sp.identity(len(mesh.vertices), format="csr") if carry is None else carry
         loads = given.loads if carry is None else [Carried(p, carry) for p in given.loads]
         settings = given.settings
-        held = None if given.held is None else given.held.carried(self.carry)
-        self.search = Search(mesh, held, loads, settings, frame)
+        held = (given.held or Attached.nothing(self.carry.shape[0])).carried(self.carry)
+        self.holds = Holds.of(held, (), mesh.vertices)
+        self.frame = frame
+        self.search = Search(mesh, AllTets(mesh.tets, settings, frame), settings, loads)
         self.search.record = record
         self.known = None if given.known is None else given.known.carried(self.carry)
         robust = settings.mark_error if settings.outliers else None
@@ -125,7 +132,7 @@ def remeshed(task: OnMesh, state: State) -> tuple[OnMesh, State]:
     since, total, rotations = _carried_fields(task, state, mesh)
     frame = StrainFrame.of(rotations, total, since)
     new = OnMesh(task.given, mesh, carry, frame, task.search.record)
-    return new, _kept(new, new.search.at(total, mesh.vertices))
+    return new, _kept(new, new.search.at(total, new.holds, mesh.vertices))
 
 
 def _kept(task: OnMesh, state: State) -> State:
@@ -137,9 +144,8 @@ def _kept(task: OnMesh, state: State) -> State:
     outer = outer[:: -(-len(outer) // KEPT)]
     places = Attached.vertices(outer, rest[outer], len(rest))
     shape = Correspondence(places.matrix, places.targets, None)
-    return task.search.run(
-        state, "keeping the shape", lambda x: shape, task.given.settings.alpha, False, EARLY
-    )
+    stage = Stage("keeping the shape", lambda x: shape, task.given.settings.alpha, None, EARLY)
+    return task.search.run(state, stage)
 
 
 def _meshed(present: TetMesh, edge: float) -> TetMesh:
@@ -166,14 +172,14 @@ def _carried_fields(task: OnMesh, state: State, mesh: TetMesh) -> tuple[Array, A
     """Log-strains from now on (m, 6), total ones (m, 6) and rotations from the template (m, 3, 3) in the tets
     of a mesh of the present shape.
     """
-    present, frame = task.mesh.moved(state.x), task.search.frame
+    present, frame = task.mesh.moved(state.x), task.frame
     turn = state.body.deformation_gradients(state.x)
     if frame is not None:
         turn = turn @ frame.rotations
     turn = plasticity.polar(np.ascontiguousarray(turn))[0]
     loaded = len(task.given.loads) > 0
-    since = residual_logs(state.body, state.x) if loaded else np.zeros_like(state.logs)
-    fields = np.column_stack([since, state.logs, turn.reshape(-1, 9)])
+    since = residual_logs(state.body, state.x) if loaded else np.zeros_like(state.unknowns)
+    fields = np.column_stack([since, state.unknowns, turn.reshape(-1, 9)])
     since, total, turned = np.split(_carried(present, fields, mesh), [6, 12], axis=1)
     return since, total, plasticity.polar(np.ascontiguousarray(turned.reshape(-1, 3, 3)))[0]
 

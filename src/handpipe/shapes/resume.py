@@ -17,9 +17,10 @@ from handpipe.errors import InputError
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.attached import Attached
 from handpipe.shapes.remeshing import Given, OnMesh
-from handpipe.shapes.search import Record, State
+from handpipe.shapes.search import Record
 from handpipe.shapes.stages import Position
 from handpipe.shapes.strain_frame import StrainFrame
+from handpipe.shapes.strain_space import State
 
 log = logging.getLogger(__name__)
 
@@ -54,7 +55,7 @@ class FitCheckpoint:
     def write(self, position: Position) -> None:
         """Replace the file."""
         task, state = position.task, position.state
-        frame = task.search.frame
+        frame = task.frame
         carry = {name: getattr(task.carry, name) for name in ("data", "indices", "indptr")}
         data: dict[str, Any] = {
             "digest": self.digest,
@@ -62,7 +63,7 @@ class FitCheckpoint:
             "tets": task.mesh.tets,
             "frame": {} if frame is None else {"rotations": frame.rotations, "before": frame.before},
             "carry": carry,
-            "logs": state.logs,
+            "logs": state.unknowns,
             "x": state.x,
             "tangles": state.tangles,
             "record": artifacts.columns(task.search.record),
@@ -84,7 +85,7 @@ class FitCheckpoint:
         meshed = None if frame is None else carry
         task = OnMesh(self.given, mesh, meshed, frame, record)
         body = task.search.strained(content["logs"])
-        state = State(content["logs"], body, content["x"], int(content["tangles"]))
+        state = State(content["logs"], task.holds, body, content["x"], int(content["tangles"]))
         return Position(task, state, *(int(content[n]) for n in ("stage", "first", "meshings")))
 
 

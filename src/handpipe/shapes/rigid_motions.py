@@ -34,7 +34,7 @@ class LooseMotions:
         self.twists = np.eye(6)
         if len(targets):
             felt = unit_twists(targets, self.centre, self.size)
-            _, values, rows = np.linalg.svd(felt, full_matrices=True)
+            _, values, rows = np.linalg.svd(felt, full_matrices=len(felt) < 6)
             rank = int((values > UNFELT * values[0]).sum())
             self.twists = rows[rank:].T
 
