@@ -9,7 +9,7 @@ import trimesh
 
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.surface import Surface
-from handpipe.shapes.organ import fit_organ
+from handpipe.shapes.organ import Observed, fit_organ
 
 AXES = np.array([7.0, 5.0, 4.0])  # mm
 
@@ -17,7 +17,7 @@ ball = trimesh.creation.icosphere(subdivisions=2, radius=5.0)
 template = tetrahedralise(Surface(np.array(ball.vertices), np.array(ball.faces, dtype=np.int64)), 2.5)
 marks = trimesh.creation.icosphere(subdivisions=3).vertices[::3] * AXES
 
-fit = fit_organ(template, marks)
+fit = fit_organ(template, Observed(marks))
 size = np.ptp(fit.mesh.vertices, axis=0)
 print("size of the organ", size.round(2), "mm; of the ellipsoid", 2 * AXES, "mm")
 assert np.allclose(size, 2 * AXES, rtol=0.05)

@@ -13,7 +13,7 @@ from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import surface_errors
 from benchmarks.shapes.hard_case_scenes import CASES, Case, Scene
 from handpipe.errors import HandpipeError
-from handpipe.shapes.organ import OrganFit, fit_organ
+from handpipe.shapes.organ import Observed, OrganFit, fit_organ
 
 log = logging.getLogger("benchmarks.shapes")
 
@@ -66,7 +66,7 @@ def run(case: Case, edge: float = EDGE) -> Row:
     scene = case.scene(edge)
     begun = time.process_time()
     try:
-        fit = fit_organ(scene.mesh, scene.marks, attachments=scene.attachments, settings=scene.settings)
+        fit = fit_organ(scene.mesh, Observed(scene.marks, scene.attachments), settings=scene.settings)
     except HandpipeError as error:
         seconds = time.process_time() - begun
         before = scene.mesh.smallest_dihedral()

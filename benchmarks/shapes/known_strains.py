@@ -20,7 +20,7 @@ from handpipe.fem.elastic import Elastic
 from handpipe.fem.pull import Pull
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import OrganFit, fit_organ
+from handpipe.shapes.organ import Observed, OrganFit, fit_organ
 from handpipe.shapes.settings import MUSCLE, Settings
 
 PULL = 6.0  # mN
@@ -59,7 +59,10 @@ class Case:
         chosen = np.array([int(np.abs(self.mesh.vertices - p).sum(axis=1).argmin()) for p in points])
         pairs = Pairs(points, self.truth[chosen])
         return fit_organ(
-            self.mesh, landmarks=pairs, attachments=self.held, loads=[self.load], settings=SETTINGS
+            self.mesh,
+            Observed(landmarks=pairs, attachments=self.held),
+            loads=[self.load],
+            settings=SETTINGS,
         )
 
     def strain_errors(self, found: Array) -> Array:

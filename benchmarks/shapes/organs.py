@@ -18,7 +18,7 @@ from benchmarks.shapes.solves import ends, target
 from handpipe.arrays import Array
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import OrganFit, fit_organ
+from handpipe.shapes.organ import Observed, OrganFit, fit_organ
 from handpipe.shapes.settings import Settings
 
 log = logging.getLogger("benchmarks.shapes")
@@ -95,7 +95,7 @@ def _fitted(
     settings: Settings | None = None,
 ) -> Figures:
     begun, begun_processor = time.perf_counter(), time.process_time()
-    fit: OrganFit = fit_organ(mesh, marks, attachments=held, landmarks=landmarks, settings=settings)
+    fit: OrganFit = fit_organ(mesh, Observed(marks, held, landmarks), settings=settings)
     seconds, processor = time.perf_counter() - begun, time.process_time() - begun_processor
     log.info("%s: %d tets, %.1f s, of the processor %.1f s", name, len(mesh.tets), seconds, processor)
     errors = surface_errors(fit.mesh, wanted)

@@ -16,7 +16,7 @@ from handpipe.fem import equilibrium
 from handpipe.fem.constraints import Attachment
 from handpipe.fem.elastic import Elastic
 from handpipe.fem.materials import Material
-from handpipe.shapes.organ import fit_organ
+from handpipe.shapes.organ import Observed, fit_organ
 from handpipe.shapes.settings import Settings
 
 SETTINGS = Settings(remesh_below=0.0)
@@ -28,7 +28,8 @@ ROUNDS, SETTLED = 2000, 1e-5  # of as-rigid-as-possible; mm that a round still m
 def plastic(body: Body) -> Array:
     """Ours."""
     held, marked = body.pairs(body.held), body.pairs(body.marked)
-    return fit_organ(body.mesh, attachments=held, landmarks=marked, settings=SETTINGS).mesh.vertices
+    observed = Observed(attachments=held, landmarks=marked)
+    return fit_organ(body.mesh, observed, settings=SETTINGS).mesh.vertices
 
 
 def elastic(body: Body) -> Array:

@@ -22,7 +22,7 @@ from benchmarks.shapes.hard_case_scenes import SIZE
 from benchmarks.shapes.organs import grown_liver
 from handpipe.artifacts import atomic
 from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.organ import fit_organ
+from handpipe.shapes.organ import Observed, fit_organ
 from handpipe.shapes.settings import Settings
 
 log = logging.getLogger("benchmarks.shapes")
@@ -87,7 +87,7 @@ def run(truth: TetMesh, setting: Mapping[str, float], study: str) -> Point:
     points = scattered(truth.boundary(), int(setting["marks"]))
     settings = Settings(enough=setting["enough"], progress=setting["progress"])
     begun = time.process_time()
-    fit = fit_organ(mesh, points, settings=settings)
+    fit = fit_organ(mesh, Observed(points), settings=settings)
     seconds = time.process_time() - begun
     errors = surface_errors(fit.mesh, truth)
     return Point(

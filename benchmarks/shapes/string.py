@@ -15,7 +15,7 @@ from benchmarks.shapes.bodies import bar
 from handpipe.arrays import Array
 from handpipe.fem.materials import Material
 from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import OrganFit, fit_organ
+from handpipe.shapes.organ import Observed, OrganFit, fit_organ
 from handpipe.shapes.settings import Settings
 
 LENGTH = 100.0  # mm
@@ -37,7 +37,9 @@ def fitted(cells: int) -> OrganFit:
         return Pairs(np.concatenate([at[k] for k in knots]), np.concatenate([moved[k] for k in knots]))
 
     settings = Settings(alpha=10.0, beta=10.0, material=Material(6.0, 0.0))
-    return fit_organ(mesh, landmarks=pairs(0.25, 0.5), attachments=pairs(0.0, 1.0), settings=settings)
+    return fit_organ(
+        mesh, Observed(attachments=pairs(0.0, 1.0), landmarks=pairs(0.25, 0.5)), settings=settings
+    )
 
 
 def profile(fit: OrganFit, cells: int) -> Array:

@@ -9,7 +9,7 @@ from handpipe.errors import InputError
 from handpipe.imaging.markers import read_landmarks, write_markers
 from handpipe.mesh.rigid import RigidTransform
 from handpipe.shapes.correspondence import fixed_markers
-from handpipe.shapes.fit import fit_shape
+from handpipe.shapes.fit import EmbeddedSurface, KnownPoints, fit_shape
 
 from .shapes import spindle
 
@@ -22,7 +22,11 @@ def test_a_landmark_draws_its_point_to_its_place():
     known = body.landmarked({"top": place, "elsewhere": np.zeros(3)})
     still = dict.fromkeys(body.attachments, RigidTransform.identity())
     no_markers = fixed_markers(np.zeros((0, 3)))
-    fit = fit_shape(body.mesh, body.surface, body.matrix, body.attached(still), no_markers, landmarks=known)
+    fit = fit_shape(
+        EmbeddedSurface(body.mesh, body.surface, body.matrix),
+        KnownPoints(body.attached(still), landmarks=known),
+        no_markers,
+    )
     missed = np.linalg.norm(body.surface_at(fit.vertices).vertices[top] - place)
     assert missed < 0.3
 

@@ -1,7 +1,9 @@
 """The command: files in, a fitted organ and its quality out; errors that say where."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -16,10 +18,11 @@ from handpipe.imaging.volume import Volume, write_volume
 from handpipe.mesh.meshing import tetrahedralise
 from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface, read_surface
+from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.__main__ import main
 from handpipe.shapes.files import read_pairs, read_template
 from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import fit_organ
+from handpipe.shapes.organ import Observed, fit_organ
 from handpipe.shapes.settings import Settings
 
 MESH = box((6, 2, 2), (30.0, 8.0, 8.0))
@@ -159,10 +162,10 @@ def test_points_that_are_not_placed_do_not_count(marks: str, caplog: pytest.LogC
     assert "1 points are not placed and are skipped: F-4" in caplog.text
 
 
-def given(**changes: object) -> dict:
+def given(template: TetMesh = MESH, **changes: Any) -> tuple[TetMesh, Observed]:
     """What `fit_organ` gets, with a change."""
     held = Pairs(MESH.vertices[:8], GROWN.vertices[:8])
-    return {"template": MESH, "marks": GROWN.boundary().vertices, "attachments": held} | changes
+    return template, replace(Observed(GROWN.boundary().vertices, held), **changes)
 
 
 @pytest.mark.parametrize(
@@ -182,9 +185,9 @@ def given(**changes: object) -> dict:
         ),
     ],
 )
-def test_what_is_in_another_frame_or_unit_is_refused(changes: dict, said: str) -> None:
+def test_what_is_in_another_frame_or_unit_is_refused(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError) as caught:
-        fit_organ(**given(**changes))
+        fit_organ(*given(**changes))
     assert said in str(caught.value)
 
 

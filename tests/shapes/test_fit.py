@@ -12,7 +12,7 @@ from handpipe.fem.elastic import Elastic
 from handpipe.mesh.surface import Surface
 from handpipe.shapes.attached import Attached
 from handpipe.shapes.correspondence import Correspondence, Markers
-from handpipe.shapes.fit import fit_shape
+from handpipe.shapes.fit import EmbeddedSurface, KnownPoints, fit_shape
 from handpipe.shapes.holds import Holds
 from handpipe.shapes.rigid_motions import LooseMotions
 from handpipe.shapes.search import Search
@@ -42,7 +42,9 @@ def test_a_known_strain_field_comes_back_from_marks():
     outer = mesh.boundary_vertices()[::2]
     marks = Markers(truth[outer], np.ones(len(outer)), outer)
     options = ShapeOptions(alpha=10.0, beta=10.0, iterations=12, enough=1e-3, progress=1e-4, tangential=1.0)
-    fit = fit_shape(mesh, surface, embedding, attached, lambda s: marks, options=options)
+    fit = fit_shape(
+        EmbeddedSurface(mesh, surface, embedding), KnownPoints(attached), lambda s: marks, options=options
+    )
     diagonal = np.linalg.norm(np.ptp(truth, axis=0))
     errors = np.linalg.norm(fit.vertices - truth, axis=1)
     assert np.linalg.norm(truth - mesh.vertices, axis=1).max() > 0.1 * diagonal
@@ -57,7 +59,7 @@ def test_the_fit_is_an_equilibrium_of_its_strains():
     outer = mesh.boundary_vertices()
     surface = Surface(mesh.vertices, mesh.boundary_faces()[0])
     marks = Markers(truth[outer], np.ones(len(outer)))
-    fit = fit_shape(mesh, surface, embedding, attached, lambda s: marks)
+    fit = fit_shape(EmbeddedSurface(mesh, surface, embedding), KnownPoints(attached), lambda s: marks)
     elastic = Elastic(mesh.vertices, mesh.tets, MUSCLE, fit.strains)
     springs = Attachment(attached.matrix, attached.targets, 500.0)
     forces = elastic.gradient(fit.vertices) + springs.gradient(fit.vertices)
@@ -103,7 +105,9 @@ def test_a_body_whose_ends_are_all_loose_is_found_where_its_marks_are():
     marks = Markers(truth[outer], np.ones(len(outer)), outer)
     embedding = sparse.identity(len(mesh.vertices), format="csr")
     nothing = held.chosen(np.arange(0))
-    fit = fit_shape(mesh, surface, embedding, nothing, lambda s: marks, loose=[held.matrix, *ends])
+    fit = fit_shape(
+        EmbeddedSurface(mesh, surface, embedding), KnownPoints(nothing, [held.matrix, *ends]), lambda s: marks
+    )
     assert np.linalg.norm(truth - mesh.vertices, axis=1).mean() > 2.0
     assert np.linalg.norm(fit.vertices - truth, axis=1).mean() < 0.1
     assert plasticity.eigenvalues(fit.strains) == pytest.approx(1.0, abs=0.1)

@@ -14,7 +14,7 @@ from handpipe.fem.pull import Pull
 from handpipe.mesh.distance import Distance
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import fit_organ
+from handpipe.shapes.organ import Observed, fit_organ
 from handpipe.shapes.settings import MUSCLE, Settings
 
 
@@ -61,8 +61,7 @@ def test_strains_under_a_known_load_come_back_from_marks() -> None:
     assert np.abs(truth - mesh.vertices).max() > 3.0
     fit = fit_organ(
         mesh,
-        landmarks=Pairs(mesh.vertices[outer], truth[outer]),
-        attachments=hold,
+        Observed(landmarks=Pairs(mesh.vertices[outer], truth[outer]), attachments=hold),
         loads=[load],
         settings=Settings(alpha=100.0, beta=100.0),
     )
@@ -81,7 +80,7 @@ def test_a_free_organ_finds_its_shape_from_marks_alone(turned: float) -> None:
     grown = mesh.vertices * [1.25, 1.0, 0.85]
     grown[:, 2] += 0.006 * grown[:, 0] ** 2
     wanted = mesh.moved(grown @ Rotation.from_euler("z", turned, degrees=True).as_matrix().T + [20, 5, -9])
-    fit = fit_organ(mesh, spread(wanted, 90))
+    fit = fit_organ(mesh, Observed(spread(wanted, 90)))
     errors = far(fit.mesh, wanted)
     assert errors.mean() < 0.35
     assert errors.max() < 1.5
@@ -97,11 +96,11 @@ def test_outliers_are_left_out() -> None:
     rng = np.random.default_rng(0)
     wrong = rng.choice(len(points), len(points) // 5, replace=False)
     points[wrong] += 8.0 * points[wrong] / np.linalg.norm(points[wrong], axis=1, keepdims=True)
-    fit = fit_organ(mesh, points, settings=Settings(outliers=True))
+    fit = fit_organ(mesh, Observed(points), settings=Settings(outliers=True))
     assert not fit.kept[wrong].any()
     assert fit.kept.sum() > 0.9 * (len(points) - len(wrong))
     assert far(fit.mesh, wanted).mean() < 0.25
-    trusting = fit_organ(mesh, points)
+    trusting = fit_organ(mesh, Observed(points))
     assert far(trusting.mesh, wanted).mean() > 2 * far(fit.mesh, wanted).mean()
 
 
@@ -110,7 +109,7 @@ def test_three_attachments_on_a_line_leave_a_turn_that_marks_settle() -> None:
     line = np.array([[-12.0, 1.0, 0.0], [0.0, 1.0, 0.0], [12.0, 1.0, 0.0]])
     turn = Rotation.from_euler("x", 25, degrees=True).as_matrix()
     wanted = mesh.moved((mesh.vertices - line[1]) @ turn.T + line[1])
-    fit = fit_organ(mesh, spread(wanted, 60), attachments=Pairs(line, line))
+    fit = fit_organ(mesh, Observed(spread(wanted, 60), attachments=Pairs(line, line)))
     assert far(fit.mesh, wanted).mean() < 0.2
     assert fit.quality["attachments_max"][0] < 0.3
 
@@ -118,10 +117,10 @@ def test_three_attachments_on_a_line_leave_a_turn_that_marks_settle() -> None:
 def test_bad_input_is_named() -> None:
     mesh = lump(3)
     with pytest.raises(InputError, match="there are none"):
-        fit_organ(mesh)
+        fit_organ(mesh, Observed())
     with pytest.raises(InputError, match=r"shape \(2,\)"):
-        fit_organ(mesh, np.zeros(2))
+        fit_organ(mesh, Observed(np.zeros(2)))
     with pytest.raises(InputError, match="point 1"):
-        fit_organ(mesh, np.array([[0.0, 0, 0], [np.nan, 0, 0]]))
+        fit_organ(mesh, Observed(np.array([[0.0, 0, 0], [np.nan, 0, 0]])))
     with pytest.raises(InputError, match="attachments"):
-        fit_organ(mesh, np.zeros((3, 3)), attachments=Pairs(np.zeros((3, 3)), np.zeros((2, 3))))
+        fit_organ(mesh, Observed(np.zeros((3, 3)), attachments=Pairs(np.zeros((3, 3)), np.zeros((2, 3)))))

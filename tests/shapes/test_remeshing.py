@@ -24,7 +24,7 @@ from handpipe.shapes import remeshing
 from handpipe.shapes.carried import Carried
 from handpipe.shapes.correspondence import Correspondence
 from handpipe.shapes.marks import BoundaryMarks, Pairs
-from handpipe.shapes.organ import OrganFit, fit_organ
+from handpipe.shapes.organ import Observed, OrganFit, fit_organ
 from handpipe.shapes.remeshing import Given, OnMesh, remeshed
 from handpipe.shapes.settings import MUSCLE, Settings
 from handpipe.shapes.strain_frame import StrainFrame
@@ -53,7 +53,9 @@ def reached(below: float) -> OrganFit:
     marks = trimesh.sample.sample_surface_even(
         trimesh.Trimesh(banana().vertices, banana().triangles), 220, seed=0
     )[0]
-    return fit_organ(ball(), np.asarray(marks), settings=Settings(covering=True, remesh_below=below))
+    return fit_organ(
+        ball(), Observed(np.asarray(marks)), settings=Settings(covering=True, remesh_below=below)
+    )
 
 
 def test_a_ball_reaches_a_banana_with_good_tets() -> None:
@@ -189,7 +191,9 @@ def test_an_organ_that_cannot_be_meshed_keeps_its_tets(
 
     monkeypatch.setattr(remeshing, "tetrahedralise", refuse)
     marks = sample_points(banana(), 60)
-    fit = fit_organ(ball(), marks, settings=Settings(covering=True, remesh_below=20.0, iterations=3))
+    fit = fit_organ(
+        ball(), Observed(marks), settings=Settings(covering=True, remesh_below=20.0, iterations=3)
+    )
     assert fit.quality["new_meshes"][0] == 0
     assert "no tets today" in caplog.text
     assert fit.quality["marks_mean"][0] < 0.5

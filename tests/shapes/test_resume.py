@@ -14,7 +14,7 @@ from handpipe.mesh.remeshing import remesh
 from handpipe.mesh.surface import Surface
 from handpipe.mesh.tetrahedra import TetMesh
 from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import OrganFit, fit_organ
+from handpipe.shapes.organ import Observed, OrganFit, fit_organ
 from handpipe.shapes.remeshing import Given, OnMesh
 from handpipe.shapes.resume import FitCheckpoint, digest
 from handpipe.shapes.settings import Settings
@@ -36,8 +36,7 @@ def fit(checkpoint: Path | None = None) -> OrganFit:
     load = Pull(sp.identity(len(MESH.vertices), format="csr")[tip], np.tile([0.0, 0.0, 0.05], (4, 1)))
     return fit_organ(
         MESH,
-        LONG[MESH.boundary_vertices()],
-        attachments=Pairs(MESH.vertices[HELD], LONG[HELD]),
+        Observed(LONG[MESH.boundary_vertices()], attachments=Pairs(MESH.vertices[HELD], LONG[HELD])),
         loads=[load],
         settings=Settings(remesh_below=13.0, iterations=2),
         checkpoint=checkpoint,

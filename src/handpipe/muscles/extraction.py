@@ -27,7 +27,7 @@ from handpipe.muscles.contraction import contracted, slack
 from handpipe.muscles.surroundings import carried_along
 from handpipe.muscles.templates import Guess
 from handpipe.shapes.correspondence import Markers, fixed_markers
-from handpipe.shapes.fit import FindMarkers, ShapeFit, fit_shape
+from handpipe.shapes.fit import EmbeddedSurface, FindMarkers, KnownPoints, ShapeFit, fit_shape
 from handpipe.shapes.settings import ShapeOptions
 
 log = logging.getLogger(__name__)
@@ -330,13 +330,9 @@ def _extract(
     loose: Sequence[sparse.csr_matrix] = (),
 ) -> Extraction:
     fit = fit_shape(
-        body.mesh,
-        body.surface,
-        body.matrix,
-        body.attached(transforms),
+        EmbeddedSurface(body.mesh, body.surface, body.matrix),
+        KnownPoints(body.attached(transforms), loose, body.landmarked(landmarks or {})),
         find,
-        loose=loose,
-        landmarks=body.landmarked(landmarks or {}),
         start=start,
         options=options,
     )

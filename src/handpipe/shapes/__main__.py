@@ -19,7 +19,7 @@ from handpipe.imaging.markers import read_markers
 from handpipe.imaging.volume import read_volume
 from handpipe.shapes.files import read_pairs, read_template, write_fit
 from handpipe.shapes.given_frame import Sources
-from handpipe.shapes.organ import fit_organ
+from handpipe.shapes.organ import Observed, fit_organ
 from handpipe.shapes.settings import RANGES, Settings
 
 
@@ -52,10 +52,12 @@ def run(options: argparse.Namespace) -> None:
     )
     fit = fit_organ(
         read_template(options.template),
-        marks,
-        attachments=attachments,
-        landmarks=landmarks,
-        volume=None if options.volume is None else read_volume(options.volume),
+        Observed(
+            marks,
+            attachments,
+            landmarks,
+            volume=None if options.volume is None else read_volume(options.volume),
+        ),
         settings=settings,
         checkpoint=options.output / "checkpoint.h5",
         sources=Sources(

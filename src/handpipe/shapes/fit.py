@@ -40,39 +40,60 @@ class ShapeFit:
         return artifacts.columns(self.record)
 
 
+@dataclass(frozen=True)
+class EmbeddedSurface:
+    """A body at rest, its surface at rest, and the matrix embedding (v, n) by which the body carries that."""
+
+    mesh: TetMesh
+    surface: Surface
+    embedding: sparse.csr_matrix
+
+    def at(self, x: Array) -> Surface:
+        """The surface where the body's vertices are x (n, 3)."""
+        return self.surface.moved(self.embedding @ x)
+
+
+@dataclass(frozen=True)
+class KnownPoints:
+    """Points of a body whose places are known: attached ones, and landmarks, which are used before the
+    markers and with them. loose: matrices (t_i, n) of points of ends that are held somewhere, each as a rigid
+    body whose place is sought from the guess's on.
+    """
+
+    attached: Attached
+    loose: Sequence[sparse.csr_matrix] = ()
+    landmarks: Attached | None = None
+
+
 def fit_shape(
-    mesh: TetMesh,
-    surface: Surface,
-    embedding: sparse.csr_matrix,
-    attached: Attached,
+    body: EmbeddedSurface,
+    known: KnownPoints,
     find_markers: FindMarkers,
     *,
-    loose: Sequence[sparse.csr_matrix] = (),
-    landmarks: Attached | None = None,
     start: Array | None = None,
     options: ShapeOptions | None = None,
 ) -> ShapeFit:
     """Fit a body to markers on its boundary.
 
-    mesh: the body at rest; surface: its embedded surface at rest, carried by embedding (v, n); find_markers
-    gives the image's boundary points near the present surface and is called before every step; landmarks:
-    known places of points of the body, used before the markers and with them; start: vertices (n, 3) of a
-    first guess, whose strains the search begins with; loose: matrices (t_i, n) of points of ends that are
-    held somewhere, each as a rigid body whose place is sought from the guess's on. Raises `ConvergenceError`
+    find_markers gives the image's boundary points near the present surface and is called before every step;
+    start: vertices (n, 3) of a first guess, whose strains the search begins with. Raises `ConvergenceError`
     where no equilibrium is found at the start.
     """
     options = options or ShapeOptions()
+    mesh = body.mesh
     x = mesh.vertices if start is None else start
     space = SmoothFields(mesh, x, options)
     search = Search(mesh, space, options, name="shape from plastic strains")
-    state = search.at(space.guess, Holds.of(attached, loose, x), x)
+    state = search.at(space.guess, Holds.of(known.attached, known.loose, x), x)
     nothing = Correspondence.none(len(mesh.vertices))
-    known = nothing if landmarks is None else Correspondence(landmarks.matrix, landmarks.targets, None)
+    landmarks = nothing
+    if known.landmarks is not None:
+        landmarks = Correspondence(known.landmarks.matrix, known.landmarks.targets, None)
 
     def closest(x: Array) -> Correspondence:
-        present = surface.moved(embedding @ x)
-        found = Correspondence.of(find_markers(present), present, embedding, options.tangential)
-        return found if landmarks is None else found.joined(known)
+        present = body.at(x)
+        found = Correspondence.of(find_markers(present), present, body.embedding, options.tangential)
+        return found.joined(landmarks) if landmarks.count else found
 
     def towards(name: str, find: FindMarks, fields: Sequence[int], state: State) -> State:
         for count in fields:
@@ -83,7 +104,7 @@ def fit_shape(
         return state
 
     state = towards("attachments", lambda x: nothing, options.fields[:1], state)
-    if landmarks is not None:
-        state = towards("landmarks", lambda x: known, options.fields[:2], state)
+    if landmarks.count:
+        state = towards("landmarks", lambda x: landmarks, options.fields[:2], state)
     state = towards("markers", closest, options.fields, state)
     return ShapeFit(state.x, state.body.strains, search.record)

@@ -55,33 +55,43 @@ class OrganFit:
         return artifacts.columns(self.record)
 
 
+@dataclass(frozen=True)
+class Observed:
+    """What is known of an organ in an image.
+
+    marks (r, 3): points on its boundary, in mm, without correspondence; attachments: points of the template
+    that other organs hold, and where; landmarks: points of the template whose places in the image are known;
+    volume: an image in which marks are sought along the surface's normals, at the end.
+    """
+
+    marks: Array | None = None
+    attachments: Pairs | None = None
+    landmarks: Pairs | None = None
+    volume: Volume | None = None
+
+
 def fit_organ(
     template: TetMesh,
-    marks: Array | None = None,
+    observed: Observed,
     *,
-    attachments: Pairs | None = None,
-    landmarks: Pairs | None = None,
     loads: Sequence[Potential] = (),
-    volume: Volume | None = None,
     settings: Settings | None = None,
     checkpoint: str | Path | None = None,
     sources: Sources | None = None,
 ) -> OrganFit:
     """Deform a template tet mesh to the marks of one organ in an image (Wang 2021 chapter 5).
 
-    marks (r, 3): points on the organ's boundary, in mm, without correspondence; attachments: points of the
-    template that other organs hold, and where; landmarks: points of the template whose places in the image
-    are known; loads: potentials that act on the organ besides; volume: an image in which marks are sought
-    along the surface's normals, at the end; checkpoint: a file that is written after every step and removed
-    at the end, from which a fit of the same input goes on; sources: what messages call these. An organ that
-    nothing holds is placed by its landmarks, or else by its marks, or else it is where the template is. Tets
-    that strains ruin are replaced (`remeshing.py`). Raises `InputError` for input that cannot be used,
-    `ConvergenceError` where no equilibrium is found at the start.
+    loads: potentials that act on the organ besides; checkpoint: a file that is written after every step and
+    removed at the end, from which a fit of the same input goes on; sources: what messages call the inputs.
+    An organ without attachments is placed by its landmarks, or else by its marks, or else it is where the
+    template is. Tets that strains ruin are replaced (`remeshing.py`). Raises `InputError` for input that cannot be
+    used, `ConvergenceError` where no equilibrium is found at the start.
     """
     settings = settings or Settings()
     sources = sources or Sources()
     template = template.checked(sources.template)
-    points = _checked_marks(marks)
+    points = _checked_marks(observed.marks)
+    attachments, landmarks, volume = observed.attachments, observed.landmarks, observed.volume
     if len(points) == 0 and landmarks is None and attachments is None and volume is None:
         raise InputError("organ", "marks", "there are none", "Give marks, landmarks, attachments or a volume")
     attachments = None if attachments is None else attachments.checked("attachments")
