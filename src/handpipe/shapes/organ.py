@@ -84,8 +84,8 @@ def fit_organ(
     loads: potentials that act on the organ besides; checkpoint: a file that is written after every step and
     removed at the end, from which a fit of the same input goes on; sources: what messages call the inputs.
     An organ without attachments is placed by its landmarks, or else by its marks, or else it is where the
-    template is. Tets that strains ruin are replaced (`remeshing.py`). Raises `InputError` for input that cannot be
-    used, `ConvergenceError` where no equilibrium is found at the start.
+    template is. Tets that strains ruin are replaced (`remeshing.py`). Raises `InputError` for input that
+    cannot be used, `ConvergenceError` where no equilibrium is found at the start.
     """
     settings = settings or Settings()
     sources = sources or Sources()
