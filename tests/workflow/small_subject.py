@@ -1,4 +1,7 @@
-"""A made-up subject that takes a second a bone: two rods of bright marrow in dark cortical bone."""
+"""A made-up subject that takes a second a bone: two rods of bright marrow in dark cortical bone.
+
+Each rod has a knob on one side of one end: a rod that fits as well turned by 180 degrees is rightly doubted.
+"""
 
 import json
 from pathlib import Path
@@ -15,13 +18,16 @@ SPACING = 0.8
 AFFINE = np.diag([SPACING, SPACING, SPACING, 1.0])
 MIDDLE = {"near": (11.0, 14.5, 14.5), "far": (29.0, 14.5, 14.5)}  # voxels
 RADIUS, REACH = 3.0, 4.0  # of a rod and of its half axis, voxels
+KNOB = (4.0, 3.0, 0.0)  # from a rod's middle, voxels
 SHAPE = (40, 30, 30)
 
 
 def distance_to(bone: str) -> np.ndarray:
-    """Distance of every voxel from a bone's axis, in voxels."""
-    x, y, z = (np.moveaxis(np.indices(SHAPE), 0, -1) - MIDDLE[bone]).transpose(3, 0, 1, 2)
-    return np.sqrt(np.maximum(np.abs(x) - REACH, 0) ** 2 + y**2 + z**2)
+    """Distance of every voxel from a bone's axis or the middle of its knob, in voxels."""
+    places = np.moveaxis(np.indices(SHAPE), 0, -1) - MIDDLE[bone]
+    x, y, z = np.moveaxis(places, -1, 0)
+    rod = np.sqrt(np.maximum(np.abs(x) - REACH, 0) ** 2 + y**2 + z**2)
+    return np.minimum(rod, np.linalg.norm(places - KNOB, axis=-1))
 
 
 def image() -> np.ndarray:
