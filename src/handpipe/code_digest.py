@@ -1,6 +1,8 @@
 """A digest of the code that a script runs: of its own and of every module of ours that it imports, in turn.
 
-Comments, docstrings and formatting do not count.
+Comments, docstrings and formatting do not count, nor does code under `if TYPE_CHECKING`, which never runs.
+A name that is imported from a package's face (its `__init__`) counts as the module behind the name; a package
+that is imported as a whole counts as all that its face exports.
 """
 
 from __future__ import annotations
@@ -14,16 +16,22 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import TypeGuard
 
 from handpipe.artifacts import write_text
 
 
 @dataclass(frozen=True)
 class Module:
-    """What counts of one file: a digest of its code, and dotted names that it may import."""
+    """What counts of one file.
+
+    digest: of its code; names: dotted names that it may import; exports: dotted names that it imports under
+    `if TYPE_CHECKING`, which the face of a package passes on when they are asked for.
+    """
 
     digest: str
     names: tuple[str, ...]
+    exports: tuple[str, ...] = ()
 
 
 @dataclass
@@ -65,14 +73,25 @@ class CodeDigests:
         if path not in self._imports:
             found: set[Path] = set()
             for name in self._module(path).names:
-                parts = name.split(".")
-                wanted = [".".join(parts[: i + 1]) for i in range(len(parts))]
-                found |= {self._index[w] for w in wanted if w in self._index}
-                beside = path.with_name(f"{parts[0]}.py")
-                if parts[0] not in self._tops and beside.is_file():
+                found |= self._behind(name)
+                top = name.partition(".")[0]
+                beside = path.with_name(f"{top}.py")
+                if top not in self._tops and beside.is_file():
                     found.add(beside)
             self._imports[path] = sorted(found)
         return self._imports[path]
+
+    def _behind(self, name: str) -> set[Path]:
+        """Files that run when a dotted name is imported: packages on the way, what faces pass on."""
+        parts = name.split(".")
+        known = [w for i in range(len(parts)) if (w := ".".join(parts[: i + 1])) in self._index]
+        found = {self._index[w] for w in known}
+        if known and self._index[known[-1]].name == "__init__.py":
+            rest = parts[len(known[-1].split(".")) :]
+            for export in self._module(self._index[known[-1]]).exports:
+                if not rest or rest[0] in ("*", export.rpartition(".")[2]):
+                    found |= self._behind(export)
+        return found
 
     @cached_property
     def _tops(self) -> set[str]:
@@ -91,7 +110,7 @@ class CodeDigests:
     def save(self) -> None:
         """Write the cache, if anything is new and its folder can be written to."""
         if self.cache is not None and self._new:
-            content = {key: [m.digest, m.names] for key, m in (self._known | self._new).items()}
+            content = {key: [m.digest, m.names, m.exports] for key, m in (self._known | self._new).items()}
             with suppress(OSError):
                 write_text(self.cache, json.dumps(content))
 
@@ -103,7 +122,9 @@ class CodeDigests:
     def _known(self) -> dict[str, Module]:
         try:
             content = json.loads(self.cache.read_text(encoding="utf-8")) if self.cache else {}
-            return {key: Module(digest, tuple(names)) for key, (digest, names) in content.items()}
+            return {
+                key: Module(d, tuple(names), tuple(exports)) for key, (d, names, exports) in content.items()
+            }
         except (OSError, ValueError):
             return {}
 
@@ -135,11 +156,28 @@ def _hash(content: bytes) -> str:
 
 def _read(content: bytes) -> Module:
     tree = ast.parse(content)
+    exports = [
+        name for node in tree.body if _is_for_types(node) for part in node.body for name in _names(part)
+    ]
+    tree.body = [
+        part
+        for node in tree.body
+        for part in (node.orelse if _is_for_types(node) else [node])
+        if not _is_list_of_exports(part)
+    ]
     names = tuple(sorted(set(_names(tree))))
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             node.body = [child for child in node.body if not _is_text(child)] or [ast.Pass()]
-    return Module(_hash(ast.dump(tree).encode()), names)
+    return Module(_hash(ast.dump(tree).encode()), names, tuple(sorted(set(exports))))
+
+
+def _is_for_types(node: ast.stmt) -> TypeGuard[ast.If]:
+    return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+
+
+def _is_list_of_exports(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
 
 
 def _is_text(node: ast.stmt) -> bool:
@@ -150,7 +188,7 @@ def _is_text(node: ast.stmt) -> bool:
     )
 
 
-def _names(tree: ast.Module) -> Iterator[str]:
+def _names(tree: ast.AST) -> Iterator[str]:
     """Dotted names that a file imports, inside functions too, or holds as text: modules that it runs."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -158,7 +196,7 @@ def _names(tree: ast.Module) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Constant) and _is_dotted_name(node.value):
-            yield str(node.value)
+            yield str(node.value) + ".__main__"  # a package that is run is not all that its face exports
 
 
 def _is_dotted_name(value: object) -> bool:
