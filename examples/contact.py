@@ -8,11 +8,10 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from handpipe.fem.constraints import Contact
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, solve
-from handpipe.fem.materials import Material
-from handpipe.fem.pull import Pull
+from handpipe.fem.contact import Contact
+from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Elastic, Pull
+from handpipe.fem.solver import Options, solve
 
 WEIGHT = 2.0  # mN
 

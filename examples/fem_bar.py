@@ -8,10 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, solve
-from handpipe.fem.materials import Material
-from handpipe.fem.pull import Pull
+from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Elastic, Pull
+from handpipe.fem.solver import Options, solve
 
 LENGTH, YOUNG, WEIGHT = 20.0, 10.0, 0.5  # mm, kPa, mN
 

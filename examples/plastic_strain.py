@@ -7,10 +7,9 @@ exponential of the log-strain. The solver pins the rigid-body modes.
 import numpy as np
 import skfem
 
-from handpipe.fem import plasticity
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, solve
-from handpipe.fem.materials import Material
+from handpipe.fem.elements import Material, plasticity
+from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import Options, solve
 
 LOG_STRAIN = np.array([0.3, 0.0, 0.0, -0.1, 0.0, 0.0])  # xx, xy, xz, yy, yz, zz
 

@@ -6,7 +6,7 @@ Motions of bones compose from the root outwards. A finger of three bones is bent
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from handpipe.mesh.rigid import RigidTransform
+from handpipe.core import RigidTransform
 
 CENTRES = np.array([[0.0, 0.0, 0.0], [40.0, 0.0, 0.0]])  # mm
 FLEXION = np.array([0.0, 1.0, 0.0])

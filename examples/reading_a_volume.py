@@ -10,7 +10,7 @@ from pathlib import Path
 import nibabel as nib
 import numpy as np
 
-from handpipe.imaging.volume import read_volume
+from handpipe.imaging.volumes import read_volume
 
 values = np.zeros((8, 9, 10), np.float32)
 values[2, 3, 4] = 100.0

@@ -10,8 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from handpipe import artifacts
-from handpipe.errors import InputError
+from handpipe.core import InputError, artifacts
 
 with tempfile.TemporaryDirectory() as folder:
     path = Path(folder) / "rig.h5"

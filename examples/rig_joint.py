@@ -6,7 +6,7 @@ A hinge is fitted to the motion of a bone in four poses. The fit finds the axis,
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from handpipe.mesh.rigid import RigidTransform
+from handpipe.core import RigidTransform
 from handpipe.skeleton.joints import fit_joint
 
 AXIS, CENTRE = np.array([0.0, 1.0, 0.0]), np.array([10.0, 2.0, 0.0])  # mm

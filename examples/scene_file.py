@@ -6,7 +6,7 @@ ones.
 
 from pydantic import ValidationError
 
-from handpipe.config import Scene
+from handpipe.core.configuration import Scene
 
 scene = Scene(layers=("bones", "fat"), frames="config/scenes/hand-preview.csv")
 print("layers asked for:", ", ".join(scene.layers))

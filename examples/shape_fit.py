@@ -7,9 +7,9 @@ equilibrium meets the marks.
 import numpy as np
 import trimesh
 
-from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.surface import Surface
-from handpipe.shapes.organ import Observed, fit_organ
+from handpipe.mesh.generation import tetrahedralise
+from handpipe.mesh.surfaces import Surface
+from handpipe.shapes.organs import Observed, fit_organ
 
 AXES = np.array([7.0, 5.0, 4.0])  # mm
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from handpipe.datasets import generators
-from handpipe.layer_registry import LAYERS
+from handpipe.core.layer_registry import LAYERS
+from handpipe.synthetic import generators
 
 CHECKOUT = Path(__file__).parents[1]
 SOURCE = CHECKOUT / "src" / "handpipe"
@@ -198,7 +198,7 @@ def test_no_module_is_for_tests_or_benchmarks_alone() -> None:
 def test_snakemake_and_gmsh_stay_outside() -> None:
     found = {(path.relative_to(SOURCE).as_posix(), name.split(".")[0]) for path, name in imports()}
     assert {path for path, name in found if name == "snakemake"} == set()
-    assert {path for path, name in found if name == "gmsh"} == {"mesh/gmsh_process.py"}
+    assert {path for path, name in found if name == "gmsh"} == {"mesh/generation/gmsh_process.py"}
 
 
 def rules() -> dict[str, str]:

@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     take_threads(1)
     from benchmarks.anatomy import envelopes, warps
-    from handpipe import metrics
+    from handpipe.core import metrics
 
     figures = envelopes.measure()
     if options.folder.exists():

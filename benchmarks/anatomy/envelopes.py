@@ -7,10 +7,10 @@ import time
 import numpy as np
 
 from benchmarks.fem.scenes import grid
-from handpipe.anatomy.envelope import upper_envelope
-from handpipe.datasets.implicit import round_cone
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.metrics import Metrics
+from handpipe.anatomy.templates.envelope import upper_envelope
+from handpipe.core import Metrics
+from handpipe.mesh.tets import TetMesh
+from handpipe.synthetic.geometry.implicit import round_cone
 
 FUNCTIONS = 39  # as many as the largest model of Abdrashitov 2021 has
 SIDES = (24, 48)  # cells of six tets along a cube's edge

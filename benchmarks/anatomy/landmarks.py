@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from handpipe.anatomy.bony_points import away_from
-from handpipe.anatomy.subject_template import SubjectTemplate
-from handpipe.arrays import Array
-from handpipe.mesh.distance import sample_points
-from handpipe.mesh.surface import Surface
+from handpipe.anatomy.person import SubjectTemplate
+from handpipe.anatomy.person.bony_points import away_from
+from handpipe.core import Array
+from handpipe.mesh.surfaces import Surface, sample_points
 
 CARPALS = ("trapezium", "trapezoid", "capitate", "hamate")
 FOREARM = ("radius", "ulna")

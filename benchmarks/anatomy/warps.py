@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.anatomy.landmarks import basal, finger_joint, landmarks
-from handpipe.anatomy.feature_points import doubtful
-from handpipe.anatomy.subject_template import SubjectTemplate, warped
-from handpipe.anatomy.warp import biharmonic_warp, feature_warp, refined
-from handpipe.datasets import hand_templates
-from handpipe.metrics import Metrics
+from handpipe.anatomy.person import SubjectTemplate
+from handpipe.anatomy.person.feature_points import doubtful
+from handpipe.anatomy.person.subject_template import warped
+from handpipe.anatomy.person.warp import biharmonic_warp, feature_warp, refined
+from handpipe.core import Metrics
+from handpipe.synthetic.template_hands import hand_templates
 
 GROUPS: dict[str, Callable[[str], bool]] = {
     "all": lambda name: True,

@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _save(path: Path, rows: Iterable[Row], points: Iterable[Point]) -> None:
     """Written after each row and point: a benchmark that is stopped keeps what it has measured."""
-    from handpipe.artifacts import write_text
+    from handpipe.core import write_text
 
     content = {
         "hard_cases": [asdict(row) for row in rows],

@@ -9,15 +9,14 @@ from dataclasses import dataclass, field
 
 from benchmarks.bones.notices import listening
 from benchmarks.bones.subject import Scan
-from handpipe.config import Dataset
-from handpipe.imaging.claims import Appearance, appearances, doubted
-from handpipe.imaging.claims import segment as claimed
-from handpipe.imaging.cortical import whole_bone
-from handpipe.imaging.marrow import marrow_surface
-from handpipe.imaging.segmentation import SegmentationSettings, merge
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.pose_registration import register_pose, unmoved
-from handpipe.skeleton.registration_result import Registration
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.bone_surfaces import marrow_surface, whole_bone
+from handpipe.imaging.segmentation import Appearance, SegmentationSettings, merge
+from handpipe.imaging.segmentation import segment as claimed
+from handpipe.imaging.segmentation.claims import appearances, doubted
+from handpipe.mesh.surfaces import Surface
+from handpipe.skeleton.bones.registration_result import Registration
+from handpipe.skeleton.registration import register_pose, unmoved
 
 EVERY = "all bones"
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.bones.hard_cases import Pair, Row, table
 from benchmarks.bones.speed_against_error import SWEPT, Point
-from handpipe.artifacts import atomic, write_text
+from handpipe.core import atomic, write_text
 
 UNITS = {"voxel size": "mm", "tolerance": "of the probability"} | {
     name: unit for name, (unit, _) in SWEPT.items()

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.bones.subject import Scan
-from handpipe.arrays import Array
-from handpipe.datasets import image
-from handpipe.evaluation.surfaces import dice
-from handpipe.imaging.rasterise import rasterise
-from handpipe.imaging.volume import Volume
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
+from handpipe.core import Array, RigidTransform
+from handpipe.evaluation import dice
+from handpipe.imaging.volumes import Volume, rasterise
+from handpipe.mesh.surfaces import Surface
+from handpipe.synthetic.acquisition import image
 
 SPACING = 0.5  # mm of the grid of overlaps, whatever the image's voxels
 

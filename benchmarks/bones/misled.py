@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
-from handpipe.arrays import Array
-from handpipe.datasets.image import Grid
-from handpipe.datasets.posed_hand import PosedHand
-from handpipe.imaging.volume import Labels
+from handpipe.core import Array
+from handpipe.imaging.volumes.volume import Labels
+from handpipe.synthetic.acquisition.image import Grid
+from handpipe.synthetic.phantom.posed_hand import PosedHand
 
 Seeding = Literal["in marrow", "in the neighbour", "in fat", "partly in fat"]
 LENGTH = 8.0  # mm of the wrong stroke

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from handpipe.errors import HandpipeError
+from handpipe.core import HandpipeError
 
 
 class _Listener(logging.Handler):

@@ -13,13 +13,11 @@ from benchmarks.bones.chain import Registered, Segmented, register, segment
 from benchmarks.bones.errors import motion_error, overlap
 from benchmarks.bones.notices import listening
 from benchmarks.bones.subject import NEUTRAL, PHALANGES, Conditions, Part, scan
-from handpipe.errors import InputError
+from handpipe.core import InputError, Metrics
 from handpipe.imaging.segmentation import SegmentationSettings
-from handpipe.metrics import Metrics
-from handpipe.skeleton.odd_bones import without_odd_bones
-from handpipe.skeleton.registration_result import Registration
-from handpipe.skeleton.rig import Rig
-from handpipe.skeleton.table import joint_table
+from handpipe.skeleton.bones.registration_result import Registration
+from handpipe.skeleton.registration import without_odd_bones
+from handpipe.skeleton.rig import Rig, joint_table
 
 log = logging.getLogger(__name__)
 

@@ -13,10 +13,9 @@ from benchmarks.bones.cases import Case
 from benchmarks.bones.hard_cases import Pair, judge
 from benchmarks.bones.outcome import SETTINGS, registered, run, segmented
 from benchmarks.bones.subject import FIVE, Conditions, Part
-from handpipe.arrays import Array
-from handpipe.imaging import segmentation
-from handpipe.imaging.random_walker import Stop, random_walker
-from handpipe.imaging.segmentation import SegmentationSettings
+from handpipe.core import Array
+from handpipe.imaging.segmentation import SegmentationSettings, segmentation
+from handpipe.imaging.segmentation.random_walker import Stop, random_walker
 
 log = logging.getLogger(__name__)
 

@@ -17,12 +17,13 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from benchmarks.bones.misled import Seeding, mislead
-from handpipe.arrays import Array
-from handpipe.config import Dataset, load_dataset
-from handpipe.datasets import image, phantom_hand, seeds
-from handpipe.datasets.posed_hand import MIRROR, PosedHand, clean_image
-from handpipe.imaging.volume import Labels, Volume
-from handpipe.mesh.rigid import RigidTransform
+from handpipe.core import Array, RigidTransform
+from handpipe.core.configuration import Dataset, load_dataset
+from handpipe.imaging.volumes import Volume
+from handpipe.imaging.volumes.volume import Labels
+from handpipe.synthetic.acquisition import image, seeds
+from handpipe.synthetic.phantom import phantom_hand
+from handpipe.synthetic.phantom.posed_hand import MIRROR, PosedHand, clean_image
 
 Handedness = Literal["right", "left"]
 DATASET = Path(__file__).parents[2] / "config" / "datasets" / "phantom-hand.yaml"

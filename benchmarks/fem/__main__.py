@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from benchmarks.threads import take_threads
-from handpipe import artifacts, metrics
+from handpipe.core import artifacts, metrics
 
 log = logging.getLogger("benchmarks.fem")
 

@@ -18,10 +18,9 @@ from skfem.helpers import ddot, det, grad
 
 from benchmarks.fem.skfem_newton import NeoHookean, internal_force
 from benchmarks.fem.skfem_newton import _stiffness as pair_stiffness
-from handpipe.arrays import Array, IntArray
-from handpipe.fem import plasticity
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import Material
+from handpipe.core import Array, IntArray
+from handpipe.fem.elements import Material, plasticity
+from handpipe.fem.potentials import Elastic
 
 Figures = dict[str, dict[str, float | str]]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from handpipe import metrics
-from handpipe.artifacts import write_text
+from handpipe.core import metrics, write_text
 from handpipe.evaluation.benchmarks import BARS, Figures, error_figures, write_svg
 
 BEGIN, END = "<!-- table: python -m benchmarks.fem -->", "<!-- end of table -->"

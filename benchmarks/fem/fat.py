@@ -13,9 +13,9 @@ import numpy as np
 
 from benchmarks.fem.machine import REPEATS, Figures, figure, peak_memory, watched
 from benchmarks.fem.thin_body import thin_body
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, Steps, continuation
-from handpipe.fem.materials import Material
+from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import Options, Steps, continuation
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 
-from handpipe.arrays import Array
+from handpipe.core import Array
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -25,7 +25,7 @@ import scipy.sparse as sp
 
 from benchmarks.fem.cases import CASES, Case, Outcome
 from benchmarks.fem.hard_case_pictures import draw
-from handpipe.arrays import Array, IntArray
+from handpipe.core import Array, IntArray
 from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix, factorise
 
 log = logging.getLogger(__name__)

@@ -11,16 +11,15 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from handpipe.arrays import Array
-from handpipe.errors import HandpipeError
-from handpipe.fem.conjugate_gradients import End, conjugate_gradients
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.factor import Factor
-from handpipe.fem.linear import CLASSES, PRESENT
-from handpipe.fem.materials import Material
-from handpipe.fem.multigrid import Multigrid
-from handpipe.fem.reduction import FreeBlock
-from handpipe.fem.system_sequence import SystemSequence
+from handpipe.core import Array, HandpipeError
+from handpipe.fem.elements import Material
+from handpipe.fem.linear.conjugate_gradients import End, conjugate_gradients
+from handpipe.fem.linear.factor import Factor
+from handpipe.fem.linear.factorisation import CLASSES, PRESENT
+from handpipe.fem.linear.multigrid import Multigrid
+from handpipe.fem.linear.system_sequence import SystemSequence
+from handpipe.fem.minimisation.reduction import FreeBlock
+from handpipe.fem.potentials import Elastic
 
 Figures = dict[str, dict[str, float | str | None]]
 

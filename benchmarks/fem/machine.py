@@ -15,7 +15,7 @@ import numba
 import numpy as np
 import psutil
 
-from handpipe.fem.system_sequence import SystemSequence
+from handpipe.fem.linear.system_sequence import SystemSequence
 
 Figure = Mapping[str, object]  # value and unit
 Figures = dict[str, Figure]

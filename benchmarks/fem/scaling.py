@@ -9,12 +9,12 @@ import numpy as np
 
 from benchmarks.fem.machine import REPEATS, Figures, figure, median_seconds, watched
 from benchmarks.fem.scenes import box, turned
-from handpipe.arrays import Array
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, Steps, continuation
+from handpipe.core import Array
+from handpipe.fem.elements import Material
 from handpipe.fem.linear import factorise
-from handpipe.fem.materials import Material
-from handpipe.fem.reduction import FreeBlock
+from handpipe.fem.minimisation.reduction import FreeBlock
+from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import Options, Steps, continuation
 
 log = logging.getLogger(__name__)
 

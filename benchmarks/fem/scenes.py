@@ -11,10 +11,9 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from handpipe.arrays import Array, BoolArray, IntArray
-from handpipe.fem import plasticity
-from handpipe.fem.materials import Material, piola_stresses
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.core import Array, BoolArray, IntArray
+from handpipe.fem.elements import Material, piola_stresses, plasticity
+from handpipe.mesh.tets import TetMesh
 
 Triple = tuple[float, float, float]
 

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 import skfem
 from skfem.helpers import ddot, det, grad, inv, transpose
 
-from handpipe.arrays import Array, BoolArray, IntArray
+from handpipe.core import Array, BoolArray, IntArray
 
 
 def missing() -> str | None:
@@ -36,7 +36,7 @@ class NeoHookean:
     """Stable neo-Hookean of Smith et al. 2018 as scikit-fem forms, in their own parameters.
 
     psi = mu/2 (I - 3) + lambda/2 (J - alpha)^2 - mu/2 log(I + 1), with I = |F|^2. Derived apart from
-    `handpipe.fem.materials`, of which nothing is used here.
+    `handpipe.fem.elements.materials`, of which nothing is used here.
     """
 
     def __init__(self, young: float, poisson: float) -> None:

@@ -14,11 +14,12 @@ from scipy.spatial import cKDTree
 from benchmarks.fem.machine import REPEATS, Figures, figure
 from benchmarks.fem.scenes import turned
 from benchmarks.fem.twist import Beam
-from handpipe.arrays import Array
-from handpipe.fem import system_sequence
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, Steps, continuation
-from handpipe.fem.materials import Material, Model
+from handpipe.core import Array
+from handpipe.fem.elements import Material
+from handpipe.fem.elements.materials import Model
+from handpipe.fem.linear import system_sequence
+from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import Options, Steps, continuation
 
 log = logging.getLogger(__name__)
 

@@ -9,12 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe import artifacts
-from handpipe.arrays import Array, BoolArray
-from handpipe.mesh.implicit import Grid, isosurface, remesh, smooth_minimum
-from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.surface import concatenate
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.core import Array, BoolArray, artifacts
+from handpipe.mesh.generation import Grid, isosurface, remesh, smooth_minimum, tetrahedralise
+from handpipe.mesh.surfaces import concatenate
+from handpipe.mesh.tets import TetMesh
 
 log = logging.getLogger(__name__)
 

@@ -11,10 +11,11 @@ import numpy as np
 from benchmarks.fem import skfem_newton
 from benchmarks.fem.machine import REPEATS, Figures, LinearWatch, figure, watched
 from benchmarks.fem.scenes import Body, grid, turned
-from handpipe.arrays import Array, BoolArray
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, Record, Steps, continuation, solve
-from handpipe.fem.materials import Material
+from handpipe.core import Array, BoolArray
+from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import Options, Steps, continuation, solve
+from handpipe.fem.solver.equilibrium import Record
 
 log = logging.getLogger(__name__)
 

@@ -29,7 +29,7 @@ def main() -> None:
     take_threads(1)
     from benchmarks.frames.mixtures import mixtures
     from benchmarks.frames.muscles import figures, simulated
-    from handpipe import metrics
+    from handpipe.core import metrics
     from handpipe.skeleton.rig import Rig
 
     rig = Rig.load(options.subject / "rig.h5")

@@ -10,17 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.errors import ConvergenceError
-from handpipe.fat.flesh import FleshLayer
-from handpipe.fat.tissue import Tissue
-from handpipe.layers import Frame, Shapes
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
-from handpipe.metrics import Metrics, summary
-from handpipe.muscles.layer import MuscleLayer, SimulationOptions, known_surfaces
-from handpipe.muscles.muscle import Muscle
-from handpipe.skeleton.layer import BoneLayer
+from handpipe.core import ConvergenceError, Frame, Metrics, Shapes
+from handpipe.core.metrics import summary
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.skeleton.posing import BoneLayer
 from handpipe.skeleton.rig import Rig
+from handpipe.tissues.fat import Tissue
+from handpipe.tissues.fat.flesh import FleshLayer
+from handpipe.tissues.muscles import Muscle, MuscleLayer, SimulationOptions
+from handpipe.tissues.muscles.layer import known_surfaces
 
 SETTLED = SimulationOptions().contacts.settled  # mm
 

@@ -11,12 +11,11 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from handpipe.config import load_dataset
-from handpipe.evaluation import pictures
-from handpipe.evaluation.render import Camera, Image
+from handpipe.core.configuration import load_dataset
+from handpipe.evaluation import Camera, Image, pictures
 from handpipe.evaluation.report import ALONG, DORSAL
-from handpipe.hand.frames import read_frames
-from handpipe.mesh.surface import read_surface
+from handpipe.hand import read_frames
+from handpipe.mesh.surfaces import read_surface
 from handpipe.skeleton.rig import Rig
 
 SIZE = (360, 360)  # pixels of a picture

@@ -25,7 +25,7 @@ def main() -> None:
     logging.basicConfig(level=logging.ERROR, format="%(message)s")
     take_threads(1)
     from benchmarks.parting.draws import drawn_in, figures, scenes, varied
-    from handpipe import metrics
+    from handpipe.core import metrics
 
     results = []
     for pose, scene in scenes(options.subject):

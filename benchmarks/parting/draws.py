@@ -9,18 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe import artifacts
-from handpipe.arrays import IntArray
-from handpipe.datasets.varied_shapes import Variation
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface, concatenate, each_moved
-from handpipe.metrics import Metrics, summary
-from handpipe.muscles import contested, overlap
-from handpipe.muscles.body import Body
-from handpipe.muscles.parting import Inseparable, parted
-from handpipe.settling import largest
+from handpipe.core import IntArray, Metrics, artifacts
+from handpipe.core.metrics import summary
+from handpipe.fem.solver import largest
+from handpipe.mesh.surfaces import Distance, Surface, concatenate, each_moved
 from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
+from handpipe.synthetic.geometry.varied_shapes import Variation
+from handpipe.tissues.muscles.fitting import Body
+from handpipe.tissues.muscles.separation import contested, overlap
+from handpipe.tissues.muscles.separation.parting import Inseparable, parted
 
 NOTHING: IntArray = np.zeros(0, dtype=np.int64)
 Scene = tuple[dict[str, Body], dict[str, Surface]]  # muscles and bones in a pose

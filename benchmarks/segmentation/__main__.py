@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.threads import take_threads
-from handpipe import artifacts
+from handpipe.core import artifacts
 
 log = logging.getLogger("benchmarks.segmentation")
 
@@ -25,7 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = _options(arguments)
     take_threads(1)
     from benchmarks.segmentation import comparison
-    from handpipe.config import load_dataset
+    from handpipe.core.configuration import load_dataset
 
     dataset = load_dataset(options.dataset)
     figures = comparison.measure(dataset, options.poses, options.bones, options.repeats)

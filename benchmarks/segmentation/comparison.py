@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks.fem.machine import Figures, facts, figure
 from benchmarks.segmentation.regions import Region, regions
 from benchmarks.segmentation.walkers import MODES, Run, exact, ours, run, theirs
-from handpipe.arrays import Array
-from handpipe.config import Dataset
+from handpipe.core import Array
+from handpipe.core.configuration import Dataset
 
 log = logging.getLogger(__name__)
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from handpipe.arrays import Array, BoolArray
-from handpipe.config import Dataset
-from handpipe.imaging.segmentation import LocalProblem, SegmentationSettings, local_problem
-from handpipe.imaging.volume import box, read_labels, read_volume
+from handpipe.core import Array, BoolArray
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.segmentation import SegmentationSettings
+from handpipe.imaging.segmentation.segmentation import LocalProblem, local_problem
+from handpipe.imaging.volumes import read_labels, read_volume
+from handpipe.imaging.volumes.volume import box
 
 SETTINGS = SegmentationSettings.model_validate({})
 

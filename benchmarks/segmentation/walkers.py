@@ -16,9 +16,9 @@ import numpy as np
 from skimage import segmentation
 
 from benchmarks.segmentation.regions import SETTINGS, Region
-from handpipe.arrays import Array
-from handpipe.imaging.random_walker import Stop, random_walker
-from handpipe.imaging.segmentation import walk
+from handpipe.core import Array
+from handpipe.imaging.segmentation.random_walker import Stop, random_walker
+from handpipe.imaging.segmentation.segmentation import walk
 
 MODES = ("cg_j", "cg_mg")  # cg_mg needs pyamg; "cg" and "bf" are slower in three dimensions
 EXACT = 1e-5

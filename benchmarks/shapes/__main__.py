@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.threads import take_threads
-from handpipe import artifacts
+from handpipe.core import artifacts
 
 log = logging.getLogger("benchmarks.shapes")
 

@@ -6,12 +6,10 @@ import numpy as np
 import skfem
 import trimesh
 
-from handpipe.arrays import Array
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.remeshing import remesh
-from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.core import Array
+from handpipe.mesh.generation import remesh, tetrahedralise
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.tets import TetMesh
 
 
 def bar(cells: tuple[int, int, int], size: tuple[float, float, float]) -> TetMesh:

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from handpipe.arrays import Array, IntArray
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.marks import Pairs
+from handpipe.core import Array, IntArray
+from handpipe.mesh.tets import TetMesh
+from handpipe.shapes.observations.marks import Pairs
 
 Map = Callable[[Array], Array]
 

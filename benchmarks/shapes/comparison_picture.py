@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from benchmarks.fem.machine import Figures
 from benchmarks.shapes.comparison_bodies import Body
-from handpipe.arrays import Array
-from handpipe.artifacts import atomic
-from handpipe.evaluation.render import Body as Drawn
-from handpipe.evaluation.render import Camera, Image, on_background, render
-from handpipe.mesh.surface import Surface, concatenate
+from handpipe.core import Array, atomic
+from handpipe.evaluation import Body as Drawn
+from handpipe.evaluation import Camera, Image, on_background, render
+from handpipe.mesh.surfaces import Surface, concatenate
 
 LABELS = {
     "truth": "truth",

@@ -21,8 +21,7 @@ from benchmarks.shapes.comparison_bodies import BODIES, Body
 from benchmarks.shapes.comparison_picture import draw
 from benchmarks.shapes.other_methods import METHODS
 from benchmarks.shapes.spikiness import Neighbourhood
-from handpipe.arrays import Array
-from handpipe.errors import ConvergenceError
+from handpipe.core import Array, ConvergenceError
 
 log = logging.getLogger("benchmarks.shapes")
 

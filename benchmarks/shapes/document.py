@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from benchmarks.shapes import hard_cases, speed_against_error
-from handpipe.artifacts import write_text
+from handpipe.core import write_text
 
 DOCS = Path(__file__).parents[2] / "docs"
 PICTURE = DOCS / "figures" / "shapes-speed-against-error.png"

@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.shapes.bodies import bar, farthest, liver, scattered
 from benchmarks.shapes.organs import grown_liver
-from handpipe.arrays import Array, IntArray
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.marks import Pairs
-from handpipe.shapes.settings import Settings
+from handpipe.core import Array, IntArray
+from handpipe.mesh.tets import TetMesh
+from handpipe.shapes.observations.marks import Pairs
+from handpipe.shapes.optimisation.settings import Settings
 
 SIZE = 22.0  # mm, about half of the organ's length
 NONE = np.zeros(0, dtype=np.int64)

@@ -12,8 +12,9 @@ import numpy as np
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import surface_errors
 from benchmarks.shapes.hard_case_scenes import CASES, Case, Scene
-from handpipe.errors import HandpipeError
-from handpipe.shapes.organ import Observed, OrganFit, fit_organ
+from handpipe.core import HandpipeError
+from handpipe.shapes.organs import Observed, fit_organ
+from handpipe.shapes.organs.organ import OrganFit
 
 log = logging.getLogger("benchmarks.shapes")
 

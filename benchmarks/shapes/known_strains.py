@@ -13,15 +13,17 @@ import numpy as np
 
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import farthest, muscle
-from handpipe.arrays import Array
-from handpipe.fem import equilibrium, plasticity
-from handpipe.fem.constraints import Attachment
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.pull import Pull
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import Observed, OrganFit, fit_organ
-from handpipe.shapes.settings import MUSCLE, Settings
+from handpipe.core import Array
+from handpipe.fem.contact import Attachment
+from handpipe.fem.elements import plasticity
+from handpipe.fem.potentials import Elastic, Pull
+from handpipe.fem.solver import equilibrium
+from handpipe.mesh.tets import TetMesh
+from handpipe.shapes.observations.marks import Pairs
+from handpipe.shapes.optimisation import MUSCLE
+from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.organs import Observed, fit_organ
+from handpipe.shapes.organs.organ import OrganFit
 
 PULL = 6.0  # mN
 SETTINGS = Settings(alpha=100.0, beta=100.0, enough=1e-3, progress=1e-3)

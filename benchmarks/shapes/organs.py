@@ -15,11 +15,12 @@ from scipy.spatial.transform import Rotation
 from benchmarks.fem.machine import Figures, figure, peak_memory
 from benchmarks.shapes.bodies import liver, muscle, scattered, surface_errors
 from benchmarks.shapes.solves import ends, target
-from handpipe.arrays import Array
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import Observed, OrganFit, fit_organ
-from handpipe.shapes.settings import Settings
+from handpipe.core import Array
+from handpipe.mesh.tets import TetMesh
+from handpipe.shapes.observations.marks import Pairs
+from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.organs import Observed, fit_organ
+from handpipe.shapes.organs.organ import OrganFit
 
 log = logging.getLogger("benchmarks.shapes")
 

@@ -11,13 +11,13 @@ import numpy as np
 import trimesh
 
 from benchmarks.shapes.comparison_bodies import Body
-from handpipe.arrays import Array, IntArray
-from handpipe.fem import equilibrium
-from handpipe.fem.constraints import Attachment
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import Material
-from handpipe.shapes.organ import Observed, fit_organ
-from handpipe.shapes.settings import Settings
+from handpipe.core import Array, IntArray
+from handpipe.fem.contact import Attachment
+from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import equilibrium
+from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.organs import Observed, fit_organ
 
 SETTINGS = Settings(remesh_below=0.0)
 COMPRESSIBLE = Material(6.0, 0.0)  # kPa; nearly incompressible tissue loses more of the growth

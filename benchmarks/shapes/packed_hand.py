@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surfaces import Surface
 
 SIDES = 12  # parts of an icosahedron's edge: 10 SIDES^2 + 2 vertices
 OVERLAP = 0.6  # mm by which a muscle is thicker than its room, on either side

@@ -16,14 +16,12 @@ import numpy as np
 import trimesh
 
 from benchmarks.shapes.bodies import scattered
-from handpipe.arrays import Array
-from handpipe.imaging.markers import read_markers, write_markers
-from handpipe.mesh.distance import sample_points
-from handpipe.mesh.distance import surface_errors as distances
-from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.remeshing import remesh
-from handpipe.mesh.surface import Surface, read_surface
-from handpipe.shapes.files import read_template
+from handpipe.core import Array
+from handpipe.imaging.evidence import read_markers, write_markers
+from handpipe.mesh.generation import remesh, tetrahedralise
+from handpipe.mesh.surfaces import Surface, read_surface, sample_points
+from handpipe.mesh.surfaces.distance import surface_errors as distances
+from handpipe.shapes.organs.files import read_template
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402

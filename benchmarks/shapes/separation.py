@@ -11,10 +11,10 @@ import numpy as np
 
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.packed_hand import packed_hand
-from handpipe.mesh.distance import sample_points
-from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
-from handpipe.mesh.surface import Surface
-from handpipe.muscles.separation import SeparationOptions, separate
+from handpipe.mesh.surfaces import Surface, sample_points
+from handpipe.mesh.tets import cotangent_laplacian, mass_lumped
+from handpipe.tissues.muscles.separation import separate
+from handpipe.tissues.muscles.separation.separation import SeparationOptions
 
 TURNS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25)  # rad, of the thumb away from the palm
 OVERLAPS = (0.3, 0.6, 0.9)  # mm

@@ -15,16 +15,14 @@ import numpy as np
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.packed_hand import packed_hand, turned_points
 from benchmarks.shapes.separation import deepest
-from handpipe.arrays import Array
-from handpipe.mesh.embedding import Embedding
-from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.remeshing import remesh
-from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.muscles.muscle import TOUCHING
-from handpipe.muscles.neighbours import touching
-from handpipe.muscles.pose_strains import KnownShape, PoseStrains, fit_pose_strains
-from handpipe.muscles.separation import separate
+from handpipe.core import Array
+from handpipe.mesh.generation import remesh, tetrahedralise
+from handpipe.mesh.surfaces import Surface
+from handpipe.mesh.tets import Embedding, TetMesh
+from handpipe.tissues.muscles.fitting.pose_strains import KnownShape, PoseStrains, fit_pose_strains
+from handpipe.tissues.muscles.muscle import TOUCHING
+from handpipe.tissues.muscles.neighbours import touching
+from handpipe.tissues.muscles.separation import separate
 
 log = logging.getLogger("benchmarks.shapes")
 

@@ -21,14 +21,14 @@ import scipy.linalg
 
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import muscle, scattered
-from handpipe.arrays import Array
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.all_tets import AllTets
-from handpipe.shapes.gauss_newton import RIDGE, GaussNewton
-from handpipe.shapes.holds import Holds
-from handpipe.shapes.marks import BoundaryMarks, Pairs
-from handpipe.shapes.search import Search
-from handpipe.shapes.settings import Settings
+from handpipe.core import Array
+from handpipe.mesh.tets import TetMesh
+from handpipe.shapes.observations.holds import Holds
+from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
+from handpipe.shapes.optimisation.all_tets import AllTets
+from handpipe.shapes.optimisation.gauss_newton import RIDGE, GaussNewton
+from handpipe.shapes.optimisation.search import Search
+from handpipe.shapes.optimisation.settings import Settings
 
 log = logging.getLogger("benchmarks.shapes")
 

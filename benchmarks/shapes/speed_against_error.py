@@ -20,10 +20,10 @@ from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import liver, scattered, surface_errors
 from benchmarks.shapes.hard_case_scenes import SIZE
 from benchmarks.shapes.organs import grown_liver
-from handpipe.artifacts import atomic
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.organ import Observed, fit_organ
-from handpipe.shapes.settings import Settings
+from handpipe.core import atomic
+from handpipe.mesh.tets import TetMesh
+from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.organs import Observed, fit_organ
 
 log = logging.getLogger("benchmarks.shapes")
 

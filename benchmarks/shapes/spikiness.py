@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from handpipe.arrays import Array, IntArray
-from handpipe.mesh.operators import cotangent_laplacian, mass_lumped
-from handpipe.mesh.surface import Surface
+from handpipe.core import Array, IntArray
+from handpipe.mesh.surfaces import Surface
+from handpipe.mesh.tets import cotangent_laplacian, mass_lumped
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,12 @@ from scipy.interpolate import make_interp_spline
 
 from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import bar
-from handpipe.arrays import Array
-from handpipe.fem.materials import Material
-from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import Observed, OrganFit, fit_organ
-from handpipe.shapes.settings import Settings
+from handpipe.core import Array
+from handpipe.fem.elements import Material
+from handpipe.shapes.observations.marks import Pairs
+from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.organs import Observed, fit_organ
+from handpipe.shapes.organs.organ import OrganFit
 
 LENGTH = 100.0  # mm
 KNOTS, TARGETS = np.array([0.0, 0.25, 0.5, 1.0]), np.array([0.0, 0.25, 1.5, 2.0])

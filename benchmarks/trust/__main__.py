@@ -18,7 +18,7 @@ PARTS = ("solver", "frames", "seeds", "readers", "stale", "kills")
 
 def merge(files: Sequence[Path], output: Path) -> None:
     """One file of all parts' figures; each figure has one part."""
-    from handpipe import metrics
+    from handpipe.core import metrics
 
     merged: metrics.Metrics = {}
     for file in files:
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.part == "merge":
         merge(options.files, options.output)
         return
-    from handpipe import metrics
+    from handpipe.core import metrics
 
     figures: metrics.Metrics = {}
     with metrics.measured(figures):

@@ -10,17 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.frames.mixtures import mixtures
-from handpipe.arrays import Array, IntArray
-from handpipe.config import load_dataset, load_scene
-from handpipe.errors import HandpipeError
-from handpipe.hand.layer_loading import load_layers
-from handpipe.hand.simulation import simulate_frame
-from handpipe.layer_registry import artifacts_of
-from handpipe.layers import Frame, Shapes
-from handpipe.metrics import Metrics
-from handpipe.skeleton.angles import Angles, Limits
+from handpipe.core import Array, Frame, HandpipeError, IntArray, Metrics, Shapes, artifacts_of
+from handpipe.core.configuration import load_dataset, load_scene
+from handpipe.hand import load_layers, simulate_frame
+from handpipe.skeleton.joints.angles import Angles, Limits
+from handpipe.skeleton.posing import PoseValidity
 from handpipe.skeleton.rig import Rig
-from handpipe.skeleton.validity import PoseValidity
 
 log = logging.getLogger(__name__)
 

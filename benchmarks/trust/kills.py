@@ -16,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe import artifacts
-from handpipe.metrics import Metrics
+from handpipe.core import Metrics, artifacts
 
 CHECKOUT = Path(__file__).parents[2]
 FINGER = ("-j2", "all", "--configfile=config/finger.yaml")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from benchmarks.trust.dicom_files import LPS_TO_RAS
 from benchmarks.trust.volume_table import Table, edited, grey, oblique, stored_as
-from handpipe.arrays import Array
+from handpipe.core import Array
 
 
 def save_meta_image(path: Path, values: NDArray, affine: Array, compress: bool = False) -> Path:

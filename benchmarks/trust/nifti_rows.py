@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.trust.volume_table import Table, bent, by_nibabel, drawn, grey, oblique, stored_as
-from handpipe.arrays import Array
+from handpipe.core import Array
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "real_mri"
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.trust.volume_table import Table, bent, drawn, edited, grey, oblique, stored_as
-from handpipe.arrays import Array
-from handpipe.imaging.volume import Labels
+from handpipe.core import Array
+from handpipe.imaging.volumes.volume import Labels
 
 
 def nrrd_header(affine: Array, space: str = "left-posterior-superior", **fields: Any) -> dict[str, Any]:

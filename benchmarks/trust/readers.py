@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from handpipe.errors import InputError
-from handpipe.metrics import Metrics
+from handpipe.core import InputError, Metrics
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")

@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.config import Dataset, load_dataset
-from handpipe.datasets.image import Grid
-from handpipe.datasets.seeds import scribble_locally
-from handpipe.imaging import claims
-from handpipe.imaging.marrow import marrow_surface
-from handpipe.imaging.segmentation import SegmentationSettings, merge
-from handpipe.imaging.volume import Labels, Volume, box, read_labels, read_volume
-from handpipe.metrics import Metrics
-from handpipe.skeleton.neutral_doubts import neutral_doubts
+from handpipe.core import Metrics
+from handpipe.core.configuration import Dataset, load_dataset
+from handpipe.imaging.bone_surfaces import marrow_surface
+from handpipe.imaging.segmentation import SegmentationSettings, claims, merge
+from handpipe.imaging.volumes import Volume, read_labels, read_volume
+from handpipe.imaging.volumes.volume import Labels, box
+from handpipe.skeleton.registration import neutral_doubts
+from handpipe.synthetic.acquisition.image import Grid
+from handpipe.synthetic.acquisition.seeds import scribble_locally
 
 log = logging.getLogger(__name__)
 

@@ -13,10 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.trust.solver_scenes import ONSET, REACH, Scene, draw
-from handpipe.arrays import Array
-from handpipe.errors import ConvergenceError
-from handpipe.fem.equilibrium import Options, solve
-from handpipe.metrics import Metrics
+from handpipe.core import Array, ConvergenceError, Metrics
+from handpipe.fem.solver import Options, solve
 
 log = logging.getLogger(__name__)
 

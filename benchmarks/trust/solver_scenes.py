@@ -11,13 +11,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from benchmarks.fem.scenes import Body, box, with_slivers
-from handpipe.arrays import Array, BoolArray, IntArray
-from handpipe.fem.barrier import Barrier, CollidingPairs
-from handpipe.fem.constraints import Attachment, Contact
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import Material
-from handpipe.fem.potential import Potential
-from handpipe.fem.pull import Pull
+from handpipe.core import Array, BoolArray, IntArray
+from handpipe.fem.contact import Attachment, Barrier, CollidingPairs, Contact
+from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Elastic, Potential, Pull
 
 ONSET = 0.05  # mm of the penalty of planes
 REACH = 0.05  # mm at which the plate begins to push

@@ -20,9 +20,10 @@ from typing import Any, Union, get_args, get_origin
 import yaml
 
 from benchmarks.trust.job_plans import JobPlan, plan
-from handpipe.config import Dataset, Model, Scene, Settings, load_dataset
-from handpipe.hand.subject import named_files
-from handpipe.metrics import Metrics
+from handpipe.core import Metrics
+from handpipe.core.configuration import Dataset, Model, Scene, load_dataset
+from handpipe.core.configuration.config import Settings
+from handpipe.hand import named_files
 
 CHECKOUT = Path(__file__).parents[2]
 POSES = ("neutral", "bow", "fist", "half")  # of the finger; fewer jobs, the same rules

@@ -16,14 +16,12 @@ import numpy as np
 import trimesh
 
 from benchmarks.trust.readers import Row, read_right, refused
-from handpipe.arrays import Array, IntArray
-from handpipe.imaging.markers import read_landmarks, read_markers
-from handpipe.imaging.same_frame import Foreground, require_points_in_image, require_scan_in_image
-from handpipe.imaging.volume import Volume
-from handpipe.mesh.scan import read_scan
-from handpipe.mesh.surface import Surface, read_surface
-from handpipe.mesh.tet_files import read_tets
-from handpipe.muscles.templates import read_attachments, require_near_bones
+from handpipe.core import Array, IntArray
+from handpipe.imaging.evidence import read_landmarks, read_markers
+from handpipe.imaging.volumes import Foreground, Volume, require_points_in_image, require_scan_in_image
+from handpipe.mesh.surfaces import Surface, read_scan, read_surface
+from handpipe.mesh.tets import read_tets
+from handpipe.tissues.muscles.fitting import read_attachments, require_near_bones
 
 CENTRE, RADIUS = np.array([20.0, -15.0, 30.0]), 12.0
 

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from benchmarks.trust.dicom_files import LPS_TO_RAS
 from benchmarks.trust.readers import Row, read_right, refused
-from handpipe.arrays import Array
-from handpipe.imaging.volume import Labels, Volume, read_labels, read_volume
+from handpipe.core import Array
+from handpipe.imaging.volumes import Volume, read_labels, read_volume
+from handpipe.imaging.volumes.volume import Labels
 
 Image = tuple[NDArray, Array]  # values (ni, nj, nk), affine to RAS mm
 BONES = {"near": 1, "far": 2}

@@ -13,8 +13,8 @@ from benchmarks.truth import toy
 from benchmarks.truth.measured import Ways, measure
 from benchmarks.truth.pictures import convergence, cut_open
 from benchmarks.truth.refinement import figures, solved
-from handpipe import metrics
-from handpipe.truth.body import Body, Pose
+from handpipe.core import metrics
+from handpipe.synthetic.coupled.body import Body, Pose
 
 EDGE, ANGLE, AWAY = 4.5, np.radians(40.0), np.radians(-15.0)
 COARSE_EDGE, COARSE_ANGLE, REFINEMENTS = 6.5, np.radians(40.0), 2

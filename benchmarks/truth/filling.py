@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from handpipe.arrays import IntArray
-from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.surface import Surface, concatenate
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.core import IntArray
+from handpipe.mesh.generation import tetrahedralise
+from handpipe.mesh.surfaces import Surface, concatenate
+from handpipe.mesh.tets import TetMesh
 
 
 def fill(

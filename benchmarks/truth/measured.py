@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from handpipe.arrays import Array
-from handpipe.fem.equilibrium import Options
-from handpipe.metrics import Metrics, measured
-from handpipe.truth.body import Anatomy, Body, Pose
-from handpipe.truth.follow import follow
-from handpipe.truth.strands import Strands
-from handpipe.truth.validation import (
-    difference,
-    patch_test,
-    solved_from,
-    start_difference,
-    volume_changes,
-)
+from handpipe.core import Array, Metrics
+from handpipe.core.metrics import measured
+from handpipe.fem.solver import Options
+from handpipe.synthetic.continuum.strands import Strands
+from handpipe.synthetic.coupled import patch_test, volume_changes
+from handpipe.synthetic.coupled.body import Anatomy, Body, Pose
+from handpipe.synthetic.coupled.follow import follow
+from handpipe.synthetic.coupled.validation import difference, solved_from, start_difference
 
 Motion = Callable[[float], Pose]
 

@@ -11,9 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from handpipe.arrays import Array, IntArray
-from handpipe.artifacts import atomic
-from handpipe.truth.body import Body
+from handpipe.core import Array, IntArray, atomic
+from handpipe.synthetic.coupled.body import Body
 
 COLOURS = {"skin": "#e3a982", "fat": "#f6e5a8"}
 MUSCLE, STRAND = "#b4423c", "#ffffff"

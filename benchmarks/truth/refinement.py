@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from benchmarks.truth import toy
-from handpipe.arrays import Array
-from handpipe.fem.equilibrium import Options
-from handpipe.truth.body import Anatomy, Body
-from handpipe.truth.follow import follow
-from handpipe.truth.validation import difference, solved_from, volume_changes
+from handpipe.core import Array
+from handpipe.fem.solver import Options
+from handpipe.synthetic.coupled import volume_changes
+from handpipe.synthetic.coupled.body import Anatomy, Body
+from handpipe.synthetic.coupled.follow import follow
+from handpipe.synthetic.coupled.validation import difference, solved_from
 
 log = logging.getLogger(__name__)
 

@@ -10,13 +10,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.truth.filling import fill
-from handpipe.arrays import Array
-from handpipe.fem.materials import Material
-from handpipe.mesh.implicit import Grid, isosurface
-from handpipe.mesh.remeshing import remesh
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
-from handpipe.truth.body import Anatomy, Pose, Strand
+from handpipe.core import Array, RigidTransform
+from handpipe.fem.elements import Material
+from handpipe.mesh.generation import Grid, isosurface, remesh
+from handpipe.mesh.surfaces import Surface
+from handpipe.synthetic.coupled.body import Anatomy, Pose, Strand
 
 CENTRE = np.array([20.0, 0.0, 1.5])  # of the joint
 BONE_RADIUS, GAP = 3.0, 2.0

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from handpipe.mesh.implicit import Grid, isosurface
-from handpipe.mesh.remeshing import remesh
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.generation.implicit import Grid, isosurface
+from handpipe.mesh.generation.remeshing import remesh
+from handpipe.mesh.surfaces.surface import Surface
 
 
 def capsule(start: float, end: float, radius: float, edge_length: float) -> Surface:

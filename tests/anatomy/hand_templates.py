@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handpipe.anatomy.subject_template import SubjectTemplate, TemplateMuscle, TemplateTendon
-from handpipe.config import load_dataset
-from handpipe.datasets import hand_templates
-from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.anatomy.person.subject_template import SubjectTemplate, TemplateMuscle, TemplateTendon
+from handpipe.core.configuration.config import load_dataset
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.mesh.tets.tetrahedra import TetMesh
+from handpipe.synthetic.template_hands import hand_templates
 
 CONFIG = Path(__file__).parents[2] / "config/datasets"
 

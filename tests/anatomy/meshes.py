@@ -3,8 +3,8 @@
 import numpy as np
 import skfem
 
-from handpipe.mesh.surface import directed_edges
-from handpipe.mesh.tetrahedra import EDGES, FACES, TetMesh
+from handpipe.mesh.surfaces.surface import directed_edges
+from handpipe.mesh.tets.tetrahedra import EDGES, FACES, TetMesh
 
 
 def box(shape: tuple[int, int, int], size: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> TetMesh:

@@ -9,10 +9,10 @@ import pytest
 from tests.anatomy.hand_templates import furnished
 from tests.anatomy.test_photograph import clicked
 
-from handpipe.anatomy import feature_points
 from handpipe.anatomy.__main__ import main
-from handpipe.anatomy.family import MEDIAN_MALE, lengths_of
-from handpipe.anatomy.subject_template import SubjectTemplate
+from handpipe.anatomy.person import feature_points
+from handpipe.anatomy.person.family import MEDIAN_MALE, lengths_of
+from handpipe.anatomy.person.subject_template import SubjectTemplate
 
 TEXT = (Path(__file__).parents[2] / "docs/anatomy.md").read_text(encoding="utf-8").split("## Commands")[1]
 TEMPLATE = "results/phantom-hand/anatomy/subject.h5"

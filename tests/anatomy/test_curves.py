@@ -7,11 +7,11 @@ import pytest
 import yaml
 from tests.anatomy.arm import THREE_MUSCLES, capsule
 
-from handpipe.anatomy.curves import CurveFile, catmull_rom, load_curves, long_axis, place
-from handpipe.errors import InputError
-from handpipe.mesh.curves import arclength
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.anatomy.templates.curves import CurveFile, catmull_rom, load_curves, long_axis, place
+from handpipe.core.errors import InputError
+from handpipe.mesh.surfaces.curves import arclength
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
 
 
 @pytest.fixture(scope="module")

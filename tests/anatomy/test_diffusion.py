@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from tests.anatomy.meshes import box
 
-from handpipe.anatomy.curves import PlacedCurve, PlacedMuscle
-from handpipe.anatomy.diffusion import Collocation, diffuse, stiffness, superlu
-from handpipe.anatomy.domain import Domain
-from handpipe.errors import InputError
-from handpipe.mesh.curves import bishop_frames, resample
-from handpipe.mesh.embedding import Locator
+from handpipe.anatomy.templates.curves import PlacedCurve, PlacedMuscle
+from handpipe.anatomy.templates.diffusion import Collocation, diffuse, stiffness, superlu
+from handpipe.anatomy.templates.domain import Domain
+from handpipe.core.errors import InputError
+from handpipe.mesh.surfaces.curves import bishop_frames, resample
+from handpipe.mesh.tets.embedding import Locator
 
 
 def straight(start: list[float], end: list[float], rates: tuple[float, float] = (1.0, 1.0)) -> PlacedMuscle:

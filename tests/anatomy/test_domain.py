@@ -5,11 +5,11 @@ import pytest
 from tests.anatomy.arm import arm
 from tests.anatomy.meshes import euler_characteristic, require_conforming
 
-from handpipe.anatomy.domain import Domain
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.embedding import Locator
-from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import EDGES
+from handpipe.anatomy.templates.domain import Domain
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.mesh.tets.embedding import Locator
+from handpipe.mesh.tets.tetrahedra import EDGES
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ from tests.anatomy.meshes import (
     require_conforming,
 )
 
-from handpipe.anatomy.envelope import Envelope, contenders, upper_envelope
-from handpipe.errors import InputError
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.anatomy.templates.envelope import Envelope, contenders, upper_envelope
+from handpipe.core.errors import InputError
+from handpipe.mesh.tets.tetrahedra import TetMesh
 
 
 def random_mesh(random: np.random.Generator) -> TetMesh:

@@ -5,11 +5,11 @@ import pytest
 import trimesh
 from tests.anatomy.hand_templates import phantom
 
-from handpipe.anatomy import family
-from handpipe.anatomy.subject_template import warped
-from handpipe.anatomy.warp import folds
-from handpipe.errors import InputError
-from handpipe.mesh.rigid import RigidTransform
+from handpipe.anatomy.person import family
+from handpipe.anatomy.person.subject_template import warped
+from handpipe.anatomy.person.warp import folds
+from handpipe.core.errors import InputError
+from handpipe.core.rigid import RigidTransform
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from tests.anatomy.hand_templates import phantom, real_hands
 
-from handpipe.anatomy import feature_points as fp
-from handpipe.anatomy.bony_points import KNUCKLE, bony_feature_points
-from handpipe.errors import InputError
-from handpipe.imaging.markers import write_markers
-from handpipe.mesh.distance import Distance
+from handpipe.anatomy.person import feature_points as fp
+from handpipe.anatomy.person.bony_points import KNUCKLE, bony_feature_points
+from handpipe.core.errors import InputError
+from handpipe.imaging.evidence.markers import write_markers
+from handpipe.mesh.surfaces.distance import Distance
 
 PERSON = np.array([[1.08, 0.05, 0.0], [-0.03, 0.95, 0.02], [0.0, 0.04, 1.1]])
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from tests.anatomy.meshes import box
 
-from handpipe.anatomy.curves import PlacedAttachment, PlacedCurve, PlacedMuscle
-from handpipe.anatomy.diffusion import Collocation
-from handpipe.anatomy.fibres import fibres, flow_fibres, gradient_fibres
-from handpipe.errors import InputError
-from handpipe.mesh.curves import bishop_frames, resample
-from handpipe.mesh.embedding import Locator
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.anatomy.templates.curves import PlacedAttachment, PlacedCurve, PlacedMuscle
+from handpipe.anatomy.templates.diffusion import Collocation
+from handpipe.anatomy.templates.fibres import fibres, flow_fibres, gradient_fibres
+from handpipe.core.errors import InputError
+from handpipe.mesh.surfaces.curves import bishop_frames, resample
+from handpipe.mesh.tets.embedding import Locator
+from handpipe.mesh.tets.tetrahedra import TetMesh
 
 
 def curve(points: np.ndarray) -> PlacedCurve:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from tests.anatomy.meshes import box, require_closed_labels, require_conforming
 
-from handpipe.anatomy.cleaning import cleaned, label_parts
-from handpipe.anatomy.envelope import upper_envelope
-from handpipe.anatomy.improving import Labelled, improve
-from handpipe.errors import InputError
-from handpipe.mesh.operators import tet_neighbours
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.anatomy.improvement.cleaning import cleaned, label_parts
+from handpipe.anatomy.improvement.improving import Labelled, improve
+from handpipe.anatomy.templates.envelope import upper_envelope
+from handpipe.core.errors import InputError
+from handpipe.mesh.tets.operators import tet_neighbours
+from handpipe.mesh.tets.tetrahedra import TetMesh
 
 N = 12
 

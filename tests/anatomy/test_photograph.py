@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from tests.anatomy.hand_templates import furnished
 
-from handpipe.anatomy import photograph as photographs
-from handpipe.anatomy.subject_template import warped
-from handpipe.anatomy.warp import biharmonic_warp, require_invertible
-from handpipe.errors import InputError
+from handpipe.anatomy.person import photograph as photographs
+from handpipe.anatomy.person.subject_template import warped
+from handpipe.anatomy.person.warp import biharmonic_warp, require_invertible
+from handpipe.core.errors import InputError
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,14 @@ import pytest
 from tests.anatomy.meshes import box, require_closed_labels, require_conforming
 from tests.fem.bodies import sphere
 
-from handpipe.anatomy.accounts import accounts
-from handpipe.anatomy.domain import Domain
-from handpipe.anatomy.fibres import harmonic_fibres
-from handpipe.anatomy.solids import REACH, Solid, depth, ends, template_of
-from handpipe.anatomy.template import Template
-from handpipe.errors import InputError
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.anatomy.templates.domain import Domain
+from handpipe.anatomy.templates.fibres import harmonic_fibres
+from handpipe.anatomy.templates.solids import REACH, Solid, depth, ends, template_of
+from handpipe.anatomy.templates.template import Template
+from handpipe.anatomy.templates.volume_accounts import accounts
+from handpipe.core.errors import InputError
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
 
 RADIUS, APART = 6.0, 7.0
 BALL = 4 / 3 * np.pi * RADIUS**3

@@ -9,13 +9,13 @@ from scipy import sparse
 from tests.anatomy.arm import THREE_MUSCLES, arm
 from tests.anatomy.meshes import require_closed_labels, require_conforming
 
-from handpipe.anatomy.curves import CurveFile
-from handpipe.anatomy.diffusion import Factorise, superlu
-from handpipe.anatomy.domain import Domain
-from handpipe.anatomy.template import Template, build_template
-from handpipe.errors import InputError
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.anatomy.templates.curves import CurveFile
+from handpipe.anatomy.templates.diffusion import Factorise, superlu
+from handpipe.anatomy.templates.domain import Domain
+from handpipe.anatomy.templates.template import Template, build_template
+from handpipe.core.errors import InputError
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
 
 Limb = tuple[Domain, Surface, dict[str, Surface]]
 

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handpipe.anatomy.curves import place
-from handpipe.anatomy.hand import HandFile, HandTemplate, build_hand, load_hand
-from handpipe.datasets.template_hand import bare_hand
-from handpipe.errors import InputError
-from handpipe.fem.linear import factorise
-from handpipe.mesh.distance import Distance
+from handpipe.anatomy.templates.curves import place
+from handpipe.anatomy.templates.hand import HandFile, HandTemplate, build_hand, load_hand
+from handpipe.core.errors import InputError
+from handpipe.fem.linear.factorisation import factorise
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.synthetic.template_hands.template_hand import bare_hand
 
 FILE = Path(__file__).parents[2] / "config/anatomy/hand.yaml"
 DORSAL = [f"dorsal_interosseous{i}" for i in range(1, 5)]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from handpipe.anatomy.volumes import meet_volumes
-from handpipe.errors import ConvergenceError
+from handpipe.anatomy.templates.volumes import meet_volumes
+from handpipe.core.errors import ConvergenceError
 
 
 def test_neighbours_that_take_room_from_one_another() -> None:

@@ -7,9 +7,9 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial.transform import Rotation
 from tests.anatomy.hand_templates import furnished, phantom, real_hands
 
-from handpipe.anatomy.posing import Skeleton
-from handpipe.anatomy.subject_template import SubjectTemplate, TemplateMuscle, guesses, warped
-from handpipe.anatomy.warp import (
+from handpipe.anatomy.person.posing import Skeleton
+from handpipe.anatomy.person.subject_template import SubjectTemplate, TemplateMuscle, guesses, warped
+from handpipe.anatomy.person.warp import (
     biharmonic_warp,
     feature_warp,
     folds,
@@ -17,11 +17,11 @@ from handpipe.anatomy.warp import (
     require_invertible,
     subject_template,
 )
-from handpipe.errors import InputError
-from handpipe.mesh.biharmonic import Biharmonic, left_out
-from handpipe.mesh.distance import surface_errors
-from handpipe.mesh.surface import Surface
-from handpipe.muscles.templates import Affine
+from handpipe.core.errors import InputError
+from handpipe.mesh.surfaces.biharmonic import Biharmonic, left_out
+from handpipe.mesh.surfaces.distance import surface_errors
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.tissues.muscles.fitting.templates import Affine
 
 TURN = Rotation.from_rotvec([0.4, -0.2, 0.9]).as_matrix()
 

@@ -5,9 +5,9 @@ import pytest
 from benchmarks.bones.subject import NEUTRAL, SMALL, Conditions, Scan, scan
 from scipy import ndimage
 
-from handpipe.datasets import image
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.synthetic.acquisition import image
 
 COARSE = 1.0  # mm, where the voxel size does not matter
 

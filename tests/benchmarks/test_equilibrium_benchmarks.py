@@ -10,11 +10,11 @@ import scipy.sparse.linalg as spla
 from benchmarks.fem import scaling, skfem_newton, thin_body, twist
 from benchmarks.fem.__main__ import main
 
-from handpipe import metrics
+from handpipe.core import metrics
 from handpipe.evaluation.benchmarks import benchmark_table, error_figures
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import Material
-from handpipe.mesh.surface import Surface
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.mesh.surfaces.surface import Surface
 
 
 def reference(beam: twist.Beam, poisson: float = twist.POISSON) -> skfem_newton.Reference:

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 from benchmarks.parting.draws import Result, drawn_in, figures, varied
 
-from handpipe.mesh.surface import Surface
-from handpipe.muscles.body import Body
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.tissues.muscles.fitting.body import Body
 
 
 def ball(x: float, z: float) -> Body:

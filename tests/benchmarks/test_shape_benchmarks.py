@@ -8,7 +8,7 @@ from benchmarks.shapes import solves
 from benchmarks.shapes.__main__ import main
 from benchmarks.shapes.bodies import bar, farthest
 
-from handpipe import metrics
+from handpipe.core import metrics
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,10 @@ from benchmarks.shapes.spikiness import Neighbourhood, mean_curvature
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from handpipe import metrics
-from handpipe.arrays import Array
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.core import metrics
+from handpipe.core.arrays import Array
+from handpipe.core.rigid import RigidTransform
+from handpipe.mesh.tets.tetrahedra import TetMesh
 
 RADIUS, LENGTH = 6.0, 40.0
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from benchmarks.trust.__main__ import main
 
-from handpipe import metrics
+from handpipe.core import metrics
 
 
 def test_parts_are_merged(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ import pytest
 from benchmarks.trust.frames import Tried, apart, curled, figures, jumps, path
 from tests.fem.bodies import box
 
-from handpipe.errors import ConvergenceError
-from handpipe.layers import Frame, Shape
+from handpipe.core.errors import ConvergenceError
+from handpipe.core.layers import Frame, Shape
 
 REST, TETS = box((2.0, 1.0, 1.0), (2, 1, 1))
 LIMITS = {"MP2_flexion": (-0.2, 1.5), "MP2_abduction": (-0.3, 0.2)}

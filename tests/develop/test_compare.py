@@ -8,7 +8,7 @@ import nibabel as nib
 import numpy as np
 import pytest
 
-from handpipe import artifacts
+from handpipe.core import artifacts
 from handpipe.develop.compare import compare_folders, main
 
 NUMBERS = np.arange(12.0).reshape(4, 3)

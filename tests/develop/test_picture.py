@@ -7,9 +7,9 @@ import pytest
 import trimesh
 from PIL import Image
 
+from handpipe.core.layers import Frame, Shape
 from handpipe.develop.picture import main
 from handpipe.hand.frames import write_frames
-from handpipe.layers import Frame, Shape
 
 
 def ball(radius: float) -> Shape:

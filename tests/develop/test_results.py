@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from handpipe import artifacts, metrics
+from handpipe.core import artifacts, metrics
+from handpipe.core.errors import InputError
 from handpipe.develop.results import main, page
-from handpipe.errors import InputError
 
 
 def built(folder: Path, *commits: str) -> Path:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from handpipe.core.layers import Frame, Shape
 from handpipe.evaluation.frames import (
     figure_metrics,
     figure_names,
@@ -13,7 +14,6 @@ from handpipe.evaluation.frames import (
     worst_of,
 )
 from handpipe.hand.simulation import Failure
-from handpipe.layers import Frame, Shape
 
 PLAIN = {"beyond": 0.0, "angle": "", "distance": 1.0, "nearest": "fist", "depth": 0.0, "bones": ""}
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from handpipe.evaluation.muscles import deepest, error_rows, surface_errors
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surfaces.surface import Surface
 
 
 def sphere(radius: float, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Surface:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from handpipe.evaluation.render import Body, Camera, Cut, on_background, render
-from handpipe.mesh.surface import Surface
+from handpipe.evaluation.rendering import Body, Camera, Cut, on_background, render
+from handpipe.mesh.surfaces.surface import Surface
 
 # looks down z: x is right, y is up
 CAMERA = Camera(np.zeros(3), np.array([0.0, 0, -1]), np.array([0.0, 1, 0]), height=20.0)

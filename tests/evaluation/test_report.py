@@ -11,14 +11,14 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from handpipe.config import Bone, Dataset, Joint, Pose
+from handpipe.core.configuration.config import Bone, Dataset, Joint, Pose
+from handpipe.core.layers import Frame, Shape
+from handpipe.core.rigid import RigidTransform
 from handpipe.evaluation.build import Job
 from handpipe.evaluation.report import PoseView, ReportInput, write_report
 from handpipe.evaluation.table import skin_metrics, skin_rows
 from handpipe.evaluation.viewer import view_data
-from handpipe.layers import Frame, Shape
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surfaces.surface import Surface
 
 BONES = ("metacarpal2", "proximal2")
 

@@ -14,7 +14,7 @@ from handpipe.evaluation.slices import (
     section,
     transversal_plane,
 )
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surfaces.surface import Surface
 
 RADIUS, HEIGHT = 6.0, 2.5
 

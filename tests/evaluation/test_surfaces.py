@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from handpipe.evaluation import surfaces
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surfaces.surface import Surface
 
 
 def sphere(radius: float, centre=(0.0, 0.0, 0.0), subdivisions: int = 4) -> Surface:

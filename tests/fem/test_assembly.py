@@ -5,14 +5,14 @@ import pytest
 import scipy.sparse as sp
 from tests.fem.bodies import box
 
-from handpipe.fem import plasticity
-from handpipe.fem.assembly import Pattern
-from handpipe.fem.constraints import Attachment
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import MODELS, Material, stiffnesses
-from handpipe.fem.partition import Partition, spatial_order
-from handpipe.fem.potential import Sum
-from handpipe.fem.reduction import FreeBlock
+from handpipe.fem.contact.constraints import Attachment
+from handpipe.fem.elements import plasticity
+from handpipe.fem.elements.materials import MODELS, Material, stiffnesses
+from handpipe.fem.minimisation.reduction import FreeBlock
+from handpipe.fem.patterns.assembly import Pattern
+from handpipe.fem.patterns.partition import Partition, spatial_order
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.potentials.potential import Sum
 
 VERTICES, TETS = box((4.0, 2.0, 1.0), (5, 3, 2))
 
@@ -121,8 +121,8 @@ def test_large_matrices_merge_as_small_ones(monkeypatch):
     body, x = _body()
     own = Attachment(sp.eye(len(VERTICES), format="csr"), VERTICES, 0.5)
     small = Sum([body, own]).hessian(x)
-    monkeypatch.setattr("handpipe.fem.potential.PARALLEL_ENTRIES", 0)
-    monkeypatch.setattr("handpipe.fem.reduction.PARALLEL_ENTRIES", 0)
+    monkeypatch.setattr("handpipe.fem.potentials.potential.PARALLEL_ENTRIES", 0)
+    monkeypatch.setattr("handpipe.fem.minimisation.reduction.PARALLEL_ENTRIES", 0)
     large = Sum([body, own]).hessian(x)
     np.testing.assert_array_equal(small.data, large.data)
     free = np.arange(x.size) % 2 > 0

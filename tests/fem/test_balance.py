@@ -7,19 +7,19 @@ from benchmarks.trust import solver as trust
 from benchmarks.trust.solver_scenes import draw
 from tests.fem.bodies import box, box_surface, sphere
 
-from handpipe.errors import ConvergenceError, InputError
-from handpipe.fem.barrier import Barrier
-from handpipe.fem.cloth import Membrane
-from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, solve
-from handpipe.fem.materials import Material
-from handpipe.fem.opening import NEARLY, opened
-from handpipe.fem.potential import Sum
-from handpipe.fem.pull import Pull
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.core.errors import ConvergenceError, InputError
+from handpipe.fem.contact.barrier import Barrier
+from handpipe.fem.contact.constraints import Attachment, Contact, Sliding, SurfaceContact
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.minimisation.opening import NEARLY, opened
+from handpipe.fem.potentials.cloth import Membrane
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.potentials.potential import Sum
+from handpipe.fem.potentials.pull import Pull
+from handpipe.fem.solver.equilibrium import Options, solve
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.mesh.tets.tetrahedra import TetMesh
 
 VERTICES, TETS = box((4.0, 1.0, 1.0), (8, 2, 2))
 ROOT, TIP = VERTICES[:, 0] < 1e-9, VERTICES[:, 0] > 4 - 1e-9

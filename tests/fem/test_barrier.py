@@ -6,14 +6,14 @@ import scipy.optimize
 import scipy.sparse as sp
 from tests.fem.bodies import box, box_surface, cuts, sphere
 
-from handpipe.errors import ConvergenceError, InputError
-from handpipe.fem.approach import approach
-from handpipe.fem.barrier import Barrier, barrier_stiffness, pressure_ratio
-from handpipe.fem.constraints import Attachment
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, Steps, continuation, solve
-from handpipe.fem.materials import Material
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.core.errors import ConvergenceError, InputError
+from handpipe.fem.contact.barrier import Barrier, barrier_stiffness, pressure_ratio
+from handpipe.fem.contact.constraints import Attachment
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.solver.equilibrium import Options, Steps, continuation, solve
+from handpipe.fem.solver.prescribed_motion import approach
+from handpipe.mesh.tets.tetrahedra import TetMesh
 
 NEAR = 0.05  # mm, activation distance
 SOFT = Material(6.0, 0.45)
@@ -156,7 +156,7 @@ def test_thin_sheet_carries_contact_on_both_sides():
 
 @pytest.mark.parametrize("subdivisions", [1, 3])  # coarser and finer than the tets
 def test_closing_bones_pinch_an_embedded_surface(subdivisions):
-    from handpipe.mesh.embedding import Embedding
+    from handpipe.mesh.tets.embedding import Embedding
 
     body, _, every = _body((4.0, 4.0, 2.0), (8, 8, 4), Material(6.0, 0.48))
     skin, triangles = sphere(0.99, subdivisions)

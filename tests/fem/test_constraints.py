@@ -5,14 +5,14 @@ import pytest
 import scipy.sparse as sp
 from tests.fem.bodies import box, box_surface, sphere
 
-from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact, penalty
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, Steps, continuation
-from handpipe.fem.materials import Material
-from handpipe.fem.surface_sliding import SurfaceSliding
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
+from handpipe.core.rigid import RigidTransform
+from handpipe.fem.contact.constraints import Attachment, Contact, Sliding, SurfaceContact, penalty
+from handpipe.fem.contact.surface_sliding import SurfaceSliding
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.solver.equilibrium import Options, Steps, continuation
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
 
 SIZE = (3.0, 2.0, 1.0)
 VERTICES, TETS = box(SIZE, (6, 4, 2))

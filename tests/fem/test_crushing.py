@@ -5,14 +5,14 @@ import pytest
 import scipy.sparse as sp
 from tests.fem.bodies import box
 
-from handpipe.errors import ConvergenceError
-from handpipe.fem import equilibrium
-from handpipe.fem.constraints import Attachment
-from handpipe.fem.crushing import CRUSHED
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options
-from handpipe.fem.materials import Material
-from handpipe.fem.validity import Validity
+from handpipe.core.errors import ConvergenceError
+from handpipe.fem.contact.constraints import Attachment
+from handpipe.fem.elements.crushing import CRUSHED
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.elements.validity import Validity
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.solver import equilibrium
+from handpipe.fem.solver.equilibrium import Options
 
 REST, TETS = box((4.0, 2.0, 2.0), (4, 2, 2))
 BODY = Elastic(REST, TETS, Material(1.0, 0.48))

@@ -12,18 +12,18 @@ import pytest
 import scipy.sparse as sp
 from tests.fem.bodies import box, box_surface, sphere
 
-from handpipe.fem import plasticity
-from handpipe.fem.barrier import Barrier
-from handpipe.fem.cloth import Membrane
-from handpipe.fem.constraints import Attachment, Contact, Sliding, SurfaceContact
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.inertia import Inertia, mass_matrix
-from handpipe.fem.materials import MODELS, Material
-from handpipe.fem.potential import Potential, Sum
-from handpipe.fem.pull import Pull
-from handpipe.fem.surface_sliding import SurfaceSliding
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.fem.contact.barrier import Barrier
+from handpipe.fem.contact.constraints import Attachment, Contact, Sliding, SurfaceContact
+from handpipe.fem.contact.surface_sliding import SurfaceSliding
+from handpipe.fem.elements import plasticity
+from handpipe.fem.elements.materials import MODELS, Material
+from handpipe.fem.potentials.cloth import Membrane
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.potentials.inertia import Inertia, mass_matrix
+from handpipe.fem.potentials.potential import Potential, Sum
+from handpipe.fem.potentials.pull import Pull
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
 
 VERTICES, TETS = box((2.0, 1.0, 1.0), (2, 2, 2))
 POINTS, TRIANGLES = sphere(1.0, 1)

@@ -7,10 +7,9 @@ import skfem
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 from tests.fem.bodies import box
 
-from handpipe.errors import InputError
-from handpipe.fem import equilibrium, plasticity
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import (
+from handpipe.core.errors import InputError
+from handpipe.fem.elements import plasticity
+from handpipe.fem.elements.materials import (
     MODELS,
     Material,
     energy_densities,
@@ -18,7 +17,9 @@ from handpipe.fem.materials import (
     semidefinite_stiffnesses,
     stiffnesses,
 )
-from handpipe.fem.nullspace import DeflatedFactor, rigid_modes, rigid_pins
+from handpipe.fem.linear.nullspace import DeflatedFactor, rigid_modes, rigid_pins
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.solver import equilibrium
 
 YOUNG, POISSON = 6.0, 0.45
 

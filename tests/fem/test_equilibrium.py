@@ -7,17 +7,17 @@ import pytest
 import scipy.sparse as sp
 from tests.fem.bodies import box, box_surface, sphere
 
-from handpipe.errors import ConvergenceError, InputError
-from handpipe.fem.barrier import Barrier, CollidingPairs
-from handpipe.fem.checkpoint import Checkpoint
-from handpipe.fem.cloth import Membrane
-from handpipe.fem.constraints import Attachment, Contact, SurfaceContact
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, Steps, continuation, solve
-from handpipe.fem.materials import Material
-from handpipe.fem.pull import Pull
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.core.errors import ConvergenceError, InputError
+from handpipe.fem.contact.barrier import Barrier, CollidingPairs
+from handpipe.fem.contact.constraints import Attachment, Contact, SurfaceContact
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.minimisation.checkpoint import Checkpoint
+from handpipe.fem.potentials.cloth import Membrane
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.potentials.pull import Pull
+from handpipe.fem.solver.equilibrium import Options, Steps, continuation, solve
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
 
 SIZE = (4.0, 1.0, 1.0)
 VERTICES, TETS = box(SIZE, (8, 2, 2))
@@ -212,7 +212,7 @@ def test_barrier_stops_interpenetration():
     block, tets = box((1.0, 1.0, 1.0), (3, 3, 3))
     x = block + [0, 0, 0.3]
     table = box_surface((3.0, 3.0, 1.0), (-1.0, -1.0, -1.0))
-    from handpipe.mesh.tetrahedra import TetMesh
+    from handpipe.mesh.tets.tetrahedra import TetMesh
 
     faces = TetMesh(block, tets).boundary_faces()[0]
     every = sp.eye(len(block), format="csr")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from tests.fem.bodies import box
 
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.expansion import Expansion
-from handpipe.fem.materials import Material
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.potentials.expansion import Expansion
 
 
 def test_it_is_the_energy_up_to_third_order_in_the_moves_of_its_nodes():

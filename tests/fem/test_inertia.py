@@ -5,12 +5,12 @@ import pytest
 import scipy.sparse as sp
 from tests.fem.bodies import box
 
-from handpipe.errors import InputError
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, solve
-from handpipe.fem.inertia import Inertia, mass_matrix
-from handpipe.fem.materials import Material
-from handpipe.fem.pull import Pull
+from handpipe.core.errors import InputError
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.potentials.inertia import Inertia, mass_matrix
+from handpipe.fem.potentials.pull import Pull
+from handpipe.fem.solver.equilibrium import Options, solve
 
 DENSITY = 1e-6  # kg/mm^3
 EXACT = Options(displacement_tolerance=1e-10, force_tolerance=1e-10)

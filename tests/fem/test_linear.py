@@ -10,10 +10,10 @@ import pytest
 import scipy.sparse as sp
 from tests.fem.bodies import box
 
-from handpipe.fem import linear
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import Material
-from handpipe.fem.reduction import FreeBlock
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.linear import factorisation as linear
+from handpipe.fem.minimisation.reduction import FreeBlock
+from handpipe.fem.potentials.elastic import Elastic
 
 PREDICTING = [
     pytest.param(
@@ -144,7 +144,7 @@ def test_free_block_is_the_submatrix():
 def test_the_environment_chooses(wanted):
     code = f"""
 import numpy as np, scipy.sparse as sp
-from handpipe.fem import linear
+from handpipe.fem.linear import factorisation as linear
 assert linear.backend == {wanted!r}
 assert np.allclose(linear.factorise(sp.csr_matrix(2 * sp.eye(3))).solve(np.ones(3)), 0.5)
 """
@@ -153,7 +153,7 @@ assert np.allclose(linear.factorise(sp.csr_matrix(2 * sp.eye(3))).solve(np.ones(
 
 def test_an_unknown_solver_is_named():
     run = subprocess.run(
-        [sys.executable, "-c", "import handpipe.fem.linear"],
+        [sys.executable, "-c", "import handpipe.fem.linear.factorisation"],
         env={**os.environ, "HANDPIPE_SOLVER": "abacus"},
         capture_output=True,
         text=True,

@@ -5,9 +5,9 @@ import pytest
 import scipy.linalg
 from scipy.spatial.transform import Rotation
 
-from handpipe.errors import InputError
-from handpipe.fem import plasticity
-from handpipe.fem.matrix3 import rotational_svd
+from handpipe.core.errors import InputError
+from handpipe.fem.elements import plasticity
+from handpipe.fem.elements.matrix3 import rotational_svd
 
 
 def _gradients(kind):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from tests.fem.bodies import box
 
-from handpipe.fem import plasticity
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import Material
-from handpipe.fem.strain_derivatives import strain_gradient, strain_hessian
+from handpipe.fem.elements import plasticity
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.potentials.strain_derivatives import strain_gradient, strain_hessian
 
 VERTICES, TETS = box((2.0, 1.0, 1.0), (2, 1, 1))
 STEP = 1e-5

@@ -6,14 +6,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from tests.fem.bodies import box
 
-from handpipe.errors import InputError
-from handpipe.fem.conjugate_gradients import End, conjugate_gradients
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.linear import NotPositiveDefinite, SingularMatrix, Work
-from handpipe.fem.materials import Material
-from handpipe.fem.multigrid import Multigrid
-from handpipe.fem.reduction import FreeBlock
-from handpipe.fem.system_sequence import Ageing, SystemSequence
+from handpipe.core.errors import InputError
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.linear.conjugate_gradients import End, conjugate_gradients
+from handpipe.fem.linear.factorisation import NotPositiveDefinite, SingularMatrix, Work
+from handpipe.fem.linear.multigrid import Multigrid
+from handpipe.fem.linear.system_sequence import Ageing, SystemSequence
+from handpipe.fem.minimisation.reduction import FreeBlock
+from handpipe.fem.potentials.elastic import Elastic
 
 EVERYTHING = 1e12
 NOTHING = 1.0

@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from tests.muscles.shapes import box
+from tests.tissues.muscles.shapes import box
 
-from handpipe.fem import equilibrium, plasticity, unheld
-from handpipe.fem.constraints import Attachment
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.materials import Material
-from handpipe.fem.potential import Sum
-from handpipe.mesh.rigid import RigidTransform
+from handpipe.core.rigid import RigidTransform
+from handpipe.fem.contact.constraints import Attachment
+from handpipe.fem.elements import plasticity
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.minimisation import unheld
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.potentials.potential import Sum
+from handpipe.fem.solver import equilibrium
 
 MESH = box((4, 2, 2), (12.0, 4.0, 4.0))
 

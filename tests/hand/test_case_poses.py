@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handpipe.config import load_dataset
-from handpipe.errors import InputError
+from handpipe.core.configuration.config import load_dataset
+from handpipe.core.errors import InputError
 from handpipe.hand.subject import joint_limits
-from handpipe.skeleton.angles import read_angles
 from handpipe.skeleton.drivers.scene_frames import frame_names
+from handpipe.skeleton.joints.angles import read_angles
 
 ROOT = Path(__file__).parents[2]
 CASE = ROOT.parent / "shared" / "cases" / "poses" / "poses.csv"

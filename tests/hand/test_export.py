@@ -13,14 +13,14 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from handpipe.errors import InputError
+from handpipe.core.errors import InputError
+from handpipe.core.layer_registry import LAYERS
+from handpipe.core.layers import Frame, Shape
+from handpipe.core.rigid import RigidTransform
 from handpipe.hand import export
 from handpipe.hand.appearance import shown
 from handpipe.hand.frames import failures_in, finished_frames, read_frames, read_simulated, write_frames
 from handpipe.hand.simulation import Failure
-from handpipe.layer_registry import LAYERS
-from handpipe.layers import Frame, Shape
-from handpipe.mesh.rigid import RigidTransform
 
 CUBE = np.array([[x, y, z] for x in (0, 10) for y in (0, 20) for z in (0, 30)], dtype=float)
 TETS = np.array([[0, 6, 4, 7], [0, 2, 6, 7], [0, 3, 2, 7], [0, 1, 3, 7], [0, 5, 1, 7], [0, 4, 5, 7]])

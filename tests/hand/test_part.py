@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from handpipe.config import Dataset, Scene, load_dataset
-from handpipe.errors import InputError
+from handpipe.core.configuration.config import Dataset, Scene, load_dataset
+from handpipe.core.errors import InputError
 from handpipe.hand.part import bones_of, part_of
 
 DATASETS = Path(__file__).parents[2] / "config" / "datasets"

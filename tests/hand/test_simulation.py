@@ -5,9 +5,9 @@ import logging
 import numpy as np
 import pytest
 
-from handpipe.errors import ConvergenceError
+from handpipe.core.errors import ConvergenceError
+from handpipe.core.layers import Frame, Shape
 from handpipe.hand.simulation import Failure, simulate, simulate_frame
-from handpipe.layers import Frame, Shape
 
 
 class _Shifted:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from handpipe.imaging.volume import Volume
+from handpipe.imaging.volumes.volume import Volume
 
 SPACING = 0.5
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from phalanx import Phalanx, capsule, grid_points
 
-from handpipe.errors import InputError
-from handpipe.imaging.claims import (
+from handpipe.core.errors import InputError
+from handpipe.imaging.segmentation.claims import (
     appearances,
     doubted,
     load,
@@ -17,8 +17,13 @@ from handpipe.imaging.claims import (
     segment,
     write_looks,
 )
-from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, merge, segment_bone
-from handpipe.imaging.volume import Volume
+from handpipe.imaging.segmentation.segmentation import (
+    BoneProbability,
+    SegmentationSettings,
+    merge,
+    segment_bone,
+)
+from handpipe.imaging.volumes.volume import Volume
 
 SETTINGS = SegmentationSettings()
 BONES = {"right": 1, "wrong": 2}

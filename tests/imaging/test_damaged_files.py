@@ -10,8 +10,8 @@ from benchmarks.trust.nifti_rows import save_nifti
 from benchmarks.trust.nrrd_rows import NAMED, layers, listed, nrrd_header, save_nrrd
 from benchmarks.trust.volume_table import BONES, drawn, grey, grid, oblique
 
-from handpipe.errors import InputError
-from handpipe.imaging.volume import read_labels, read_volume
+from handpipe.core.errors import InputError
+from handpipe.imaging.volumes.volume import read_labels, read_volume
 
 HEADER = 700  # bytes; most damage to voxels changes their values alone
 DAMAGES = 40

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from handpipe.imaging.dark_layer import fit_dark_layers, fit_dark_level
+from handpipe.imaging.evidence.dark_layer import fit_dark_layers, fit_dark_level
 
 OFFSETS = np.arange(-1.8, 3.2, 0.2)
 BLUR, NOISE, DARK = 0.25, 0.03, 0.06

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from phalanx import Phalanx, grid_points, voxelised
 
-from handpipe.errors import InputError
-from handpipe.imaging.marrow import contour
-from handpipe.imaging.tubes import darkness_centre, parallel_frames, tangents_of, trace, tube_surface
-from handpipe.mesh.distance import Distance
+from handpipe.core.errors import InputError
+from handpipe.imaging.bone_surfaces.marrow import contour
+from handpipe.imaging.evidence.tubes import darkness_centre, parallel_frames, tangents_of, trace, tube_surface
+from handpipe.mesh.surfaces.distance import Distance
 
 BEND = 25.0  # mm, radius of the tube's course
 RADIUS = 1.5

@@ -6,12 +6,12 @@ from phalanx import grid_points
 from scipy import ndimage
 from slim_bone import SlimBone
 
-from handpipe.imaging.bridges import bridged
-from handpipe.imaging.claims import appearances
-from handpipe.imaging.minimax_flood import flood
-from handpipe.imaging.open_boundary import open_patch
-from handpipe.imaging.segmentation import BoneProbability, SegmentationSettings, segment_bone
-from handpipe.imaging.volume import Volume
+from handpipe.imaging.bone_surfaces.bridges import bridged
+from handpipe.imaging.segmentation.claims import appearances
+from handpipe.imaging.segmentation.minimax_flood import flood
+from handpipe.imaging.segmentation.open_boundary import open_patch
+from handpipe.imaging.segmentation.segmentation import BoneProbability, SegmentationSettings, segment_bone
+from handpipe.imaging.volumes.volume import Volume
 
 SETTINGS = SegmentationSettings()
 

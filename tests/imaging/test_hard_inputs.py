@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from phalanx import Phalanx, capsule, grid_points, voxelised
 
-from handpipe.imaging.claims import appearances, doubted
-from handpipe.imaging.cortical import whole_bone
-from handpipe.imaging.marrow import marrow_surface
-from handpipe.imaging.random_walker import INSIDE, OUTSIDE, Stop, random_walker
-from handpipe.imaging.rasterise import rasterise
-from handpipe.imaging.segmentation import SegmentationSettings, segment_bone
+from handpipe.imaging.bone_surfaces.cortical import whole_bone
+from handpipe.imaging.bone_surfaces.marrow import marrow_surface
+from handpipe.imaging.segmentation.claims import appearances, doubted
+from handpipe.imaging.segmentation.random_walker import INSIDE, OUTSIDE, Stop, random_walker
+from handpipe.imaging.segmentation.segmentation import SegmentationSettings, segment_bone
+from handpipe.imaging.volumes.rasterisation import rasterise
 
 SETTINGS = SegmentationSettings()
 

@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from phalanx import grid_points, voxelised
 
-from handpipe.errors import InputError
-from handpipe.imaging.markers import boundary_markers, estimate_muscle_level, read_markers, write_markers
-from handpipe.imaging.marrow import contour
-from handpipe.mesh.distance import Distance
+from handpipe.core.errors import InputError
+from handpipe.imaging.bone_surfaces.marrow import contour
+from handpipe.imaging.evidence.markers import (
+    boundary_markers,
+    estimate_muscle_level,
+    read_markers,
+    write_markers,
+)
+from handpipe.mesh.surfaces.distance import Distance
 
 MUSCLE, CONTACT, BONE = 0.45, -2.5, 7.0
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from handpipe.imaging.marrow_evidence import MarrowEvidence, blocks, normalised
-from handpipe.imaging.volume import Volume
+from handpipe.imaging.evidence.marrow_evidence import MarrowEvidence, blocks, normalised
+from handpipe.imaging.volumes.volume import Volume
 
 SHAPE = (61, 50, 42)
 SPACING = np.array([0.5, 0.5, 0.8])

@@ -3,10 +3,10 @@ import pytest
 import trimesh
 from phalanx import grid_points
 
-from handpipe.imaging.marrow import contour
-from handpipe.imaging.profiles import graph_laplacian, smooth_field, summed_curvature
-from handpipe.imaging.volume import Volume
-from handpipe.mesh.surface import Surface
+from handpipe.imaging.bone_surfaces.marrow import contour
+from handpipe.imaging.evidence.profiles import graph_laplacian, smooth_field, summed_curvature
+from handpipe.imaging.volumes.volume import Volume
+from handpipe.mesh.surfaces.surface import Surface
 
 
 @pytest.fixture

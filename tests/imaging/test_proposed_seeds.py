@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from skimage.measure import marching_cubes
 
-from handpipe.imaging.proposed_seeds import marrow_core, propose, share_outside
-from handpipe.imaging.volume import Volume
-from handpipe.mesh.surface import Surface
+from handpipe.imaging.segmentation.proposed_seeds import marrow_core, propose, share_outside
+from handpipe.imaging.volumes.volume import Volume
+from handpipe.mesh.surfaces.surface import Surface
 
 SPACING = 0.5
 SHAPE = (80, 60, 60)

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from skimage import segmentation
 
-from handpipe.errors import ConvergenceError
-from handpipe.imaging.random_walker import INSIDE, OUTSIDE, Stop, random_walker
+from handpipe.core.errors import ConvergenceError
+from handpipe.imaging.segmentation.random_walker import INSIDE, OUTSIDE, Stop, random_walker
 
 
 def ball_in_shell(shape=(24, 22, 19), noise=0.05):

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from handpipe.imaging.band import DistanceBand
-from handpipe.imaging.rasterise import inside, rasterise
-from handpipe.imaging.volume import Volume
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.imaging.volumes.band import DistanceBand
+from handpipe.imaging.volumes.rasterisation import inside, rasterise
+from handpipe.imaging.volumes.volume import Volume
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
 
 SKEWED = np.array([[0.3, -0.4, 0.0, -5.0], [0.4, 0.3, 0.0, -6.0], [0.0, 0.0, 1.0, -4.0], [0, 0, 0, 1.0]])
 

@@ -11,9 +11,14 @@ import nibabel
 import numpy as np
 import pytest
 
-from handpipe.imaging import claims
-from handpipe.imaging.segmentation import BACKGROUND, BoneProbability, SegmentationSettings, merge
-from handpipe.imaging.volume import Labels, Volume, read_labels, read_volume
+from handpipe.imaging.segmentation import claims
+from handpipe.imaging.segmentation.segmentation import (
+    BACKGROUND,
+    BoneProbability,
+    SegmentationSettings,
+    merge,
+)
+from handpipe.imaging.volumes.volume import Labels, Volume, read_labels, read_volume
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "real_mri"
 ECHOES = sorted((DATA / "foot_dixon").glob("*.nii.gz"))

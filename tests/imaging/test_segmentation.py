@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 from phalanx import Phalanx, capsule, grid_points, voxelised
 
-from handpipe.errors import InputError
-from handpipe.imaging.cortical import whole_bone
-from handpipe.imaging.marrow import contour, marrow_surface
-from handpipe.imaging.rasterise import rasterise
-from handpipe.imaging.segmentation import (
+from handpipe.core.errors import InputError
+from handpipe.imaging.bone_surfaces.cortical import whole_bone
+from handpipe.imaging.bone_surfaces.marrow import contour, marrow_surface
+from handpipe.imaging.segmentation.segmentation import (
     BACKGROUND,
     BoneProbability,
     SegmentationSettings,
@@ -15,7 +14,8 @@ from handpipe.imaging.segmentation import (
     merge,
     segment_bone,
 )
-from handpipe.imaging.volume import Volume
+from handpipe.imaging.volumes.rasterisation import rasterise
+from handpipe.imaging.volumes.volume import Volume
 
 SETTINGS = SegmentationSettings()
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from phalanx import SPACING, Phalanx, capsule, grid_points, voxelised
 
-from handpipe.imaging.cortical import offset_surface
-from handpipe.imaging.marrow import Cortex, contour
-from handpipe.imaging.shell_watershed import Basin, outer_faces, shell_basins
+from handpipe.imaging.bone_surfaces.cortical import offset_surface
+from handpipe.imaging.bone_surfaces.marrow import Cortex, contour
+from handpipe.imaging.bone_surfaces.shell_watershed import Basin, outer_faces, shell_basins
 
 CORTEX = Cortex(level=0.05, marrow=1.0, noise=0.04)
 

@@ -11,8 +11,8 @@ from benchmarks.trust import volume_rows
 from benchmarks.trust.nifti_rows import declared
 from nibabel.orientations import axcodes2ornt, inv_ornt_aff, io_orientation, ornt_transform
 
-from handpipe.errors import InputError
-from handpipe.imaging.volume import (
+from handpipe.core.errors import InputError
+from handpipe.imaging.volumes.volume import (
     Volume,
     read_label_table,
     read_labels,

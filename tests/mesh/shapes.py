@@ -5,9 +5,10 @@ from __future__ import annotations
 import igl
 import numpy as np
 
-from handpipe.mesh.implicit import Grid, isosurface, remesh
-from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.mesh.generation.implicit import Grid, isosurface
+from handpipe.mesh.generation.remeshing import remesh
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.mesh.tets.tetrahedra import TetMesh
 
 
 def sphere(radius: float = 10.0, levels: int = 4) -> Surface:

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from handpipe.mesh.anchors import Anchors
-from handpipe.mesh.rigid import RigidTransform
+from handpipe.core.rigid import RigidTransform
+from handpipe.mesh.surfaces.anchors import Anchors
 
 from .shapes import sphere
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from handpipe.errors import InputError
-from handpipe.mesh.scan import read_scan
-from handpipe.mesh.surface import Surface, concatenate, read_surface, write_surface
+from handpipe.core.errors import InputError
+from handpipe.mesh.surfaces.scan import read_scan
+from handpipe.mesh.surfaces.surface import Surface, concatenate, read_surface, write_surface
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"
 DIALECTS = sorted((CASES / "ply-dialects").glob("*.[po][lb][yj]"))

@@ -3,8 +3,8 @@
 import numpy as np
 import trimesh
 
-from handpipe.mesh.crossings import crossings
-from handpipe.mesh.surface import Surface, concatenate
+from handpipe.mesh.contact.crossing_triangles import crossings
+from handpipe.mesh.surfaces.surface import Surface, concatenate
 
 
 def ball(centre: tuple[float, float, float]) -> Surface:

@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from handpipe.mesh.curves import arclength, bishop_frames, closest_on_polyline, resample, tangents, tube
+from handpipe.mesh.surfaces.curves import (
+    arclength,
+    bishop_frames,
+    closest_on_polyline,
+    resample,
+    tangents,
+    tube,
+)
 
 
 @pytest.fixture

@@ -2,8 +2,8 @@ import igl
 import numpy as np
 import pytest
 
-from handpipe.mesh.distance import Distance, sample_points, surface_errors
-from handpipe.mesh.surface import Surface, concatenate
+from handpipe.mesh.surfaces.distance import Distance, sample_points, surface_errors
+from handpipe.mesh.surfaces.surface import Surface, concatenate
 
 from .shapes import box, sphere
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from handpipe.mesh.embedding import Embedding
+from handpipe.mesh.tets.embedding import Embedding
 
 from .shapes import box_tets
 

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from handpipe.errors import HandpipeError, InputError
-from handpipe.mesh.distance import surface_errors
-from handpipe.mesh.implicit import Grid, isosurface, relax, remesh, smooth_minimum, union_surface
-from handpipe.mesh.surface import Surface
+from handpipe.core.errors import HandpipeError, InputError
+from handpipe.mesh.generation.implicit import Grid, isosurface, smooth_minimum, union_surface
+from handpipe.mesh.generation.remeshing import relax, remesh
+from handpipe.mesh.surfaces.distance import surface_errors
+from handpipe.mesh.surfaces.surface import Surface
 
 from .shapes import box, smallest_angles, sphere
 

@@ -4,11 +4,11 @@ import sys
 import numpy as np
 import pytest
 
-from handpipe.errors import HandpipeError, InputError
-from handpipe.mesh import meshing
-from handpipe.mesh.implicit import remesh
-from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.surface import Surface, concatenate
+from handpipe.core.errors import HandpipeError, InputError
+from handpipe.mesh.generation import meshing
+from handpipe.mesh.generation.meshing import tetrahedralise
+from handpipe.mesh.generation.remeshing import remesh
+from handpipe.mesh.surfaces.surface import Surface, concatenate
 
 from .shapes import box, sphere
 

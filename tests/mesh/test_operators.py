@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
 
-from handpipe.mesh.operators import (
+from handpipe.mesh.tets.operators import (
     cotangent_laplacian,
     deformation_gradients,
     gradient_operator,
@@ -12,7 +12,7 @@ from handpipe.mesh.operators import (
     tet_neighbours,
     vertex_volumes,
 )
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.mesh.tets.tetrahedra import TetMesh
 
 from .shapes import box_tets, sphere
 

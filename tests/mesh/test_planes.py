@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.planes import touching_planes
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.planes import touching_planes
 
 from .shapes import box, sphere
 

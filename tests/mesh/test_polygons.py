@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from handpipe.mesh.polygons import NotSimple, Polygons, triangulate
+from handpipe.mesh.files.polygons import NotSimple, Polygons, triangulate
 
 STAR = np.array(
     [

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from handpipe.mesh.hull import convex_hull
-from handpipe.mesh.repair import cuts_itself, repair
-from handpipe.mesh.surface import Surface, concatenate
+from handpipe.mesh.generation.surface_repair import cuts_itself, repair
+from handpipe.mesh.surfaces.hull import convex_hull
+from handpipe.mesh.surfaces.surface import Surface, concatenate
 
 from .shapes import smallest_angles, sphere
 

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from handpipe.mesh.self_contact import self_contact
+from handpipe.mesh.contact.self_contacts import self_contact
 
 from .shapes import fork
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from handpipe.mesh.smoothing import laplacian, taubin
+from handpipe.mesh.surfaces.smoothing import laplacian, taubin
 
 from .shapes import sphere
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from handpipe.errors import InputError
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import (
+from handpipe.core.errors import InputError
+from handpipe.core.rigid import RigidTransform
+from handpipe.mesh.surfaces.surface import (
     Surface,
     concatenate,
     each_moved,

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from handpipe.errors import InputError
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.core.errors import InputError
+from handpipe.mesh.tets.tetrahedra import TetMesh
 
 from .shapes import box_tets
 

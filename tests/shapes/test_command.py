@@ -9,21 +9,21 @@ import meshio
 import numpy as np
 import pytest
 import trimesh
-from tests.muscles.shapes import box
+from tests.tissues.muscles.shapes import box
 
-from handpipe import artifacts, metrics
-from handpipe.errors import InputError
-from handpipe.imaging.markers import read_markers, write_markers
-from handpipe.imaging.volume import Volume, write_volume
-from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.remeshing import remesh
-from handpipe.mesh.surface import Surface, read_surface
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.core import artifacts, metrics
+from handpipe.core.errors import InputError
+from handpipe.imaging.evidence.markers import read_markers, write_markers
+from handpipe.imaging.volumes.volume import Volume, write_volume
+from handpipe.mesh.generation.meshing import tetrahedralise
+from handpipe.mesh.generation.remeshing import remesh
+from handpipe.mesh.surfaces.surface import Surface, read_surface
+from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.shapes.__main__ import main
-from handpipe.shapes.files import read_pairs, read_template
-from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import Observed, fit_organ
-from handpipe.shapes.settings import Settings
+from handpipe.shapes.observations.marks import Pairs
+from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.organs.files import read_pairs, read_template
+from handpipe.shapes.organs.organ import Observed, fit_organ
 
 MESH = box((6, 2, 2), (30.0, 8.0, 8.0))
 GROWN = MESH.moved(MESH.vertices * [1.0, 1.3, 0.9] - [0.0, 1.0, 0.0])

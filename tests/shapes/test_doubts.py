@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
-from tests.muscles.shapes import box
+from tests.tissues.muscles.shapes import box
 
-from handpipe.shapes.all_tets import AllTets
-from handpipe.shapes.attached import Attached
-from handpipe.shapes.coarse_template import WORTH, coarsened
-from handpipe.shapes.doubts import examine
-from handpipe.shapes.holds import Holds
-from handpipe.shapes.marks import BoundaryMarks, Pairs
-from handpipe.shapes.predictions import Predictions
-from handpipe.shapes.remeshing import Given
-from handpipe.shapes.search import Search
-from handpipe.shapes.settings import Settings
+from handpipe.shapes.observations.attached import Attached
+from handpipe.shapes.observations.holds import Holds
+from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
+from handpipe.shapes.optimisation.all_tets import AllTets
+from handpipe.shapes.optimisation.search import Search
+from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.organs.coarse_template import WORTH, coarsened
+from handpipe.shapes.organs.doubts import examine
+from handpipe.shapes.organs.predictions import Predictions
+from handpipe.shapes.organs.remeshing import Given
 
 MESH = box((5, 2, 2), (30.0, 10.0, 8.0))
 RNG = np.random.default_rng(0)

@@ -4,22 +4,23 @@ import numpy as np
 import pytest
 from scipy import sparse
 from scipy.spatial.transform import Rotation
-from tests.muscles.shapes import box
+from tests.tissues.muscles.shapes import box
 
-from handpipe.fem import equilibrium, plasticity
-from handpipe.fem.constraints import Attachment
-from handpipe.fem.elastic import Elastic
-from handpipe.mesh.surface import Surface
-from handpipe.shapes.attached import Attached
-from handpipe.shapes.correspondence import Correspondence, Markers
-from handpipe.shapes.fit import EmbeddedSurface, KnownPoints, fit_shape
-from handpipe.shapes.holds import Holds
-from handpipe.shapes.rigid_motions import LooseMotions
-from handpipe.shapes.search import Search
-from handpipe.shapes.settings import MUSCLE, ShapeOptions
-from handpipe.shapes.smooth_fields import SmoothFields
-from handpipe.shapes.smooth_strains import SmoothStrains
-from handpipe.shapes.strain_space import Stage
+from handpipe.fem.contact.constraints import Attachment
+from handpipe.fem.elements import plasticity
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.solver import equilibrium
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.shapes.observations.attached import Attached
+from handpipe.shapes.observations.correspondence import Correspondence, Markers
+from handpipe.shapes.observations.holds import Holds
+from handpipe.shapes.observations.rigid_motions import LooseMotions
+from handpipe.shapes.optimisation.fit import EmbeddedSurface, KnownPoints, fit_shape
+from handpipe.shapes.optimisation.search import Search
+from handpipe.shapes.optimisation.settings import MUSCLE, ShapeOptions
+from handpipe.shapes.optimisation.smooth_fields import SmoothFields
+from handpipe.shapes.optimisation.strain_space import Stage
+from handpipe.shapes.strains.smooth_strains import SmoothStrains
 
 
 def grown():

@@ -3,22 +3,22 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from tests.muscles.shapes import box
+from tests.tissues.muscles.shapes import box
 
-from handpipe.errors import InputError
-from handpipe.fem import plasticity
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.all_tets import AllTets
-from handpipe.shapes.attached import Attached
-from handpipe.shapes.correspondence import Correspondence
-from handpipe.shapes.gauss_newton import RIDGE, GaussNewton
-from handpipe.shapes.holds import Holds
-from handpipe.shapes.rigid_motions import LooseMotions
-from handpipe.shapes.search import Search
-from handpipe.shapes.settings import Settings
-from handpipe.shapes.smoothness import Smoothness
-from handpipe.shapes.strain_space import Stage, State
-from handpipe.shapes.stretch import COUNTS
+from handpipe.core.errors import InputError
+from handpipe.fem.elements import plasticity
+from handpipe.mesh.tets.tetrahedra import TetMesh
+from handpipe.shapes.observations.attached import Attached
+from handpipe.shapes.observations.correspondence import Correspondence
+from handpipe.shapes.observations.holds import Holds
+from handpipe.shapes.observations.rigid_motions import LooseMotions
+from handpipe.shapes.optimisation.all_tets import AllTets
+from handpipe.shapes.optimisation.gauss_newton import RIDGE, GaussNewton
+from handpipe.shapes.optimisation.search import Search
+from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.strain_space import Stage, State
+from handpipe.shapes.strains.smoothness import Smoothness
+from handpipe.shapes.strains.stretch import COUNTS
 
 MESH = box((4, 2, 2), (12.0, 4.0, 4.0))
 

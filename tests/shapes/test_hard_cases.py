@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from benchmarks.shapes.hard_case_scenes import CASES
 from benchmarks.shapes.hard_cases import ALARM, GOOD, MISSED, NOTICED, Row, judge, run
-from tests.muscles.shapes import box
+from tests.tissues.muscles.shapes import box
 
-from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import OrganFit
-from handpipe.shapes.straight import in_space, loosened, on_line
+from handpipe.shapes.observations.marks import Pairs
+from handpipe.shapes.observations.straight import in_space, loosened, on_line
+from handpipe.shapes.organs.organ import OrganFit
 
 EDGE = 4.0  # mm
 FACETS = 0.1, 0.5  # mm by which the mean and the largest distance may be more than with small tets

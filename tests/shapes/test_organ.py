@@ -4,18 +4,19 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
-from tests.muscles.shapes import box
+from tests.tissues.muscles.shapes import box
 
-from handpipe.errors import InputError
-from handpipe.fem import equilibrium, plasticity
-from handpipe.fem.constraints import Attachment
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.pull import Pull
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import Observed, fit_organ
-from handpipe.shapes.settings import MUSCLE, Settings
+from handpipe.core.errors import InputError
+from handpipe.fem.contact.constraints import Attachment
+from handpipe.fem.elements import plasticity
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.potentials.pull import Pull
+from handpipe.fem.solver import equilibrium
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.tets.tetrahedra import TetMesh
+from handpipe.shapes.observations.marks import Pairs
+from handpipe.shapes.optimisation.settings import MUSCLE, Settings
+from handpipe.shapes.organs.organ import Observed, fit_organ
 
 
 def lump(cells: int = 4) -> TetMesh:

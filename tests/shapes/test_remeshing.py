@@ -9,26 +9,26 @@ import scipy.sparse as sp
 import trimesh
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
-from tests.muscles.shapes import box
+from tests.tissues.muscles.shapes import box
 
-from handpipe.errors import HandpipeError
-from handpipe.fem import plasticity
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.pull import Pull
-from handpipe.mesh.distance import Distance, sample_points
-from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.remeshing import remesh
-from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes import remeshing
-from handpipe.shapes.carried import Carried
-from handpipe.shapes.correspondence import Correspondence
-from handpipe.shapes.marks import BoundaryMarks, Pairs
-from handpipe.shapes.organ import Observed, OrganFit, fit_organ
-from handpipe.shapes.remeshing import Given, OnMesh, remeshed
-from handpipe.shapes.settings import MUSCLE, Settings
-from handpipe.shapes.strain_frame import StrainFrame
-from handpipe.shapes.strain_space import Stage, State
+from handpipe.core.errors import HandpipeError
+from handpipe.fem.elements import plasticity
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.fem.potentials.pull import Pull
+from handpipe.mesh.generation.meshing import tetrahedralise
+from handpipe.mesh.generation.remeshing import remesh
+from handpipe.mesh.surfaces.distance import Distance, sample_points
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.mesh.tets.tetrahedra import TetMesh
+from handpipe.shapes.observations.carried import Carried
+from handpipe.shapes.observations.correspondence import Correspondence
+from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
+from handpipe.shapes.optimisation.settings import MUSCLE, Settings
+from handpipe.shapes.optimisation.strain_space import Stage, State
+from handpipe.shapes.organs import remeshing
+from handpipe.shapes.organs.organ import Observed, OrganFit, fit_organ
+from handpipe.shapes.organs.remeshing import Given, OnMesh, remeshed
+from handpipe.shapes.strains.strain_frame import StrainFrame
 
 SPHERE = trimesh.creation.icosphere(subdivisions=4)
 SEMIAXES = np.array([30.0, 5.0, 4.0])

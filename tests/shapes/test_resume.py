@@ -8,17 +8,17 @@ import pytest
 import scipy.sparse as sp
 import trimesh
 
-from handpipe.fem.pull import Pull
-from handpipe.mesh.meshing import tetrahedralise
-from handpipe.mesh.remeshing import remesh
-from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.shapes.marks import Pairs
-from handpipe.shapes.organ import Observed, OrganFit, fit_organ
-from handpipe.shapes.remeshing import Given, OnMesh
-from handpipe.shapes.resume import FitCheckpoint, digest
-from handpipe.shapes.settings import Settings
-from handpipe.shapes.stages import NEW_TETS, Position
+from handpipe.fem.potentials.pull import Pull
+from handpipe.mesh.generation.meshing import tetrahedralise
+from handpipe.mesh.generation.remeshing import remesh
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.mesh.tets.tetrahedra import TetMesh
+from handpipe.shapes.observations.marks import Pairs
+from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.organs.organ import Observed, OrganFit, fit_organ
+from handpipe.shapes.organs.remeshing import Given, OnMesh
+from handpipe.shapes.organs.resume import FitCheckpoint, digest
+from handpipe.shapes.organs.stages import NEW_TETS, Position
 
 SPHERE = trimesh.creation.icosphere(subdivisions=3)
 MESH = tetrahedralise(remesh(Surface(8.0 * SPHERE.vertices, SPHERE.faces), 4.0), 4.0)

@@ -5,9 +5,9 @@ import pytest
 import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.shapes.correspondence import Correspondence
-from handpipe.shapes.rigid_motions import LooseMotions
+from handpipe.core.rigid import RigidTransform
+from handpipe.shapes.observations.correspondence import Correspondence
+from handpipe.shapes.observations.rigid_motions import LooseMotions
 
 X = np.random.default_rng(0).standard_normal((40, 3)) * [20.0, 8.0, 5.0]
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import logm, polar
 from scipy.spatial.transform import Rotation
 
-from handpipe.fem.plasticity import to_matrices
-from handpipe.shapes.stretch import log_stretch
+from handpipe.fem.elements.plasticity import to_matrices
+from handpipe.shapes.strains.stretch import log_stretch
 
 
 def gradients(seed: int = 0) -> np.ndarray:

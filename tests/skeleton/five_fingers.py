@@ -6,13 +6,13 @@ import numpy as np
 from manufactured import bone, unit
 from scipy.spatial.transform import Rotation
 
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.axes import Axes
-from handpipe.skeleton.joint_tree import FittedPose, RigJoint
-from handpipe.skeleton.joints import JointFit
-from handpipe.skeleton.residual import Residual
-from handpipe.skeleton.rig import Rig
+from handpipe.core.rigid import RigidTransform
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.joints.axes import Axes
+from handpipe.skeleton.joints.joint_tree import FittedPose, RigJoint
+from handpipe.skeleton.joints.joints import JointFit
+from handpipe.skeleton.joints.residual import Residual
+from handpipe.skeleton.rig.rig import Rig
 
 # +x distal, +y radial, +z dorsal: a right hand. (joint, parent, child, angles, axes, centre, limits in deg)
 FLEXION, ABDUCTION = [0.0, 1, 0], [0.0, 0, 1]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
+from handpipe.core.rigid import RigidTransform
+from handpipe.mesh.surfaces.surface import Surface
 
 
 def unit(v):

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from handpipe.errors import InputError
-from handpipe.skeleton.angles import check_angles, read_angles, write_angles
+from handpipe.core.errors import InputError
+from handpipe.skeleton.joints.angles import check_angles, read_angles, write_angles
 
 LIMITS = {"MP2_flexion": tuple(np.radians([-20, 90])), "MP2_abduction": tuple(np.radians([-20, 20]))}
 HEADER = "frame,MP2_flexion [deg],MP2_abduction [deg]\n"

@@ -7,7 +7,7 @@ import pytest
 from five_fingers import DESCRIPTION, posed, random_angles, rig, tips
 from scipy.spatial.transform import Rotation
 
-from handpipe.errors import InputError
+from handpipe.core.errors import InputError
 from handpipe.skeleton.drivers.bvh import read_bvh, write_bvh
 from handpipe.skeleton.drivers.bvh_motion import bvh_frame_names, bvh_of, least_rotation, read_bvh_angles
 

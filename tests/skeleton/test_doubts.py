@@ -5,14 +5,14 @@ import pytest
 from manufactured import bone, off_by, turn
 from test_rig import AXES, DATASET, FIT, LENGTHS, manufactured
 
-from handpipe import artifacts
-from handpipe.errors import ConvergenceError, InputError
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.bones import read_registration
-from handpipe.skeleton.doubts import blame, doubted, odd_joints
-from handpipe.skeleton.odd_bones import odd_motions, without_odd_bones
-from handpipe.skeleton.pose_registration import register_pose, unmoved
-from handpipe.skeleton.registration_result import Registration, read_registrations, write_registrations
+from handpipe.core import artifacts
+from handpipe.core.errors import ConvergenceError, InputError
+from handpipe.core.rigid import RigidTransform
+from handpipe.skeleton.bones.bone_files import read_registration
+from handpipe.skeleton.bones.registration_result import Registration, read_registrations, write_registrations
+from handpipe.skeleton.registration.doubts import blame, doubted, odd_joints
+from handpipe.skeleton.registration.odd_bones import odd_motions, without_odd_bones
+from handpipe.skeleton.registration.pose_registration import register_pose, unmoved
 
 COARSE = bone(24, 20)
 SURFACES = {b: COARSE.moved(COARSE.vertices + [x, 0, 0]) for b, x in LENGTHS.items()}

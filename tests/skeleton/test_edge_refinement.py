@@ -1,11 +1,11 @@
 import numpy as np
 from manufactured import bone, noisy, turn, unit
 
-from handpipe.imaging.volume import Volume
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.edge_refinement import refine_to_edges, steepest_falls
-from handpipe.skeleton.registration_result import Registration
+from handpipe.core.rigid import RigidTransform
+from handpipe.imaging.volumes.volume import Volume
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.skeleton.bones.registration_result import Registration
+from handpipe.skeleton.registration.edge_refinement import refine_to_edges, steepest_falls
 
 NEUTRAL = bone(44, 40)
 TRUTH = RigidTransform(turn(np.radians(70) * unit([0.2, 0.9, -0.4])), np.array([12.0, -7.0, 30.0]))

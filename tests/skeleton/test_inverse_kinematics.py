@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from five_fingers import posed, random_angles, rig, tips
 
-from handpipe.errors import InputError
-from handpipe.skeleton.inverse_kinematics import Options, solve
-from handpipe.skeleton.targets import Direction, Meeting, Orientation, Position
-from handpipe.skeleton.twists import moving_bones
+from handpipe.core.errors import InputError
+from handpipe.skeleton.posing.inverse_kinematics import Options, solve
+from handpipe.skeleton.posing.targets import Direction, Meeting, Orientation, Position
+from handpipe.skeleton.rig.twists import moving_bones
 
 RIG = rig()
 TIPS = tips()

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from manufactured import noisy, turn, unit
 
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.joint_types import choose_type, fit_best
-from handpipe.skeleton.joints import fit_joint
+from handpipe.core.rigid import RigidTransform
+from handpipe.skeleton.joints.joint_types import choose_type, fit_best
+from handpipe.skeleton.joints.joints import fit_joint
 
 A, B = unit([0.1, 0.97, -0.15]), unit([0.45, -0.1, 0.9])
 OBLIQUE = unit([0.3, 0.5, 0.8])  # 63 degrees from A

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from manufactured import motion, noisy, unit
 
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.axes import Axes
-from handpipe.skeleton.joints import fit_joint
-from handpipe.skeleton.residual import Residual, fit_residual, fit_ridge
+from handpipe.core.rigid import RigidTransform
+from handpipe.skeleton.joints.axes import Axes
+from handpipe.skeleton.joints.joints import fit_joint
+from handpipe.skeleton.joints.residual import Residual, fit_residual, fit_ridge
 
 HINGE = unit([0.1, 0.97, -0.15])
 SECOND = unit(np.cross(np.cross(HINGE, [0.2, 0.1, 1.0]), HINGE))

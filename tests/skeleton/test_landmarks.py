@@ -7,7 +7,7 @@ import pytest
 from five_fingers import DESCRIPTION, posed, random_angles, rig
 from scipy.spatial.transform import Rotation
 
-from handpipe.errors import InputError
+from handpipe.core.errors import InputError
 from handpipe.skeleton.drivers.bone_lines import bone_tips
 from handpipe.skeleton.drivers.landmark_motion import landmark_angles, read_landmark_angles
 from handpipe.skeleton.drivers.landmarks import LANDMARKS, HandLandmarks, is_landmark_table, read_landmarks

@@ -5,11 +5,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.mesh.shapes import sphere
 
-from handpipe.layers import Frame, Region
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.bones import read_surfaces, write_surfaces
-from handpipe.skeleton.layer import BoneLayer, bone_regions
+from handpipe.core.layers import Frame, Region
+from handpipe.core.rigid import RigidTransform
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.bones.bone_files import read_surfaces, write_surfaces
+from handpipe.skeleton.posing.layer import BoneLayer, bone_regions
 
 BALL = sphere(5.0, 3)
 BONES = {"near": BALL, "far": BALL.moved(BALL.vertices + [12.0, 0, 0])}

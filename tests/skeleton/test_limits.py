@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from five_fingers import DESCRIPTION, rig
 
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.limits import long_axis, neutral_bend, reference_range, widened_limits
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.joints.limits import long_axis, neutral_bend, reference_range, widened_limits
 
 ZERO = {n: 0.0 for d in DESCRIPTION for n in d[3]}
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
+from handpipe.core.rigid import RigidTransform
+from handpipe.skeleton.posing.local_pose_spaces import LocalPoseSpaces
 
 PARENTS = {"index1": "palm", "index2": "index1", "index3": "index2", "little1": "palm", "little2": "little1"}
 BONES = ("palm", *PARENTS)

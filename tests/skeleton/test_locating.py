@@ -11,19 +11,19 @@ import pytest
 from manufactured import off_by
 from scipy.spatial.transform import Rotation
 
-from handpipe import artifacts
-from handpipe.config import Dataset, Scanner, load_dataset
-from handpipe.datasets import phantom_hand
-from handpipe.imaging.marrow_evidence import MarrowEvidence
-from handpipe.imaging.rasterise import rasterise
-from handpipe.imaging.volume import Volume, read_volume
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.locating import HandModel, locate
-from handpipe.skeleton.location_confidence import Confidence, confidences
-from handpipe.skeleton.motion_search import Motions
-from handpipe.skeleton.sought_again import sought_again
+from handpipe.core import artifacts
+from handpipe.core.configuration.config import Dataset, Scanner, load_dataset
+from handpipe.core.rigid import RigidTransform
+from handpipe.imaging.evidence.marrow_evidence import MarrowEvidence
+from handpipe.imaging.volumes.rasterisation import rasterise
+from handpipe.imaging.volumes.volume import Volume, read_volume
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.localisation.locating import HandModel, locate
+from handpipe.skeleton.localisation.location_confidence import Confidence, confidences
+from handpipe.skeleton.localisation.motion_search import Motions
+from handpipe.skeleton.localisation.second_search import sought_again
+from handpipe.synthetic.phantom import phantom_hand
 
 CONFIG = Path(__file__).parents[2] / "config" / "datasets"
 RAYS = (2, 3)

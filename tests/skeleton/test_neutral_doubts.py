@@ -3,9 +3,9 @@
 import numpy as np
 import trimesh
 
-from handpipe.config import Joint
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.neutral_doubts import LENGTHS, neutral_doubts
+from handpipe.core.configuration.config import Joint
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.registration.neutral_bones import LENGTHS, neutral_doubts
 
 RAY = ("metacarpal3", "proximal3", "middle3", "distal3")
 JOINTS = {

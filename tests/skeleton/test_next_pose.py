@@ -5,8 +5,8 @@ import pytest
 from five_fingers import DESCRIPTION, random_angles, relative, rig
 from manufactured import noisy
 
-from handpipe.skeleton.joints import fit_joint
-from handpipe.skeleton.next_pose import RigUncertainty, _information, _sensitivity, plan_poses, rank_poses
+from handpipe.skeleton.joints.joints import fit_joint
+from handpipe.skeleton.rig.next_pose import RigUncertainty, _information, _sensitivity, plan_poses, rank_poses
 
 RIG = rig(residuals=False)
 ZERO = {n: 0.0 for d in DESCRIPTION for n in d[3]}

@@ -8,8 +8,8 @@ import pytest
 from five_fingers import random_angles, rig
 
 from handpipe.skeleton.__main__ import main
-from handpipe.skeleton.angles import write_angles
-from handpipe.skeleton.next_pose import RigUncertainty
+from handpipe.skeleton.joints.angles import write_angles
+from handpipe.skeleton.rig.next_pose import RigUncertainty
 
 TEXT = (Path(__file__).parents[2] / "docs/methods.md").read_text(encoding="utf-8")
 DOCUMENTED = shlex.split(re.search(r"^python -m handpipe.skeleton (next-pose .*)$", TEXT, re.MULTILINE)[1])

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 from manufactured import noisy
 
-from handpipe.config import load_dataset
-from handpipe.datasets.phantom_hand import posture
-from handpipe.datasets.phantom_hand_bones import bones
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.joints import fit_joint
-from handpipe.skeleton.motions import joint_motions
-from handpipe.skeleton.next_pose import RigUncertainty, plan_poses
-from handpipe.skeleton.rig import Rig
+from handpipe.core.configuration.config import load_dataset
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.joints.joints import fit_joint
+from handpipe.skeleton.rig.motions import joint_motions
+from handpipe.skeleton.rig.next_pose import RigUncertainty, plan_poses
+from handpipe.skeleton.rig.rig import Rig
+from handpipe.synthetic.phantom.phantom_hand import posture
+from handpipe.synthetic.phantom.phantom_hand_bones import bones
 
 DATASET = load_dataset(Path(__file__).parents[2] / "config/datasets/phantom-hand.yaml")
 COUNT = 3  # scans after the first

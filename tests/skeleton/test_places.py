@@ -5,13 +5,13 @@ import pytest
 from manufactured import motion, noisy, turn, unit
 from test_rig import DATASET, FIT, SURFACES, manufactured, uncertain
 
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.joint_knowledge import JointKnowledge
-from handpipe.skeleton.joint_search import Departure
-from handpipe.skeleton.joints import fit_joint
-from handpipe.skeleton.location_confidence import SURE, Confidence
-from handpipe.skeleton.rig import Rig
-from handpipe.skeleton.table import Places, joint_table
+from handpipe.core.rigid import RigidTransform
+from handpipe.skeleton.joints.joint_knowledge import JointKnowledge
+from handpipe.skeleton.joints.joints import fit_joint
+from handpipe.skeleton.localisation.joint_search import Departure
+from handpipe.skeleton.localisation.location_confidence import SURE, Confidence
+from handpipe.skeleton.rig.rig import Rig
+from handpipe.skeleton.rig.table import Places, joint_table
 
 CENTRE = np.array([20.0, 0.5, -1])
 HINTS = np.array([[0, 1.0, 0], [0, 0, 1.0], [1.0, 0, 0]])

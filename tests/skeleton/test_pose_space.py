@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from manufactured import turn
 
-from handpipe import artifacts
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.pose_space import PoseSpace, felt_vector, pose_vector, reference_bone
+from handpipe.core import artifacts
+from handpipe.core.rigid import RigidTransform
+from handpipe.skeleton.posing.pose_space import PoseSpace, felt_vector, pose_vector, reference_bone
 
 PARENTS = {"proximal": "metacarpal", "middle": "proximal"}
 BONES = ("metacarpal", "proximal", "middle")

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from manufactured import bone, turn, unit
 
-from handpipe.errors import ConvergenceError
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.doubts import odd_residuals
-from handpipe.skeleton.normal_equations import Rows, covariance
-from handpipe.skeleton.registration import _finish, _Pair, register
-from handpipe.skeleton.starts import principal_starts, uniform_starts
+from handpipe.core.errors import ConvergenceError
+from handpipe.core.rigid import RigidTransform
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.registration.doubts import odd_residuals
+from handpipe.skeleton.registration.normal_equations import Rows, covariance
+from handpipe.skeleton.registration.registration import _finish, _Pair, register
+from handpipe.skeleton.registration.starts import principal_starts, uniform_starts
 
 NEUTRAL = bone(60, 48)
 TRUTH = RigidTransform(turn(np.radians(100) * unit([0.3, 0.9, -0.2])), np.array([31.0, -12.0, 55.0]))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from manufactured import noisy
 
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.registration_result import Registration
-from handpipe.skeleton.registration_table import registration_figures, registration_rows
+from handpipe.core.rigid import RigidTransform
+from handpipe.skeleton.bones.registration_result import Registration
+from handpipe.skeleton.registration.registration_table import registration_figures, registration_rows
 
 COVARIANCE = np.diag([np.radians(0.2) ** 2] * 3 + [0.03**2] * 3)
 

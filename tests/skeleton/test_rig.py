@@ -6,22 +6,22 @@ import pytest
 from manufactured import bone, motion, noisy, off_by, turn, unit
 from scipy.optimize import least_squares
 
-from handpipe import artifacts
-from handpipe.config import load_dataset
-from handpipe.errors import InputError
+from handpipe.core import artifacts
+from handpipe.core.configuration.config import load_dataset
+from handpipe.core.errors import InputError
+from handpipe.core.rigid import RigidTransform
 from handpipe.evaluation.table import rig_table
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.bodies import bodies, moved_as_one
-from handpipe.skeleton.displacement import displacement, displacement_rates, moments
-from handpipe.skeleton.explaining import explain
-from handpipe.skeleton.joint_knowledge import JointKnowledge
-from handpipe.skeleton.joints import fit_joint
-from handpipe.skeleton.limits import limit_rows
-from handpipe.skeleton.prior import MotionNoise
-from handpipe.skeleton.registration_result import Registration
-from handpipe.skeleton.rig import Rig, joint_point, outwards
-from handpipe.skeleton.table import joint_table
-from handpipe.skeleton.twists import moving_bones
+from handpipe.skeleton.bones.bodies import bodies, moved_as_one
+from handpipe.skeleton.bones.registration_result import Registration
+from handpipe.skeleton.joints.joint_knowledge import JointKnowledge
+from handpipe.skeleton.joints.joints import fit_joint
+from handpipe.skeleton.joints.limits import limit_rows
+from handpipe.skeleton.joints.prior import MotionNoise
+from handpipe.skeleton.rig.displacement import displacement, displacement_rates, moments
+from handpipe.skeleton.rig.explaining import explain
+from handpipe.skeleton.rig.rig import Rig, joint_point, outwards
+from handpipe.skeleton.rig.table import joint_table
+from handpipe.skeleton.rig.twists import moving_bones
 
 DATASET = load_dataset(Path(__file__).parents[2] / "config/datasets/phantom-finger.yaml")
 LENGTHS = {"metacarpal2": 0.0, "proximal2": 40.0, "middle2": 78.0, "distal2": 116.0}

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from manufactured import noisy
 
-from handpipe.config import load_dataset
-from handpipe.datasets.phantom_hand import posture
-from handpipe.datasets.phantom_hand_bones import bones
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.odd_bones import without_odd_bones
-from handpipe.skeleton.registration_result import Registration
-from handpipe.skeleton.rig import Rig
-from handpipe.skeleton.table import joint_table
+from handpipe.core.configuration.config import load_dataset
+from handpipe.core.rigid import RigidTransform
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.bones.registration_result import Registration
+from handpipe.skeleton.registration.odd_bones import without_odd_bones
+from handpipe.skeleton.rig.rig import Rig
+from handpipe.skeleton.rig.table import joint_table
+from handpipe.synthetic.phantom.phantom_hand import posture
+from handpipe.synthetic.phantom.phantom_hand_bones import bones
 
 CONFIG = Path(__file__).parents[2] / "config/datasets"
 RIGHT, LEFT = (load_dataset(CONFIG / f"phantom-hand-{name}.yaml") for name in ("seeded", "left"))

@@ -7,9 +7,9 @@ from five_fingers import random_angles, rig
 from test_bvh import text
 from test_landmarks import seen, write_csv
 
-from handpipe.errors import InputError
-from handpipe.skeleton.angles import write_angles
+from handpipe.core.errors import InputError
 from handpipe.skeleton.drivers.scene_frames import frame_names, read_frames
+from handpipe.skeleton.joints.angles import write_angles
 
 RIG = rig(residuals=False)
 TRUTH = random_angles(1, 0.7)

@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.fem.bodies import box, box_surface
 
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.skeleton.skinning import blend, bone_weights, smoothed_weights
+from handpipe.core.rigid import RigidTransform
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.mesh.tets.tetrahedra import TetMesh
+from handpipe.skeleton.posing.skinning import blend, bone_weights, smoothed_weights
 
 TURN = RigidTransform(Rotation.from_rotvec([0.3, 2.0, -0.7]).as_matrix(), np.array([4.0, -3.0, 9.0]))
 OTHER = RigidTransform.about(np.array([1.0, 2.0, 3.0]), Rotation.from_rotvec([-2.5, 0.1, 0.2]).as_matrix())

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handpipe import artifacts
-from handpipe.config import Scanner, load_dataset
-from handpipe.datasets import phantom_hand
-from handpipe.imaging.marrow_evidence import MarrowEvidence
-from handpipe.imaging.volume import Volume, read_volume
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.locating import HandModel
-from handpipe.skeleton.location_confidence import confidences
-from handpipe.skeleton.sought_again import sought_again
+from handpipe.core import artifacts
+from handpipe.core.configuration.config import Scanner, load_dataset
+from handpipe.core.rigid import RigidTransform
+from handpipe.imaging.evidence.marrow_evidence import MarrowEvidence
+from handpipe.imaging.volumes.volume import Volume, read_volume
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.localisation.locating import HandModel
+from handpipe.skeleton.localisation.location_confidence import confidences
+from handpipe.skeleton.localisation.second_search import sought_again
+from handpipe.synthetic.phantom import phantom_hand
 
 CHECKOUT = Path(__file__).parents[2]
 BONES = ["metacarpal3", "hamate", "metacarpal5", "proximal5", "middle5", "distal5"]  # the root's body first

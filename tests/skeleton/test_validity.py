@@ -5,9 +5,9 @@ import pytest
 import trimesh
 from five_fingers import DESCRIPTION, random_angles, rig
 
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.rig import Rig
-from handpipe.skeleton.validity import PoseValidity, validity_table
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.posing.validity import PoseValidity, validity_table
+from handpipe.skeleton.rig.rig import Rig
 
 ZERO = {n: 0.0 for d in DESCRIPTION for n in d[3]}
 POSES = [random_angles(s, 0.6) for s in range(5)]

@@ -10,8 +10,8 @@ import pytest
 import trimesh
 import yaml
 
-from handpipe.config import load_dataset
-from handpipe.errors import InputError
+from handpipe.core.configuration.config import load_dataset
+from handpipe.core.errors import InputError
 from handpipe.hand.subject import check_frames, check_images, check_surfaces, require_files
 
 from .running import run

@@ -5,7 +5,7 @@ from pathlib import Path
 import nibabel
 import numpy as np
 
-from handpipe import artifacts
+from handpipe.core import artifacts
 
 from .running import run, working_copy
 from .small_subject import POSES, write_subject

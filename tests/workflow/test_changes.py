@@ -9,7 +9,7 @@ import pytest
 import yaml
 from benchmarks.trust.stale import CHANGES, Change, Workbench, unchecked_fields, workbench
 
-from handpipe.skeleton.rig import Rig
+from handpipe.skeleton.rig.rig import Rig
 
 from .running import CHECKOUT, ENVIRONMENT, planned, run
 from .small_subject import write_dataset
@@ -61,10 +61,10 @@ def test_an_edit_of_the_library_reruns_what_imports_it(
     shutil.copytree(CHECKOUT / "src", folder / "src")
     monkeypatch.setitem(ENVIRONMENT, "PYTHONPATH", str(folder / "src"))
     assert planned(folder, "segmentation", *SMALL) == {}
-    claims = folder / "src/handpipe/imaging/claims.py"
+    claims = folder / "src/handpipe/imaging/segmentation/claims.py"
     claims.write_text(f"# A comment.\n{claims.read_text(encoding='utf-8')}", encoding="utf-8")
     assert planned(folder, "segmentation", *SMALL) == {}
-    registration = folder / "src/handpipe/skeleton/registration.py"
+    registration = folder / "src/handpipe/skeleton/registration/registration.py"
     registration.write_text(registration.read_text(encoding="utf-8") + "\nNEW = 1\n", encoding="utf-8")
     assert planned(folder, "segmentation", *SMALL) == {}
     looks = folder / "src/handpipe/evaluation/segmentation.py"
@@ -89,6 +89,6 @@ def test_a_changed_limit_is_in_the_rig_after_one_call(
 
     shutil.copytree(CHECKOUT / "src", folder / "src")
     monkeypatch.setitem(ENVIRONMENT, "PYTHONPATH", str(folder / "src"))
-    registration = folder / "src/handpipe/skeleton/registration.py"
+    registration = folder / "src/handpipe/skeleton/registration/registration.py"
     registration.write_text(registration.read_text(encoding="utf-8") + "\nNEW = 1\n", encoding="utf-8")
     assert planned(folder, "rig", *SMALL) == {"register_bones": 2, "fit_rig": 1, "rig": 1}

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pygltflib
 
-from handpipe import metrics
+from handpipe.core import metrics
+from handpipe.core.rigid import RigidTransform
 from handpipe.hand.frames import read_frames
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.axes import Axes
-from handpipe.skeleton.joint_tree import FittedPose, RigJoint
-from handpipe.skeleton.joints import JointFit
-from handpipe.skeleton.residual import Residual
-from handpipe.skeleton.rig import Rig
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.joints.axes import Axes
+from handpipe.skeleton.joints.joint_tree import FittedPose, RigJoint
+from handpipe.skeleton.joints.joints import JointFit
+from handpipe.skeleton.joints.residual import Residual
+from handpipe.skeleton.rig.rig import Rig
 
 from .running import planned, run
 from .small_subject import ball
@@ -34,8 +34,8 @@ RULES = (
 BAD = "a {bad}/../ö"
 FAILS = f"""
     import handpipe.stages.hand.simulate as stage_module
-    from handpipe.skeleton.layer import BoneLayer
-    from handpipe.errors import ConvergenceError
+    from handpipe.skeleton.posing.layer import BoneLayer
+    from handpipe.core.errors import ConvergenceError
 
     class Picky(BoneLayer):
         def solve(self, frame, below):

@@ -14,9 +14,9 @@ from benchmarks.trust.job_plans import JobPlan, plan
 from benchmarks.trust.stale import Workbench, workbench
 from snakemake.exceptions import WorkflowError
 
-from handpipe.config import Scene
-from handpipe.skeleton.bones import read_surfaces
-from handpipe.skeleton.rig import Rig
+from handpipe.core.configuration.config import Scene
+from handpipe.skeleton.bones.bone_files import read_surfaces
+from handpipe.skeleton.rig.rig import Rig
 
 from .running import planned, run, working_copy
 from .small_subject import LABELS, ball, seeds, write_dataset, write_image, write_mesh

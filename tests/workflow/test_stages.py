@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from handpipe import artifacts
+from handpipe.core import artifacts
 from handpipe.stages.files import Files
 
 from .running import CHECKOUT

@@ -11,34 +11,35 @@ import yaml
 from snakemake.caching.rule import CacheFlag
 from snakemake.exceptions import WorkflowError
 
-from handpipe import paths, selection
-from handpipe.hand import layer_loading
-from handpipe.code_digest import CodeDigests
-from handpipe.config import (
+from handpipe.core import (
+    LAYERS,
+    CodeDigests,
+    HandpipeError,
+    artifacts_of,
+    inner_layers,
+    needed,
+    paths,
+)
+from handpipe.core.configuration import (
     COUPLED_HANDS,
     Role,
     load_dataset,
     load_scene,
+    selection,
     settings_of,
 )
-from handpipe.datasets import generators
-from handpipe.errors import HandpipeError
-from handpipe.hand.frames import failures_in
-from handpipe.hand.part import part_of
-from handpipe.layer_registry import (
-    LAYERS,
-    artifacts_of,
-    inner_layers,
-    needed,
-)
-from handpipe.hand.subject import (
+from handpipe.hand import (
+    failures_in,
     joint_limits,
+    layer_loading,
     named_files,
+    part_of,
     require_files,
     require_plain,
     require_scan,
 )
-from handpipe.skeleton.drivers.scene_frames import frame_names
+from handpipe.skeleton.drivers import frame_names
+from handpipe.synthetic import generators
 
 
 def checked(load, *arguments):
@@ -91,8 +92,8 @@ def selected(of, subject, fields, names):
 def reads(*fields, of=dataset):
     """Parameter function: the fields of the dataset that the rule's script reads, and no others.
 
-    Fields are those of `handpipe.selection`; wildcards stand in braces, and {neutral}, {examples} and
-    {proposed} for the names of such poses. A change of another field does not rerun the rule.
+    Fields are those of `handpipe.core.configuration.selection`; wildcards stand in braces, and {neutral},
+    {examples} and {proposed} for the names of such poses. A change of another field does not rerun the rule.
     """
 
     def values(wildcards):
@@ -706,7 +707,7 @@ def code_of(each):
 def generator_file(subject):
     """The module that makes a generated subject, which `generators` imports by its name."""
     name = generators.MODULES[dataset(subject).generator]
-    return Path(generators.__file__).with_name(f"{name}.py")
+    return CODE.module(f"handpipe.synthetic.{name}")
 
 
 def depend_on_code():

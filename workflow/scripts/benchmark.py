@@ -6,7 +6,7 @@ import sys
 from common import stage
 
 with stage(snakemake) as log:
-    from handpipe.errors import HandpipeError
+    from handpipe.core import HandpipeError
 
     # With -j1 Snakemake counts one thread; a benchmark takes its own two all the same.
     command = [sys.executable, "-m", f"benchmarks.{snakemake.params.name}", *snakemake.params.arguments]

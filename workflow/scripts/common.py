@@ -8,10 +8,8 @@ from pathlib import Path
 
 os.environ.setdefault("NUMBA_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
 
-from handpipe import artifacts
-from handpipe.config import Dataset, Scene
-from handpipe.errors import HandpipeError, plain
-from handpipe.selection import restored
+from handpipe.core import HandpipeError, artifacts, plain
+from handpipe.core.configuration import Dataset, Scene, restored
 
 
 def dataset_of(job):

@@ -9,10 +9,11 @@ import numpy as np
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, STEPS, YOUNG, Outcome, case, largest
 from benchmarks.fem.scenes import Body
-from handpipe.arrays import Array, BoolArray
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Record, continuation, solve
-from handpipe.fem.materials import Material
+from handpipe.core import Array, BoolArray
+from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import continuation, solve
+from handpipe.fem.solver.equilibrium import Record
 
 
 @case("slivers-stretch", "smallest dihedral < 1°, stretched to 1.5 times at once")

@@ -10,11 +10,11 @@ import numpy as np
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, YOUNG, Outcome, case, largest, without_rigid_motion
 from benchmarks.fem.scenes import Body
-from handpipe.arrays import Array, BoolArray
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import solve
-from handpipe.fem.materials import Material
-from handpipe.fem.nullspace import rigid_pins
+from handpipe.core import Array, BoolArray
+from handpipe.fem.elements import Material
+from handpipe.fem.linear.nullspace import rigid_pins
+from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import solve
 
 STARTS: dict[str, tuple[str, Callable[[Array], Array]]] = {
     "scrambled": ("all vertices at random in the bounding box", scenes.scrambled),

@@ -12,14 +12,12 @@ from benchmarks.fem import scenes
 from benchmarks.fem.cases.joint import joint_scene
 from benchmarks.fem.cases.outcome import ACROSS_Y, STEPS, YOUNG, Outcome, case, largest
 from benchmarks.fem.scenes import Body
-from handpipe.arrays import Array, BoolArray, IntArray
-from handpipe.fem.barrier import Barrier
-from handpipe.fem.constraints import Attachment
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Record, Steps, continuation
-from handpipe.fem.materials import Material
-from handpipe.fem.potential import Potential
-from handpipe.fem.pull import Pull
+from handpipe.core import Array, BoolArray, IntArray
+from handpipe.fem.contact import Attachment, Barrier
+from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Elastic, Potential, Pull
+from handpipe.fem.solver import Steps, continuation
+from handpipe.fem.solver.equilibrium import Record
 
 SPRING = 20.0  # mN/mm a vertex
 SMALL_STEPS = (1 / 8, 1 / 16)

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from handpipe.arrays import Array, BoolArray, IntArray
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Options, Record
-from handpipe.fem.potential import Potential
-from handpipe.mesh.rigid import RigidTransform
+from handpipe.core import Array, BoolArray, IntArray, RigidTransform
+from handpipe.fem.potentials import Elastic, Potential
+from handpipe.fem.solver import Options
+from handpipe.fem.solver.equilibrium import Record
 
 YOUNG = 6.0  # kPa, muscle's
 ONE_STEP = Options(max_iterations=400, allow_partial=True)

@@ -10,11 +10,10 @@ import numpy as np
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, STEPS, YOUNG, Outcome, case, largest
 from benchmarks.fem.scenes import Body
-from handpipe.arrays import BoolArray
-from handpipe.fem import plasticity
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import continuation, solve
-from handpipe.fem.materials import Material
+from handpipe.core import BoolArray
+from handpipe.fem.elements import Material, plasticity
+from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import continuation, solve
 
 
 @case("plastic-compatible", "plastic stretches from 0.05 to 4 of a known shape, at once")

@@ -10,10 +10,11 @@ import numpy as np
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, STEPS, SWAP_YZ, YOUNG, Outcome, case, largest
 from benchmarks.fem.scenes import Body
-from handpipe.arrays import Array, BoolArray
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import Record, Steps, continuation, solve
-from handpipe.fem.materials import Material
+from handpipe.core import Array, BoolArray
+from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import Steps, continuation, solve
+from handpipe.fem.solver.equilibrium import Record
 
 
 def twist_scene(refine: int, poisson: float) -> tuple[Body, Elastic, BoolArray, Callable[[float], Array]]:

@@ -8,11 +8,10 @@ import scipy.sparse as sp
 from benchmarks.fem import scenes
 from benchmarks.fem.cases.outcome import ONE_STEP, YOUNG, Outcome, case, largest, without_rigid_motion
 from benchmarks.fem.scenes import Body
-from handpipe.fem.elastic import Elastic
-from handpipe.fem.equilibrium import solve
-from handpipe.fem.materials import Material
-from handpipe.fem.nullspace import rigid_pins
-from handpipe.fem.pull import Pull
+from handpipe.fem.elements import Material
+from handpipe.fem.linear.nullspace import rigid_pins
+from handpipe.fem.potentials import Elastic, Pull
+from handpipe.fem.solver import solve
 
 
 def traction(body: Body, length: float, kilopascal: float) -> Pull:

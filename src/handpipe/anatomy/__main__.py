@@ -18,12 +18,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from handpipe.anatomy import feature_points
-from handpipe.anatomy.family import family, lengths_of, read_family
-from handpipe.anatomy.photograph import from_photograph, read_photograph
-from handpipe.anatomy.subject_template import SpaceMap, SubjectTemplate, warped
-from handpipe.anatomy.warp import biharmonic_warp, feature_warp, require_invertible
-from handpipe.command import Parser, run
+from handpipe.anatomy.person import feature_points
+from handpipe.anatomy.person.family import family, lengths_of, read_family
+from handpipe.anatomy.person.photograph import from_photograph, read_photograph
+from handpipe.anatomy.person.subject_template import SpaceMap, SubjectTemplate, warped
+from handpipe.anatomy.person.warp import biharmonic_warp, feature_warp, require_invertible
+from handpipe.core import Parser, run
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

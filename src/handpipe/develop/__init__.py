@@ -1,1 +1,3 @@
-"""Commands of developers: compare two results folders, make the page of results from metrics."""
+"""Commands for developers: comparison of builds, pages of results, pictures."""
+
+__all__: list[str] = []

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.command import Parser, number, reported
+from handpipe.core import Parser, number, reported
 from handpipe.develop.contents import Contents, contents, is_compared
 
 LARGEST = 1e6  # of a tolerance

@@ -8,13 +8,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image as images
 
-from handpipe.artifacts import atomic
-from handpipe.command import Parser, reported
-from handpipe.errors import InputError
-from handpipe.evaluation.pictures import bodies
-from handpipe.evaluation.render import Body, Camera, Image, on_background, render
-from handpipe.hand.frames import read_frames
-from handpipe.layers import Shapes
+from handpipe.core import InputError, Parser, Shapes, atomic, reported
+from handpipe.evaluation import Body, Camera, Image, bodies, on_background, render
+from handpipe.hand import read_frames
 
 WITHOUT = ("bone_fascia", "muscle_fascia")  # translucent cloths, which cover the organs
 GHOST = 0.18  # opacity of the skin around the inside

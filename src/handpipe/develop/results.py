@@ -14,9 +14,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from handpipe import artifacts, metrics
-from handpipe.command import Parser, reported
-from handpipe.errors import InputError
+from handpipe.core import InputError, Parser, artifacts, metrics, reported
 
 PAGE = Path("docs/results.md")
 REMEDY = "Build the subject anew from one commit: remove its folder and run snakemake"

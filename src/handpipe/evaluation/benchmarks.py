@@ -10,10 +10,10 @@ import matplotlib
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from handpipe.artifacts import atomic
+from handpipe.core import atomic
 from handpipe.evaluation.table import Cell, Table
 
-Figures = Mapping[str, tuple[Any, str]]  # as `handpipe.metrics.read` gives them; some are lists or texts
+Figures = Mapping[str, tuple[Any, str]]  # as `handpipe.core.metrics.read` gives them; some are lists or texts
 
 CURVES = "error_by_"
 MARKERS = "osD^vP"

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from handpipe.core import Metrics
 from handpipe.evaluation.table import Cell, Table
-from handpipe.metrics import Metrics
 
 MIB_PER_GIB = 1024.0
 

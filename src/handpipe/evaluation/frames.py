@@ -6,11 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from handpipe.core import Metrics, Shapes
 from handpipe.evaluation.table import Row
-from handpipe.hand.frames import UNITS as ARTIFACT_UNITS
-from handpipe.hand.simulation import Failure, SimulatedFrame
-from handpipe.layers import Shapes
-from handpipe.metrics import Metrics
+from handpipe.hand import UNITS as ARTIFACT_UNITS
+from handpipe.hand import Failure, SimulatedFrame
 
 UNITS = ARTIFACT_UNITS | {"inverted_tets": "tets"}
 LEAST = ("least_det",)  # figures of which the least is the worst

@@ -6,11 +6,10 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from handpipe.arrays import Array, IntArray
+from handpipe.core import Array, IntArray
 from handpipe.evaluation.surfaces import symmetric_distance
 from handpipe.evaluation.table import STATISTICS, Row
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.mesh.surfaces import Distance, Surface
 
 
 def surface_errors(found: Mapping[str, Surface], true: Mapping[str, Surface]) -> dict[str, Array]:

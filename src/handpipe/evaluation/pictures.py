@@ -13,15 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image as PillowImage
 
-from handpipe.evaluation.render import Body, Camera, Image, on_background, render
+from handpipe.core import LAYERS, Shape, Shapes
+from handpipe.evaluation.rendering import Body, Camera, Image, on_background, render
 from handpipe.evaluation.slices import Contours, Plane, Sample, draw_slice
 from handpipe.evaluation.surfaces import surface_distance
-from handpipe.hand.appearance import colour, opacity, shown, tissue
-from handpipe.hand.export import surface_triangles
-from handpipe.layer_registry import LAYERS
-from handpipe.layers import Shape, Shapes
-from handpipe.mesh.surface import Surface
-from handpipe.tendons.tube import round_surface
+from handpipe.hand import colour, opacity, shown, surface_triangles, tissue
+from handpipe.mesh.surfaces import Surface
+from handpipe.tissues.tendons.rods import round_surface
 
 ROD_RADIUS = 1.0  # mm, of a tendon that is given as a line
 CONTOUR_COLOURS = {  # skin and muscles as in Zheng 2022, Fig. 32

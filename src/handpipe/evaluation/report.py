@@ -13,22 +13,18 @@ import jinja2
 import numpy as np
 
 from handpipe import __version__
-from handpipe.artifacts import write_text
-from handpipe.config import Dataset
+from handpipe.core import Frame, Metrics, RigidTransform, Shapes, write_text
+from handpipe.core.configuration import Dataset
 from handpipe.evaluation import pictures
 from handpipe.evaluation.benchmarks import Figures, benchmark_table, error_figures
 from handpipe.evaluation.build import Job, cost_table
-from handpipe.evaluation.render import Camera
+from handpipe.evaluation.rendering import Camera
 from handpipe.evaluation.slices import Plane, Sample, sagittal_plane, transversal_plane
 from handpipe.evaluation.surfaces import surface_distance
 from handpipe.evaluation.table import Row, Table, metrics_table, muscle_table, rig_table, skin_table
 from handpipe.evaluation.viewer import view_data
-from handpipe.hand.appearance import shown, tissue
-from handpipe.hand.simulation import SimulatedFrame
-from handpipe.layers import Frame, Shapes
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
-from handpipe.metrics import Metrics
+from handpipe.hand import SimulatedFrame, shown, tissue
+from handpipe.mesh.surfaces import Surface
 
 log = logging.getLogger(__name__)
 
@@ -82,7 +78,7 @@ class ReportInput:
     """All that a report shows; what is empty is left out of it.
 
     `skin_rows` of `table.skin_rows`, `muscle_rows` of `muscles.error_rows`, `rig_rows` of
-    `skeleton.table.joint_table`; `metrics` by stage, in the order shown; `benchmarks` the figures of
+    `skeleton.rig.joint_table`; `metrics` by stage, in the order shown; `benchmarks` the figures of
     `snakemake benchmark_fem`; `scenes` frames for the 3D view by scene; `finger` the bones, from proximal to
     distal, whose planes cut the slices (by default all); `settings` what a person chose, by name; `limits`
     and `warnings` sentences, the warnings shown first.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from handpipe.imaging.claims import Appearance
-from handpipe.metrics import Metrics
+from handpipe.core import Metrics
+from handpipe.imaging.segmentation import Appearance
 
 
 def looks_figures(

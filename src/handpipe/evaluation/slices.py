@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
-from handpipe.arrays import Array
-from handpipe.mesh.surface import Surface
+from handpipe.core import Array
+from handpipe.mesh.surfaces import Surface
 
 Sample = Callable[[Array], NDArray]  # points (n, 3) in mm -> values (n,), NaN outside of the volume
 

@@ -6,9 +6,8 @@ import igl
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.arrays import Array
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import Surface
+from handpipe.core import Array
+from handpipe.mesh.surfaces import Distance, Surface
 
 
 def surface_distance(points: Array, surface: Surface) -> Array:

@@ -9,8 +9,7 @@ from html import escape
 
 import numpy as np
 
-from handpipe.arrays import Array
-from handpipe.metrics import Metrics
+from handpipe.core import Array, Metrics
 
 Cell = str | float | None
 Row = Mapping[str, str | float]

@@ -10,12 +10,10 @@ import fast_simplification
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.arrays import Array, IntArray
+from handpipe.core import Array, IntArray, Shape
 from handpipe.evaluation.pictures import body_surface
-from handpipe.hand.appearance import colour, opacity, shown, tissue
-from handpipe.hand.simulation import SimulatedFrame
-from handpipe.layers import Shape
-from handpipe.mesh.distance import Distance
+from handpipe.hand import SimulatedFrame, colour, opacity, shown, tissue
+from handpipe.mesh.surfaces import Distance
 
 STEPS = 65535  # of a 16-bit coordinate
 TRIANGLES = 3000  # of one body in the view

@@ -1,0 +1,70 @@
+"""A hand: its subject's files, which layers and frames a scene asks for, their simulation and exports."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.hand import layer_loading
+    from handpipe.hand.appearance import colour, opacity, shown, tissue
+    from handpipe.hand.export import surface_triangles, write_glb, write_obj_sequence, write_vtu_series
+    from handpipe.hand.frames import (
+        UNITS,
+        failures_in,
+        figure_units,
+        finished_frames,
+        read_frames,
+        read_simulated,
+        write_frames,
+    )
+    from handpipe.hand.layer_loading import load_layers
+    from handpipe.hand.part import part_of
+    from handpipe.hand.resume import key_of
+    from handpipe.hand.simulation import Failure, Simulated, SimulatedFrame, simulate, simulate_frame
+    from handpipe.hand.subject import (
+        check_frames,
+        check_images,
+        check_surfaces,
+        joint_limits,
+        named_files,
+        require_files,
+        require_plain,
+        require_scan,
+    )
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "Failure",
+    "Simulated",
+    "SimulatedFrame",
+    "UNITS",
+    "check_frames",
+    "check_images",
+    "check_surfaces",
+    "colour",
+    "failures_in",
+    "figure_units",
+    "finished_frames",
+    "joint_limits",
+    "key_of",
+    "layer_loading",
+    "load_layers",
+    "named_files",
+    "opacity",
+    "part_of",
+    "read_frames",
+    "read_simulated",
+    "require_files",
+    "require_plain",
+    "require_scan",
+    "shown",
+    "simulate",
+    "simulate_frame",
+    "surface_triangles",
+    "tissue",
+    "write_frames",
+    "write_glb",
+    "write_obj_sequence",
+    "write_vtu_series",
+]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from handpipe.layer_registry import Look, looks
-from handpipe.layers import Shape, Shapes
+from handpipe.core import Look, Shape, Shapes, looks
 
 OTHER = Look((0.7, 0.7, 0.7))
 

@@ -17,14 +17,11 @@ import numpy as np
 import pygltflib as gltf
 from numpy.typing import NDArray
 
-from handpipe.arrays import Array, IntArray
-from handpipe.artifacts import atomic, write_text
+from handpipe.core import LAYERS, Array, IntArray, Shape, atomic, write_text
 from handpipe.hand.appearance import colour, opacity, shown, tissue
 from handpipe.hand.simulation import SimulatedFrame
-from handpipe.layer_registry import LAYERS
-from handpipe.layers import Shape
-from handpipe.mesh.surface import Surface
-from handpipe.mesh.tetrahedra import TetMesh
+from handpipe.mesh.surfaces import Surface
+from handpipe.mesh.tets import TetMesh
 
 CELL_TYPES = {2: "line", 3: "triangle", 4: "tetra"}
 ASSET = gltf.Asset(version="2.0", generator="handpipe")

@@ -9,11 +9,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from handpipe import artifacts
-from handpipe.errors import InputError
+from handpipe.core import Frame, InputError, RigidTransform, Shape, Shapes, artifacts
 from handpipe.hand.simulation import Failure, SimulatedFrame
-from handpipe.layers import Frame, Shape, Shapes
-from handpipe.mesh.rigid import RigidTransform
 
 LayerShapes = Mapping[str, Shapes]  # by the layer's name
 

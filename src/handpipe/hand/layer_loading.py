@@ -6,10 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.layer_registry import LAYERS, made
-from handpipe.layers import Layer
-from handpipe.mesh.surface import Surface
+from handpipe.core import LAYERS, Layer, made
+from handpipe.core.configuration import Dataset
+from handpipe.mesh.surfaces import Surface
 
 
 def load_layers(
@@ -20,7 +19,7 @@ def load_layers(
     Parameters
     ----------
     files : iterable of Path
-        The artifacts of the layers, as `handpipe.layer_registry.artifacts_of` lists them.
+        The artifacts of the layers, as `handpipe.core.artifacts_of` lists them.
     bones : mapping of str to Surface
         The bones' neutral surfaces in mm.
 

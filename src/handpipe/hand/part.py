@@ -7,10 +7,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset, Muscle, Scene
-from handpipe.errors import InputError
-from handpipe.layer_registry import LAYERS
-from handpipe.muscles.templates import read_vertex_ids
+from handpipe.core import LAYERS, InputError
+from handpipe.core.configuration import Dataset, Muscle, Scene
+from handpipe.tissues.muscles.fitting import read_vertex_ids
 
 FINGERS = {"thumb": "1", "index": "2", "middle": "3", "ring": "4", "little": "5"}
 ORGANS = ("tendons", "muscles", "ligaments")  # layers whose members lie on bones of their own

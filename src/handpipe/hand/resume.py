@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from handpipe.artifacts import identity
+from handpipe.core import identity
 
 
 def key_of(inputs: Sequence[str | Path], parameters: Mapping[str, str | Sequence[str]]) -> str:

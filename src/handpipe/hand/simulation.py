@@ -7,9 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from handpipe.errors import HandpipeError
-from handpipe.layer_registry import organs
-from handpipe.layers import Frame, Layer, Shapes
+from handpipe.core import Frame, HandpipeError, Layer, Shapes, organs
 
 log = logging.getLogger(__name__)
 SimulatedFrame = tuple[Frame, Mapping[str, Shapes]]  # with the shapes by layer and body

@@ -8,15 +8,19 @@ from functools import cache
 from math import radians
 from pathlib import Path
 
-from handpipe.config import Dataset, Muscle
-from handpipe.errors import InputError
-from handpipe.imaging.markers import read_landmarks, read_markers
-from handpipe.imaging.same_frame import Foreground, require_points_in_image, require_scan_in_image
+from handpipe.core import InputError
+from handpipe.core.configuration import Dataset, Muscle
+from handpipe.imaging.evidence import read_landmarks, read_markers
 from handpipe.imaging.segmentation import check_seeds
-from handpipe.imaging.volume import pose_volume, read_labels
-from handpipe.mesh.scan import read_scan
-from handpipe.mesh.surface import read_surface
-from handpipe.muscles.templates import read_attachments, require_near_bones
+from handpipe.imaging.volumes import (
+    Foreground,
+    pose_volume,
+    read_labels,
+    require_points_in_image,
+    require_scan_in_image,
+)
+from handpipe.mesh.surfaces import read_scan, read_surface
+from handpipe.tissues.muscles.fitting import read_attachments, require_near_bones
 
 log = logging.getLogger(__name__)
 

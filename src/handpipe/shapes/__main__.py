@@ -13,14 +13,14 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from handpipe.command import Parser, number, reported, whole_number
-from handpipe.fem.materials import Material
-from handpipe.imaging.markers import read_markers
-from handpipe.imaging.volume import read_volume
-from handpipe.shapes.files import read_pairs, read_template, write_fit
-from handpipe.shapes.given_frame import Sources
-from handpipe.shapes.organ import Observed, fit_organ
-from handpipe.shapes.settings import RANGES, Settings
+from handpipe.core import Parser, number, reported, whole_number
+from handpipe.fem.elements import Material
+from handpipe.imaging.evidence import read_markers
+from handpipe.imaging.volumes import read_volume
+from handpipe.shapes.observations.given_frame import Sources
+from handpipe.shapes.optimisation.settings import RANGES, Settings
+from handpipe.shapes.organs.files import read_pairs, read_template, write_fit
+from handpipe.shapes.organs.organ import Observed, fit_organ
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -13,11 +13,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from handpipe.artifacts import write_text
-from handpipe.command import Parser, run, whole_number
-from handpipe.skeleton.angles import read_angles
-from handpipe.skeleton.next_pose import RigUncertainty, plan_poses
-from handpipe.skeleton.rig import Rig
+from handpipe.core import Parser, run, whole_number, write_text
+from handpipe.skeleton.joints.angles import read_angles
+from handpipe.skeleton.rig.next_pose import RigUncertainty, plan_poses
+from handpipe.skeleton.rig.rig import Rig
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from handpipe.evaluation.build import Job, read_jobs
-from handpipe.metrics import Metrics
+from handpipe.core import Metrics
+from handpipe.evaluation import Job, read_jobs
 
 
 def jobs_in(folders: Iterable[Path]) -> list[Job]:
@@ -36,7 +36,7 @@ def pose_cost(folders: Iterable[Path], poses: Iterable[str]) -> Metrics:
 def contact_figures(settled: Sequence[dict[str, float]], prefix: str = "") -> Metrics:
     """Most renewals of contact planes, largest motion that was left, and how many frames did not settle.
 
-    settled: what the layer says of itself in each frame (`handpipe.settling.Settled.figures`).
+    settled: what the layer says of itself in each frame (`handpipe.fem.solver.Settled.figures`).
     """
     return {
         f"{prefix}contact_renewals_max": (max(f["contact_renewals"] for f in settled), "1"),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from handpipe.hand.frames import read_frames
-from handpipe.layers import Frame, Shape
+from handpipe.core import Frame, Shape
+from handpipe.hand import read_frames
 from handpipe.skeleton.rig import Rig
 
 

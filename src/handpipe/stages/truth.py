@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from handpipe import artifacts
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.mesh.surface import Surface
+from handpipe.core import RigidTransform, artifacts
+from handpipe.mesh.surfaces import Surface
 
 
 def true_pose(files: Sequence[Path], pose: str) -> dict[str, Any]:

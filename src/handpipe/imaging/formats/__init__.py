@@ -1,1 +1,3 @@
-"""Readers of image files: each gives the stored voxels and where they lie in RAS mm."""
+"""File formats of volumes and label volumes, one module a format."""
+
+__all__: list[str] = []

@@ -14,8 +14,7 @@ import numpy as np
 import SimpleITK as sitk
 from numpy.typing import NDArray
 
-from handpipe.arrays import Array
-from handpipe.errors import InputError
+from handpipe.core import Array, InputError
 from handpipe.imaging.formats.dicom_frames import Frame, frames_of
 from handpipe.imaging.formats.stored import LPS_TO_RAS, Stored, reading, require_size
 

@@ -12,8 +12,7 @@ import numpy as np
 import pydicom
 from pydicom.errors import InvalidDicomError
 
-from handpipe.arrays import Array
-from handpipe.errors import InputError
+from handpipe.core import Array, InputError
 from handpipe.imaging.formats.stored import reading, require_size
 
 log = logging.getLogger(__name__)

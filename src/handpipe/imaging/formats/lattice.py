@@ -9,8 +9,7 @@ import numpy as np
 from nibabel.orientations import apply_orientation, inv_ornt_aff, io_orientation
 from numpy.typing import NDArray
 
-from handpipe.arrays import Array
-from handpipe.errors import InputError
+from handpipe.core import Array, InputError
 from handpipe.imaging.formats.stored import Stored
 
 SPACING_RANGE = (0.02, 20.0)  # mm; a hand's voxels lie far inside

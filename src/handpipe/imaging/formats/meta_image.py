@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk
 
-from handpipe.arrays import Array
-from handpipe.errors import InputError
+from handpipe.core import Array, InputError
 from handpipe.imaging.formats.stored import (
     DEFLATE,
     EXPORT,

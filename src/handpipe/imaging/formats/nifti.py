@@ -10,8 +10,7 @@ from typing import Any
 import nibabel
 import numpy as np
 
-from handpipe.arrays import Array
-from handpipe.errors import InputError
+from handpipe.core import Array, InputError
 from handpipe.imaging.formats.stored import (
     DEFLATE,
     EXPORT,

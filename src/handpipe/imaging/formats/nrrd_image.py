@@ -13,8 +13,7 @@ import nrrd
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.arrays import Array
-from handpipe.errors import InputError
+from handpipe.core import Array, InputError
 from handpipe.imaging.formats.stored import (
     DEFLATE,
     EXPORT,

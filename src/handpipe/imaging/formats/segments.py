@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.errors import InputError
+from handpipe.core import InputError
 from handpipe.imaging.formats.nrrd_image import Header, grid, read_header, read_values, spatial_axes
 from handpipe.imaging.formats.stored import Stored, reading, spatial_shape
 

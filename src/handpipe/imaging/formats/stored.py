@@ -15,8 +15,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from handpipe.arrays import Array
-from handpipe.errors import InputError
+from handpipe.core import Array, InputError
 
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 LARGEST = 2**29  # voxels, 800 cubed; a hand at 0.25 mm has a tenth of them

@@ -1,0 +1,12 @@
+"""Frames of a scene from what drives it: tables of angles, motion capture, landmarks."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.skeleton.drivers.scene_frames import frame_names, read_frames
+else:
+    __getattr__ = face(__name__)
+
+__all__ = ["frame_names", "read_frames"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from handpipe.arrays import Array
-from handpipe.skeleton.rig import Rig
+from handpipe.core import Array
+from handpipe.skeleton.rig.rig import Rig
 
 
 def joint_places(rig: Rig) -> dict[str, Array]:

@@ -13,10 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from handpipe.arrays import Array
-from handpipe.artifacts import read_text, write_text
-from handpipe.errors import InputError
-from handpipe.skeleton.frame_table import number_in
+from handpipe.core import Array, InputError, read_text, write_text
+from handpipe.skeleton.joints.frame_table import number_in
 
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")

@@ -9,15 +9,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from handpipe.arrays import Array
-from handpipe.errors import InputError
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.angles import Angles
+from handpipe.core import Array, InputError, RigidTransform
 from handpipe.skeleton.drivers.bone_lines import bone_lines, bone_tips, joint_places
 from handpipe.skeleton.drivers.bvh import POSITIONS, Bvh, BvhJoint, read_bvh
-from handpipe.skeleton.inverse_kinematics import Options, solve
-from handpipe.skeleton.rig import Rig
-from handpipe.skeleton.targets import Orientation
+from handpipe.skeleton.joints.angles import Angles
+from handpipe.skeleton.posing.inverse_kinematics import Options, solve
+from handpipe.skeleton.posing.targets import Orientation
+from handpipe.skeleton.rig.rig import Rig
 
 LOG = logging.getLogger(__name__)
 SAME = 1e-2  # mm; a skeleton whose joints are as near to the rig's is in the rig's own frame

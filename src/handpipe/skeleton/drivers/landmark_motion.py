@@ -12,15 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.arrays import Array
-from handpipe.errors import InputError
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.angles import Angles
+from handpipe.core import Array, InputError, RigidTransform
 from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
 from handpipe.skeleton.drivers.landmarks import FINGERS, LANDMARKS, Hand, HandLandmarks, read_landmarks
-from handpipe.skeleton.inverse_kinematics import Options, solve
-from handpipe.skeleton.rig import Rig
-from handpipe.skeleton.targets import Direction, Position, Target
+from handpipe.skeleton.joints.angles import Angles
+from handpipe.skeleton.posing.inverse_kinematics import Options, solve
+from handpipe.skeleton.posing.targets import Direction, Position, Target
+from handpipe.skeleton.rig.rig import Rig
 
 BONES = {
     "THUMB": ("metacarpal1", "proximal1", "distal1"),

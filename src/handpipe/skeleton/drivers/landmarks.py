@@ -14,10 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from handpipe.arrays import Array
-from handpipe.artifacts import read_text
-from handpipe.errors import InputError
-from handpipe.skeleton.frame_table import delimiter_of, frame_name, number_in, read_table
+from handpipe.core import Array, InputError, read_text
+from handpipe.skeleton.joints.frame_table import delimiter_of, frame_name, number_in, read_table
 
 Hand = Literal["right", "left"]
 FINGERS = ("INDEX_FINGER", "MIDDLE_FINGER", "RING_FINGER", "PINKY")

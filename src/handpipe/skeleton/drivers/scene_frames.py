@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from handpipe.skeleton.angles import Angles, Limits, read_angles
 from handpipe.skeleton.drivers.bvh_motion import bvh_frame_names, read_bvh_angles
 from handpipe.skeleton.drivers.landmark_motion import read_landmark_angles
 from handpipe.skeleton.drivers.landmarks import Hand, is_landmark_table, read_landmarks
-from handpipe.skeleton.rig import Rig
+from handpipe.skeleton.joints.angles import Angles, Limits, read_angles
+from handpipe.skeleton.rig.rig import Rig
 
 
 def frame_names(

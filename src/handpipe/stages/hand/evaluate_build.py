@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import metrics
-from handpipe.evaluation.build import build_metrics, read_jobs
+from handpipe.core import metrics
+from handpipe.evaluation import build_metrics, read_jobs
 from handpipe.stages.files import Files
 
 

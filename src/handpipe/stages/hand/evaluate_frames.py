@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts, metrics
-from handpipe.config import Dataset, Role, Scene
-from handpipe.evaluation.frames import figure_metrics, figure_names, with_figures
-from handpipe.evaluation.table import Row
-from handpipe.hand.frames import read_simulated
-from handpipe.skeleton.drivers.scene_frames import read_frames
+from handpipe.core import artifacts, metrics
+from handpipe.core.configuration import Dataset, Role, Scene
+from handpipe.evaluation import Row, figure_metrics, figure_names, with_figures
+from handpipe.hand import read_simulated
+from handpipe.skeleton.drivers import read_frames
+from handpipe.skeleton.posing import PoseValidity, validity_table
 from handpipe.skeleton.rig import Rig
-from handpipe.skeleton.validity import PoseValidity, validity_table
 from handpipe.stages.files import Files
 
 

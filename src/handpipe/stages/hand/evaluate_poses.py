@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts, metrics
-from handpipe.evaluation.frames import pose_metrics, worst_figures, worst_of
-from handpipe.hand.frames import read_frames
+from handpipe.core import artifacts, metrics
+from handpipe.evaluation import pose_metrics, worst_figures, worst_of
+from handpipe.hand import read_frames
 from handpipe.stages.files import Files
 
 MODELS = {"m0": "fat"}  # the full model of `simulate_skin` is that of the scenes

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.hand.export import write_obj_sequence
-from handpipe.hand.frames import read_frames
+from handpipe.hand import read_frames, write_obj_sequence
 from handpipe.stages.files import Files
 
 

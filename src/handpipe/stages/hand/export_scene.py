@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.hand.export import write_glb, write_vtu_series
-from handpipe.hand.frames import read_frames
+from handpipe.hand import read_frames, write_glb, write_vtu_series
 from handpipe.stages.files import Files
 
 

@@ -7,15 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import metrics
-from handpipe.config import Dataset
-from handpipe.evaluation.build import read_jobs
-from handpipe.evaluation.frames import frame_warnings, pose_warnings
-from handpipe.evaluation.report import PoseView, ReportInput, write_report
-from handpipe.hand.frames import read_frames
-from handpipe.imaging.volume import pose_volume
-from handpipe.mesh.scan import read_scan
-from handpipe.mesh.surface import Surface
+from handpipe.core import metrics
+from handpipe.core.configuration import Dataset
+from handpipe.evaluation import PoseView, ReportInput, frame_warnings, pose_warnings, read_jobs, write_report
+from handpipe.hand import read_frames
+from handpipe.imaging.volumes import pose_volume
+from handpipe.mesh.surfaces import Surface, read_scan
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.truth import surfaces_in, true_pose

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.artifacts import write_text
-from handpipe.errors import HandpipeError
-from handpipe.hand.frames import failures_in
+from handpipe.core import HandpipeError, write_text
+from handpipe.hand import failures_in
 from handpipe.stages.files import Files
 
 

@@ -10,14 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset, Scene
-from handpipe.hand.frames import finished_frames, write_frames
-from handpipe.hand.layer_loading import load_layers
-from handpipe.hand.resume import key_of
-from handpipe.hand.simulation import Simulated
-from handpipe.hand.simulation import simulate as simulate_frames
-from handpipe.layers import Frame
-from handpipe.skeleton.drivers.scene_frames import read_frames
+from handpipe.core import Frame
+from handpipe.core.configuration import Dataset, Scene
+from handpipe.hand import Simulated, finished_frames, key_of, load_layers, write_frames
+from handpipe.hand import simulate as simulate_frames
+from handpipe.skeleton.drivers import read_frames
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.hand.frames import write_frames
-from handpipe.hand.layer_loading import load_layers
+from handpipe.core.configuration import Dataset
+from handpipe.hand import load_layers, write_frames
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.poses import scanned_frame

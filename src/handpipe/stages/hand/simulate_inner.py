@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.hand.frames import read_frames, write_frames
-from handpipe.hand.layer_loading import load_layers
-from handpipe.hand.simulation import simulate_frame
+from handpipe.core.configuration import Dataset
+from handpipe.hand import load_layers, read_frames, simulate_frame, write_frames
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.poses import scanned_frame

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts
-from handpipe.config import Dataset
-from handpipe.hand.subject import check_frames, check_images, check_surfaces
+from handpipe.core import artifacts
+from handpipe.core.configuration import Dataset
+from handpipe.hand import check_frames, check_images, check_surfaces
 from handpipe.stages.files import Files
 
 

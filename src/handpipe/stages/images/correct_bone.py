@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.imaging.claims import save
-from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, check_seeds, segment_bone
-from handpipe.imaging.volume import pose_volume, read_labels
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, check_seeds, save, segment_bone
+from handpipe.imaging.volumes import pose_volume, read_labels
 from handpipe.stages.files import Files
 
 

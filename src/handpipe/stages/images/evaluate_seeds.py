@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import metrics
-from handpipe.config import Dataset
-from handpipe.imaging.proposed_seeds import marrow_core, share_outside
-from handpipe.imaging.volume import pose_volume, read_labels
+from handpipe.core import metrics
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.segmentation import marrow_core, share_outside
+from handpipe.imaging.volumes import pose_volume, read_labels
 from handpipe.skeleton.bones import read_surfaces
-from handpipe.skeleton.locating import moved_surfaces
-from handpipe.skeleton.location_confidence import read_located
+from handpipe.skeleton.localisation import moved_surfaces, read_located
 from handpipe.stages.costs import stage_cost
 from handpipe.stages.files import Files
 

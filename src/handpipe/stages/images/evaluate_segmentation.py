@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import metrics
-from handpipe.config import Dataset
-from handpipe.evaluation.segmentation import looks_figures
-from handpipe.evaluation.surfaces import dice
-from handpipe.imaging.claims import read_looks
-from handpipe.imaging.volume import read_labels, read_volume
+from handpipe.core import metrics
+from handpipe.core.configuration import Dataset
+from handpipe.evaluation import dice, looks_figures
+from handpipe.imaging.segmentation import read_looks
+from handpipe.imaging.volumes import read_labels, read_volume
 from handpipe.stages.costs import pose_cost, stage_cost
 from handpipe.stages.files import Files
 

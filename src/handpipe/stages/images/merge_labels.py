@@ -7,16 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.errors import InputError
-from handpipe.imaging import claims
-from handpipe.imaging.cortical import whole_bone
-from handpipe.imaging.marrow import marrow_surface
-from handpipe.imaging.rasterise import rasterise
-from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, merge
-from handpipe.imaging.volume import pose_volume, read_labels, write_labels
+from handpipe.core import InputError
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.bone_surfaces import marrow_surface, whole_bone
+from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, claims, merge
+from handpipe.imaging.volumes import pose_volume, rasterise, read_labels, write_labels
 from handpipe.skeleton.bones import write_surfaces
-from handpipe.skeleton.neutral_doubts import neutral_doubts
+from handpipe.skeleton.registration import neutral_doubts
 from handpipe.stages.files import Files
 
 log = logging.getLogger(__name__)

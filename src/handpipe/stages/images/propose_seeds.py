@@ -6,15 +6,20 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import metrics
-from handpipe.config import Dataset
-from handpipe.imaging.marrow_evidence import MarrowEvidence
-from handpipe.imaging.proposed_seeds import propose
-from handpipe.imaging.volume import pose_volume, write_labels
+from handpipe.core import metrics
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.evidence import MarrowEvidence
+from handpipe.imaging.segmentation import propose
+from handpipe.imaging.volumes import pose_volume, write_labels
 from handpipe.skeleton.bones import read_surfaces
-from handpipe.skeleton.locating import HandModel, locate, moved_surfaces
-from handpipe.skeleton.location_confidence import confidences, write_located
-from handpipe.skeleton.sought_again import sought_again
+from handpipe.skeleton.localisation import (
+    HandModel,
+    confidences,
+    locate,
+    moved_surfaces,
+    sought_again,
+    write_located,
+)
 from handpipe.stages.files import Files
 
 log = logging.getLogger(__name__)

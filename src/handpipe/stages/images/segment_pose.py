@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.errors import InputError
-from handpipe.imaging.claims import save, segment
-from handpipe.imaging.segmentation import SegmentationSettings, check_seeds
-from handpipe.imaging.volume import pose_volume, read_labels
+from handpipe.core import InputError
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.segmentation import SegmentationSettings, check_seeds, save, segment
+from handpipe.imaging.volumes import pose_volume, read_labels
 from handpipe.stages.files import Files
 
 

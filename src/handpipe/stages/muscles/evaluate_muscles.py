@@ -9,21 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe import artifacts, metrics
-from handpipe.config import Dataset
-from handpipe.evaluation.muscles import deepest, error_rows, surface_errors
-from handpipe.fem import plasticity
-from handpipe.hand.frames import read_frames
-from handpipe.mesh.surface import Surface, each_moved
-from handpipe.mesh.tetrahedra import TetMesh
-from handpipe.muscles.muscle import Muscle
-from handpipe.muscles.separation import load_surfaces
+from handpipe.core import artifacts, metrics
+from handpipe.core.configuration import Dataset
+from handpipe.evaluation import deepest, error_rows, surface_errors
+from handpipe.fem.elements import plasticity
+from handpipe.hand import read_frames
+from handpipe.mesh.surfaces import Surface, each_moved
+from handpipe.mesh.tets import TetMesh
 from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.costs import contact_figures, stage_cost
 from handpipe.stages.files import Files
 from handpipe.stages.muscles.muscle_files import read_guesses
 from handpipe.stages.truth import surfaces_in, true_pose
+from handpipe.tissues.muscles import Muscle
+from handpipe.tissues.muscles.separation import load_surfaces
 
 PREFIXES = {"example": "", "heldout": "heldout_"}
 

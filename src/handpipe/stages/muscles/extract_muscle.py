@@ -6,15 +6,14 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.imaging.markers import read_landmarks, read_markers
-from handpipe.imaging.volume import pose_volume
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import concatenate
-from handpipe.muscles.extraction import Evidence, extract_neutral
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.evidence import read_landmarks, read_markers
+from handpipe.imaging.volumes import pose_volume
+from handpipe.mesh.surfaces import Distance, concatenate
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.muscles.muscle_files import read_guesses, write_bodies
+from handpipe.tissues.muscles.fitting import Evidence, extract_neutral
 
 log = logging.getLogger(__name__)
 

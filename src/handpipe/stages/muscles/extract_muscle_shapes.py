@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from handpipe import artifacts
-from handpipe.config import Dataset
-from handpipe.imaging.markers import read_landmarks, read_markers
-from handpipe.imaging.volume import pose_volume
-from handpipe.muscles.extraction import PoseData, extract_poses
+from handpipe.core import artifacts
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.evidence import read_landmarks, read_markers
+from handpipe.imaging.volumes import pose_volume
 from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.muscles.muscle_files import read_bodies
 from handpipe.stages.poses import flesh_in_poses
+from handpipe.tissues.muscles.fitting import PoseData, extract_poses
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.ligaments import fitting
+from handpipe.core.configuration import Dataset
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.muscles.muscle_files import read_guesses
+from handpipe.tissues.ligaments import fitting
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts
-from handpipe.config import Dataset
-from handpipe.mesh.surface import each_moved
-from handpipe.muscles.muscle import Examples, Muscle, SeparatedShape
-from handpipe.muscles.separation import load_surfaces
+from handpipe.core import artifacts
+from handpipe.core.configuration import Dataset
+from handpipe.mesh.surfaces import each_moved
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.muscles.muscle_files import read_bodies
 from handpipe.stages.poses import flesh_in_poses
+from handpipe.tissues.muscles import Examples, Muscle, SeparatedShape
+from handpipe.tissues.muscles.separation import load_surfaces
 
 log = logging.getLogger(__name__)
 

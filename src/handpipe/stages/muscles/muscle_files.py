@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from handpipe import artifacts
-from handpipe.mesh.surface import Surface
-from handpipe.muscles.body import Body
-from handpipe.muscles.templates import Guess
+from handpipe.core import artifacts
+from handpipe.mesh.surfaces import Surface
+from handpipe.tissues.muscles.fitting import Body, Guess
 
 
 def read_guesses(path: Path, names: Iterable[str]) -> dict[str, Guess]:

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts
-from handpipe.config import Dataset
-from handpipe.errors import InputError
-from handpipe.imaging.markers import read_landmarks
-from handpipe.mesh.surface import read_surface
-from handpipe.muscles.templates import Warp, place, read_attachments, require_near_bones
+from handpipe.core import InputError, artifacts
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.evidence import read_landmarks
+from handpipe.mesh.surfaces import read_surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
+from handpipe.tissues.muscles.fitting import Warp, place, read_attachments, require_near_bones
 
 log = logging.getLogger(__name__)
 

@@ -6,13 +6,13 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts
-from handpipe.mesh.surface import each_moved
-from handpipe.muscles.contested import separate_posed
+from handpipe.core import artifacts
+from handpipe.mesh.surfaces import each_moved
 from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.muscles.muscle_files import read_bodies
+from handpipe.tissues.muscles.separation import separate_posed
 
 log = logging.getLogger(__name__)
 

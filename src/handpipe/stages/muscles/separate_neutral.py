@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from handpipe.errors import InputError
-from handpipe.muscles.body import Body
-from handpipe.muscles.contested import uncontested
-from handpipe.muscles.separation import NO_VOLUME, separate
+from handpipe.core import InputError
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.muscles.muscle_files import read_bodies, write_bodies
+from handpipe.tissues.muscles.fitting import Body
+from handpipe.tissues.muscles.separation import NO_VOLUME, separate, uncontested
 
 log = logging.getLogger(__name__)
 

@@ -1,1 +1,12 @@
 """The skeleton: registration of bones and the rig."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.stages.skeleton import evaluate_registration, fit_rig, register_bones
+else:
+    __getattr__ = face(__name__)
+
+__all__ = ["evaluate_registration", "fit_rig", "register_bones"]

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts, metrics
-from handpipe.config import Dataset
-from handpipe.skeleton.bones import read_surfaces
-from handpipe.skeleton.registration_result import read_registrations
-from handpipe.skeleton.registration_table import registration_figures, registration_rows
+from handpipe.core import artifacts, metrics
+from handpipe.core.configuration import Dataset
+from handpipe.skeleton.bones import read_registrations, read_surfaces
+from handpipe.skeleton.registration import registration_figures, registration_rows
 from handpipe.stages.costs import stage_cost
 from handpipe.stages.files import Files
 from handpipe.stages.truth import bone_errors

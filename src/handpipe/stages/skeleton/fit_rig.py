@@ -8,15 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts, metrics
-from handpipe.config import Dataset, Role
-from handpipe.errors import InputError
-from handpipe.skeleton.bones import read_surfaces
-from handpipe.skeleton.limits import limit_rows
-from handpipe.skeleton.odd_bones import without_odd_bones
-from handpipe.skeleton.registration_result import read_registrations
-from handpipe.skeleton.rig import Rig
-from handpipe.skeleton.table import joint_table
+from handpipe.core import InputError, artifacts, metrics
+from handpipe.core.configuration import Dataset, Role
+from handpipe.skeleton.bones import read_registrations, read_surfaces
+from handpipe.skeleton.joints import limit_rows
+from handpipe.skeleton.registration import without_odd_bones
+from handpipe.skeleton.rig import Rig, joint_table
 from handpipe.stages.files import Files
 from handpipe.stages.truth import bone_errors
 

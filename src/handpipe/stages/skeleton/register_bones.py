@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.skeleton.bones import read_surfaces
-from handpipe.skeleton.pose_registration import register_pose, unmoved
-from handpipe.skeleton.registration_result import write_registrations
+from handpipe.core.configuration import Dataset
+from handpipe.skeleton.bones import read_surfaces, write_registrations
+from handpipe.skeleton.registration import register_pose, unmoved
 from handpipe.stages.files import Files
 
 

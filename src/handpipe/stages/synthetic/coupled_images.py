@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.datasets import coupled_hand
+from handpipe.core.configuration import Dataset
 from handpipe.stages.files import Files
+from handpipe.synthetic.template_hands import coupled_hand
 
 
 @dataclass(frozen=True)

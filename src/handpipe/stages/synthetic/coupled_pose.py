@@ -6,10 +6,9 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.datasets import coupled_hand
-from handpipe.datasets.known_hands import known_hand
+from handpipe.core.configuration import Dataset
 from handpipe.stages.files import Files
+from handpipe.synthetic.template_hands import coupled_hand, known_hand
 
 log = logging.getLogger(__name__)
 

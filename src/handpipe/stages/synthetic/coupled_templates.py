@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.anatomy.template import Template
-from handpipe.config import Dataset
-from handpipe.datasets import coupled_hand
-from handpipe.datasets.marked_ends import marked_ends
+from handpipe.anatomy.templates import Template
+from handpipe.core.configuration import Dataset
 from handpipe.stages.files import Files
+from handpipe.synthetic.template_hands import coupled_hand, marked_ends
 
 
 @dataclass(frozen=True)

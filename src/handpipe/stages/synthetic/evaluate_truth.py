@@ -9,13 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe import metrics
-from handpipe.config import Dataset
-from handpipe.datasets import coupled_hand
-from handpipe.datasets.known_hands import known_hand
+from handpipe.core import metrics
+from handpipe.core.configuration import Dataset
 from handpipe.stages.costs import stage_cost
 from handpipe.stages.files import Files
-from handpipe.truth.validation import patch_test, volume_changes
+from handpipe.synthetic.coupled import patch_test, volume_changes
+from handpipe.synthetic.template_hands import coupled_hand, known_hand
 
 log = logging.getLogger(__name__)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from handpipe.config import Dataset
-from handpipe.datasets.seeds import draw
+from handpipe.core.configuration import Dataset
+from handpipe.synthetic.acquisition import draw
 
 
 def generate_seeds(dataset: Dataset, pose: str) -> None:

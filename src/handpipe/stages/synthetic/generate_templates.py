@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from handpipe.config import Dataset
-from handpipe.datasets import generators
+from handpipe.core.configuration import Dataset
+from handpipe.synthetic import generators
 
 
 def generate_templates(dataset: Dataset) -> None:

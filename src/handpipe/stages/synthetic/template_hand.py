@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import metrics
-from handpipe.anatomy.hand import build_hand, load_hand
-from handpipe.datasets.template_hand import bare_hand
+from handpipe.anatomy.templates import build_hand, load_hand
+from handpipe.core import metrics
 from handpipe.fem.linear import factorise
 from handpipe.stages.files import Files
+from handpipe.synthetic.template_hands import bare_hand
 
 log = logging.getLogger(__name__)
 

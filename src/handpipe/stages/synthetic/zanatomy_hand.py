@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts, metrics
-from handpipe.config import Dataset
-from handpipe.datasets import zanatomy_hand as real_anatomy
-from handpipe.datasets.source_meshes import folder_of
+from handpipe.core import artifacts, metrics
+from handpipe.core.configuration import Dataset
 from handpipe.fem.linear import factorise
 from handpipe.stages.files import Files
+from handpipe.synthetic.real_anatomy import folder_of
+from handpipe.synthetic.template_hands import zanatomy_hand as real_anatomy
 
 log = logging.getLogger(__name__)
 

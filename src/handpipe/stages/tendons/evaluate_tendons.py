@@ -8,16 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe import metrics
-from handpipe.config import Dataset, Role
+from handpipe.core import metrics
+from handpipe.core.configuration import Dataset, Role
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.costs import stage_cost
 from handpipe.stages.files import Files
 from handpipe.stages.poses import flesh_in_poses
 from handpipe.stages.truth import true_pose
-from handpipe.tendons.registration import centreline_errors
-from handpipe.tendons.rod import length_change
-from handpipe.tendons.tendon import Tendon
+from handpipe.tissues.tendons import Tendon
+from handpipe.tissues.tendons.fitting import centreline_errors
+from handpipe.tissues.tendons.rods import length_change
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts
-from handpipe.config import Dataset
-from handpipe.mesh.rigid import RigidTransform
+from handpipe.core import RigidTransform, artifacts
+from handpipe.core.configuration import Dataset
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.poses import flesh_in_poses
-from handpipe.tendons.rest import RestTendon
-from handpipe.tendons.tendon import RegisteredRods, build_tendon
+from handpipe.tissues.tendons import RegisteredRods, build_tendon
+from handpipe.tissues.tendons.rods import RestTendon
 
 
 @dataclass(frozen=True)

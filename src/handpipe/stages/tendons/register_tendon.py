@@ -7,19 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe import artifacts
-from handpipe.config import Dataset
-from handpipe.imaging.tubes import tube_surface
-from handpipe.imaging.volume import pose_volume
-from handpipe.mesh.distance import Distance
-from handpipe.mesh.surface import concatenate, each_moved
+from handpipe.core import artifacts
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.evidence import tube_surface
+from handpipe.imaging.volumes import pose_volume
+from handpipe.mesh.surfaces import Distance, concatenate, each_moved
 from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.tendons.extraction import centre_finder
-from handpipe.tendons.registration import register
-from handpipe.tendons.rest import RestTendon
-from handpipe.tendons.surface_fit import Target
+from handpipe.tissues.tendons.fitting import Target, centre_finder, register
+from handpipe.tissues.tendons.rods import RestTendon
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe import artifacts
-from handpipe.config import Dataset, Interpolation
-from handpipe.fat.layer import FatStrains
-from handpipe.fat.tissue import Tissue
-from handpipe.mesh.rigid import RigidTransform
-from handpipe.skeleton.local_pose_spaces import LocalPoseSpaces
+from handpipe.core import RigidTransform, artifacts
+from handpipe.core.configuration import Dataset, Interpolation
+from handpipe.skeleton.posing import LocalPoseSpaces
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
+from handpipe.tissues.fat import FatStrains, Tissue
 
 
 @dataclass(frozen=True)

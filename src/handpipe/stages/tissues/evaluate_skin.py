@@ -11,18 +11,16 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from handpipe import artifacts, metrics
-from handpipe.config import Dataset
-from handpipe.evaluation.surfaces import surface_distance
-from handpipe.evaluation.table import skin_metrics, skin_rows
-from handpipe.fat.skin import Skin
-from handpipe.hand.frames import read_frames
-from handpipe.mesh.scan import read_scan
-from handpipe.mesh.surface import Surface
+from handpipe.core import artifacts, metrics
+from handpipe.core.configuration import Dataset
+from handpipe.evaluation import skin_metrics, skin_rows, surface_distance
+from handpipe.hand import read_frames
+from handpipe.mesh.surfaces import Surface, read_scan
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.costs import contact_figures, stage_cost
 from handpipe.stages.files import Files
 from handpipe.stages.truth import true_pose
+from handpipe.tissues.fat import Skin
 
 PREFIXES = {"m0": "", "m1": "m1_", "m2": "m2_"}
 

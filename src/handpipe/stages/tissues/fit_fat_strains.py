@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe import artifacts
-from handpipe.config import Dataset
-from handpipe.fat.nails import as_vector, fit_correction
-from handpipe.fat.strains import FitSettings, fit_strains
-from handpipe.fat.tissue import Tissue
-from handpipe.hand.frames import figure_units, read_frames
-from handpipe.mesh.scan import read_scan
+from handpipe.core import artifacts
+from handpipe.core.configuration import Dataset
+from handpipe.hand import figure_units, read_frames
+from handpipe.mesh.surfaces import read_scan
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
+from handpipe.tissues.fat import FitSettings, Tissue, as_vector, fit_correction, fit_strains
 
 
 @dataclass(frozen=True)

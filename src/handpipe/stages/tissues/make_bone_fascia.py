@@ -6,13 +6,11 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.fascia.fascia import ClothSettings, Fascia
-from handpipe.fascia.regions import read_regions
-from handpipe.fascia.wrapping import bone_wrap
-from handpipe.skeleton.layer import bone_regions
+from handpipe.core.configuration import Dataset
+from handpipe.skeleton.posing import bone_regions
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
+from handpipe.tissues.fascia import ClothSettings, Fascia, bone_wrap, read_regions
 
 log = logging.getLogger(__name__)
 

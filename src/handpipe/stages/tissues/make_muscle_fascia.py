@@ -9,11 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.fascia.fascia import ClothSettings, Fascia
-from handpipe.fascia.regions import muscle_regions, read_regions
-from handpipe.fascia.wrapping import wrap
-from handpipe.muscles.muscle import Muscle
 from handpipe.stages.files import Files
+from handpipe.tissues.fascia import ClothSettings, Fascia, muscle_regions, read_regions, wrap
+from handpipe.tissues.muscles import Muscle
 
 log = logging.getLogger(__name__)
 

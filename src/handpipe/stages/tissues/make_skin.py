@@ -9,13 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.config import Dataset
-from handpipe.fat.constraints import cut_end
-from handpipe.fat.nails import nail_vertices
-from handpipe.fat.skin import Rigid, Skin, closed_skin
-from handpipe.mesh.scan import read_scan
-from handpipe.mesh.surface import read_surface
+from handpipe.core.configuration import Dataset
+from handpipe.mesh.surfaces import read_scan, read_surface
 from handpipe.stages.files import Files
+from handpipe.tissues.fat import Rigid, Skin, closed_skin, cut_end, nail_vertices
 
 log = logging.getLogger(__name__)
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.fat.mesh import inner_surface
-from handpipe.fat.skin import Skin
-from handpipe.hand.frames import read_frames
-from handpipe.layer_registry import under_fat
-from handpipe.mesh.surface import Surface
+from handpipe.core import under_fat
+from handpipe.hand import read_frames
+from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.tissues.tissue import Inside, make_tissue
+from handpipe.tissues.fat import Skin, inner_surface
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.config import Dataset
-from handpipe.fascia.wrapping import bone_wrap
-from handpipe.fat.skin import Skin
-from handpipe.skeleton.layer import BoneLayer
+from handpipe.core.configuration import Dataset
+from handpipe.skeleton.posing import BoneLayer
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.poses import scanned_frame
 from handpipe.stages.tissues.tissue import Inside, make_tissue
+from handpipe.tissues.fascia import bone_wrap
+from handpipe.tissues.fat import Skin
 
 log = logging.getLogger(__name__)
 

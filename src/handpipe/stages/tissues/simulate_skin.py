@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.fat.layer import load_fat, load_skin
-from handpipe.hand.frames import read_frames, write_frames
+from handpipe.hand import read_frames, write_frames
 from handpipe.stages.files import Files
+from handpipe.tissues.fat import load_fat, load_skin
 
 
 @dataclass(frozen=True)

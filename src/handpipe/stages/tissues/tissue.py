@@ -6,13 +6,10 @@ import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from handpipe.fat.constraints import inner_points
-from handpipe.fat.mesh import tissue_mesh
-from handpipe.fat.skin import Skin
-from handpipe.fat.tissue import Tissue, TissueSettings
-from handpipe.layers import Shapes
-from handpipe.mesh.surface import Surface
-from handpipe.skeleton.skinning import smoothed_weights
+from handpipe.core import Shapes
+from handpipe.mesh.surfaces import Surface
+from handpipe.skeleton.posing import smoothed_weights
+from handpipe.tissues.fat import Skin, Tissue, TissueSettings, inner_points, tissue_mesh
 
 log = logging.getLogger(__name__)
 

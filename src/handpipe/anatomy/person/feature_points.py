@@ -1,0 +1,124 @@
+"""The 26 feature points that steer a template to a person (Albrecht 2003 §5.1): files, missing and doubtful
+ones.
+
+Named by the joint or fingertip under them, rays 1 (thumb) to 5: `tip1` ... `tip5`, `DIP2` ... `DIP5`, `IP1`,
+`PIP2` ... `PIP5`, `MP1` ... `MP5` on the back of the knuckles, `web12` ... `web45` in the skin between two
+rays, `wrist_radial`, `wrist_ulnar` and `ulna_head`.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.core import Array, InputError
+from handpipe.imaging.evidence import read_landmarks, write_markers
+from handpipe.mesh.surfaces import left_out
+from handpipe.tissues.muscles.fitting import fit_similarity
+
+Points = Mapping[str, Array]
+
+log = logging.getLogger(__name__)
+
+FINGERS = (2, 3, 4, 5)
+NAMES = (
+    *(f"tip{ray}" for ray in (1, *FINGERS)),
+    *(f"DIP{ray}" for ray in FINGERS),
+    "IP1",
+    *(f"PIP{ray}" for ray in FINGERS),
+    *(f"MP{ray}" for ray in (1, *FINGERS)),
+    *(f"web{ray}{ray + 1}" for ray in (1, *FINGERS[:-1])),
+    "wrist_radial",
+    "wrist_ulnar",
+    "ulna_head",
+)
+FEWEST = 8  # with which all five rays can still be told; the paper had reasonable hands from 16
+# mm, for hands of like size. Two adults' hands in unlike poses have points up to 14 mm from where the others
+# lead to, so that nothing smaller can be told from how people differ.
+DOUBT = 15.0
+
+
+def read(path: str | Path) -> dict[str, Array]:
+    """Feature points (3,) in mm, RAS, of a `.mrk.json` file whose labels are among `NAMES`.
+
+    Raises `InputError` for a label that is none, and for too few points (`require_enough`).
+    """
+    points = read_landmarks(path)
+    for name in points:
+        if name not in NAMES:
+            raise InputError(path, "label", f"{name!r} is no feature point", f"Use {', '.join(NAMES)}")
+    require_enough(points, path)
+    return points
+
+
+def write(path: str | Path, points: Points) -> None:
+    """Write feature points as fiducials of 3D Slicer, in the order of `NAMES`."""
+    names = [name for name in NAMES if name in points]
+    write_markers(path, np.array([points[name] for name in names]), names)
+
+
+def missing(points: Points) -> tuple[str, ...]:
+    """Names of the feature points that are not given."""
+    return tuple(name for name in NAMES if name not in points)
+
+
+def require_enough(points: Mapping[str, object], source: str | Path) -> None:
+    """Raise `InputError` for fewer than `FEWEST` points, or where a ray has none of its own."""
+    absent = ", ".join(name for name in NAMES if name not in points)
+    if len(points) < FEWEST:
+        problem = f"only {len(points)} of at least {FEWEST} points"
+        raise InputError(source, "feature points", problem, f"Place more of {absent}")
+    for ray in (1, *FINGERS):
+        if not {f"{kind}{ray}" for kind in ("tip", "DIP", "IP", "PIP", "MP")} & set(points):
+            problem = f"ray {ray} has no point on its tip or knuckles"
+            raise InputError(source, "feature points", problem, f"Place one of {absent}")
+
+
+def matched(source: Points, target: Points, origin: str | Path) -> tuple[tuple[str, ...], Array, Array]:
+    """Names, and source and target points (n, 3), of what both have; `InputError` as `require_enough`."""
+    both = [name for name in NAMES if name in source and name in target]
+    require_enough(dict.fromkeys(both), origin)
+    return tuple(both), np.array([source[n] for n in both]), np.array([target[n] for n in both])
+
+
+def doubtful(source: Points, target: Points, limit: float = DOUBT) -> dict[str, float]:
+    """Targets that the others contradict: how far in mm each lies from where the others' warp puts it.
+
+    One after another the point without which the rest agree best is looked at, and left out if it is further
+    off than the limit (of an adult hand, in mm). A point at the end of a chain and the one before it can be
+    told apart only roughly: see the one next to it, too.
+    """
+    names, a, b = matched(source, target, "feature points")
+    scale = float(np.cbrt(np.linalg.det(fit_similarity(a, b).matrix)))
+    found: dict[str, float] = {}
+    kept = np.arange(len(names))
+    while len(kept) > FEWEST:
+        away = np.linalg.norm(left_out(a[kept], b[kept]), axis=1)
+        if (away < limit * scale).all():
+            break
+        disagreement = [
+            float((left_out(a[rest], b[rest]) ** 2).sum())
+            for rest in (np.delete(kept, i) for i in range(len(kept)))
+        ]
+        worst = int(np.argmin(disagreement))
+        if away[worst] < limit * scale:
+            break
+        found[names[kept[worst]]] = float(away[worst])
+        kept = np.delete(kept, worst)
+    return found
+
+
+def require_plausible(source: Points, target: Points, path: str | Path, limit: float = DOUBT) -> None:
+    """Raise `InputError` naming the doubtful targets, if any; log which points are missing."""
+    absent = missing(target)
+    if absent:
+        log.warning("%s: without the feature points %s", path, ", ".join(absent))
+    doubts = doubtful(source, target, limit)
+    if doubts:
+        said = ", ".join(f"{name} lies {away:.0f} mm" for name, away in doubts.items())
+        problem = f"{said} from where the other points' warp puts it"
+        remedy = "Look whether it is misplaced or its name is another's; mend it or leave it out"
+        raise InputError(path, ", ".join(doubts), problem, remedy)

@@ -1,0 +1,141 @@
+"""A person's feature points from one photograph with a ruler in it (Albrecht 2003 §5.1 and 5.2)."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from handpipe.anatomy.person.feature_points import NAMES, require_enough
+from handpipe.anatomy.person.subject_template import SubjectTemplate
+from handpipe.core import Array, InputError
+from handpipe.core.configuration import Model, load_yaml
+
+Pixel = tuple[float, float]
+
+log = logging.getLogger(__name__)
+
+SIZES = (0.3, 2.0)  # of a hand against the template: outside, the ruler is what is wrong
+RESIDUAL = 0.25  # of the hand's own spread, from which on points do not look like a hand
+
+
+class Photograph(Model):
+    """What was clicked, in pixels: right from the left edge, down from the top edge."""
+
+    points: dict[str, Pixel] = Field(description="feature points, any of the 26")
+    ruler: tuple[Pixel, Pixel] = Field(description="two points on the ruler")
+    distance: Annotated[float, Field(gt=0)] = Field(description="between them, mm")
+
+    @model_validator(mode="after")
+    def _sound(self) -> Photograph:
+        if np.linalg.norm(np.subtract(*self.ruler)) < 1.0:
+            raise ValueError("ruler: both points are at one place")
+        for name in self.points:
+            if name not in NAMES:
+                raise ValueError(f"points: {name!r} is no feature point; use {', '.join(NAMES)}")
+        return self
+
+    @property
+    def scale(self) -> float:
+        """Millimetres a pixel."""
+        return self.distance / float(np.linalg.norm(np.subtract(*self.ruler)))
+
+
+@dataclass(frozen=True, eq=False)
+class Lifted:
+    """A photograph's points (3,) in the template's frame; mirrored: whether it shows the mirror image.
+
+    size: of the hand against the template; residual: mm in the plane that are left after alignment. Not
+    mirrored are the back of a hand of the template's side and the palm of the other one.
+    """
+
+    points: dict[str, Array]
+    mirrored: bool
+    size: float
+    residual: float
+
+
+def read_photograph(path: str | Path) -> Photograph:
+    """Read what was clicked from YAML; raises `InputError` naming the first wrong field."""
+    photograph = load_yaml(path, Photograph)
+    require_enough(photograph.points, path)
+    return photograph
+
+
+def from_photograph(
+    template: SubjectTemplate, photograph: Photograph, origin: str | Path = "photograph"
+) -> Lifted:
+    """Feature points in 3D from those in the photograph and the template's own, the source points.
+
+    Points are brought to mm by the ruler and laid into the plane fitted to the source points, turned and
+    shifted by the best rigid motion onto all of them (the paper aligns the largest diameters alone, which
+    two points decide). Whether the photograph shows a mirror image of the template, the better fit tells:
+    the thumb is on one side. Each point takes its source point's height over the plane, times the ratio of
+    sizes, which is that of the best similarity. The photograph must be taken from straight above: what
+    perspective shortens is taken for short.
+
+    Raises `InputError` for too few points, for points that do not look like a hand, and for a hand of
+    impossible size, which tells of a wrong distance on the ruler.
+    """
+    source = template.feature_points
+    names = [name for name in NAMES if name in source and name in photograph.points]
+    require_enough(dict.fromkeys(names), origin)
+    a = np.array([source[n] for n in names])
+    middle, plane, normal = _fitting_plane(np.array(list(source.values())), _back(template))
+    flat, heights = (a - middle) @ plane.T, (a - middle) @ normal
+    up = photograph.scale * np.array([photograph.points[n] for n in names]) * [1.0, -1.0]
+    fits = [_aligned(up * [sign, 1.0], flat) for sign in (1.0, -1.0)]
+    mirrored = fits[1][2] < fits[0][2]
+    placed, size, residual = fits[1] if mirrored else fits[0]
+    _require_hand(size, residual, flat, origin)
+    lifted = middle + placed @ plane + (size * heights)[:, None] * normal
+    log.info("%s: size %.2f of the template's, %.1f mm off in the plane", origin, size, residual)
+    return Lifted(dict(zip(names, lifted, strict=True)), mirrored, size, residual)
+
+
+def _fitting_plane(points: Array, back: Array) -> tuple[Array, Array, Array]:
+    """A point (3,), two rows of unit vectors (2, 3) in the plane of least squares, and its normal (3,), on
+    the side of `back`, from which the first row turns to the second counter-clockwise."""
+    middle = points.mean(axis=0)
+    first, second, _ = np.linalg.svd(points - middle, full_matrices=False)[2]
+    if np.cross(first, second) @ back < 0:
+        second = -second
+    return middle, np.array([first, second]), np.cross(first, second)
+
+
+def _back(template: SubjectTemplate) -> Array:
+    """Direction (3,) from palm to back: distal x flexion axis at the fingers' first knuckles."""
+    parts = [
+        np.cross(j.centre - template.bones[j.parent].vertices.mean(axis=0), j.axes[0])
+        for j in template.joints
+        if j.name in ("MP2", "MP3", "MP4", "MP5")
+    ]
+    if not parts:
+        raise InputError("template", "joints", "MP2 to MP5 are missing", "Give a template with its joints")
+    return np.sum(parts, axis=0)
+
+
+def _aligned(points: Array, target: Array) -> tuple[Array, float, float]:
+    """Points (n, 2) turned and shifted onto target points (n, 2), the ratio of sizes, and what is left."""
+    a, b = points - points.mean(axis=0), target - target.mean(axis=0)
+    c, s = float((a * b).sum()), float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
+    length = float(np.hypot(c, s))
+    turn = np.array([[c, -s], [s, c]]) / length
+    ratio = float((a * a).sum() / length)  # of a turned onto b, by the similarity that fits b / ratio
+    placed = a @ turn.T
+    left = float(np.sqrt(((placed / ratio - b) ** 2).sum(axis=1).mean()))
+    return placed + target.mean(axis=0), ratio, left
+
+
+def _require_hand(size: float, residual: float, flat: Array, origin: str | Path) -> None:
+    spread = float(np.sqrt(((flat - flat.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    if residual > RESIDUAL * spread:
+        problem = f"are {residual:.0f} mm from a hand's in the mean"
+        raise InputError(origin, "points", problem, "Look whether names are mixed up")
+    if not SIZES[0] < size < SIZES[1]:
+        problem = f"makes the hand {size:.2f} times as large as the template's"
+        raise InputError(origin, "ruler", problem, "Check the two points on the ruler and their distance")

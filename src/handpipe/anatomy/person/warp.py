@@ -1,0 +1,153 @@
+"""Warps of a template to a person by feature points (Albrecht 2003 §5.2), and by the person's own bones."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from handpipe.anatomy.person.feature_points import Points, matched
+from handpipe.anatomy.person.posing import posed
+from handpipe.anatomy.person.subject_template import (
+    SpaceMap,
+    SubjectTemplate,
+    TemplateJoint,
+    rotation_of,
+    warped,
+)
+from handpipe.core import Array, InputError
+from handpipe.mesh.surfaces import Biharmonic, Surface
+from handpipe.tissues.muscles.fitting import Warp, fit_similarity
+
+log = logging.getLogger(__name__)
+
+MIRRORED = 0.6  # share of the distance by which the other hand's mirror image must be nearer to be believed
+
+
+@dataclass(frozen=True)
+class Composed:
+    """One map after another."""
+
+    first: SpaceMap
+    then: SpaceMap
+
+    def __call__(self, points: Array) -> Array:
+        return self.then(self.first(points))
+
+    def jacobian(self, points: Array) -> Array:
+        return self.then.jacobian(self.first(points)) @ self.first.jacobian(points)
+
+
+def biharmonic_warp(source: Points, target: Points, origin: str | Path = "feature points") -> Biharmonic:
+    """The paper's warp: of least bending energy through the points that both have.
+
+    Raises `InputError` that names `origin` for too few points, and for points in one plane.
+    """
+    _, a, b = matched(source, target, origin)
+    try:
+        return Biharmonic(a, b)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        problem = f"they determine no warp ({error})"
+        raise InputError(origin, "feature points", problem, "Place points that do not coincide") from error
+
+
+def feature_warp(
+    template: SubjectTemplate, target: Points, origin: str | Path = "feature points"
+) -> SpaceMap:
+    """The warp of a template's space through a person's feature points in 3D.
+
+    First the template takes the person's pose and proportions by its joints (`posing`), then the paper's warp
+    carries what is left, so that the points are met exactly. Raises `InputError` for too few points, and for
+    those of the other hand.
+    """
+    _require_same_hand(template, target, origin)
+    first = posed(template, target)
+    moved = {name: first(point[None])[0] for name, point in template.feature_points.items()}
+    return Composed(first, biharmonic_warp(moved, target, origin))
+
+
+def _require_same_hand(template: SubjectTemplate, target: Points, origin: str | Path) -> None:
+    _, a, b = matched(template.feature_points, target, origin)
+
+    def error(source: Array) -> float:
+        return float(np.sqrt(((fit_similarity(source, b)(source) - b) ** 2).sum(axis=1).mean()))
+
+    if error(a * [1.0, -1.0, 1.0]) < MIRRORED * error(a):
+        other = "left" if template.side == "right" else "right"
+        problem = f"are those of a {other} hand, the template is of a {template.side} one"
+        raise InputError(
+            origin,
+            "feature points",
+            problem,
+            "Mirror the template: `template.mirrored()`, or the option --mirror",
+        )
+
+
+def folds(warp: SpaceMap, template: SubjectTemplate) -> dict[str, tuple[Array, float]]:
+    """Where the warp turns the template inside out: surface -> place (3,) in the template, determinant.
+
+    Looked for at the vertices of all its surfaces; each surface's worst one is told.
+    """
+    found = {}
+    for name, surface in template.surfaces().items():
+        determinants = np.linalg.det(warp.jacobian(surface.vertices))
+        worst = int(np.argmin(determinants))
+        if determinants[worst] <= 0:
+            found[name] = surface.vertices[worst], float(determinants[worst])
+    return found
+
+
+def require_invertible(warp: SpaceMap, template: SubjectTemplate, origin: str | Path) -> None:
+    """Raise `InputError` naming the surfaces that a warp turns inside out, and where."""
+    found = folds(warp, template)
+    if found:
+        name, (place, _) = min(found.items(), key=lambda item: item[1][1])
+        where = ", ".join(f"{c:.1f}" for c in place)
+        nearest = min(
+            template.feature_points, key=lambda n: float(np.linalg.norm(template.feature_points[n] - place))
+        )
+        problem = f"the warp turns {', '.join(found)} inside out, most at ({where}) of the template"
+        raise InputError(origin, nearest, problem, f"Look at {nearest} and what is around it")
+
+
+def subject_template(
+    template: SubjectTemplate, target: Points, origin: str | Path = "feature points"
+) -> SubjectTemplate:
+    """The template carried to a person by feature points in 3D; `InputError` where the warp cannot be."""
+    warp = feature_warp(template, target, origin)
+    require_invertible(warp, template, origin)
+    return warped(template, warp)
+
+
+def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectTemplate:
+    """A person's template carried on to the person's own bones, those that both have (Wang 2021 §6.1).
+
+    Each bone is registered by an affine map and closest points, and what lies between follows; feature points
+    too. Axes turn as their bones do. Raises `ConvergenceError` where a bone cannot be registered; logs places
+    that are turned inside out, which happens where neighbouring bones all but touch.
+    """
+    both = [name for name in template.bones if name in bones]
+    if not both:
+        known = ", ".join(template.bones)
+        raise InputError("bones", "names", "none is a bone of the template", f"The template has {known}")
+    warp = Warp({n: template.bones[n] for n in both}, {n: bones[n] for n in both})
+    for name, (place, determinant) in folds(warp, template).items():
+        at = ", ".join(f"{c:.1f}" for c in place)
+        log.warning("%s is turned inside out near (%s): determinant %.2f", name, at, determinant)
+    found = warped(template, warp)
+    joints = tuple(
+        replace(new, axes=old.axes @ _mean_turn(warp, old).T) if {old.parent, old.child} & set(both) else new
+        for old, new in zip(template.joints, found.joints, strict=True)
+    )
+    return replace(found, joints=joints)
+
+
+def _mean_turn(warp: Warp, joint: TemplateJoint) -> Array:
+    """The mean rotation (3, 3) of a joint's registered bones: between bones that all but touch, the map's own
+    derivatives say little."""
+    own = [warp.registered[b].matrix for b in (joint.parent, joint.child) if b in warp.registered]
+    return Rotation.from_matrix(rotation_of(np.array(own))).mean().as_matrix()

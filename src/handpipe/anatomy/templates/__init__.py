@@ -1,0 +1,33 @@
+"""Templates from curves or surfaces: tissue functions, fibres, one labelled mesh of all organs."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.anatomy.templates.curves import load_curves
+    from handpipe.anatomy.templates.diffusion import Factorise, superlu
+    from handpipe.anatomy.templates.domain import Domain
+    from handpipe.anatomy.templates.hand import HandTemplate, Nail, build_hand, load_hand, nail_triangles
+    from handpipe.anatomy.templates.solids import Solid, template_of
+    from handpipe.anatomy.templates.template import Template, build_template
+    from handpipe.anatomy.templates.volume_accounts import accounts
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "Domain",
+    "Factorise",
+    "HandTemplate",
+    "Nail",
+    "Solid",
+    "Template",
+    "accounts",
+    "build_hand",
+    "build_template",
+    "load_curves",
+    "load_hand",
+    "nail_triangles",
+    "superlu",
+    "template_of",
+]

@@ -1,0 +1,57 @@
+"""Scales of tissue functions by which muscles get the volumes that they are to have."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from handpipe.core import Array, ConvergenceError
+
+log = logging.getLogger(__name__)
+
+TOLERANCE = 0.01
+ROUNDS = 25
+FIRST_POWER = 1.5  # volume goes like this power of the scale, to begin with
+POWERS = (0.3, 12.0)
+LONGEST_STEP = 0.5  # of the logarithm of a scale
+DECIMALS = 6  # of scales: beyond them machines differ, and each cut of the mesh makes more of it
+
+
+def meet_volumes(
+    targets: Array,
+    volumes_of: Callable[[Array], Array],
+    names: Sequence[str],
+    *,
+    tolerance: float = TOLERANCE,
+) -> Array:
+    """Scales (k,) for which `volumes_of(scales)` (k,) are the targets (k,) in mm^3 within the tolerance.
+
+    A target that is NaN leaves its scale at one. Each scale goes by its own secant of log volume over log
+    scale; neighbours, which give way, are met in the next round. Raises `ConvergenceError` naming the one
+    that is farthest off, where there is no room for it, say.
+    """
+    wanted = np.flatnonzero(np.isfinite(targets))
+    scale = np.zeros(len(targets))
+    power = np.full(len(targets), FIRST_POWER)
+    before: tuple[Array, Array] | None = None
+    for number in range(ROUNDS):
+        scales = np.exp(scale).round(DECIMALS)
+        volume = np.log(np.maximum(volumes_of(scales), 1e-9))
+        lack = np.where(np.isfinite(targets), np.log(np.where(np.isfinite(targets), targets, 1)) - volume, 0)
+        log.info("round %d: volumes off by %s", number, np.round(np.expm1(-lack[wanted]), 3))
+        if np.abs(lack).max(initial=0) <= np.log1p(tolerance):
+            return scales
+        if before is not None:
+            change = scale - before[0]
+            moved = np.abs(change) > 1e-4
+            power[moved] = np.clip(((volume - before[1])[moved] / change[moved]), *POWERS)
+        before = scale.copy(), volume
+        scale = scale + np.clip(lack / power, -LONGEST_STEP, LONGEST_STEP)
+    worst = int(np.argmax(np.abs(lack)))
+    raise ConvergenceError(
+        f"the volume of {names[worst]}",
+        f"{np.exp(volume[worst]):.4g} mm^3 after {ROUNDS} rounds, not {targets[worst]:.4g}",
+        "Ask for another volume, give it a shorter edge_length, or move curves apart.",
+    )

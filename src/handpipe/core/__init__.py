@@ -1,0 +1,73 @@
+"""What every package stands on: errors, arrays, artifacts, metrics, paths, layers, rigid motions."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.core import artifacts, configuration, metrics, paths
+    from handpipe.core.arrays import Array, BoolArray, Int32Array, IntArray
+    from handpipe.core.artifacts import atomic, identity, read_text, write_text
+    from handpipe.core.code_digest import CodeDigests
+    from handpipe.core.command import Parser, number, reported, run, whole_number
+    from handpipe.core.errors import ConvergenceError, HandpipeError, InputError, plain
+    from handpipe.core.layer_registry import (
+        LAYERS,
+        Look,
+        artifacts_of,
+        inner_layers,
+        looks,
+        made,
+        needed,
+        organs,
+        under_fat,
+    )
+    from handpipe.core.layers import Frame, Layer, Region, Shape, Shapes, flesh_in, vertices_of
+    from handpipe.core.metrics import Metrics
+    from handpipe.core.rigid import RigidTransform, left_jacobian
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "Array",
+    "BoolArray",
+    "CodeDigests",
+    "ConvergenceError",
+    "Frame",
+    "HandpipeError",
+    "InputError",
+    "Int32Array",
+    "IntArray",
+    "LAYERS",
+    "Layer",
+    "Look",
+    "Metrics",
+    "Parser",
+    "Region",
+    "RigidTransform",
+    "Shape",
+    "Shapes",
+    "artifacts",
+    "artifacts_of",
+    "atomic",
+    "configuration",
+    "flesh_in",
+    "identity",
+    "inner_layers",
+    "left_jacobian",
+    "looks",
+    "made",
+    "metrics",
+    "needed",
+    "number",
+    "organs",
+    "paths",
+    "plain",
+    "read_text",
+    "reported",
+    "run",
+    "under_fat",
+    "vertices_of",
+    "whole_number",
+    "write_text",
+]

@@ -1,0 +1,92 @@
+"""What every command line does: check numbers as they are read, and end a failure with one line."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import math
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import NoReturn
+
+from handpipe.core.errors import HandpipeError
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that ends with one line, which names the option, where an argument is wrong."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"handpipe: {message}. See {self.prog} --help\n")
+
+
+def number(lower: float, upper: float) -> Callable[[str], float]:
+    """The type of an option that is a finite number from `lower` to `upper`."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not lower <= value <= upper:
+            raise argparse.ArgumentTypeError(f"{text!r} is no number between {lower:g} and {upper:g}")
+        return value
+
+    return parse
+
+
+def whole_number(lower: float, upper: float) -> Callable[[str], int]:
+    """The type of an option that is a whole number from `lower` to `upper`."""
+
+    def parse(text: str) -> int:
+        value = number(lower, upper)(text)
+        if value != int(value):
+            raise argparse.ArgumentTypeError(f"{text!r} is no whole number")
+        return int(value)
+
+    return parse
+
+
+@dataclass
+class Failure:
+    """The exit code of a command: 0 unless it failed."""
+
+    code: int = 0
+
+
+@contextmanager
+def reported() -> Iterator[Failure]:
+    """Turn whatever ends the block into one line for a person and the exit code 1.
+
+    The traceback of an error that handpipe does not foresee is kept in a file that the line names.
+    """
+    failure = Failure()
+    try:
+        yield failure
+    except HandpipeError as error:
+        failure.code = _said(str(error))
+    except OSError as error:
+        failure.code = _said(f"{error.filename or 'file'}: {error.strerror or error}")
+    except MemoryError:
+        failure.code = _said("there is not enough memory; close other programs or give a coarser mesh")
+    except Exception as error:
+        with tempfile.NamedTemporaryFile("w", prefix="handpipe-", suffix=".log", delete=False) as file:
+            traceback.print_exc(file=file)
+        failure.code = _said(f"unexpected {type(error).__name__}: {error}. The log is {file.name}")
+
+
+def run(parser: argparse.ArgumentParser, arguments: Sequence[str] | None = None) -> int:
+    """Call the function that the parser sets as `run`; 0 if it succeeded, 1 with a line that says why not."""
+    options = parser.parse_args(arguments)
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(message)s", stream=sys.stderr)
+    with reported() as failure:
+        options.run(options)
+    return failure.code
+
+
+def _said(problem: str) -> int:
+    print(f"handpipe: {' '.join(problem.split())}", file=sys.stderr)
+    return 1

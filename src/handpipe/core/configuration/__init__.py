@@ -1,0 +1,50 @@
+"""What a person decides: datasets, scenes, settings, their schemas, the part that a stage reads."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.core.configuration import selection
+    from handpipe.core.configuration.config import (
+        COUPLED_HANDS,
+        Dataset,
+        Interpolation,
+        Joint,
+        Length,
+        Model,
+        Muscle,
+        Name,
+        Role,
+        Scanner,
+        Scene,
+        Vector,
+        load_dataset,
+        load_scene,
+        load_yaml,
+        settings_of,
+    )
+    from handpipe.core.configuration.selection import restored
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "COUPLED_HANDS",
+    "Dataset",
+    "Interpolation",
+    "Joint",
+    "Length",
+    "Model",
+    "Muscle",
+    "Name",
+    "Role",
+    "Scanner",
+    "Scene",
+    "Vector",
+    "load_dataset",
+    "load_scene",
+    "load_yaml",
+    "restored",
+    "selection",
+    "settings_of",
+]

@@ -1,0 +1,447 @@
+"""Typed descriptions of what a person decides: a dataset, a scene, and the settings of each stage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from enum import StrEnum
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+
+import yaml
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from handpipe.core.artifacts import read_text
+from handpipe.core.errors import InputError
+from handpipe.core.layer_registry import needed, organs
+
+T = TypeVar("T", bound=BaseModel)
+Vector = tuple[float, float, float]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+Subject = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
+Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
+HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
+COUPLED_HANDS = ("phantom-hand-complete", "zanatomy-hand")  # generators whose truth is a coupled simulation
+SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
+
+
+class UndeclaredFieldError(Exception):
+    """A stage reads a field that its rule does not declare, and whose change would not rerun it."""
+
+
+class Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Only what is no attribute comes here: a field only in a selection of `selection.select`."""
+            if name in type(self).model_fields:
+                kind = type(self).__name__
+                raise UndeclaredFieldError(f"{kind}.{name} is not declared by the rule of this script")
+            return super().__getattr__(name)
+
+
+class Role(StrEnum):
+    neutral = "neutral"
+    example = "example"
+    heldout = "heldout"
+
+
+class Pose(Model):
+    """What was acquired in one pose. Paths are relative to the dataset's root."""
+
+    role: Role
+    volume: Path = Field(description="MRI volume: NIfTI, NRRD, MetaImage, or a folder of DICOM images")
+    series: int | str | None = Field(
+        None, description="of a folder with several DICOM series: its number, description or UID"
+    )
+    echo: int | None = Field(
+        None, ge=1, description="of a DICOM series with several echoes: 1 is the one of the shortest time"
+    )
+    seeds: Path | None = Field(
+        None,
+        description="seeds: label volume on the grid of `volume`, 0 none, bone labels, 255 background; or a "
+        "segmentation (.seg.nrrd) with segments named as the bones are, and `background`",
+    )
+    scan: Path | None = Field(
+        None, description="skin scan: PLY, OBJ or STL in mm, in the frame of `volume`; may have holes"
+    )
+    scribbles: dict[Name, Path] = Field({}, description="extra seeds for one bone, same format as `seeds`")
+    markers: dict[Name, Path] = Field(
+        {}, description="hand-placed boundary markers of a muscle: 3D Slicer .mrk.json"
+    )
+    landmarks: dict[Name, Path] = Field(
+        {}, description="landmarks of a muscle: .mrk.json, labels as in the template's"
+    )
+
+
+class Bone(Model):
+    label: int = Field(ge=1, le=254, description="its value in seed and label volumes")
+    template: Path | None = Field(
+        None, description="surface of the same bone in the frame of the muscle templates"
+    )
+
+
+class Joint(Model):
+    """A joint carries `child` on `parent`; its angles are named, e.g. MP2_flexion."""
+
+    parent: Name
+    child: Name
+    angles: tuple[Name, ...] = Field(
+        max_length=3, description="one name a degree of freedom; none where both bones move as one"
+    )
+    type: Literal["saddle", "best"] | None = Field(
+        None,
+        description="of two angles: axes at any angle and distance (saddle), or what left-out poses favour "
+        "(best); by default two orthogonal axes through one centre",
+    )
+    limits_deg: tuple[tuple[float, float], ...] | None = Field(
+        None,
+        description="[lower, upper] of each angle; by default what poses show, widened by published ranges",
+    )
+    axis_hints: tuple[Vector, ...] = Field(
+        description="rough axis of each angle in the neutral frame: fixes its sign"
+    )
+
+    @model_validator(mode="after")
+    def _lengths(self) -> Joint:
+        limits = self.angles if self.limits_deg is None else self.limits_deg
+        if not len(self.angles) == len(limits) == len(self.axis_hints):
+            raise ValueError("angles, limits_deg and axis_hints need the same length")
+        if self.type is not None and len(self.angles) != 2:
+            raise ValueError(f"type: {self.type} is for joints of two angles")
+        for lower, upper in self.limits_deg or ():
+            if not -360 <= lower < upper <= 360:
+                raise ValueError(f"limits_deg: [{lower:g}, {upper:g}] is no range of degrees")
+        if any(sum(c * c for c in axis) < 1e-12 for axis in self.axis_hints):
+            raise ValueError("axis_hints: an axis of zero length has no direction")
+        return self
+
+
+class Muscle(Model):
+    """A template surface and where it attaches: `attachments` is JSON {bone: [template vertex ids]}."""
+
+    template: Path
+    attachments: Path
+    landmarks: Path | None = Field(None, description="landmarks on the template: .mrk.json")
+
+
+class Tendon(Model):
+    """`path` is a .mrk.json curve of a few points along it in neutral, from its insertion outwards."""
+
+    bone: Name = Field(description="bone of its insertion, where the rod's first vertex is fixed")
+    bones: tuple[Name, ...] = Field(
+        description="bones that it passes, from insertion outwards; they drive its hooks"
+    )
+    path: Path
+    radius: float = Field(gt=0, le=20, description="rough radius in mm")
+
+
+class Nail(Model):
+    bone: Name
+    surface: Path = Field(description="the nail's patch of the neutral skin, an open surface in mm")
+
+
+class Scanner(Model):
+    """How a generated subject is imaged, where its generator asks."""
+
+    spacing: float = Field(default=0.5, ge=0.2, le=3.0, description="voxel size in mm")
+    bias: float = Field(default=0.2, ge=0, lt=1, description="amplitude of the bias field, as a share")
+    noise: float = Field(
+        default=0.03,
+        ge=0,
+        le=1,
+        description="deviation of the Rician noise, as a share of marrow's intensity",
+    )
+
+
+class Truth(Model):
+    """Known truth of a phantom in each pose: `folder`/{pose}.h5 and label volumes beside it."""
+
+    folder: Path
+
+
+class Dataset(Model):
+    """Everything that a subject has."""
+
+    name: Subject
+    like: Subject | None = Field(
+        None, description="another dataset beside this file, whose keys hold where this file has none"
+    )
+    generator: (
+        Literal[
+            "phantom-finger",
+            "zanatomy-index",
+            "phantom-hand",
+            "phantom-hand-complete",
+            "myohand-bones",
+            "zanatomy-bones",
+            "zanatomy-hand",
+        ]
+        | None
+    ) = None
+    seed: int = Field(0, ge=0)
+    scanner: Scanner | None = Field(
+        None, description="generated whole hands: voxel size, bias field and noise"
+    )
+    anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
+    root: Path
+    units: Literal["mm"] = "mm"
+    hand: Literal["right", "left"] = "right"
+    poses: dict[Name, Pose]
+    bones: dict[Name, Bone]
+    other_labels: dict[Name, int] = Field(
+        {}, description="labels of other bones in the seeds: known not to be any of `bones`, and not modelled"
+    )
+    joints: dict[Name, Joint]
+    muscles: dict[Name, Muscle] = {}
+    ligaments: dict[Name, Muscle] = {}
+    tendons: dict[Name, Tendon] = {}
+    nails: dict[Name, Nail] = {}
+    muscle_interpolation: Interpolation = Field(
+        "rbf",
+        description="of muscle strains over poses: rbf follows trends, the others stay within the examples",
+    )
+    regions: dict[Literal["bone_fascia", "muscle_fascia"], Path] = Field(
+        {},
+        description='painted regions of a fascia: JSON list of "contact", "sliding" or "fixed", one a vertex',
+    )
+    truth: Truth | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Dataset:
+        if [p.role for p in self.poses.values()].count(Role.neutral) != 1:
+            raise ValueError("poses: exactly one pose has the role neutral")
+        if self.poses[self.neutral].seeds is None:
+            raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds")
+        if self.scanner is not None and self.generator not in SCANNED_HANDS:
+            raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
+        for kind, named in (
+            *((f"poses.{k}.scribbles", tuple(p.scribbles)) for k, p in self.poses.items()),
+            *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),
+            *((f"tendons.{k}", (t.bone, *t.bones)) for k, t in self.tendons.items()),
+            *((f"nails.{k}", (n.bone,)) for k, n in self.nails.items()),
+        ):
+            for bone in named:
+                if bone not in self.bones:
+                    raise ValueError(f"{kind}: names the bone {bone!r}, which is not under bones")
+        unique: dict[str, list[Any]] = {
+            "bones: the label": [*(bone.label for bone in self.bones.values()), *self.other_labels.values()],
+            "joints: the angle": [angle for joint in self.joints.values() for angle in joint.angles],
+        }
+        for kind, values in unique.items():
+            twice = [value for value in values if values.count(value) > 1]
+            if twice:
+                raise ValueError(f"{kind} {twice[0]!r} stands twice")
+        for bone, label in self.other_labels.items():
+            if bone in self.bones:
+                raise ValueError(f"other_labels: {bone!r} is under bones, too")
+            if not 1 <= label <= 254:
+                raise ValueError(f"other_labels: {label} of {bone} is no label: 1 to 254 are")
+        children = [j.child for j in self.joints.values()]
+        if len(set(children)) != len(children) or len(self.root_bones) != 1:
+            raise ValueError("joints: must form one tree over the bones, each bone a child at most once")
+        return self
+
+    # What follows from fields; a stage may read it alone, without them
+    # (`handpipe.core.configuration.selection`).
+    @cached_property
+    def root_bones(self) -> list[str]:
+        children = {j.child for j in self.joints.values()}
+        return [b for b in self.bones if b not in children]
+
+    @cached_property
+    def root_bone(self) -> str:
+        return self.root_bones[0]
+
+    @cached_property
+    def neutral(self) -> str:
+        return next(n for n, p in self.poses.items() if p.role is Role.neutral)
+
+    @property
+    def labels(self) -> dict[str, int]:
+        """Label of each bone in seed and label volumes."""
+        return {name: bone.label for name, bone in self.bones.items()}
+
+    @property
+    def seed_labels(self) -> dict[str, int]:
+        """Label of each bone that seeds may hold."""
+        return self.labels | self.other_labels
+
+    def poses_of(self, *roles: Role) -> list[str]:
+        """Names of the poses with one of the roles, in file order."""
+        return [n for n, p in self.poses.items() if p.role in roles]
+
+    @cached_property
+    def examples(self) -> list[str]:
+        return self.poses_of(Role.example)
+
+    @cached_property
+    def heldout(self) -> list[str]:
+        return self.poses_of(Role.heldout)
+
+    @cached_property
+    def fleshed(self) -> bool:
+        """Whether one soft tissue between bones and skin can be made, which carries tendons and muscles."""
+        return self.poses[self.neutral].scan is not None
+
+    def path(self, relative: Path) -> Path:
+        """A path of this dataset, resolved."""
+        return self.root / relative
+
+
+class Scene(Model):
+    """Which layers, which frames. `skin` without `fat` is one soft tissue around the bones (Wang 2019)."""
+
+    layers: tuple[str, ...]
+    frames: Path = Field(
+        description="CSV of joint angles in degrees, one frame a row; BVH; or hand landmarks (JSON, CSV)"
+    )
+    bones: dict[Name, str] = Field(
+        {}, description="bone -> name of its joint in a BVH file, where the two differ"
+    )
+    only: tuple[Name, ...] | None = Field(
+        None, min_length=1, description="bones or fingers that are modelled, with the bones that carry them"
+    )
+    chunk: int = Field(4, ge=1, description="frames in one job")
+    obj: bool = Field(False, description="write the frames as a sequence of OBJ files, too")
+
+    @model_validator(mode="after")
+    def _known(self) -> Scene:
+        known = organs()
+        for layer in self.layers:
+            if layer not in known:
+                raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(known)}")
+        return self
+
+    @property
+    def needed(self) -> list[str]:
+        """The scene's layers and all that they need, inside out."""
+        return needed(self.layers)
+
+
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]  # mm
+
+
+class Edges(Model):
+    """Edge lengths in mm."""
+
+    muscle: Length = Field(description="of the muscles' tetrahedra")
+    fascia: Length = Field(description="of the fasciae's triangles")
+    skin: Length = Field(description="of the skin's triangles")
+    fat: Length = Field(description="of the tetrahedra of the fat and of the single soft tissue")
+
+
+def _listed(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+class Settings(Model):
+    """What is built: config/config.yaml, with what the command line puts in its place."""
+
+    subjects: Annotated[tuple[Subject, ...], BeforeValidator(_listed)]
+    scenes: Annotated[tuple[str, ...], BeforeValidator(_listed)]
+    edges: Edges
+    interpolation: Interpolation = Field(description="of fat strains over poses")
+    truth: Literal["toy", "full"] = Field(description="resolution of coupled simulations that make subjects")
+
+
+def settings_of(content: Any, source: str | Path = "config") -> Settings:
+    """The configuration as Snakemake merged it; `InputError` names the first wrong key."""
+    return _checked(source, content, Settings)
+
+
+def load_yaml(path: str | Path, model: type[T]) -> T:
+    """Read and check a YAML file; raise `InputError` naming the file and the first wrong field."""
+    return _checked(path, _content(path), model)
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML whose mappings hold each key once: of two, the first would be lost without a word."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: list[Any] = []
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                problem = f"the key {key!r} stands twice"
+                raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
+            seen.append(key)
+        return super().construct_mapping(node, deep)
+
+
+def _content(path: str | Path) -> Any:
+    try:
+        return yaml.load(read_text(path), Loader=_Loader) or {}  # a safe loader
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise InputError(path, "YAML", " ".join(str(error).split()), "Mend the syntax") from error
+
+
+def _checked(path: str | Path, content: Any, model: type[T]) -> T:
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        problem = first["msg"].removeprefix("Value error, ")
+        field = ".".join(str(p) for p in first["loc"] if p != "[key]")
+        if first["type"] == "string_pattern_mismatch":
+            problem = (
+                f"{first['input']!r} is no name: letters a to z, digits and {_joint_of(first)}, letter first"
+            )
+        if not field:  # checks of a whole file name the field themselves
+            field, _, problem = problem.partition(": ") if ": " in problem else ("content", "", problem)
+        raise InputError(path, field, problem, "See config/README.md") from error
+
+
+def _joint_of(error: Mapping[str, Any]) -> str:
+    """The character beside letters and digits in the pattern of names that an error tells of."""
+    return "hyphens" if "-]" in error["ctx"]["pattern"] else "underscores"
+
+
+def load_dataset(path: str | Path) -> Dataset:
+    """Read a dataset file, completed by the one that it is `like`."""
+    dataset = _dataset(path)
+    if dataset.generator is not None:
+        _require_own_folder(path, dataset)
+    return dataset
+
+
+def _require_own_folder(path: str | Path, dataset: Dataset) -> None:
+    """Raise `InputError` where a generator would write beyond the subject's own folder of results."""
+    folder = Path("results") / Path(path).stem
+    if not dataset.root.resolve().is_relative_to(folder.resolve()):
+        problem = f"is {dataset.root}, but what is generated stays under {folder}"
+        raise InputError(path, "root", problem, f"Write {folder}/data")
+    written = dataset.model_dump(exclude={"root", "anatomy"}, exclude_none=True)
+    for field, relative in _paths(written):
+        if not dataset.path(relative).resolve().is_relative_to(dataset.root.resolve()):
+            problem = f"is {relative}, which leads out of {dataset.root}"
+            raise InputError(path, field, problem, "Give a path inside of root")
+
+
+def _paths(content: Any, field: str = "") -> Iterator[tuple[str, Path]]:
+    """Every path in nested mappings, with its field, e.g. "poses.fist.volume"."""
+    if isinstance(content, Path):
+        yield field, content
+    elif isinstance(content, dict):
+        for key, value in content.items():
+            yield from _paths(value, f"{field}.{key}" if field else str(key))
+
+
+def _dataset(path: str | Path) -> Dataset:
+    content = _content(path)
+    if not isinstance(content, dict) or "like" not in content:
+        return _checked(path, content, Dataset)
+    other = Path(path).with_name(f"{content['like']}.yaml")
+    if not other.is_file():
+        raise InputError(path, "like", f"there is no {other.name} beside it", "Name a dataset of that folder")
+    further = _content(other)
+    if "like" in further:
+        raise InputError(path, "like", f"{other.name} is like another one itself", "Name that one")
+    return _checked(path, {**further, **content}, Dataset)
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene file."""
+    return load_yaml(path, Scene)

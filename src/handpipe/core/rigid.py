@@ -1,0 +1,70 @@
+"""Rigid transforms of points, X -> R X + x."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from handpipe.core.arrays import Array
+
+
+@dataclass(frozen=True)
+class RigidTransform:
+    """X -> rotation @ X + translation; rotation (3, 3), translation (3,) in mm."""
+
+    rotation: Array
+    translation: Array
+
+    @staticmethod
+    def identity() -> RigidTransform:
+        return RigidTransform(np.eye(3), np.zeros(3))
+
+    @staticmethod
+    def about(centre: Array, rotation: Array) -> RigidTransform:
+        """Rotation (3, 3) about a fixed centre (3,).
+
+        Examples
+        --------
+        >>> half_turn = RigidTransform.about(np.array([1.0, 0.0, 0.0]), np.diag([-1.0, -1.0, 1.0]))
+        >>> half_turn(np.array([[3.0, 0.0, 5.0]])).tolist()
+        [[-1.0, 0.0, 5.0]]
+        """
+        return RigidTransform(rotation, centre - rotation @ centre)
+
+    @staticmethod
+    def fit(source: Array, target: Array, weights: Array | None = None) -> RigidTransform:
+        """Best rigid transform of points (n, 3) onto points (n, 3), weights (n,) (Kabsch)."""
+        w = np.ones(len(source)) if weights is None else weights
+        a, b = w @ source / w.sum(), w @ target / w.sum()
+        u, _, vt = np.linalg.svd((target - b).T @ ((source - a) * w[:, None]))
+        flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+        rotation = u @ flip @ vt
+        return RigidTransform(rotation, b - rotation @ a)
+
+    def __call__(self, points: Array) -> Array:
+        return points @ self.rotation.T + self.translation
+
+    def __matmul__(self, other: RigidTransform) -> RigidTransform:
+        return RigidTransform(self.rotation @ other.rotation, self(other.translation))
+
+    def inverse(self) -> RigidTransform:
+        return RigidTransform(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def rotation_vector(self) -> Array:
+        """Axis times angle (3,) in rad, angle in [0, pi]."""
+        return Rotation.from_matrix(self.rotation).as_rotvec()
+
+    def angle_to(self, other: RigidTransform) -> float:
+        """Angle in rad of the rotation between two transforms."""
+        return float(Rotation.from_matrix(self.rotation.T @ other.rotation).magnitude())
+
+
+def left_jacobian(vector: Array) -> Array:
+    """Matrix (3, 3) from the rate of a rotation vector (3,) to the angular velocity of its rotation."""
+    angle = float(np.linalg.norm(vector))
+    x = np.cross(np.eye(3), vector)  # x @ y is the cross product of vector and y
+    if angle < 1e-4:  # the next terms of the series are below 1e-9
+        return np.eye(3) + x / 2 + x @ x / 6
+    return np.eye(3) + (1 - np.cos(angle)) / angle**2 * x + (angle - np.sin(angle)) / angle**3 * x @ x

@@ -1,0 +1,36 @@
+"""What acts on points of surfaces: attachment, sliding, contact, and barriers that are never crossed."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.fem.contact.barrier import Barrier, CollidingPairs
+    from handpipe.fem.contact.constraints import (
+        Attachment,
+        Contact,
+        Operator,
+        Sliding,
+        SurfaceContact,
+        left_deep,
+        penalty,
+    )
+    from handpipe.fem.contact.points import PointPotential, per_point
+    from handpipe.fem.contact.surface_sliding import SurfaceSliding
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "Attachment",
+    "Barrier",
+    "CollidingPairs",
+    "Contact",
+    "Operator",
+    "PointPotential",
+    "Sliding",
+    "SurfaceContact",
+    "SurfaceSliding",
+    "left_deep",
+    "penalty",
+    "per_point",
+]

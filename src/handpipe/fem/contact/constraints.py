@@ -1,0 +1,247 @@
+"""Springs and one-sided penalties on embedded points: fixed, sliding and contact constraints (Zheng 2022 §6).
+
+Stiffnesses are in mN/mm, one for all points or one a point. All Hessians are exact. Where surfaces move,
+`moved` gives the same constraint at the new place; within a solve targets and surfaces stand still.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Self, TypeAlias, TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+
+from handpipe.core import Array, InputError
+from handpipe.fem.contact.closest_feature import shape_operators
+from handpipe.fem.contact.points import PointPotential, per_point
+from handpipe.mesh.surfaces import Distance
+
+Operator: TypeAlias = sp.spmatrix | sp.sparray
+Kind = TypeVar("Kind", bound=PointPotential)
+
+ON_SURFACE = 1e-9  # mm; nearer than this the direction to the closest point means nothing
+
+
+class Attachment(PointPotential):
+    """Fixed constraint: springs k/2 |p - y|^2 to targets y (k, 3) (Wang 2021 Eq. F.3)."""
+
+    def __init__(self, operator: Operator, targets: Array, stiffness: ArrayLike) -> None:
+        super().__init__(operator)
+        self.targets = _vectors(targets, self.count, "targets")
+        self.stiffness = per_point(stiffness, self.count, "stiffness")
+
+    def moved(self, targets: Array) -> Attachment:
+        """The same springs to other targets (k, 3)."""
+        other = _twin(self)
+        other.targets = _vectors(targets, self.count, "targets")
+        return other
+
+    def energies(self, points: Array) -> Array:
+        return 0.5 * self.stiffness * ((points - self.targets) ** 2).sum(axis=1)
+
+    def forces(self, points: Array) -> Array:
+        return self.stiffness[:, None] * (points - self.targets)
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        return self.stiffness[:, None, None] * np.eye(3)
+
+
+class Sliding(PointPotential):
+    """Sliding constraint: springs k/2 ((p - q) . n)^2 to planes through q (k, 3) with normals n (k, 3)."""
+
+    def __init__(self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike) -> None:
+        super().__init__(operator)
+        self.origins = _vectors(points, self.count, "points")
+        self.normals = _unit(_vectors(normals, self.count, "normals"))
+        self.stiffness = per_point(stiffness, self.count, "stiffness")
+
+    def moved(self, points: Array, normals: Array) -> Self:
+        """The same constraint with planes through other points (k, 3), with other normals (k, 3)."""
+        other = _twin(self)
+        other.origins = _vectors(points, self.count, "points")
+        other.normals = _unit(_vectors(normals, self.count, "normals"))
+        return other
+
+    def heights(self, points: Array) -> Array:
+        """Signed distances (k,) of points from their planes."""
+        return np.einsum("ij,ij->i", points - self.origins, self.normals)
+
+    def energies(self, points: Array) -> Array:
+        return 0.5 * self.stiffness * self.heights(points) ** 2
+
+    def forces(self, points: Array) -> Array:
+        return (self.stiffness * self.heights(points))[:, None] * self.normals
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        return self.stiffness[:, None, None] * dyads(self.normals)
+
+
+class Contact(Sliding):
+    """Contact constraint: points are pushed out of the half-spaces below their planes.
+
+    The penalty rises from zero at the plane over a depth of `onset` mm (see `penalty`) to stiffness k.
+    """
+
+    one_sided = True
+
+    def __init__(
+        self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike, onset: float = 0.05
+    ) -> None:
+        super().__init__(operator, points, normals, stiffness)
+        self.onset = onset
+
+    def energies(self, points: Array) -> Array:
+        return self.stiffness * penalty(-self.heights(points), self.onset)[0]
+
+    def forces(self, points: Array) -> Array:
+        return -(self.stiffness * penalty(-self.heights(points), self.onset)[1])[:, None] * self.normals
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        second = self.stiffness * penalty(-self.heights(points), self.onset)[2]
+        return second[:, None, None] * dyads(self.normals)
+
+
+def left_deep(gaps: Array, normals: Array, bite: float) -> Array:
+    """Offsets (k, 3) of contact planes that take at most `bite` mm of depth away from points with gaps (k,),
+    negative inside. Out of a deep place all at once they would push from where the other surface was.
+    """
+    return np.minimum(gaps + bite, 0.0)[:, None] * normals
+
+
+class SurfaceContact(PointPotential):
+    """Points are kept `thickness` mm outside a closed surface.
+
+    The signed distance is computed anew at every evaluation, so energy and gradient belong together
+    however far a point has slid. The Hessian is exact for the polyhedron: distance curves where an edge or a
+    vertex is closest (outside of convex, inside of hollow places) and is linear over faces. Within one Newton
+    step no point may move by more than its free distance and `reach` mm, or it could pass through a thin
+    body unnoticed. No more is asked of a point that must be more than `far` mm away, by the surface's box or
+    by how little it has moved since its distance was known.
+    """
+
+    one_sided = True
+    far = 1.0  # mm beyond the thickness
+
+    def __init__(
+        self,
+        operator: Operator,
+        distance: Distance,
+        stiffness: ArrayLike,
+        thickness: float = 0.0,
+        onset: float = 0.05,
+        reach: float = 1.0,
+    ) -> None:
+        super().__init__(operator)
+        self.distance = distance
+        self.stiffness = per_point(stiffness, self.count, "stiffness")
+        self.thickness, self.onset, self.reach = thickness, onset, reach
+        self._last: tuple[Array, Array, Array, Array] | None = None
+
+    def moved(self, distance: Distance) -> Self:
+        """The same constraint against a surface at another place or of another shape."""
+        other = _twin(self)
+        other.distance, other._last = distance, None
+        return other
+
+    def _query(self, points: Array) -> tuple[Array, Array, Array]:
+        """Signed distances (k,), their gradients (k, 3) and `shape_operators` (k, 3, 3)."""
+        if self._last is None or not np.array_equal(self._last[0], points):
+            signed, normals, shapes = self._far(points)
+            if self._last is not None:
+                moved = np.linalg.norm(points - self._last[0], axis=1)
+                signed = np.maximum(signed, self._last[1] - moved)
+            near = np.flatnonzero(signed < self.thickness + self.far)
+            signed[near], normals[near], shapes[near] = self._near(points[near])
+            self._last = points.copy(), signed, normals, shapes
+        return self._last[1:]
+
+    def _far(self, points: Array) -> tuple[Array, Array, Array]:
+        """What a query finds of points (k, 3) by the surface's box alone: a bound from below."""
+        vertices = self.distance.surface.vertices
+        beyond = np.maximum(np.maximum(vertices.min(axis=0) - points, points - vertices.max(axis=0)), 0.0)
+        return np.linalg.norm(beyond, axis=1), np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
+
+    def _near(self, points: Array) -> tuple[Array, Array, Array]:
+        signed, triangles, closest, normals = self.distance.signed(points)
+        away = np.abs(signed) > ON_SURFACE
+        normals[away] = (points[away] - closest[away]) / signed[away, None]
+        surface = self.distance.surface
+        shapes = shape_operators(normals, closest, triangles, surface.vertices, surface.triangles)
+        shapes[~away] = 0.0
+        return signed, normals, shapes
+
+    def _distance_hessians(self, points: Array) -> Array:
+        """Second derivatives (k, 3, 3) of the signed distances."""
+        signed, _, shapes = self._query(points)
+        return shapes / np.where(np.abs(signed) > ON_SURFACE, signed, 1.0)[:, None, None]
+
+    def depths(self, points: Array) -> Array:
+        """How far (k,) each point is beneath the thickness; negative where it is free."""
+        return self.thickness - self._query(points)[0]
+
+    def max_step(self, x: Array, step: Array) -> float:
+        """Fraction of a step within which no point can go deeper than `reach`: distance is 1-Lipschitz."""
+        allowed = self.reach + np.maximum(-self.depths(self.points(x)), 0.0)
+        lengths = np.where(self.stiffness > 0, np.linalg.norm(self.operator @ step, axis=1), 0.0)
+        return float(min(1.0, (allowed / np.maximum(lengths, 1e-300)).min(initial=1.0)))
+
+    def energies(self, points: Array) -> Array:
+        return self.stiffness * penalty(self.depths(points), self.onset)[0]
+
+    def forces(self, points: Array) -> Array:
+        first = self.stiffness * penalty(self.depths(points), self.onset)[1]
+        return -first[:, None] * self._query(points)[1]
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        _, first, second = penalty(self.depths(points), self.onset)
+        curved = -(self.stiffness * first)[:, None, None] * self._distance_hessians(points)
+        if project:  # a point outside is pushed on from an edge, along which its energy is concave
+            curved[self._query(points)[0] > 0] = 0.0
+        normals = self._query(points)[1]
+        return (self.stiffness * second)[:, None, None] * dyads(normals) + curved
+
+
+def penalty(depth: Array, onset: float) -> tuple[Array, Array, Array]:
+    """A one-sided penalty of depth (k,) in mm with its first and second derivative, twice continuous.
+
+    Zero for depth <= 0, depth^3 / (6 onset) up to `onset`, then quadratic of unit curvature.
+    """
+    d = np.maximum(depth, 0.0)
+    if onset <= 0.0:
+        return 0.5 * d**2, d, (depth > 0).astype(float)
+    soft = d < onset
+    value = np.where(soft, d**3 / (6 * onset), 0.5 * d**2 - 0.5 * onset * d + onset**2 / 6)
+    return value, np.where(soft, d**2 / (2 * onset), d - 0.5 * onset), np.minimum(d / onset, 1.0)
+
+
+def _twin(potential: Kind) -> Kind:
+    """A copy that shares the pattern of the Hessian."""
+    _ = potential.pattern
+    return copy.copy(potential)
+
+
+def _vectors(array: Array, count: int, name: str) -> Array:
+    out = np.ascontiguousarray(array, dtype=float)
+    if out.shape != (count, 3):
+        raise InputError(
+            "constraint", name, f"has shape {out.shape}, not ({count}, 3)", "Give one row a point"
+        )
+    bad = ~np.isfinite(out).all(axis=1)
+    if bad.any():
+        problem = f"row {int(np.argmax(bad))} is not finite"
+        raise InputError("constraint", name, problem, "Give finite vectors")
+    return out
+
+
+def _unit(vectors: Array) -> Array:
+    norms = np.linalg.norm(vectors, axis=1, keepdims=True)
+    if np.any(norms == 0):
+        raise InputError("constraint", "normals", "has a zero vector", "Give unit normals")
+    return vectors / norms
+
+
+def dyads(vectors: Array) -> Array:
+    """Outer products (k, 3, 3) of vectors (k, 3) with themselves."""
+    return vectors[:, :, None] * vectors[:, None, :]

@@ -1,0 +1,108 @@
+"""Base of the potentials that act on points embedded in a mesh, each a sum of energies of single points."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+from numpy.typing import ArrayLike
+
+from handpipe.core import Array, BoolArray, InputError, Int32Array
+from handpipe.fem.patterns.assembly import Pattern
+
+
+class PointPotential:
+    """Energy sum_c psi_c(p_c) of points p = W x; W (k, n) sparse takes vertex positions to points.
+
+    A subclass gives `energies`, `forces` and `stiffnesses` of points (k, 3).
+    """
+
+    def __init__(self, operator: sp.spmatrix | sp.sparray) -> None:
+        self.operator = sp.csr_matrix(operator)
+        self.operator.sum_duplicates()
+        self._pattern: Pattern | None = None
+
+    def energies(self, points: Array) -> Array:
+        """Energy (k,) of each point."""
+        raise NotImplementedError
+
+    def forces(self, points: Array) -> Array:
+        """Gradient (k, 3) of each point's energy."""
+        raise NotImplementedError
+
+    def stiffnesses(self, points: Array, project: bool) -> Array:
+        """Second derivative (k, 3, 3) of each point's energy."""
+        raise NotImplementedError
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self.operator.shape[0]
+
+    @property
+    def pattern(self) -> Pattern:
+        """Pattern of the Hessian, found at the first call; copies of a potential share it."""
+        if self._pattern is None:
+            w = self.operator
+            starts, members = w.indptr.astype(np.int64), w.indices.astype(np.int64)
+            self._pattern = Pattern.of_ragged(starts, members, w.shape[1])
+        return self._pattern
+
+    def points(self, x: Array) -> Array:
+        """Positions (k, 3) of the points."""
+        return self.operator @ x
+
+    def value(self, x: Array) -> float:
+        return float(self.energies(self.points(x)).sum())
+
+    def gradient(self, x: Array) -> Array:
+        return self.operator.T @ self.forces(self.points(x))
+
+    def force_sizes(self, x: Array) -> Array:
+        """Sum (n,) of the sizes in mN of the forces that points put on each vertex."""
+        return abs(self.operator).T @ np.sqrt((self.forces(self.points(x)) ** 2).sum(axis=1))
+
+    def reached(self) -> BoolArray:
+        """Mask (n,) of the vertices that carry points."""
+        return np.bincount(self.operator.indices, minlength=self.operator.shape[1]) > 0
+
+    def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        w, pattern = self.operator, self.pattern
+        data = pattern.data()
+        blocks = np.ascontiguousarray(self.stiffnesses(self.points(x), project))
+        _scatter(w.indptr, w.indices, w.data, blocks, pattern.slots, pattern.strides, data)
+        return pattern.matrix(data)
+
+
+def per_point(value: ArrayLike, count: int, name: str) -> Array:
+    """A number or an array (k,) as an array (k,); raises `InputError` where negative or misshapen."""
+    array = np.asarray(value, dtype=float)
+    if array.ndim > 0 and array.shape != (count,):
+        raise InputError(
+            "constraint", name, f"has shape {array.shape} for {count} points", "Give one a point"
+        )
+    if np.any(array < 0) or not np.all(np.isfinite(array)):
+        raise InputError("constraint", name, "is negative or not finite", "Use values of zero or more")
+    return np.broadcast_to(array, (count,)).copy()
+
+
+@njit(cache=True)
+def _scatter(
+    indptr: Int32Array,
+    indices: Int32Array,
+    weights: Array,
+    blocks: Array,
+    slots: Int32Array,
+    strides: Int32Array,
+    data: Array,
+) -> None:
+    at = 0
+    for c in range(len(indptr) - 1):
+        for p in range(indptr[c], indptr[c + 1]):
+            stride = strides[indices[p]]
+            for q in range(indptr[c], indptr[c + 1]):
+                scale = weights[p] * weights[q]
+                for i in range(3):
+                    for j in range(3):
+                        data[slots[at] + i * stride + j] += scale * blocks[c, i, j]
+                at += 1

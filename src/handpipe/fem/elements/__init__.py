@@ -1,0 +1,32 @@
+"""What tets know one by one: materials, plastic strains, compiled kernels, inversion."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.fem.elements import plasticity
+    from handpipe.fem.elements.materials import (
+        MODELS,
+        Material,
+        energy_densities,
+        piola_stresses,
+        semidefinite_stiffnesses,
+        stiffnesses,
+    )
+    from handpipe.fem.elements.plasticity import polar
+    from handpipe.fem.elements.validity import Validity
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "MODELS",
+    "Material",
+    "Validity",
+    "energy_densities",
+    "piola_stresses",
+    "plasticity",
+    "polar",
+    "semidefinite_stiffnesses",
+    "stiffnesses",
+]

@@ -1,0 +1,78 @@
+"""Sparse symmetric factorisations through one interface, by the best library that is present.
+
+Pardiso of MKL where the `mkl` package is installed, rslab elsewhere, SuperLU of scipy as the last resort.
+HANDPIPE_SOLVER = mkl, rslab or scipy chooses at import.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable
+from typing import Protocol
+
+import scipy.sparse as sp
+
+from handpipe.core import InputError
+from handpipe.fem.linear import pardiso, supernodal
+from handpipe.fem.linear.factor import Factor, FactorTooLarge, NotPositiveDefinite, SingularMatrix, Work
+from handpipe.fem.linear.pardiso import PardisoFactor
+from handpipe.fem.linear.superlu import SuperLUFactor
+from handpipe.fem.linear.supernodal import SupernodalFactor
+
+__all__ = [
+    "Factor",
+    "FactorTooLarge",
+    "NotPositiveDefinite",
+    "PardisoFactor",
+    "SingularMatrix",
+    "SuperLUFactor",
+    "SupernodalFactor",
+    "Work",
+    "backend",
+    "factorise",
+]
+
+log = logging.getLogger(__name__)
+
+
+class Backend(Protocol):
+    """A class of factors."""
+
+    def __call__(self, matrix: sp.csr_matrix, positive: bool, memory_limit: float) -> Factor: ...
+
+
+PRESENT: dict[str, Callable[[], bool]] = {
+    "mkl": pardiso.load,
+    "rslab": supernodal.available,
+    "scipy": lambda: True,
+}
+CLASSES: dict[str, Backend] = {"mkl": PardisoFactor, "rslab": SupernodalFactor, "scipy": SuperLUFactor}
+
+
+def _choose() -> str:
+    wanted = os.environ.get("HANDPIPE_SOLVER", "").lower()
+    if wanted and wanted not in CLASSES:
+        raise InputError(
+            "environment", "HANDPIPE_SOLVER", f"{wanted!r} is no solver", f"Choose of {', '.join(CLASSES)}"
+        )
+    for name in [wanted] if wanted else CLASSES:
+        if PRESENT[name]():
+            return name
+        if wanted:
+            raise InputError("environment", "HANDPIPE_SOLVER", f"{wanted} is not installed", "Unset it")
+    raise AssertionError("scipy is always there")
+
+
+backend = _choose()
+if backend == "scipy":
+    log.info("neither MKL nor rslab is there: sparse systems are solved by SuperLU, many times slower")
+
+
+def factorise(matrix: sp.csr_matrix, positive: bool = True, memory_limit: float = float("inf")) -> Factor:
+    """Factorise a full symmetric CSR matrix (N, N); `positive` asks for a positive definite one.
+
+    Raises `NotPositiveDefinite` where that was asked for and is not so, `SingularMatrix` where there is no
+    factor, `FactorTooLarge` before the work where it would need more than `memory_limit` bytes.
+    """
+    return CLASSES[backend](matrix, positive, memory_limit)

@@ -1,0 +1,36 @@
+"""An energy near a state, to second order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+from handpipe.core import Array, BoolArray
+from handpipe.fem.potentials.potential import Potential, Sum
+
+
+class Expansion:
+    """Energy g . d + d . H d / 2 of some nodes' moves d from where they are; all other nodes stay.
+
+    It stands for costly energies of a large body where few nodes move, and little.
+    """
+
+    def __init__(self, potentials: Sequence[Potential], x: Array, nodes: BoolArray) -> None:
+        """At positions x (n, 3), for the moves of the nodes of a mask (n,), in their order."""
+        energy, chosen = Sum(potentials), np.repeat(nodes, 3)
+        self._start = x[nodes]
+        self._gradient = energy.gradient(x)[nodes]
+        self._hessian = sp.csr_matrix(energy.hessian(x)[chosen][:, chosen])
+
+    def value(self, x: Array) -> float:
+        moves = (x - self._start).ravel()
+        return float(self._gradient.ravel() @ moves + 0.5 * moves @ (self._hessian @ moves))
+
+    def gradient(self, x: Array) -> Array:
+        moves = (x - self._start).ravel()
+        return self._gradient + (self._hessian @ moves).reshape(-1, 3)
+
+    def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        return self._hessian

@@ -1,0 +1,34 @@
+"""Constant forces on embedded points."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from handpipe.core import Array, InputError
+
+
+class Pull:
+    """Energy -sum f . p of constant forces f (k, 3) in mN on points p = W x (Zheng 2022 Eq. 11)."""
+
+    constant = True
+
+    def __init__(self, operator: sp.spmatrix | sp.sparray, forces: Array) -> None:
+        if not np.all(np.isfinite(forces)):
+            raise InputError("load", "forces", "has a force that is not finite", "Give forces in mN")
+        self._load = sp.csr_matrix(operator).T @ np.asarray(forces, dtype=float)
+        size = self._load.size
+        self._zero = sp.csr_matrix((size, size))
+
+    def value(self, x: Array) -> float:
+        return -float(np.vdot(self._load, x))
+
+    def gradient(self, x: Array) -> Array:
+        return -self._load
+
+    def force_sizes(self, x: Array) -> Array:
+        """Size (n,) in mN of the force on each vertex."""
+        return np.asarray(np.sqrt((self._load**2).sum(axis=1)))
+
+    def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        return self._zero

@@ -1,0 +1,13 @@
+"""Surfaces of segmented bones below the voxel size: the marrow's, and the whole bone's."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.imaging.bone_surfaces.cortical import whole_bone
+    from handpipe.imaging.bone_surfaces.marrow import marrow_surface
+else:
+    __getattr__ = face(__name__)
+
+__all__ = ["marrow_surface", "whole_bone"]

@@ -1,0 +1,145 @@
+"""The marrow's surface, below the voxel size: from the walker's probability, refined on the image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from skimage import measure
+
+from handpipe.core import Array, InputError
+from handpipe.imaging.bone_surfaces.bridges import bridged
+from handpipe.imaging.evidence.dark_layer import WINDOW, DarkLayers, fit_dark_layers, fit_dark_level
+from handpipe.imaging.evidence.profiles import (
+    BLUR,
+    graph_laplacian,
+    sample_profiles,
+    smooth_field,
+    summed_curvature,
+)
+from handpipe.imaging.segmentation.segmentation import BoneProbability
+from handpipe.imaging.volumes.volume import Volume
+from handpipe.mesh.surfaces import Surface, taubin
+
+SMOOTHING = (0.7, 0.35)  # voxels
+FADED = 0.9  # of the claimed voxels: with less left, smoothing was too much
+WHOLE = 0.98  # of what is left hangs together, or smoothing has cut a waist
+REACH = 1.25  # voxels that the image may move the walker's surface
+USUAL_THICKNESS = 0.8  # mm, of cortical bone in a finger: where fits start
+STIFFNESS = 1.0
+OUTLIER = 0.25  # mm from the neighbours' face
+
+
+@dataclass(frozen=True)
+class Cortex:
+    """How cortical bone shows in one image: its level and the marrow's, and the noise's deviation."""
+
+    level: float
+    marrow: float
+    noise: float
+
+    @staticmethod
+    def estimate(volume: Volume, bone: BoneProbability, surface: Surface) -> Cortex:
+        """From the profiles across a bone's marrow surface: the level that explains them best."""
+        values = volume.values[bone.slices]
+        marrow = float(np.median(values[bone.probability > 0.5]))
+        noise = _noise(values)
+        normals = surface.vertex_normals()
+        some = slice(None, None, max(len(normals) // 300, 1))
+        voxel = extent_along(volume, normals[some])
+        offsets = profile_offsets(volume, voxel.max())
+        profiles = sample_profiles(volume, surface.vertices[some], normals[some], offsets)
+        candidates = marrow * np.arange(0.0, 0.25, 0.03)
+        level = fit_dark_level(profiles, offsets, candidates, BLUR * voxel, noise, voxel, USUAL_THICKNESS)
+        return Cortex(level, marrow, noise)
+
+
+def _noise(values: NDArray) -> float:
+    """Robust deviation of white noise: the median of mixed second differences ignores straight edges."""
+    kernel = np.array([1.0, -2.0, 1.0])
+    mixed = values.astype(float)
+    for axis in range(3):
+        mixed = ndimage.convolve1d(mixed, kernel, axis=axis)
+    return max(float(np.median(np.abs(mixed)) / 0.6745 / 6**1.5), 1e-6 * float(np.abs(values).max()))
+
+
+def contour(field: Volume, level: float) -> Surface:
+    """Surface where a field crosses a level, larger values inside, facing outwards; largest part, closed."""
+    padded = np.pad(field.values, 1, constant_values=float(field.values.min()))
+    if not padded.max() > level > padded.min():
+        raise InputError("volume", "contour", f"never crosses {level}", "Check seeds and intensities")
+    vertices, triangles, _, _ = measure.marching_cubes(padded, level, gradient_direction="ascent")
+    surface = Surface(field.to_world(vertices - 1.0), triangles.astype(np.int64)).largest_component()
+    return surface if surface.volume() > 0 else surface.flipped()
+
+
+def marrow_surface(volume: Volume, bone: BoneProbability) -> Surface:
+    """Closed smooth surface of a bone's marrow, world mm.
+
+    Starts from the isosurface 0.5 of the probability, then follows the inner face of the dark layer that
+    is fitted along its normals, where the image shows it clearly.
+    """
+    local = volume.crop(bone.offset, bone.offset + bone.probability.shape)
+    whole = bridged(_smoothed(bridged(bone.probability, local.values)), local.values)
+    surface = taubin(contour(local.like(whole), 0.5), 10)
+    cortex = Cortex.estimate(local, BoneProbability(np.zeros(3, int), bone.probability), surface)
+    laplacian = graph_laplacian(surface.triangles, len(surface.vertices))
+    for _ in range(2):
+        layers, normals = cortical_layers(local, surface, cortex, REACH)
+        move, _ = smooth_field(laplacian, layers.inner, layers.inner_confidence, STIFFNESS, OUTLIER)
+        surface = taubin(surface.moved(surface.vertices + move[:, None] * normals), 5)
+    return within(volume, surface)
+
+
+def _smoothed(probability: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Probability without the voxels' steps; smoothed less where a bone of few voxels would fade or part."""
+    claimed = (probability > 0.5).sum()
+    for deviation in SMOOTHING:
+        smooth = ndimage.gaussian_filter(probability, deviation)
+        sizes = np.bincount(ndimage.label(smooth > 0.5)[0].ravel())[1:]
+        if sizes.sum() > FADED * claimed and sizes.max() > WHOLE * sizes.sum():
+            return smooth
+    return probability
+
+
+def within(volume: Volume, surface: Surface) -> Surface:
+    """The surface with what lies beyond the volume's border flattened on to it: nothing is seen there."""
+    index = volume.to_index(surface.vertices)
+    seen = np.clip(index, -0.5, np.array(volume.shape) - 0.5)
+    return surface if (seen == index).all() else surface.moved(volume.to_world(seen))
+
+
+def extent_along(volume: Volume, directions: Array) -> Array:
+    """A voxel's extent (n,) in mm along unit directions (n, 3): its edge where voxels are cubes."""
+    return np.linalg.norm(directions @ volume.affine[:3, :3], axis=1)
+
+
+def profile_offsets(volume: Volume, reach: float, outwards: float = 2.6) -> Array:
+    """Offsets (m,) in mm along a normal: `reach` and the fit's window inwards, `outwards` outwards."""
+    window = WINDOW * BLUR * float(volume.spacing.max())
+    return np.arange(-reach - window, outwards + 1e-9, 0.4 * float(volume.spacing.min()))
+
+
+def cortical_layers(
+    volume: Volume, surface: Surface, cortex: Cortex, reach: float, outwards: float = 2.6
+) -> tuple[DarkLayers, Array]:
+    """Dark layers fitted along the normals (n, 3) at a marrow surface's vertices, up to `outwards` mm.
+
+    reach: in voxels, of the inner face from the surface. Blur moves the half-intensity surface of a curved
+    edge by half its variance times the summed curvature, as heat flow does; the faces are moved back by that.
+    """
+    normals = surface.vertex_normals()
+    voxel = extent_along(volume, normals)
+    offsets = profile_offsets(volume, reach * float(voxel.max()), outwards)
+    profiles = sample_profiles(volume, surface.vertices, normals, offsets)
+    blur = BLUR * voxel
+    layers = fit_dark_layers(
+        profiles, offsets, cortex.level, blur, cortex.noise, reach * voxel, USUAL_THICKNESS
+    )
+    curvature = summed_curvature(surface)
+    outer_curvature = curvature / np.maximum(1 + 0.75 * layers.thickness * curvature, 0.5)
+    shift, outer_shift = 0.5 * blur**2 * curvature, 0.5 * blur**2 * outer_curvature
+    moved = layers._replace(inner=layers.inner + shift, thickness=layers.thickness + outer_shift - shift)
+    return moved, normals

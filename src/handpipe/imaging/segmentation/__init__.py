@@ -1,0 +1,35 @@
+"""Which voxels each bone claims: random walkers from seeds, conflicts between bones, proposed seeds."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.imaging.segmentation import claims
+    from handpipe.imaging.segmentation.claims import Appearance, read_looks, save, segment
+    from handpipe.imaging.segmentation.proposed_seeds import marrow_core, propose, share_outside
+    from handpipe.imaging.segmentation.segmentation import (
+        SegmentationSettings,
+        add_scribbles,
+        check_seeds,
+        merge,
+        segment_bone,
+    )
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "Appearance",
+    "SegmentationSettings",
+    "add_scribbles",
+    "check_seeds",
+    "claims",
+    "marrow_core",
+    "merge",
+    "propose",
+    "read_looks",
+    "save",
+    "segment",
+    "segment_bone",
+    "share_outside",
+]

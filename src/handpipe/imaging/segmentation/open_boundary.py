@@ -1,0 +1,74 @@
+"""Where the boundary of what a bone claims has no shell: the image goes on as bright as the marrow.
+
+A claim that ends across a canal is enclosed in every direction but one, and one that leaked has a boundary in
+another tissue. Both have a patch of boundary without a dark layer outside.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from handpipe.core import Array, BoolArray
+
+SHELL = 1.0  # mm from the marrow's boundary within which the shell is dark
+DARK = 0.42  # of the marrow's level: grey tissue and dim marrow are brighter
+VALLEY = 0.15  # of that level: a thinner shell is darker by this than the tissue on both sides
+BEYOND = 2.0  # mm outside the shell where the tissue on its far side shows
+
+
+class Patch(NamedTuple):
+    """The largest connected part of a boundary without a shell: area in mm^2, middle voxel (3,)."""
+
+    area: float
+    middle: Array
+
+
+NOWHERE = Patch(0.0, np.zeros(3))
+
+
+def open_patch(values: NDArray, claimed: BoolArray, spacing: NDArray) -> Patch:
+    """The largest open patch of a claim (nx, ny, nz); values: intensities in units of the marrow's level.
+
+    Beyond the borders of the arrays nothing is seen: faces there are not open.
+    """
+    area = np.zeros(claimed.shape)
+    for axis in range(3):
+        others = [float(spacing[c]) for c in range(3) if c != axis]
+        for step in (1, -1):
+            found = _open_faces(values, claimed, axis, step, float(spacing[axis]))
+            area += found * (others[0] * others[1])
+    parts, count = ndimage.label(area > 0, structure=np.ones((3, 3, 3)))
+    if count == 0:
+        return NOWHERE
+    sums = ndimage.sum_labels(area, parts, np.arange(1, count + 1))
+    largest = int(np.argmax(sums)) + 1
+    return Patch(float(sums[largest - 1]), np.argwhere(parts == largest).mean(axis=0))
+
+
+def _open_faces(values: NDArray, claimed: BoolArray, axis: int, step: int, spacing: float) -> BoolArray:
+    """Claimed voxels whose next voxel along an axis is not claimed, and no dark layer or valley follows."""
+    near = int(np.floor(SHELL / spacing + 0.5)) + 1
+    far = near + int(np.ceil(BEYOND / spacing))
+    ahead = [_shifted(values, axis, step * k, np.nan) for k in range(1, far + 1)]
+    lowest = np.fmin.reduce(ahead[:near])
+    beyond = np.fmax.reduce(ahead[1:])
+    border = claimed & ~_shifted(claimed, axis, step, True)
+    dark = ~(lowest >= DARK)
+    valley = lowest < np.fmin(values, beyond) - VALLEY
+    return border & ~dark & ~valley
+
+
+def _shifted(array: NDArray, axis: int, by: int, fill: float) -> NDArray:
+    """The array's values `by` voxels farther along an axis; `fill` beyond its end."""
+    out = np.full_like(array, fill)
+    if abs(by) >= array.shape[axis]:
+        return out
+    target, source = [slice(None)] * 3, [slice(None)] * 3
+    target[axis] = slice(None, -by) if by > 0 else slice(-by, None)
+    source[axis] = slice(by, None) if by > 0 else slice(None, by)
+    out[tuple(target)] = array[tuple(source)]
+    return out

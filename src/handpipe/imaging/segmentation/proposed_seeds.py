@@ -1,0 +1,125 @@
+"""Seeds of a pose from bones that were moved into it: deep in their marrow, and around them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+from scipy import ndimage
+
+from handpipe.core import Array, BoolArray, IntArray
+from handpipe.imaging.segmentation.segmentation import BACKGROUND
+from handpipe.imaging.volumes.rasterisation import rasterise
+from handpipe.imaging.volumes.volume import Labels, Volume
+from handpipe.mesh.surfaces import Distance, Surface
+
+DEEP = 1.4  # voxels inside the marrow
+LEAST = 0.6  # of the greatest depth, where the marrow is thinner
+THIN = 0.5  # voxels deep, below which a slice needs no seeds
+BRIGHT = 0.65  # levels: darker voxels are no marrow
+SHELL = (2.4, 6.5)  # mm from the outermost grid places inside a whole bone: at least 1 mm outside it
+GRID = 1.0  # mm between the places where distances are computed
+
+
+def propose(
+    normalised: Volume,
+    marrow: Mapping[int, Surface],
+    whole: Mapping[int, Surface],
+    unsure: Collection[int] = (),
+) -> Labels:
+    """Seeds (nx, ny, nz): each bone's label deep in its marrow, 255 around the bones, else 0.
+
+    normalised: the image in units of the local marrow level; marrow, whole: closed surfaces of the bones in
+    the pose, by label; unsure: labels whose place may be wrong. These get no seeds, and as nobody knows
+    where they are no bright place is background.
+    """
+    around = _around(normalised, whole)
+    if unsure:
+        around &= normalised.values < BRIGHT
+    seeds = np.where(around, np.uint8(BACKGROUND), np.uint8(0))
+    for label, surface in marrow.items():
+        if label not in unsure:
+            voxels = marrow_core(normalised, surface)
+            bright = normalised.values[tuple(voxels.T)] > BRIGHT
+            seeds[tuple(voxels[bright].T)] = label
+    return seeds
+
+
+def _around(volume: Volume, whole: Mapping[int, Surface]) -> BoolArray:
+    """Voxels (nx, ny, nz) in a shell about all bones, found on a grid of `GRID`."""
+    step = _step(volume)
+    affine = volume.affine.copy()
+    affine[:3, :3] = affine[:3, :3] * step
+    affine[:3, 3] = volume.to_world((step - 1)[None] / 2)[0]
+    coarse = Volume(volume.values[:: step[0], :: step[1], :: step[2]], affine)
+    far = ndimage.distance_transform_edt(rasterise(coarse, whole) == 0, sampling=coarse.spacing)
+    shell = (far > SHELL[0]) & (far < SHELL[1])
+    for axis in range(3):
+        shell = shell.repeat(step[axis], axis)
+    return shell[tuple(slice(0, n) for n in volume.shape)]
+
+
+def _step(volume: Volume) -> IntArray:
+    """Voxels (3,) from one place of the coarse grid to the next."""
+    return np.maximum(np.round(GRID / volume.spacing), 1).astype(np.int64)
+
+
+def marrow_core(volume: Volume, marrow: Surface) -> IntArray:
+    """Voxels (n, 3) deep inside a marrow surface; the deepest ones where it is thin.
+
+    Between its ends the deepest of every slice across its long axis are among them: a walk from one end
+    seldom passes a waist of few voxels.
+    """
+    corners = volume.to_index(marrow.vertices)
+    lower = np.clip(np.floor(corners.min(axis=0)).astype(np.int64), 0, volume.shape)
+    upper = np.clip(np.ceil(corners.max(axis=0)).astype(np.int64) + 1, 0, volume.shape)
+    depths = -_distances(volume, marrow, lower, upper)
+    voxels = np.argwhere(depths > 0)
+    if len(voxels) == 0:
+        return voxels + lower
+    depth, size = depths[tuple(voxels.T)], float(volume.spacing.max())
+    slices = _slices(volume.to_world(voxels), size)
+    deepest = np.zeros(slices.max() + 1)
+    np.maximum.at(deepest, slices, depth)
+    number = np.arange(len(deepest)) + 0.5
+    between = size * np.minimum(number, len(deepest) - number) > depth.max()
+    wanted = np.where(between & (deepest > THIN * size), deepest, depth.max())
+    return voxels[depth > np.minimum(DEEP * size, LEAST * wanted)[slices]] + lower
+
+
+def _slices(places: Array, thickness: float) -> IntArray:
+    """Number (n,) of the slice across the long axis that each place (n, 3) is in."""
+    centred = places - places.mean(axis=0)
+    along = centred @ np.linalg.eigh(centred.T @ centred)[1][:, -1]
+    return np.floor((along - along.min()) / thickness).astype(np.int64)
+
+
+def share_outside(voxels: IntArray, truth: Labels, label: int) -> float:
+    """Share of a bone's voxels (n, 3) that lie outside its true marrow; one where there are none."""
+    return float((truth[tuple(voxels.T)] != label).mean()) if len(voxels) else 1.0
+
+
+def _distances(volume: Volume, surface: Surface, lower: IntArray, upper: IntArray) -> Array:
+    """Signed distances in mm of the voxels lower <= index < upper to a surface, exact within `GRID` of it.
+
+    Farther away they come from a coarse grid: in a waist, that would miss what little depth there is.
+    """
+    step, distance = _step(volume), Distance(surface)
+    shape = (np.maximum(upper - lower - 1, 0) // step) + 2
+    places = np.indices(shape).reshape(3, -1).T * step + lower
+    coarse = distance.signed(volume.to_world(places))[0].reshape(shape)
+    found = _refined(coarse, step, upper - lower)
+    near = np.abs(found) < GRID
+    found[near] = distance.signed(volume.to_world(np.argwhere(near) + lower))[0]
+    return found
+
+
+def _refined(coarse: Array, step: IntArray, shape: IntArray) -> Array:
+    """A field on every step-th voxel made linear between them, axis by axis."""
+    for axis in range(3):
+        at = np.arange(shape[axis]) / step[axis]
+        before = at.astype(np.int64)
+        share = np.expand_dims(at - before, [a for a in range(3) if a != axis])
+        lower, upper = np.take(coarse, before, axis), np.take(coarse, before + 1, axis)
+        coarse = (1 - share) * lower + share * upper
+    return coarse

@@ -1,0 +1,357 @@
+"""Marrow of each bone by a random walker in its local region; merging of bones (Wang 2019, Sec. 3.1)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy import ndimage
+
+from handpipe.core import Array, BoolArray, InputError, IntArray
+from handpipe.core.configuration import Model
+from handpipe.imaging.segmentation.random_walker import INSIDE, OUTSIDE, Stop, random_walker
+from handpipe.imaging.segmentation.sure_marks import sure_marks
+from handpipe.imaging.volumes.volume import Labels, Volume, box
+
+logger = logging.getLogger(__name__)
+
+
+BACKGROUND = 255
+BRIGHT_PERCENTILE = 99.0  # of the volume: fat and marrow
+DARKEST = 0.2  # of that: air and cortical bone lie below, marrow at the dark end of a bias field far above
+LONGEST = 110.0  # mm of marrow: half as much again as a long third metacarpal
+TYPICAL = 0.75  # quantile of the intensities at a bone's seeds: in a narrow canal many voxels are half cortex
+RISE = (1.15, 1.7)  # times the strokes' level, at which the marrow around them tells the level
+UNDECIDED = 2e-4  # of the claimed voxels
+AROUND_CONFLICT = 4  # voxels of sure labels around a conflict
+SURROUNDINGS = 5.0  # mm around the marrow that the shell and its neighbourhood take
+
+
+class SegmentationSettings(Model):
+    """`beta` is the random walker's one parameter; the rest says what marrow and a finger look like."""
+
+    beta: float = Field(
+        default=100.0, gt=0, description="contrast weight; intensities in units of the bone's marrow level"
+    )
+    margin: float = Field(default=7.0, gt=0, description="of the local region around a bone's seeds, mm")
+    dark: float = Field(
+        default=0.3, gt=0, lt=1, description="darker than this part of the marrow level is no marrow"
+    )
+
+
+@dataclass(frozen=True)
+class BoneProbability:
+    """Probability (nx, ny, nz) of marrow in a local region, whose first voxel is voxel `offset` (3,).
+
+    undecided: mm^3 of the largest bright part that the strokes do not decide; undecided_at (3,): its middle,
+    in voxels of the whole volume.
+    """
+
+    offset: IntArray
+    probability: NDArray[np.float32]
+    undecided: float = 0.0
+    undecided_at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def slices(self) -> tuple[slice, slice, slice]:
+        """The region within the whole volume."""
+        return box(self.offset, self.offset + self.probability.shape)
+
+    def at(self, indices: IntArray) -> NDArray[np.float32]:
+        """Probability (m,) at voxels (m, 3) of the whole volume; 0 beyond the region."""
+        local, inside = self._local(indices)
+        out = np.zeros(len(indices), np.float32)
+        out[inside] = self.probability[tuple(local[inside].T)]
+        return out
+
+    def set(self, indices: IntArray, values: NDArray) -> None:
+        """Set the probability at voxels (m, 3) of the whole volume to values (m,), within the region."""
+        local, inside = self._local(indices)
+        self.probability[tuple(local[inside].T)] = values[inside]
+
+    def _local(self, indices: IntArray) -> tuple[IntArray, BoolArray]:
+        local = indices - self.offset
+        inside = np.all((local >= 0) & (local < self.probability.shape), axis=1)
+        return local, inside
+
+
+def check_seeds(
+    source: str | Path,
+    seeds: Labels,
+    bones: Mapping[str, int],
+    scribbled: Collection[str] = (),
+    others: Mapping[str, int] | None = None,
+) -> None:
+    """Raise `InputError` where seeds (nx, ny, nz) lack a bone or the background, or hold unknown labels.
+
+    scribbled: bones that may have none: their scribbles are all the seeds they have; others: labels of
+    further bones, which seeds may hold and need not.
+    """
+    present = set(np.unique(seeds).tolist())
+    for name, label in bones.items():
+        if label not in present and name not in scribbled:
+            raise InputError(
+                source, "seeds", f"bone {name!r} (label {label}) has none", "Draw a stroke in its marrow"
+            )
+    if BACKGROUND not in present:
+        problem = f"the background (label {BACKGROUND}) has none"
+        raise InputError(source, "seeds", problem, "Draw strokes in the tissue around the bones")
+    unknown = present - {*bones.values(), *(others or {}).values(), 0, BACKGROUND}
+    if unknown:
+        problem = f"labels {sorted(unknown)} are no bones of the dataset"
+        raise InputError(source, "seeds", problem, "Relabel them, or add the bones to the dataset file")
+
+
+def add_scribbles(seeds: Labels, scribbles: Labels, label: int | None = None) -> Labels:
+    """Seeds (nx, ny, nz) overruled by extra scribbles on the same grid, or by those of one label alone."""
+    drawn = scribbles > 0 if label is None else scribbles == label
+    return np.where(drawn, scribbles, seeds)
+
+
+def segment_bone(
+    volume: Volume, seeds: Labels, label: int, settings: SegmentationSettings
+) -> BoneProbability:
+    """Probability of one bone's marrow against everything else, in a box around the marrow.
+
+    seeds (nx, ny, nz): 0 none, bone labels, 255 background. Seeds that disagree with the marrow's
+    intensity are dropped; the box grows until the marrow ends inside it or at the volume's border.
+    Raises `InputError` where the bone has no seeds, where they lie in darkness, and where what they lie in
+    goes on for longer than any bone of a hand.
+    """
+    problem = local_problem(volume, seeds, label, settings)
+    start = None
+    while True:
+        walked = walk(problem, volume.spacing, settings.beta, start)
+        probability = _connected(walked, problem.marks == INSIDE)
+        bone = BoneProbability(problem.offset, probability.astype(np.float32), *problem.undecided)
+        lower, upper = problem.offset, problem.offset + probability.shape
+        if not touched(probability > 0.5, lower, upper, volume.shape).any():
+            return _fitted(bone, volume)
+        _check_length(probability > 0.5, volume.spacing, label)
+        logger.info("label %d: the marrow reaches the border of its region; the region grows", label)
+        lower, upper = _enlarged(volume, lower, upper, settings.margin)
+        problem = _problem(volume, seeds, label, problem.level, lower, upper, settings)
+        start = _in_box(bone, lower, upper)
+
+
+@dataclass(frozen=True)
+class LocalProblem:
+    """What a bone's walker is given in a box whose first voxel is voxel `offset` (3,).
+
+    values (nx, ny, nz): intensities by the marrow's `level`; marks (nx, ny, nz): the walker's seeds;
+    undecided: volume and middle of the largest part that no stroke decides, as `BoneProbability` has it.
+    """
+
+    offset: IntArray
+    level: float
+    values: NDArray[np.float32]
+    marks: NDArray[np.uint8]
+    undecided: tuple[float, tuple[float, float, float]]
+
+
+def local_problem(volume: Volume, seeds: Labels, label: int, settings: SegmentationSettings) -> LocalProblem:
+    """The walker's problem in a box around all that a bone's strokes reach. Raises as `segment_bone` does."""
+    lower, upper, level = _around_seeds(volume, seeds, label)
+    lower, upper = _enlarged(volume, lower, upper, settings.margin)
+    level = _risen(_problem(volume, seeds, label, level, lower, upper, settings))
+    reach = settings.margin
+    while True:
+        problem, wanted = _growing(volume, seeds, label, level, lower, upper, settings)
+        faces = touched(wanted, lower, upper, volume.shape)
+        if not faces.any():
+            break
+        inside = problem.marks == INSIDE
+        if touched(inside, lower, upper, volume.shape).any():
+            _check_length(inside, volume.spacing, label)
+        elif float(np.max((upper - lower) * volume.spacing)) > LONGEST:
+            break  # what lies behind a barrier goes on farther than any bone
+        low, high = _enlarged(volume, lower, upper, reach)
+        lower, upper = np.where(faces[0], low, lower), np.where(faces[1], high, upper)
+        reach *= 2
+    low, high = bounds(problem.marks == INSIDE)
+    low, high = _enlarged(volume, problem.offset + low, problem.offset + high, SURROUNDINGS)
+    low, high = np.maximum(low, lower), np.minimum(high, upper)
+    region = box(low - lower, high - lower)
+    return replace(problem, offset=low, values=problem.values[region], marks=problem.marks[region])
+
+
+def _risen(problem: LocalProblem) -> float:
+    """The marrow's level around the strokes, which may lie in a canal's blurred voxels."""
+    level = float(np.median(problem.values[problem.marks == INSIDE]))
+    return problem.level * (level if RISE[0] < level < RISE[1] else 1.0)
+
+
+def walk(problem: LocalProblem, spacing: NDArray, beta: float, start: NDArray | None = None) -> Array:
+    """The walker's probability (nx, ny, nz), as exact as claims need it."""
+    stop = Stop(undecided=UNDECIDED)
+    return random_walker(problem.values, problem.marks, beta, start, spacing=spacing, stop=stop)
+
+
+def _problem(
+    volume: Volume,
+    seeds: Labels,
+    label: int,
+    level: float,
+    lower: IntArray,
+    upper: IntArray,
+    settings: SegmentationSettings,
+) -> LocalProblem:
+    """The problem in the box lower <= index < upper. Outside are other seeds and all dark voxels."""
+    return _growing(volume, seeds, label, level, lower, upper, settings)[0]
+
+
+def _growing(
+    volume: Volume,
+    seeds: Labels,
+    label: int,
+    level: float,
+    lower: IntArray,
+    upper: IntArray,
+    settings: SegmentationSettings,
+) -> tuple[LocalProblem, BoolArray]:
+    """The problem in a box, and the voxels (nx, ny, nz) that have to end inside the box."""
+    values, marked = volume.values[box(lower, upper)] / np.float32(level), seeds[box(lower, upper)]
+    dark, other = values < settings.dark, (marked != 0) & (marked != label)
+    found = sure_marks(values, (marked == label) & ~dark, other & ~dark, ~dark)
+    marks = np.where(dark | other, OUTSIDE, found.marks).astype(np.uint8)
+    x, y, z = (found.middle + lower).tolist()
+    undecided = found.undecided * float(np.prod(volume.spacing)), (x, y, z)
+    return LocalProblem(lower, level, values, marks, undecided), (marks == INSIDE) | found.growing
+
+
+def _enlarged(volume: Volume, lower: IntArray, upper: IntArray, margin: float) -> tuple[IntArray, IntArray]:
+    """A box with `margin` mm more on each side, within the volume."""
+    reach = np.ceil(margin / volume.spacing).astype(np.int64)
+    return np.maximum(lower - reach, 0), np.minimum(upper + reach, volume.shape)
+
+
+def _around_seeds(volume: Volume, seeds: Labels, label: int) -> tuple[IntArray, IntArray, float]:
+    """The box of a bone's seeds, and the marrow's level at them."""
+    own = np.argwhere(seeds == label)
+    if len(own) == 0:
+        raise InputError("seeds", f"label {label}", "has no seeds", "Draw a stroke in the bone's marrow")
+    level = float(np.quantile(volume.values[tuple(own.T)], TYPICAL))
+    bright = float(np.percentile(volume.values[::2, ::2, ::2], BRIGHT_PERCENTILE))
+    if level < DARKEST * bright:
+        problem = f"its seeds lie in darkness: {level:.3g}, where bright tissue is {bright:.3g}"
+        raise InputError("seeds", f"label {label}", problem, "Draw its strokes in the bone's marrow")
+    return own.min(0), own.max(0) + 1, level
+
+
+def _check_length(claimed: BoolArray, spacing: NDArray, label: int) -> None:
+    """Raise `InputError` where what the seeds lie in is longer than a bone of the hand."""
+    low, high = bounds(claimed)
+    length = float(np.max((high - low) * spacing))
+    if length > LONGEST:
+        problem = f"what its seeds lie in goes on for more than {length:.0f} mm, and no dark shell ends it"
+        raise InputError(
+            "seeds",
+            f"label {label}",
+            problem,
+            "Draw its strokes in the bone's marrow alone, and strokes of the background around it",
+        )
+
+
+def _fitted(bone: BoneProbability, volume: Volume) -> BoneProbability:
+    """The same probability in a box that holds the claimed voxels and `SURROUNDINGS` mm around them."""
+    low, high = bounds(bone.probability > 0.5)
+    lower, upper = _enlarged(volume, bone.offset + low, bone.offset + high, SURROUNDINGS)
+    return replace(bone, offset=lower, probability=_in_box(bone, lower, upper))
+
+
+def _in_box(bone: BoneProbability, lower: IntArray, upper: IntArray) -> NDArray[np.float32]:
+    """Probability in the box of voxels lower <= index < upper; 0 beyond the bone's region."""
+    out = np.zeros(upper - lower, np.float32)
+    first = np.maximum(lower, bone.offset)
+    last = np.minimum(upper, bone.offset + bone.probability.shape)
+    out[box(first - lower, last - lower)] = bone.probability[box(first - bone.offset, last - bone.offset)]
+    return out
+
+
+def bounds(mask: BoolArray) -> tuple[IntArray, IntArray]:
+    """First voxel (3,) and the one after the last (3,) of a mask's box; the mask must not be empty."""
+    spans = [np.flatnonzero(mask.any(axis=tuple(c for c in range(3) if c != axis))) for axis in range(3)]
+    return np.array([s[0] for s in spans]), np.array([s[-1] + 1 for s in spans])
+
+
+def _connected(probability: NDArray, seeds: BoolArray) -> NDArray:
+    """Keep only the claimed voxels that hang together with a seed; holes inside the marrow are filled."""
+    parts, _ = ndimage.label(probability > 0.5)
+    kept = np.isin(parts, np.setdiff1d(parts[seeds], 0))
+    filled = ndimage.binary_fill_holes(kept)
+    stray = (parts > 0) & ~kept
+    return np.where(filled & ~kept, 1 - np.minimum(probability, 0.5), np.where(stray, 0.0, probability))
+
+
+def touched(mask: BoolArray, lower: IntArray, upper: IntArray, shape: tuple[int, int, int]) -> BoolArray:
+    """Which faces (2, 3), first and last along each axis, a mask reaches in its box lower <= index < upper.
+
+    Faces that are faces of the whole volume do not count.
+    """
+    first = [bool(np.take(mask, 0, c).any()) and lower[c] > 0 for c in range(3)]
+    last = [bool(np.take(mask, -1, c).any()) and upper[c] < shape[c] for c in range(3)]
+    return np.array([first, last])
+
+
+def merge(
+    volume: Volume,
+    bones: Mapping[int, BoneProbability],
+    seeds: Labels,
+    settings: SegmentationSettings,
+) -> tuple[Labels, dict[int, BoneProbability]]:
+    """Labels (nx, ny, nz) of all bones, and the probabilities with conflicts resolved.
+
+    bones: by label. Voxels claimed by two bones become unlabelled, and each conflict is solved again in
+    a local region with the sure voxels around it as seeds (Wang 2019, Sec. 3.1).
+    """
+    claims = np.zeros(volume.shape, np.uint8)
+    labels = np.zeros(volume.shape, np.uint8)
+    for label, bone in bones.items():
+        claimed = bone.probability > 0.5
+        claims[bone.slices] += claimed
+        labels[bone.slices][claimed] = label
+    labels[claims > 1] = 0
+    resolved = {label: replace(bone, probability=bone.probability.copy()) for label, bone in bones.items()}
+    disputed = claims > 1
+    if not disputed.any():
+        return labels, resolved
+    first, last = bounds(disputed)
+    conflicts, count = ndimage.label(disputed[box(first, last)])
+    for number, slices in enumerate(ndimage.find_objects(conflicts), 1):
+        logger.info("conflict %d of %d between bones", number, count)
+        index = np.argwhere(conflicts[slices] == number) + [s.start for s in slices] + first
+        _resolve(volume, labels, index, seeds, resolved, settings)
+    return labels, resolved
+
+
+def _resolve(
+    volume: Volume,
+    labels: Labels,
+    index: IntArray,
+    seeds: Labels,
+    bones: Mapping[int, BoneProbability],
+    settings: SegmentationSettings,
+) -> None:
+    """Share a conflict's voxels (m, 3) among the bones, by a walker for each; sets labels, probabilities."""
+    lower = np.maximum(index.min(0) - AROUND_CONFLICT, 0)
+    local = volume.crop(lower, index.max(0) + 1 + AROUND_CONFLICT)
+    region = box(lower, lower + local.shape)
+    free = np.zeros(local.shape, bool)
+    free[tuple((index - lower).T)] = True
+    rivals = [k for k in bones if (labels[region] == k).any() or (bones[k].at(index) > 0.5).any()]
+    values = local.values / np.median(local.values[free])
+    chances = []
+    for label in rivals:
+        sure = np.where((labels[region] == label) | (seeds[region] == label), INSIDE, OUTSIDE)
+        marks = np.where(free, 0, sure)
+        chances.append(random_walker(values, marks, settings.beta, spacing=local.spacing)[free])
+    winner = np.array([0, *rivals], np.uint8)[np.argmax([np.full(len(index), 0.5), *chances], axis=0)]
+    labels[tuple(index.T)] = winner
+    for label, chance in zip(rivals, chances, strict=True):
+        # One owner, to the last digit of what is written.
+        bones[label].set(index, np.where(winner == label, chance, np.minimum(chance, 0.5)))

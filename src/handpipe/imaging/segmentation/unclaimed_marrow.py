@@ -1,0 +1,98 @@
+"""Marrow in a bone's own dark shell that the bone does not claim.
+
+Where a canal is thinner than a voxel or the cortex parts the marrow, strokes in one end find that end
+alone. A dark shell closes it all around, and nothing looks wrong. What is left over does: bright tissue that
+the same dark shell encloses, and that no other bone claims.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from handpipe.core import Array, BoolArray
+
+BRIGHT = (0.4, 0.65)  # of the marrow's level: thresholds at which a shell may be closed
+RIM = 2  # voxels around a claim that its blurred boundary takes
+FARTHEST = 25.0  # mm of solid bone between two parts of one marrow
+AROUND = 2.0  # mm across a slim shaft
+SOLID = 0.4  # of the marrow's level: the mean across a shaft without a canal, or with one of a voxel, is less
+LEAST = 1.0  # mm^3: less is noise
+
+
+class Unclaimed(NamedTuple):
+    """The largest part that is left over: volume in mm^3, middle voxel (3,)."""
+
+    volume: float
+    middle: Array
+
+
+NOTHING = Unclaimed(0.0, np.zeros(3))
+
+
+def unclaimed_marrow(values: NDArray, claimed: BoolArray, others: BoolArray, spacing: NDArray) -> Unclaimed:
+    """The largest bright part within a claim's shell that the claim lacks.
+
+    Parameters
+    ----------
+    values : (nx, ny, nz)
+        Intensities in units of the marrow's level. What reaches the border of the box is not enclosed.
+    claimed, others : (nx, ny, nz) bool
+        What the bone claims, and what other bones do.
+    spacing : (3,)
+        Of the voxels in mm.
+    """
+    covered = ndimage.binary_dilation(claimed, iterations=RIM)
+    found = [_largest(values, threshold, claimed, covered, others, spacing) for threshold in BRIGHT]
+    return max(found, key=lambda part: part.volume)
+
+
+def _largest(
+    values: NDArray,
+    threshold: float,
+    claimed: BoolArray,
+    covered: BoolArray,
+    others: BoolArray,
+    spacing: NDArray,
+) -> Unclaimed:
+    """The largest part brighter than a threshold."""
+    parts, count = ndimage.label(values > threshold)
+    enclosed = np.ones(count + 1, bool)
+    enclosed[0] = False
+    enclosed[parts[others]] = False
+    for axis in range(3):
+        for end in (0, -1):
+            enclosed[np.take(parts, end, axis)] = False
+    sizes = np.bincount(parts[~covered].ravel(), minlength=count + 1) * enclosed
+    voxel = float(np.prod(spacing))
+    own = np.zeros(count + 1, bool)
+    own[parts[claimed]] = True
+    for part in np.argsort(-sizes)[:5]:
+        if sizes[part] * voxel < LEAST:
+            break
+        rest = np.argwhere((parts == part) & ~covered)
+        if own[part] or _joined(values, claimed, rest, spacing):
+            return Unclaimed(float(sizes[part]) * voxel, rest.mean(axis=0))
+    return NOTHING
+
+
+def _joined(values: NDArray, claimed: BoolArray, rest: NDArray, spacing: NDArray) -> bool:
+    """Whether a part's voxels (m, 3) and the claim are the ends of one solid piece of bone.
+
+    Half-way between them, and all the way but near the ends, it is dark for `AROUND` mm across: a joint's
+    cartilage is not, a canal of a voxel is.
+    """
+    distance, nearest = ndimage.distance_transform_edt(~claimed, sampling=spacing, return_indices=True)
+    start = rest[np.argmin(distance[tuple(rest.T)])]
+    length = float(distance[tuple(start)])
+    if length > FARTHEST:
+        return False
+    end = nearest[(slice(None), *start)]
+    near = min(AROUND / max(length, AROUND), 0.5)
+    share = np.linspace(near, 1 - near, 2 * int(np.abs(end - start).max()) + 1)[:, None]
+    way = np.round(start + share * (end - start)).astype(int)
+    across = np.maximum(np.round(AROUND / spacing), 1).astype(int)
+    return bool((ndimage.uniform_filter(values, across)[tuple(way.T)] < SOLID).all())

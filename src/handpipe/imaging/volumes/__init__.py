@@ -1,0 +1,32 @@
+"""A volume on a regular grid: readers and writers, checks of its frame, surfaces turned into voxels."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.imaging.volumes.rasterisation import rasterise
+    from handpipe.imaging.volumes.same_frame import (
+        Foreground,
+        likely_cause,
+        require_points_in_image,
+        require_scan_in_image,
+        unit_of,
+    )
+    from handpipe.imaging.volumes.volume import Volume, pose_volume, read_labels, read_volume, write_labels
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "Foreground",
+    "Volume",
+    "likely_cause",
+    "pose_volume",
+    "rasterise",
+    "read_labels",
+    "read_volume",
+    "require_points_in_image",
+    "require_scan_in_image",
+    "unit_of",
+    "write_labels",
+]

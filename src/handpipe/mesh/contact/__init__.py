@@ -1,0 +1,14 @@
+"""Where surfaces meet or cross, others and themselves; the IPC Toolkit."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.mesh.contact.contact_toolkit import ipctk
+    from handpipe.mesh.contact.crossing_triangles import crossings
+    from handpipe.mesh.contact.self_contacts import SelfContact, self_contact
+else:
+    __getattr__ = face(__name__)
+
+__all__ = ["SelfContact", "crossings", "ipctk", "self_contact"]

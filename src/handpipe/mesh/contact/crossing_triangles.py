@@ -1,0 +1,39 @@
+"""Where triangles cross one another, by their edges: a check that is blind to how they were made."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from handpipe.core import Array, BoolArray, IntArray
+from handpipe.mesh.contact.contact_toolkit import ipctk
+from handpipe.mesh.surfaces.surface import Surface
+
+ROUNDING = 1e-12  # mm^3, of six times a volume
+
+
+def crossings(surface: Surface) -> IntArray:
+    """Pairs (c, 2) of an edge, as `surface.edges()` has them, and a triangle without its ends that cross."""
+    edges, triangles, points = surface.edges(), surface.triangles, surface.vertices
+    search = ipctk.LBVH()
+    search.build(points, edges.astype(np.int32), triangles.astype(np.int32))
+    near = search.detect_edge_face_candidates()
+    pairs = np.array([(c.edge_id, c.face_id) for c in near], dtype=np.int64).reshape(-1, 2)
+    ends, corners = edges[pairs[:, 0]], triangles[pairs[:, 1]]
+    apart = (ends[:, :, None] != corners[:, None, :]).all(axis=(1, 2))
+    pairs, ends, corners = pairs[apart], points[ends[apart]], points[corners[apart]]
+    return pairs[_cross(ends, corners)]
+
+
+def _cross(ends: Array, corners: Array) -> BoolArray:
+    """Whether segments (n, 2, 3) pass through triangles (n, 3, 3), by the signs of five volumes."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    p, q = np.moveaxis(ends, 1, 0)
+    # A triangle that an edge only touches, or that lies in one plane with it, is not crossed.
+    from_p, from_q = _volume(a, b, c, p), _volume(a, b, c, q)
+    sides = (from_p * from_q < 0) & (np.minimum(np.abs(from_p), np.abs(from_q)) > ROUNDING)
+    around = np.stack([_volume(p, q, a, b), _volume(p, q, b, c), _volume(p, q, c, a)])
+    return sides & ((around >= 0).all(axis=0) | (around <= 0).all(axis=0))
+
+
+def _volume(a: Array, b: Array, c: Array, d: Array) -> Array:
+    return np.einsum("ni,ni->n", np.cross(b - a, c - a), d - a)

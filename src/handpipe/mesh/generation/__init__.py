@@ -1,0 +1,26 @@
+"""New meshes: isosurfaces, remeshing, repair, and filling surfaces with tetrahedra."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.mesh.generation import implicit
+    from handpipe.mesh.generation.implicit import Grid, isosurface, smooth_minimum, union_surface
+    from handpipe.mesh.generation.meshing import tetrahedralise
+    from handpipe.mesh.generation.remeshing import remesh
+    from handpipe.mesh.generation.surface_repair import cuts_itself, repair
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "Grid",
+    "cuts_itself",
+    "implicit",
+    "isosurface",
+    "remesh",
+    "repair",
+    "smooth_minimum",
+    "tetrahedralise",
+    "union_surface",
+]

@@ -1,0 +1,62 @@
+"""A triangle surface: its measures, distances to it, what it carries; lines beside it."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.mesh.surfaces.anchors import Anchors
+    from handpipe.mesh.surfaces.barycentric import barycentric_matrix, barycentric_weights
+    from handpipe.mesh.surfaces.biharmonic import Biharmonic, left_out
+    from handpipe.mesh.surfaces.curves import (
+        arclength,
+        bishop_frames,
+        closest_on_polyline,
+        resample,
+        tangents,
+    )
+    from handpipe.mesh.surfaces.distance import Distance, about, sample_points
+    from handpipe.mesh.surfaces.hull import convex_hull
+    from handpipe.mesh.surfaces.planes import astray, touching_planes
+    from handpipe.mesh.surfaces.scan import read_scan
+    from handpipe.mesh.surfaces.smoothing import averaging, taubin
+    from handpipe.mesh.surfaces.surface import (
+        Surface,
+        component_labels,
+        concatenate,
+        directed_edges,
+        each_moved,
+        read_surface,
+        write_surface,
+    )
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "Anchors",
+    "Biharmonic",
+    "Distance",
+    "Surface",
+    "about",
+    "arclength",
+    "astray",
+    "averaging",
+    "barycentric_matrix",
+    "barycentric_weights",
+    "bishop_frames",
+    "closest_on_polyline",
+    "component_labels",
+    "concatenate",
+    "convex_hull",
+    "directed_edges",
+    "each_moved",
+    "left_out",
+    "read_scan",
+    "read_surface",
+    "resample",
+    "sample_points",
+    "tangents",
+    "taubin",
+    "touching_planes",
+    "write_surface",
+]

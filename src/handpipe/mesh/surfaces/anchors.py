@@ -1,0 +1,52 @@
+"""Points carried by a moving surface: fixed in a triangle's frame, at a height over it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handpipe.core import Array, IntArray
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """Each point is weights (n, 3) of a triangle's corners (n, 3), heights (n,) mm along its normal."""
+
+    corners: IntArray
+    weights: Array
+    heights: Array
+
+    @staticmethod
+    def of(points: Array, surface: Surface) -> Anchors:
+        """Anchor points (n, 3) at their closest places on a surface."""
+        _, triangles, closest = Distance(surface).closest(points)
+        corners = surface.triangles[triangles]
+        a, b, c = np.moveaxis(surface.vertices[corners], 1, 0)
+        normal = np.cross(b - a, c - a)
+        squared = np.einsum("ni,ni->n", normal, normal)
+        wa = np.einsum("ni,ni->n", np.cross(c - b, closest - b), normal) / squared
+        wb = np.einsum("ni,ni->n", np.cross(a - c, closest - c), normal) / squared
+        heights = np.einsum("ni,ni->n", points - closest, normal) / np.sqrt(squared)
+        return Anchors(corners, np.stack([wa, wb, 1 - wa - wb], axis=1), heights)
+
+    def feet(self, vertices: Array) -> Array:
+        """Places (n, 3) on the moved surface."""
+        return np.einsum("nc,nci->ni", self.weights, vertices[self.corners])
+
+    def normals(self, vertices: Array) -> Array:
+        """Unit normals (n, 3) of the anchors' triangles."""
+        a, b, c = np.moveaxis(vertices[self.corners], 1, 0)
+        normal = np.cross(b - a, c - a)
+        return normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+    def __call__(self, vertices: Array) -> Array:
+        """Points (n, 3) carried by the moved surface's vertices."""
+        return self.feet(vertices) + self.heights[:, None] * self.normals(vertices)
+
+    def arrays(self) -> dict[str, NDArray]:
+        """For an artifact."""
+        return {"corners": self.corners, "weights": self.weights, "heights": self.heights}

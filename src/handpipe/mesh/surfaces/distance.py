@@ -1,0 +1,122 @@
+"""Distances from points to a surface, signed by angle-weighted pseudonormals (Baerentzen and Aanaes 2005)."""
+
+from __future__ import annotations
+
+import igl
+import numpy as np
+from numba import njit
+
+from handpipe.core import Array, IntArray
+from handpipe.mesh.surfaces.barycentric import barycentric_matrix
+from handpipe.mesh.surfaces.surface import Surface, sums_at
+
+ON_EDGE = 1e-8  # barycentric coordinates below this lie on an edge or vertex
+
+
+class Distance:
+    """Distances to one surface, by a tree that is built once."""
+
+    def __init__(self, surface: Surface) -> None:
+        self.surface = surface
+        self._tree = igl.AABB()
+        self._tree.init(surface.vertices, surface.triangles)
+        self._normals: tuple[Array, Array, Array] | None = None
+
+    def closest(self, points: Array) -> tuple[Array, IntArray, Array]:
+        """Distances (n,) in mm, triangles (n,) and closest points (n, 3) of points (n, 3)."""
+        queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
+        if len(queries) == 0:
+            return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+        squared, triangles, closest = self._tree.squared_distance(
+            self.surface.vertices, self.surface.triangles, queries
+        )
+        return (
+            np.sqrt(squared).reshape(-1),
+            triangles.reshape(-1),
+            np.ascontiguousarray(closest).reshape(-1, 3),
+        )
+
+    def signed(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
+        """Signed distances (n,), negative inside; triangles (n,); closest points, unit pseudonormals (n, 3).
+
+        Exact for a closed surface that does not cut itself; near the rim of an open one the sign is that of
+        the nearest triangle.
+        """
+        distances, triangles, closest = self.closest(points)
+        if self._normals is None:
+            self._normals = _pseudonormals(self.surface)
+        normals = _normals_at(
+            closest, triangles, self.surface.vertices, self.surface.triangles, self._normals, ON_EDGE
+        )
+        queries = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        side = np.einsum("ij,ij->i", queries - closest, normals)
+        return np.where(side < 0, -distances, distances), triangles, closest, normals
+
+    def smooth(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
+        """As `signed`, with normals between those of the vertices: planes through the closest points turn
+        without a jump where these go from facet to facet.
+        """
+        signed, triangles, closest, _ = self.signed(points)
+        feet = barycentric_matrix(closest, self.surface.triangles[triangles], self.surface.vertices)
+        return signed, triangles, closest, self.surface.smooth_normals(feet)
+
+    def depths(self, points: Array) -> Array:
+        """Depths (n,) in mm of points (n, 3) inside the surface, which may cut itself; 0 outside."""
+        return np.where(self.surface.contains(points), self.closest(points)[0], 0.0)
+
+
+def about(points: Array, surface: Surface, near: float) -> IntArray:
+    """Points (k,) of (n, 3) in a surface's box, grown by `near` mm: no others are closer to it than that."""
+    low, high = surface.vertices.min(axis=0) - near, surface.vertices.max(axis=0) + near
+    return np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+
+
+def _pseudonormals(surface: Surface) -> tuple[Array, Array, Array]:
+    """Normals of triangles (k, 3), of their edges from corner i to i + 1 (k, 3, 3), of vertices (n, 3)."""
+    triangles, normals = surface.triangles, surface.triangle_normals()
+    first, second = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
+    keys = np.minimum(first, second) * len(surface.vertices) + np.maximum(first, second)
+    _, edge = np.unique(keys, return_inverse=True)
+    sums = sums_at(edge, np.repeat(normals, 3, axis=0), int(edge.max()) + 1)
+    return normals, sums[edge].reshape(-1, 3, 3), surface.vertex_normals()
+
+
+@njit(cache=True)
+def _normals_at(closest, triangles, vertices, corners, normals, tolerance):  # type: ignore[no-untyped-def]
+    face, edge, vertex = normals
+    out = np.empty_like(closest)
+    for i in range(len(closest)):
+        t = triangles[i]
+        a, b, c = vertices[corners[t, 0]], vertices[corners[t, 1]], vertices[corners[t, 2]]
+        normal = np.cross(b - a, c - a)
+        squared = max(normal @ normal, 1e-300)
+        weight = np.empty(3)
+        weight[0] = np.cross(c - b, closest[i] - b) @ normal / squared
+        weight[1] = np.cross(a - c, closest[i] - c) @ normal / squared
+        weight[2] = 1 - weight[0] - weight[1]
+        at = np.argmax(weight)
+        if weight[at] > 1 - tolerance:
+            n = vertex[corners[t, at]]
+        elif weight.min() < tolerance:
+            n = edge[t, (np.argmin(weight) + 1) % 3]  # the edge opposite to the corner of weight zero
+        else:
+            n = face[t]
+        length = np.sqrt(n @ n)
+        out[i] = n / length if length > 0 else n
+    return out
+
+
+def sample_points(surface: Surface, count: int, seed: int = 0) -> Array:
+    """Points (count, 3) spread evenly at random over the surface's area."""
+    random = np.random.default_rng(seed)
+    areas = surface.triangle_areas()
+    chosen = random.choice(len(areas), size=count, p=areas / areas.sum())
+    u, v = np.sqrt(random.random(count)), random.random(count)
+    weights = np.stack([1 - u, u * (1 - v), u * v], axis=1)
+    return np.einsum("nc,ncd->nd", weights, surface.vertices[surface.triangles[chosen]])
+
+
+def surface_errors(a: Surface, b: Surface, *, samples: int = 0, seed: int = 0) -> Array:
+    """Unsigned distances in mm to b from the vertices of a, or from `samples` points spread over it."""
+    points = sample_points(a, samples, seed) if samples else a.vertices[np.unique(a.triangles)]
+    return Distance(b).closest(points)[0]

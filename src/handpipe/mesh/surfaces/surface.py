@@ -1,0 +1,361 @@
+"""A triangle surface: its measures, and how it is read and written."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import igl
+import meshio
+import numpy as np
+from scipy import sparse
+
+from handpipe.core import Array, BoolArray, InputError, IntArray, RigidTransform, atomic
+from handpipe.mesh.files.obj import read_obj
+from handpipe.mesh.files.ply import read_ply
+from handpipe.mesh.files.polygons import NotSimple, Polygons, triangulate
+from handpipe.mesh.files.stl import read_stl
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Vertices (n, 3) in mm and triangles (k, 3), counter-clockwise seen from outside."""
+
+    vertices: Array
+    triangles: IntArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(
+            self, "vertices", np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3)
+        )
+        object.__setattr__(
+            self, "triangles", np.ascontiguousarray(self.triangles, dtype=np.int64).reshape(-1, 3)
+        )
+
+    def _area_vectors(self) -> Array:
+        a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
+        return 0.5 * np.cross(b - a, c - a)
+
+    def volume(self) -> float:
+        """Enclosed volume in mm^3 by the divergence theorem; negative where the triangles face inwards."""
+        corner = self.vertices[self.triangles[:, 0]] - self.vertices.mean(axis=0)
+        return float(np.einsum("ij,ij->", corner, self._area_vectors()) / 3)
+
+    def area(self) -> float:
+        """Area in mm^2."""
+        return float(self.triangle_areas().sum())
+
+    def triangle_areas(self) -> Array:
+        """Areas (k,) in mm^2."""
+        return np.linalg.norm(self._area_vectors(), axis=1)
+
+    def centroid(self) -> Array:
+        """Centroid (3,) of the enclosed volume."""
+        middle = self.vertices.mean(axis=0)
+        a, b, c = np.moveaxis(self.vertices[self.triangles] - middle, 1, 0)
+        six_volumes = np.einsum("ij,ij->i", a, np.cross(b, c))
+        return middle + six_volumes @ (a + b + c) / (4 * six_volumes.sum())
+
+    def triangle_normals(self) -> Array:
+        """Unit normals (k, 3); zero for a triangle without area."""
+        return _unit(self._area_vectors())
+
+    @cached_property
+    def _vertex_normals(self) -> Array:
+        angles = corner_angles(self.vertices, self.triangles)
+        weighted = angles[:, :, None] * self.triangle_normals()[:, None, :]
+        return _unit(sums_at(self.triangles.ravel(), weighted.reshape(-1, 3), len(self.vertices)))
+
+    def vertex_normals(self) -> Array:
+        """Unit normals (n, 3), triangle normals weighted by their angle at the vertex."""
+        return self._vertex_normals
+
+    def smooth_normals(self, feet: sparse.csr_matrix) -> Array:
+        """Unit normals (k, 3) at places that weights (k, n) of the vertices make up, between the vertices'
+        normals: along the surface they turn without a jump from facet to facet.
+        """
+        return _unit(feet @ self.vertex_normals())
+
+    def contains(self, points: Array) -> BoolArray:
+        """Which points (n,) of (n, 3) are inside: about which the surface winds by more than a half.
+
+        Holes of an open surface count as closed (Jacobson et al. 2013, Robust inside-outside segmentation).
+        """
+        queries = np.ascontiguousarray(points, dtype=np.float64)
+        return np.asarray(self._windings.winding_number(queries) > 0.5)
+
+    @cached_property
+    def _windings(self) -> igl.FastWindingNumberBVH:
+        tree = igl.FastWindingNumberBVH()
+        tree.init(self.vertices, self.triangles)
+        return tree
+
+    @cached_property
+    def _edges(self) -> tuple[IntArray, IntArray]:
+        directed = directed_edges(self.triangles)
+        edges, counts = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
+        return edges, counts
+
+    def edges(self) -> IntArray:
+        """Undirected edges (e, 2), each once, smaller index first, sorted."""
+        return self._edges[0]
+
+    def edge_lengths(self) -> Array:
+        """Lengths (e,) in mm of `edges()`."""
+        ends = self.vertices[self.edges()]
+        return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+
+    def boundary_edges(self) -> IntArray:
+        """Edges (e, 2) that belong to one triangle only."""
+        edges, counts = self._edges
+        return edges[counts == 1]
+
+    def crowded_edges(self) -> IntArray:
+        """Edges (e, 2) along which several triangles run in the same direction."""
+        directed = directed_edges(self.triangles)
+        edges, counts = np.unique(directed, axis=0, return_counts=True)
+        return edges[counts > 1]
+
+    def is_closed(self) -> bool:
+        """Whether every edge has two triangles that run along it in opposite directions."""
+        directed = directed_edges(self.triangles)
+        if len(directed) == 0 or not (self._edges[1] == 2).all():
+            return False
+        return len(np.unique(directed, axis=0)) == len(directed)
+
+    def moved(self, vertices: Array) -> Surface:
+        """The same triangles on other vertices (n, 3)."""
+        return Surface(vertices, self.triangles)
+
+    def flipped(self) -> Surface:
+        """The same surface facing the other way."""
+        return Surface(self.vertices, self.triangles[:, ::-1])
+
+    def compact(self) -> Surface:
+        """Without the vertices that no triangle uses; the others keep their order."""
+        used, inverse = np.unique(self.triangles, return_inverse=True)
+        return Surface(self.vertices[used], inverse.reshape(-1, 3))
+
+    def components(self) -> list[Surface]:
+        """The parts connected by edges, largest area first."""
+        labels = component_labels(self.triangles)
+        parts = [
+            Surface(self.vertices, self.triangles[labels == i]).compact() for i in range(labels.max() + 1)
+        ]
+        return sorted(parts, key=lambda part: -part.area())
+
+    def largest_component(self) -> Surface:
+        """The connected part of largest area."""
+        return self.components()[0]
+
+
+def _unit(vectors: Array) -> Array:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(lengths > 0, lengths, 1.0)
+
+
+def component_labels(triangles: IntArray) -> IntArray:
+    """The number (k,), from 0, of the part connected by edges to which each triangle belongs."""
+    return np.asarray(igl.facet_components(triangles)[1], dtype=np.int64).reshape(-1)
+
+
+def directed_edges(triangles: IntArray) -> IntArray:
+    """Directed edges (3 k, 2) of triangles (k, 3): all first edges, all second ones, all third ones."""
+    return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+
+
+def sums_at(places: IntArray, vectors: Array, count: int) -> Array:
+    """Sums (count, 3) of the vectors (k, 3) that belong to each of so many places (k,)."""
+    return np.stack([np.bincount(places, column, count) for column in vectors.T], axis=1)
+
+
+def corner_angles(vertices: Array, triangles: IntArray) -> Array:
+    """Angles (k, 3) in rad at each triangle's corners."""
+    points = vertices[triangles]
+    angles = np.empty(triangles.shape)
+    for corner in range(3):
+        u = points[:, (corner + 1) % 3] - points[:, corner]
+        v = points[:, (corner + 2) % 3] - points[:, corner]
+        angles[:, corner] = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
+    return angles
+
+
+def each_moved(
+    surfaces: Mapping[str, Surface], transforms: Mapping[str, RigidTransform]
+) -> dict[str, Surface]:
+    """Each surface moved by the transform of its name, as bones are into a pose."""
+    return {name: s.moved(transforms[name](s.vertices)) for name, s in surfaces.items()}
+
+
+def concatenate(surfaces: list[Surface]) -> Surface:
+    """Several surfaces as one, vertices in the order given."""
+    starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
+    triangles = [s.triangles + start for s, start in zip(surfaces, starts, strict=False)]
+    return Surface(np.concatenate([s.vertices for s in surfaces]), np.concatenate(triangles))
+
+
+READERS: dict[str, Callable[[Path], tuple[Array, Polygons]]] = {
+    ".ply": read_ply,
+    ".obj": read_obj,
+    ".stl": read_stl,
+}
+METRES, MICROMETRES = 1.0, 3000.0  # mm; no part of a hand is smaller or larger
+
+
+def read_surface(path: str | Path, *, closed: bool = False) -> Surface:
+    """Read PLY, OBJ or STL in mm; vertices keep their order (STL, which repeats them, is merged).
+
+    Polygons are cut into triangles. Vertices that repeat a place, as along seams of texture, count as one:
+    triangles name the first of them. Both are said in the log, as are triangles left out because they name a
+    vertex twice. With `closed`, the surface must be closed, and each part is turned to face outwards.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing or malformed, has no triangles, has NaN coordinates, is in metres or
+        micrometres, or is open.
+    """
+    path = Path(path)
+    vertices, polygons = _read(path)
+    surface = _triangles(path, vertices, polygons)
+    if len(surface.boundary_edges()):
+        surface = _welded(path, surface)
+    _check_size(path, surface)
+    if closed:
+        require_closed(surface, path)
+        return _outwards(path, surface)
+    return surface
+
+
+def _read(path: Path) -> tuple[Array, Polygons]:
+    if not path.exists():
+        raise InputError(path, "file", "does not exist", "Check the path")
+    if path.suffix.lower() not in READERS or not path.is_file():
+        raise InputError(path, "file", "is not PLY, OBJ or STL", "Convert it to one of these")
+    if path.stat().st_size == 0:
+        raise InputError(path, "file", "is empty", "Export the surface again")
+    try:
+        return READERS[path.suffix.lower()](path)
+    except OSError as error:
+        raise InputError(path, "file", f"cannot be read ({error})", "Check its permissions") from error
+
+
+def _triangles(path: Path, vertices: Array, polygons: Polygons) -> Surface:
+    """The polygons cut into triangles, without those that name a vertex twice."""
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        problem = f"NaN or infinite coordinates in {len(bad)} vertices, the first is vertex {bad[0]}"
+        raise InputError(path, "vertices", problem, "Remove these vertices or export the surface again")
+    if (polygons.counts < 3).all():
+        raise InputError(path, "triangles", "there are none", "Export a triangle surface, not points")
+    corners = polygons.corners
+    wrong = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
+    if len(wrong):
+        face = int(np.searchsorted(np.cumsum(polygons.counts), wrong[0], side="right"))
+        problem = f"face {face} names vertex {corners[wrong[0]]}, but there are {len(vertices)} vertices"
+        raise InputError(path, "triangles", problem, "Export the surface again")
+    try:
+        triangles = triangulate(vertices, polygons)
+    except NotSimple as error:
+        place = _place(vertices[corners[polygons.starts[error.number]]])
+        problem = f"face {error.number} near {place} crosses itself"
+        raise InputError(path, "triangles", problem, "Export the surface as triangles") from error
+    larger = np.count_nonzero(polygons.counts > 3)
+    if larger:
+        log.info("%s: cut %d polygons of more than three corners into triangles", path, larger)
+    repeated = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
+    if repeated.all():
+        raise InputError(path, "triangles", "each names a vertex twice", "Export the surface again")
+    if repeated.any():
+        log.warning("%s: left out %d triangles that name a vertex twice", path, repeated.sum())
+    return Surface(vertices, triangles[~repeated])
+
+
+def _welded(path: Path, surface: Surface) -> Surface:
+    """The surface with triangles joined where vertices are at the same place; vertices keep their numbers."""
+    used = np.unique(surface.triangles)
+    _, first, inverse = np.unique(
+        surface.vertices[used] + 0.0, axis=0, return_index=True, return_inverse=True
+    )
+    renamed = np.arange(len(surface.vertices))
+    renamed[used] = used[first[inverse.reshape(-1)]]
+    triangles = renamed[surface.triangles]
+    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    found = Surface(surface.vertices, triangles)
+    if len(found.boundary_edges()) == len(surface.boundary_edges()) or len(triangles) == 0:
+        return surface
+    log.info("%s: %d vertices are at the place of others: joined", path, len(used) - len(first))
+    return found
+
+
+def _check_size(path: Path, surface: Surface) -> None:
+    extent = float(np.ptp(surface.vertices[surface.triangles].reshape(-1, 3), axis=0).max())
+    for unit, wrong, factor in (
+        ("metres", extent < METRES, "1000"),
+        ("micrometres", extent > MICROMETRES, "0.001"),
+    ):
+        if wrong:
+            problem = f"looks like {unit} (extent {extent:.3g})"
+            raise InputError(path, "units", problem, f"Give mm: scale by {factor}")
+
+
+def _outwards(path: Path, surface: Surface) -> Surface:
+    """A closed surface whose parts face outwards, but inwards within an odd number of others: cavities."""
+    labels = component_labels(surface.triangles)
+    parts = [Surface(surface.vertices, surface.triangles[labels == i]) for i in range(labels.max() + 1)]
+    parts = [part if part.volume() > 0 else part.flipped() for part in parts]
+    triangles = surface.triangles.copy()
+    turned = 0
+    for i, part in enumerate(parts):
+        point = part.vertices[part.triangles[:1, 0]]
+        depth = sum(bool(other.contains(point)[0]) for j, other in enumerate(parts) if j != i)
+        right = part.triangles if depth % 2 == 0 else part.triangles[:, ::-1]
+        turned += not np.array_equal(_cyclic(right), _cyclic(triangles[labels == i]))
+        triangles[labels == i] = right
+    if turned and len(parts) > 1:
+        log.warning("%s: turned %d of %d parts to face outwards", path, turned, len(parts))
+    return Surface(surface.vertices, triangles)
+
+
+def _cyclic(triangles: IntArray) -> IntArray:
+    """The same triangles (k, 3), each from its smallest vertex on."""
+    start = np.argmin(triangles, axis=1)[:, None]
+    return np.take_along_axis(triangles, (start + np.arange(3)) % 3, axis=1)
+
+
+def _place(point: Array) -> str:
+    """A point as text, e.g. (1.0, 2.0, 3.0)."""
+    return f"({', '.join(f'{c:.1f}' for c in point)})"
+
+
+def require_closed(surface: Surface, source: str | Path) -> None:
+    """Raise `InputError` naming boundary edges and where they are, unless the surface is closed."""
+    if surface.is_closed():
+        return
+    boundary = surface.boundary_edges()
+    if len(boundary):
+        place = _place(surface.vertices[boundary[0]].mean(axis=0))
+        problem = f"is open: {len(boundary)} boundary edges, the first near {place}"
+    else:
+        place = _place(surface.vertices[surface.crowded_edges()[0]].mean(axis=0))
+        problem = (
+            f"has edges with more than two triangles, or neighbours that face opposite ways, near {place}"
+        )
+    raise InputError(
+        source, "triangles", problem, "Close it with handpipe.mesh.generation.repair or in a mesh editor"
+    )
+
+
+def write_surface(path: str | Path, surface: Surface) -> None:
+    """Write PLY, OBJ or STL, by suffix, atomically; coordinates in mm."""
+    mesh = meshio.Mesh(surface.vertices, [("triangle", surface.triangles.astype(np.int32))])
+    with atomic(path) as temporary:
+        if Path(path).suffix.lower() == ".obj":
+            meshio.write(temporary, mesh)
+        else:
+            meshio.write(temporary, mesh, binary=True)

@@ -1,0 +1,117 @@
+"""Markers on a body's boundary, and the points of its surface that they are held against."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from handpipe.core import Array, IntArray
+from handpipe.mesh.surfaces import Distance, Surface, barycentric_matrix
+
+
+@dataclass(frozen=True)
+class Markers:
+    """Places on the boundary of a body: points (r, 3) in mm and weights (r,).
+
+    vertices (r,): the surface vertices that they were found from; None: each belongs to the closest point of
+    the surface (Wang 2021 Eq. 5.5).
+    """
+
+    points: Array
+    weights: Array
+    vertices: IntArray | None = None
+
+
+@dataclass(frozen=True)
+class Correspondence:
+    """Points of a body, matrix (r, n) of its vertices, held at targets (r, 3).
+
+    metrics (r, 3, 3): roots of the quadratic forms that measure each error; None: plain distances.
+    """
+
+    matrix: sparse.csr_matrix
+    targets: Array
+    metrics: Array | None
+
+    @staticmethod
+    def none(vertices: int) -> Correspondence:
+        """No points of a body with that many vertices."""
+        return Correspondence(sparse.csr_matrix((0, vertices)), np.zeros((0, 3)), None)
+
+    @staticmethod
+    def of(
+        markers: Markers, surface: Surface, embedding: sparse.csr_matrix, tangential: float
+    ) -> Correspondence:
+        """Markers held by the surface at present, which embedding (v, n) carries.
+
+        Errors count in full along the surface's normal and by the share `tangential` along the surface: a
+        marker says where the boundary is, not which of its points is there.
+        """
+        if markers.vertices is None:
+            _, triangles, closest = Distance(surface).closest(markers.points)
+            feet = barycentric_matrix(closest, surface.triangles[triangles], surface.vertices)
+            matrix = feet @ embedding
+            normals = surface.triangle_normals()[triangles]
+        else:
+            matrix = embedding[markers.vertices]
+            normals = surface.vertex_normals()[markers.vertices]
+        across = normals[:, :, None] * normals[:, None]
+        root = across + np.sqrt(tangential) * (np.eye(3) - across)
+        return Correspondence(matrix, markers.points, np.sqrt(markers.weights)[:, None, None] * root)
+
+    def joined(self, other: Correspondence) -> Correspondence:
+        """These points and others of the same body."""
+        return Correspondence(
+            sparse.vstack([self.matrix, other.matrix], format="csr"),
+            np.concatenate([self.targets, other.targets]),
+            np.concatenate([self._metrics(), other._metrics()]),
+        )
+
+    def carried(self, carry: sparse.csr_matrix) -> Correspondence:
+        """The same points by the vertices of a body that `carry` (n, n1) takes to those of this one."""
+        return Correspondence((self.matrix @ carry).tocsr(), self.targets, self.metrics)
+
+    def _metrics(self) -> Array:
+        return np.tile(np.eye(3), (self.count, 1, 1)) if self.metrics is None else self.metrics
+
+    @property
+    def count(self) -> int:
+        return len(self.targets)
+
+    def errors(self, x: Array) -> Array:
+        """Offsets (r, 3) in mm of vertices (n, 3) from the targets."""
+        return self.matrix @ x - self.targets
+
+    def distances(self, x: Array) -> Array:
+        """Distances (r,) in mm that count: along the normals for markers."""
+        errors = self.errors(x)
+        if self.metrics is None:
+            return np.linalg.norm(errors, axis=1)
+        weights = np.sqrt(np.einsum("rij,rij->r", self.metrics, self.metrics))
+        measured = np.linalg.norm(np.einsum("rij,rj->ri", self.metrics, errors), axis=1)
+        return np.divide(measured, weights, out=np.zeros_like(measured), where=weights > 0)
+
+    def rows(self, x: Array) -> tuple[sparse.csr_matrix, Array]:
+        """Weighted residuals (3 r,) at x and their derivative (3 r, 3 n)."""
+        derivative = sparse.kron(self.matrix, sparse.eye(3), format="csr")
+        residuals = self.errors(x)
+        if self.metrics is None or self.count == 0:
+            return derivative, residuals.ravel()
+        blocks = sparse.bsr_matrix((self.metrics, np.arange(self.count), np.arange(self.count + 1)))
+        return (blocks @ derivative).tocsr(), blocks @ residuals.ravel()
+
+    def energy(self, x: Array) -> float:
+        """Sum of the squared weighted residuals."""
+        errors = self.errors(x)
+        if self.metrics is not None:
+            errors = np.einsum("rij,rj->ri", self.metrics, errors)
+        return float((errors**2).sum())
+
+
+def fixed_markers(points: Array) -> Callable[[Surface], Markers]:
+    """Markers (r, 3) placed by hand: the same whatever the surface."""
+    markers = Markers(points, np.ones(len(points)))
+    return lambda surface: markers

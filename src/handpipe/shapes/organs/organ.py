@@ -1,0 +1,184 @@
+"""The shape of an organ from sparse marks: a template and marks in, fitted mesh and strains out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handpipe.core import Array, BoolArray, InputError, Metrics, artifacts
+from handpipe.fem.elements import plasticity
+from handpipe.fem.potentials import Potential
+from handpipe.imaging.volumes import Volume
+from handpipe.mesh.tets import TetMesh
+from handpipe.shapes.observations.given_frame import Sources, require_in_image, require_reached, require_sizes
+from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
+from handpipe.shapes.observations.placement import placed
+from handpipe.shapes.observations.straight import loosened
+from handpipe.shapes.optimisation.search import Record
+from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.strain_space import State
+from handpipe.shapes.organs.doubts import Doubts, examine
+from handpipe.shapes.organs.remeshing import Given, OnMesh
+from handpipe.shapes.organs.resume import FitCheckpoint
+from handpipe.shapes.organs.stages import NEW_TETS, Position, follow, plan
+
+
+@dataclass(frozen=True)
+class OrganFit:
+    """What `fit_organ` found.
+
+    mesh: the organ, in mm; rest: the same tets at rest, on the template's vertices or, if the organ was
+    meshed anew, on those of the shape that it had then; strains (m, 6): plastic strains from there on, whose
+    equilibrium it is; carried (n0, 3): where the template's vertices are in it; record: every step; kept
+    (r,): marks that counted at the end; doubtful (t,): attachments that were left out; quality: errors and
+    quality of elements.
+    """
+
+    mesh: TetMesh
+    rest: TetMesh
+    strains: Array
+    carried: Array
+    record: list[Record]
+    kept: BoolArray
+    doubtful: BoolArray
+    quality: Metrics
+
+    def table(self) -> dict[str, list[Any]]:
+        """The record by columns, for an artifact."""
+        return artifacts.columns(self.record)
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What is known of an organ in an image.
+
+    marks (r, 3): points on its boundary, in mm, without correspondence; attachments: points of the template
+    that other organs hold, and where; landmarks: points of the template whose places in the image are known;
+    volume: an image in which marks are sought along the surface's normals, at the end.
+    """
+
+    marks: Array | None = None
+    attachments: Pairs | None = None
+    landmarks: Pairs | None = None
+    volume: Volume | None = None
+
+
+def fit_organ(
+    template: TetMesh,
+    observed: Observed,
+    *,
+    loads: Sequence[Potential] = (),
+    settings: Settings | None = None,
+    checkpoint: str | Path | None = None,
+    sources: Sources | None = None,
+) -> OrganFit:
+    """Deform a template tet mesh to the marks of one organ in an image (Wang 2021 chapter 5).
+
+    loads: potentials that act on the organ besides; checkpoint: a file that is written after every step and
+    removed at the end, from which a fit of the same input goes on; sources: what messages call the inputs.
+    An organ without attachments is placed by its landmarks, or else by its marks, or else it is where the
+    template is. Tets that strains ruin are replaced (`remeshing.py`). Raises `InputError` for input that
+    cannot be used, `ConvergenceError` where no equilibrium is found at the start.
+    """
+    settings = settings or Settings()
+    sources = sources or Sources()
+    template = template.checked(sources.template)
+    points = _checked_marks(observed.marks)
+    attachments, landmarks, volume = observed.attachments, observed.landmarks, observed.volume
+    if len(points) == 0 and landmarks is None and attachments is None and volume is None:
+        raise InputError("organ", "marks", "there are none", "Give marks, landmarks, attachments or a volume")
+    attachments = None if attachments is None else attachments.checked("attachments")
+    landmarks = None if landmarks is None else landmarks.checked("landmarks")
+    named = {sources.attachments: attachments, sources.landmarks: landmarks}
+    require_sizes(template, points, {name: p for name, p in named.items() if p is not None}, sources)
+    attachments, landmarks = loosened(attachments, landmarks)
+    held = None if attachments is None else attachments.attached(template)
+    known = None if landmarks is None else landmarks.attached(template)
+    given = Given(template, points, held, known, tuple(loads), volume, settings)
+    start = _start(given)
+    require_reached(template.moved(start), points, settings.outliers, sources)
+    if volume is not None:
+        require_in_image(template.moved(start), volume, sources)
+    doubts = examine(given, start)
+    given = doubts.heeded(given)
+    if doubts.attachments.any():
+        start = _start(given)
+    task = OnMesh.of_template(given)
+    file = None if checkpoint is None else FitCheckpoint(checkpoint, given)
+    position = None if file is None else file.read()
+    if position is None:
+        position = Position(task, task.search.begin(task.holds, start))
+    position = follow(position, plan(given), lambda p: None if file is None else file.write(p))
+    if file is not None:
+        file.done()
+    return _finished(position, task.marks, start, doubts)
+
+
+def _start(given: Given) -> Array:
+    pairs = [p for p in (given.known, given.held) if p is not None]
+    return placed(given.template, pairs, OnMesh.of_template(given).marks)
+
+
+def _finished(position: Position, template_marks: BoundaryMarks, start: Array, doubts: Doubts) -> OrganFit:
+    task, state = position.task, position.state
+    kept = task.marks.weights(state.x) > 0
+    return OrganFit(
+        mesh=task.mesh.moved(state.x),
+        rest=task.mesh,
+        strains=state.body.strains,
+        carried=task.carry @ state.x,
+        record=task.search.record,
+        kept=kept,
+        doubtful=doubts.attachments,
+        quality=_quality(task, state, kept, template_marks.distances(start)) | doubts.quality(),
+    )
+
+
+def _checked_marks(marks: Array | None) -> Array:
+    points = np.zeros((0, 3)) if marks is None else np.asarray(marks, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError("marks", "points", f"have the shape {points.shape}", "Give points (r, 3) in mm")
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise InputError("marks", f"point {bad[0]}", "NaN or infinite coordinates", "Place or remove it")
+    return points
+
+
+def _quality(task: OnMesh, state: State, kept: BoolArray, before: Array) -> Metrics:
+    """Errors in mm at marks (before: at the start), landmarks and attachments, and what has become of the
+    elements.
+    """
+    template, fitted = task.given.template, task.mesh.moved(state.x)
+    eigenvalues = plasticity.eigenvalues(state.body.strains)
+    found: Metrics = {
+        "smallest_dihedral_before": (template.smallest_dihedral(), "deg"),
+        "smallest_dihedral_after": (fitted.smallest_dihedral(), "deg"),
+        "inverted_tets": (float((fitted.volumes() <= 0).sum()), "1"),
+        "new_meshes": (float(sum(r.stage == NEW_TETS for r in task.search.record)), "1"),
+        "tets": (float(len(fitted.tets)), "1"),
+        "eigenvalue_min": (float(eigenvalues.min()), "1"),
+        "eigenvalue_max": (float(eigenvalues.max()), "1"),
+        "volume_before": (float(template.volumes().sum()), "mm3"),
+        "volume_after": (float(fitted.volumes().sum()), "mm3"),
+    }
+    if len(kept):
+        found |= _errors("marks_start", before[kept])
+        found |= _errors("marks", task.marks.distances(state.x)[kept])
+        found["marks_left_out"] = (float((~kept).sum()), "1")
+    if task.image is not None:
+        edges = task.image(state.x)
+        found |= _errors("image_marks", edges.distances(state.x))
+        found["image_marks"] = (float(edges.count), "1")
+    for name, pairs in (("attachments", task.holds), ("landmarks", task.known)):
+        if pairs is not None and len(pairs.targets):
+            found |= _errors(name, np.linalg.norm(pairs.errors(state.x), axis=1))
+    return found
+
+
+def _errors(name: str, distances: Array) -> Metrics:
+    mean = float(distances.mean()) if len(distances) else 0.0
+    return {f"{name}_mean": (mean, "mm"), f"{name}_max": (float(distances.max(initial=0.0)), "mm")}

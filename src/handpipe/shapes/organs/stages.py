@@ -1,0 +1,110 @@
+"""The stages of a fit, one after the other: attachments, landmarks, marks, the image (Wang 2021 §5.4)."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handpipe.core import HandpipeError
+from handpipe.shapes.observations.correspondence import Correspondence
+from handpipe.shapes.observations.straight import in_space
+from handpipe.shapes.optimisation.strain_space import Stage, State
+from handpipe.shapes.organs.remeshing import EARLY, Given, OnMesh, remeshed, worn
+
+log = logging.getLogger(__name__)
+
+NEW_TETS = "new tets"  # a row of the record
+MESHINGS = 12  # at most, in one fit
+GROWTH = (0.01, 0.1, 1.0)  # of the marks' weight
+UNIFORM = 1  # strain field
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A stage that uses "nothing" but attachments, "landmarks", "marks" or the "image", on whatever mesh."""
+
+    name: str
+    uses: str
+    weight: float
+    fields: int | None
+    most: int
+
+    def on(self, task: OnMesh) -> Stage:
+        """The stage on the present mesh."""
+        return Stage(self.name, task.find(self.uses), self.weight, self.fields, self.most)
+
+
+@dataclass(frozen=True)
+class Position:
+    """Where a fit is: in which stage, whose record begins with number `first`, after how many new meshes."""
+
+    task: OnMesh
+    state: State
+    stage: int = 0
+    first: int = 0
+    meshings: int = 0
+
+
+def plan(given: Given) -> list[Planned]:
+    """Attachments, landmarks, marks, the image, as far as given: each over uniform strains first, then
+    with growing weights. Pairs in a plane would let uniform strains across it go astray: they wait for more.
+    """
+    settings = given.settings
+    stages: list[Planned] = []
+    more = len(given.marks) > 0 or given.image is not None
+    held = np.zeros((0, 3)) if given.held is None else given.held.targets
+    known = np.zeros((0, 3)) if given.known is None else given.known.targets
+    if len(held) and (in_space(held) or not (more or len(known))):
+        stages.append(Planned("attachments", "nothing", 1.0, UNIFORM, EARLY))
+    if len(known) and (in_space(np.concatenate([held, known])) or not more):
+        stages += _growing("landmarks", settings.alpha, EARLY, EARLY)
+    if len(given.marks):
+        stages += _growing("marks", settings.alpha, settings.iterations, settings.iterations)
+    if given.image is not None:
+        stages += _growing("image", settings.alpha, EARLY, settings.iterations)
+    return [stage for stage in stages if stage.most > 0]
+
+
+def _growing(uses: str, alpha: float, uniform: int, most: int) -> list[Planned]:
+    first = Planned(f"{uses}, uniform", uses, alpha, UNIFORM, uniform)
+    steps = [most if share == 1.0 else EARLY for share in GROWTH]
+    return [first, *(Planned(uses, uses, g * alpha, None, n) for g, n in zip(GROWTH, steps, strict=True))]
+
+
+def follow(position: Position, stages: Sequence[Planned], save: Callable[[Position], None]) -> Position:
+    """All steps that are left; `save` gets every position."""
+    while position.stage < len(stages):
+        position = _advanced(position, stages[position.stage])
+        save(position)
+    return position
+
+
+def _advanced(at: Position, stage: Planned) -> Position:
+    """One step, then new tets if it ruined them: with these the stage begins anew."""
+    search = at.task.search
+    state, ended = search.advance(at.state, stage.on(at.task), at.first)
+    at = replace(at, state=state)
+    if at.meshings < MESHINGS and _settled(stage, ended) and worn(at.task, state):
+        at, begun = replace(at, meshings=at.meshings + 1), time.perf_counter()
+        try:
+            task, state = remeshed(at.task, state)
+        except HandpipeError as error:
+            log.warning("the organ keeps its tets: %s", error)
+        else:
+            nothing = Correspondence.none(len(state.x))
+            before = task.search.objective(state, nothing, stage.weight)
+            task.search.note(state, NEW_TETS, task.find(stage.uses)(state.x), (before, 0.0, begun))
+            at = replace(at, task=task, state=state, first=len(search.record))
+            ended = stage.fields == UNIFORM
+    return replace(at, stage=at.stage + 1, first=len(search.record)) if ended else at
+
+
+def _settled(stage: Planned, ended: bool) -> bool:
+    """Whether a shape is worth new tets: uniform strains may go far astray before they come to rest, and
+    attachments alone hardly tell them.
+    """
+    return stage.fields != UNIFORM or (ended and stage.uses != "nothing")

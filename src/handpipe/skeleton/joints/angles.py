@@ -1,0 +1,124 @@
+"""Joint angles of frames as CSV in degrees, and the check against the limits of the joints.
+
+frame,MP2_flexion [deg],MP2_abduction [deg],PIP2_flexion [deg]
+fist,80,0,95
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.core import InputError, write_text
+from handpipe.skeleton.joints.frame_table import frame_name, number_in, read_table
+
+Angles = dict[str, float]  # angle name -> rad
+Limits = Mapping[str, tuple[float, float]]  # angle name -> lower and upper in rad
+UNIT = " [deg]"
+SLACK = np.radians(1e-6)
+
+
+def check_angles(angles: Mapping[str, float], limits: Limits, source: str | Path, row: str = "") -> None:
+    """Raise `InputError` for an angle that is unknown, missing, not a number or beyond its limits.
+
+    `angles` and `limits` in rad; `row` says where in `source` the angles stand.
+    """
+    where = f"{row}, " if row else ""
+    known = ", ".join(limits)
+    for name in angles:
+        if name not in limits:
+            raise InputError(
+                source, f"{where}{name}", "is not an angle of this rig", f"The angles are {known}"
+            )
+    for name, (lower, upper) in limits.items():
+        if name not in angles:
+            raise InputError(source, f"{where}{name}", "is missing", f"Give every angle: {known}")
+        value = angles[name]
+        if not math.isfinite(value):
+            raise InputError(source, f"{where}{name}", "is not a finite number", "Give the angle in degrees")
+        if not lower - SLACK <= value <= upper + SLACK:
+            low, high, degrees = np.degrees([lower, upper, value])
+            raise InputError(
+                source,
+                f"{where}{name}",
+                f"{degrees:.6g} deg is outside its limits of {low:.6g} to {high:.6g} deg",
+                "Bring it within the limits, or widen limits_deg of the joint in the dataset file",
+            )
+
+
+def read_angles(path: str | Path, limits: Limits) -> dict[str, Angles]:
+    """Frames of a CSV file: frame name -> angle name -> rad, in file order.
+
+    Cells are parted by commas, semicolons or tabs; with the latter two, numbers may have a decimal comma.
+    Raises `InputError` naming row and column for a file without frames, an unknown or missing column, a
+    repeated frame, a value that is not a number, and an angle beyond its limits (rad).
+    """
+    header, lines, decimal_comma = read_table(path)
+    columns = _columns(path, header, limits)
+    frames: dict[str, Angles] = {}
+    for number, row in lines:
+        if len(row) != len(columns) + 1:
+            raise InputError(
+                path, f"row {number}", f"has {len(row)} cells, not {len(columns) + 1}", "Complete it"
+            )
+        name = frame_name(path, (number, row), [*frames])
+        where = f"row {number} (frame {name})"
+        angles = {
+            c: _radians(path, where, c, cell, decimal_comma) for c, cell in zip(columns, row[1:], strict=True)
+        }
+        check_angles(angles, limits, path, where)
+        frames[name] = angles
+    if not frames:
+        raise InputError(path, "rows", "there are none", "Give a row for each frame")
+    return frames
+
+
+def write_angles(path: str | Path, frames: Mapping[str, Mapping[str, float]]) -> None:
+    """Write frames (frame name -> angle name -> rad) as CSV in degrees, atomically."""
+    names = list(next(iter(frames.values()), {}))
+    lines = [",".join(["frame", *(n + UNIT for n in names)])]
+    for frame, angles in frames.items():
+        lines.append(",".join([frame, *(repr(float(np.degrees(angles[n]))) for n in names)]))
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _columns(path: str | Path, header: list[str], limits: Limits) -> list[str]:
+    example = ",".join(["frame", *(n + UNIT for n in limits)])
+    if not header or header[0].strip() != "frame":
+        raise InputError(
+            path, "header", "does not begin with the column 'frame'", f"Begin the file with: {example}"
+        )
+    names = []
+    for cell in header[1:]:
+        name = cell.strip()
+        if not name.endswith(UNIT):
+            plain, _, unit = name.partition(" [")
+            if unit:
+                problem = f"is in {unit.removesuffix(']')!r}, not in degrees"
+                remedy = f"Convert it and name it {plain + UNIT!r}"
+                raise InputError(path, f"column {name!r}", problem, remedy)
+            raise InputError(
+                path, f"column {name!r}", "does not say its unit", f"Name it like {name + UNIT!r}"
+            )
+        names.append(name.removesuffix(UNIT))
+    for name in names:
+        if name not in limits:
+            raise InputError(
+                path, f"column {name!r}", "is not an angle of this rig", f"The header is: {example}"
+            )
+        if names.count(name) > 1:
+            raise InputError(path, f"column {name!r}", "stands twice", "Keep one of the two")
+    for name in limits:
+        if name not in names:
+            raise InputError(path, f"column {name + UNIT!r}", "is missing", f"The header is: {example}")
+    return names
+
+
+def _radians(path: str | Path, where: str, name: str, cell: str, decimal_comma: bool) -> float:
+    try:
+        return float(np.radians(number_in(cell, decimal_comma)))
+    except ValueError as error:
+        raise InputError(path, f"{where}, {name}", f"{cell!r} is not a number", "Give degrees") from error

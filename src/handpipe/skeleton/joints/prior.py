@@ -1,0 +1,89 @@
+"""What is believed of a joint before its poses are seen, and how well each pose's motion is measured.
+
+With a handful of poses an axis about which a joint hardly turned is not determined by them. The hint of the
+dataset file then counts, the more the less the data tell: the posterior's mode of normal errors. How much
+motion no fixed axis explains is not known either; it is estimated from the poses themselves, together with
+what is usual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from handpipe.core import Array
+
+
+class MotionNoise(NamedTuple):
+    """Standard deviations, by component, of a measured motion: of its turn in rad, of the joint in mm."""
+
+    rotation: float
+    translation: float
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Standard deviations, by component.
+
+    tilt in rad: of a hinted axis, which a person draws 30 deg off at worst; centre in mm: of the gap between
+    the bones from the joint's centre; rotation in rad and translation in mm: of motions that no fixed axis
+    explains, by pose; poses: how many poses this guess of them counts as.
+    """
+
+    tilt: float = float(np.radians(15.0))
+    centre: float = 5.0
+    rotation: float = float(np.radians(1.0))
+    translation: float = 0.3
+    poses: float = 2.0
+
+
+PRIOR = Prior()
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """Weights (n,) of the poses, of mean square one, and the strength of the prior beside them.
+
+    pull: deviation of a pose's typical error by that of the prior, so that squares of both add up.
+    """
+
+    weights: Array
+    pull: float
+
+    @staticmethod
+    def plain(count: int) -> Weighing:
+        """All poses alike and no prior."""
+        return Weighing(np.ones(count), 0.0)
+
+    @staticmethod
+    def of(noise: Array, unexplained: float, prior: float) -> Weighing:
+        """From deviations (n,) of the poses, that of unexplained motion, and that of the prior."""
+        total = np.hypot(noise, unexplained)
+        typical = 1 / np.sqrt(np.mean(total**-2.0))
+        return Weighing(typical / total, float(typical / prior))
+
+
+def unexplained(leftover: Array, noise: Array, parameters: int, guess: float, poses: float) -> float:
+    """Deviation by component of motions that a fit left over.
+
+    leftover (n, k): what a fit of so many parameters left of each pose; noise (n,): deviations that
+    measurement alone explains; guess: the deviation expected beforehand, which counts as so many poses.
+    """
+    count, k = leftover.shape
+    squares = max(float((leftover**2).sum() - k * (noise**2).sum()), 0.0)
+    free = max(count * k - parameters, 0)
+    prior = poses * k
+    return float(np.sqrt((prior * guess**2 + squares) / (prior + free)))
+
+
+def rotation_noise(noise: Sequence[MotionNoise]) -> Array:
+    """Deviations (n,) of the turns in rad."""
+    return np.array([n.rotation for n in noise])
+
+
+def translation_noise(noise: Sequence[MotionNoise]) -> Array:
+    """Deviations (n,) of the joint's place in mm."""
+    return np.array([n.translation for n in noise])

@@ -1,0 +1,22 @@
+"""Where each bone is in a pose's image before it is segmented, and how sure that is."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.skeleton.localisation.locating import HandModel, locate, moved_surfaces
+    from handpipe.skeleton.localisation.location_confidence import confidences, read_located, write_located
+    from handpipe.skeleton.localisation.second_search import sought_again
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "HandModel",
+    "confidences",
+    "locate",
+    "moved_surfaces",
+    "read_located",
+    "sought_again",
+    "write_located",
+]

@@ -1,0 +1,116 @@
+"""How sure it is that a bone is where it was found: from the image's edges, its joints and its neighbours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.core import RigidTransform, artifacts
+from handpipe.imaging.volumes import Volume
+from handpipe.skeleton.localisation.edge_agreement import agreement
+from handpipe.skeleton.localisation.joint_search import Departure, falling
+from handpipe.skeleton.localisation.locating import HandModel
+
+KIND = "located_bones"
+SURE = 0.5  # below it a person has to look
+MARGIN = 0.15  # either side of it a verdict is no certain one
+
+
+@dataclass(frozen=True)
+class Confidence:
+    """What speaks for a bone's place.
+
+    edges: share of the marrow's surface that lies on an edge from bright to dark; seen: share of it inside
+    the image; overlap: share inside another bone; departure: from what the joint to its parent can do (none
+    for bones of the root); carried: what the joints from the root to this bone leave of certainty, since a
+    bone that fits well to one in the wrong place is in the wrong place.
+    """
+
+    edges: float
+    seen: float
+    overlap: float
+    carried: float
+    departure: Departure | None = None
+
+    @property
+    def value(self) -> float:
+        """In [0, 1]: the product of what each kind of evidence leaves."""
+        inside = falling(-self.seen, -0.5, -0.2) * falling(self.overlap, 0.03, 0.15)
+        return of_edges(self.edges) * inside * self.carried
+
+    @property
+    def marked(self) -> bool:
+        """Whether a person has to look."""
+        return self.value < SURE
+
+    @property
+    def near(self) -> bool:
+        """Whether the value lies so near the threshold that the verdict may be wrong."""
+        return abs(self.value - SURE) < MARGIN
+
+    @property
+    def verdict(self) -> str:
+        """What follows from the value, with its figure."""
+        kind = "marked" if self.marked else "doubtful" if self.near else "sure"
+        return f"{kind}, confidence {self.value:.2f}" + (f" near the limit of {SURE}" if self.near else "")
+
+
+def of_edges(share: float) -> float:
+    """What a share of edges that agree leaves of certainty."""
+    return falling(-share, -0.8, -0.5)
+
+
+def confidences(
+    model: HandModel, normalised: Volume, found: Mapping[str, RigidTransform]
+) -> dict[str, Confidence]:
+    """Confidence of every bone; normalised: the image in units of the local marrow level."""
+    motions = [found[body.bones[0]] for body in model.bodies]
+    root = agreement(normalised, model.bodies[0].probes, motions[0])
+    carried, departures = {0: of_edges(root.share)}, {}
+    for link in model.links:
+        departure = link.departure(motions[link.parent], motions[link.child])
+        carried[link.child] = carried[link.parent] * departure.plausible
+        departures[link.child] = departure
+    result = {}
+    for number, body in enumerate(model.bodies):
+        for bone in body.bones:
+            agrees = agreement(normalised, model.probes[bone], found[bone])
+            overlap = max(
+                (model.overlap(bone, found[bone], o, t) for o, t in found.items() if o != bone), default=0.0
+            )
+            of_joints = carried[number], departures.get(number)
+            result[bone] = Confidence(agrees.share, agrees.seen, overlap, *of_joints)
+    return result
+
+
+def write_located(
+    path: str | Path,
+    motions: Mapping[str, RigidTransform],
+    sure: Mapping[str, Confidence],
+    inputs: Sequence[str | Path],
+) -> None:
+    """Write where bones were found (kind "located_bones"), and what speaks for it."""
+    data = {}
+    for bone, motion in motions.items():
+        c = sure[bone]
+        evidence = {"edges": c.edges, "seen": c.seen, "overlap": c.overlap, "carried": c.carried}
+        joint = {} if c.departure is None else {"departure": vars(c.departure)}
+        place = {"rotation": motion.rotation, "translation": motion.translation}
+        data[bone] = {**place, **evidence, "confidence": c.value, **joint}
+    units = {f"{bone}/translation": "mm" for bone in motions}
+    for bone in (b for b, c in sure.items() if c.departure):
+        of_parts = {"turn": "deg", "off": "deg", "beyond": "deg", "gap": "mm", "neutral_gap": "mm"}
+        units |= {f"{bone}/departure/{part}": unit for part, unit in of_parts.items()}
+    artifacts.write(path, data, kind=KIND, units=units, inputs=inputs)
+
+
+def read_located(path: str | Path) -> tuple[dict[str, RigidTransform], dict[str, Confidence]]:
+    """Transforms from neutral and confidences, by bone."""
+    motions, sure = {}, {}
+    for bone, d in artifacts.read(path, KIND).items():
+        motions[bone] = RigidTransform(d["rotation"], d["translation"])
+        joint = {part: float(v) for part, v in d["departure"].items()} if "departure" in d else None
+        edges, seen, overlap, carried = (float(d[p]) for p in ("edges", "seen", "overlap", "carried"))
+        sure[bone] = Confidence(edges, seen, overlap, carried, Departure(**joint) if joint else None)
+    return motions, sure

@@ -1,0 +1,28 @@
+"""Bones in new poses: inverse kinematics, validity, pose spaces, skinning, the layer of bones."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.skeleton.posing.layer import BoneLayer, bone_regions
+    from handpipe.skeleton.posing.local_pose_spaces import LocalPoseSpaces
+    from handpipe.skeleton.posing.pose_space import Interpolation, PoseSpace
+    from handpipe.skeleton.posing.skinning import blend, blended, bone_weights, smoothed_weights
+    from handpipe.skeleton.posing.validity import PoseValidity, validity_table
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "BoneLayer",
+    "Interpolation",
+    "LocalPoseSpaces",
+    "PoseSpace",
+    "PoseValidity",
+    "blend",
+    "blended",
+    "bone_regions",
+    "bone_weights",
+    "smoothed_weights",
+    "validity_table",
+]

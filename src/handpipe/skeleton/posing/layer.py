@@ -1,0 +1,56 @@
+"""The bones as the first layer of the simulation: rigid bodies at a frame's transforms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.core import LAYERS, Array, Frame, IntArray, Region, Shape, Shapes
+from handpipe.mesh.surfaces import Distance, Surface, about
+
+
+def bone_regions(
+    points: Array, bones: Mapping[str, Surface], joint_radius: float, tolerance: float
+) -> IntArray:
+    """Fixed on the bodies of bones, contact at heads and joints: (n,).
+
+    A point is fixed where it lies on a bone (within tolerance, mm) and no other bone is within joint_radius
+    (mm): what the papers paint by hand (Zheng 2022 §6) or sweep over the range of motion (Wang 2019 §5.4).
+    """
+    gaps = np.full((len(points), len(bones) + 1), np.inf)
+    for column, bone in enumerate(bones.values()):
+        near = about(points, bone, joint_radius + tolerance)
+        gaps[near, column] = np.maximum(Distance(bone).signed(points[near])[0], 0.0)
+    distances = np.sort(gaps, axis=1)
+    fixed = (distances[:, 0] < tolerance) & (distances[:, 1] > joint_radius)
+    return np.where(fixed, Region.fixed, Region.contact).astype(np.int64)
+
+
+class BoneLayer:
+    """Neutral bone surfaces, moved rigidly."""
+
+    name = "bones"
+    needs = LAYERS[name].needs
+
+    def __init__(self, bones: Mapping[str, Surface], joint_radius: float = 4.0) -> None:
+        self.bones = dict(bones)
+        points = np.concatenate([s.vertices for s in bones.values()])
+        ends = np.cumsum([len(s.vertices) for s in bones.values()])
+        regions = np.split(bone_regions(points, bones, joint_radius, 0.01), ends[:-1])
+        self.regions = dict(zip(bones, regions, strict=True))
+
+    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """Each bone's surface at its transform."""
+        return {
+            name: Shape(
+                s.vertices, frame.bones[name](s.vertices), s.triangles, {"region": self.regions[name]}
+            )
+            for name, s in self.bones.items()
+        }
+
+
+def load(_: Sequence[Path], bones: Mapping[str, Surface]) -> BoneLayer:
+    """The layer of the bones' neutral surfaces."""
+    return BoneLayer(bones)

@@ -1,0 +1,183 @@
+"""Pose-space interpolation: weights of example poses from the rotations of a few controlling bones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+import numpy as np
+from scipy.spatial.distance import pdist
+
+from handpipe.core import Array, RigidTransform
+
+Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
+COINCIDENT = 1e-9  # rad, or a share of the points' spread; closer poses are one
+# rad, or shares of the points' spread; examples that spread less in a direction tell no slope along it.
+LINEAR_SPREAD = 0.1
+
+
+def ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
+    """A bone, its parent, and so on to the root; parents: bone -> parent bone, without the root."""
+    found = [bone]
+    while found[-1] in parents:
+        found.append(parents[found[-1]])
+    return found
+
+
+def reference_bone(bones: Sequence[str], parents: Mapping[str, str]) -> str:
+    """The controlling bone with most controlling descendants (Zheng 2022, section 4.3); the first of equals.
+
+    parents: bone -> parent bone, without the root.
+    """
+
+    return max(bones, key=lambda a: sum(a in ancestry(b, parents)[1:] for b in bones))
+
+
+def pose_vector(bones: Sequence[str], reference: str, transforms: Mapping[str, RigidTransform]) -> Array:
+    """Rotation vectors (3 (len(bones) - 1),) in rad of the bones relative to the reference bone.
+
+    transforms: bone -> transform from neutral. A common motion of all bones does not change the result.
+    """
+    undo = transforms[reference].inverse()
+    return np.concatenate(
+        [(undo @ transforms[b]).rotation_vector() for b in bones if b != reference] or [np.zeros(0)]
+    )
+
+
+def felt_vector(
+    points: Mapping[str, Array], reference: str, transforms: Mapping[str, RigidTransform]
+) -> Array:
+    """How far points (k, 3) of bones move (3 K,) relative to the reference bone, as shares of their spread.
+
+    Its norm is the root mean square of all K points: what an organ feels of a pose that is held at them. A
+    rotation counts by its lever, which differs by an order of magnitude between the joints that one muscle
+    passes. A common motion of all bones does not change the result.
+    """
+    undo = transforms[reference].inverse()
+    moved = np.concatenate([(undo @ transforms[b])(p) - p for b, p in points.items()])
+    rest = np.concatenate(list(points.values()))
+    spread = np.linalg.norm(rest - rest.mean(axis=0))
+    return moved.ravel() / spread
+
+
+def _vector(
+    bones: Sequence[str],
+    reference: str,
+    points: Mapping[str, Array],
+    transforms: Mapping[str, RigidTransform],
+) -> Array:
+    if points:
+        return felt_vector(points, reference, transforms)
+    return pose_vector(bones, reference, transforms)
+
+
+@dataclass(frozen=True)
+class PoseSpace:
+    """Example poses as pose vectors, and the weights that interpolate what is known in them.
+
+    bones: controlling bones; reference: the one that the others' motions are relative to; examples
+    (N, d): rotation vectors in rad, d = 3 (len(bones) - 1), or, with `points` (k, 3) in mm of each bone in
+    neutral, what is felt there (`felt_vector`); poses: names of the N examples. `interpolation`:
+    "inverse-distance" (Zheng 2022, Eq. 1) is positive and kinked at the examples; "inverse-square" is
+    positive and smooth, but flat at the examples; "rbf" is linear radial basis functions with a linear
+    part, which follow trends at the price of negative weights, for quantities that may be extrapolated,
+    such as logarithms of strains.
+    """
+
+    bones: tuple[str, ...]
+    reference: str
+    examples: Array
+    poses: tuple[str, ...]
+    interpolation: Interpolation = "inverse-distance"
+    points: Mapping[str, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.interpolation not in get_args(Interpolation):
+            raise ValueError(f"interpolation {self.interpolation!r} is none of {get_args(Interpolation)}")
+
+    @staticmethod
+    def build(
+        bones: Sequence[str],
+        parents: Mapping[str, str],
+        transforms: Mapping[str, Mapping[str, RigidTransform]],
+        interpolation: Interpolation = "inverse-distance",
+        points: Mapping[str, Array] | None = None,
+    ) -> PoseSpace:
+        """Pose space of transforms, pose -> bone -> transform from neutral; parents: bone -> parent bone."""
+        reference, points = reference_bone(bones, parents), dict(points or {})
+        examples = np.array([_vector(bones, reference, points, t) for t in transforms.values()])
+        return PoseSpace(tuple(bones), reference, examples, tuple(transforms), interpolation, points)
+
+    def apart(self) -> float:
+        """The distance of the two examples that are nearest to one another; infinite of a single one."""
+        return float(pdist(self.examples).min(initial=np.inf))
+
+    def vector(self, bones: Mapping[str, RigidTransform]) -> Array:
+        """Pose vector (d,) of bone transforms from neutral."""
+        return _vector(self.bones, self.reference, self.points, bones)
+
+    def weights(self, bones: Mapping[str, RigidTransform]) -> Array:
+        """Weights (N,) of the examples in a pose; they sum to one and are exact at the examples."""
+        return self.weights_at(self.vector(bones))
+
+    def weights_at(self, pose: Array) -> Array:
+        """As `weights`, of a pose vector (d,)."""
+        distances = np.linalg.norm(self.examples - pose, axis=1)
+        here = distances < COINCIDENT
+        if here.any():
+            return here / here.sum()
+        if self.interpolation == "rbf":
+            return self._rbf_weights(pose, distances)
+        nearness = (distances.min() / distances) ** (2 if self.interpolation == "inverse-square" else 1)
+        return nearness / nearness.sum()
+
+    def interpolate(self, values: Array, bones: Mapping[str, RigidTransform]) -> Array:
+        """Values (...) in a pose from values (N, ...) at the examples (Zheng 2022, Eq. 2)."""
+        return np.tensordot(self.weights(bones), values, axes=1)
+
+    def _rbf_weights(self, pose: Array, distances: Array) -> Array:
+        """Solve the saddle-point system of linear radial functions under reproduction of the linear part."""
+        between = np.linalg.norm(self.examples[:, None] - self.examples[None], axis=2)
+        origin, directions = self._linear_part()
+        n, k = len(self.examples), 1 + directions.shape[1]
+        system = np.zeros((n + k, n + k))
+        system[:n, :n] = between
+        system[:n, n] = system[n, :n] = 1
+        system[:n, n + 1 :] = (self.examples - origin) @ directions
+        system[n + 1 :, :n] = system[:n, n + 1 :].T
+        right = np.concatenate([distances, [1.0], (pose - origin) @ directions])
+        # Examples that coincide make the system singular; the least-norm solution shares their weight.
+        return np.linalg.lstsq(system, right, rcond=1e-10)[0][:n]
+
+    def _linear_part(self) -> tuple[Array, Array]:
+        """Origin (d,) and orthonormal directions (d, k) in which the examples are enough to tell a slope."""
+        origin = self.examples.mean(axis=0)
+        _, values, vt = np.linalg.svd(self.examples - origin, full_matrices=False)
+        spread = values > LINEAR_SPREAD * np.sqrt(len(self.examples))
+        # A slope in every direction that the examples span would leave nothing to the radial functions.
+        few = np.arange(len(values)) < len(self.examples) - 2
+        return origin, vt[spread & few].T
+
+    def to_group(self) -> dict[str, Any]:
+        """Content for an artifact's group."""
+        return {
+            "bones": list(self.bones),
+            "reference": self.reference,
+            "examples": self.examples,
+            "poses": list(self.poses),
+            "interpolation": self.interpolation,
+            **{f"points/{bone}": points for bone, points in self.points.items()},
+        }
+
+    @staticmethod
+    def from_group(group: Mapping[str, Any]) -> PoseSpace:
+        """What `to_group` gave, as an artifact returned it."""
+        return PoseSpace(
+            tuple(group["bones"]),
+            str(group["reference"]),
+            np.asarray(group["examples"], float),
+            tuple(group["poses"]),
+            group["interpolation"],
+            dict(group.get("points", {})),
+        )

@@ -1,0 +1,72 @@
+"""Smooth blends of bone transforms: starting guesses for what the tissues then compute."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial.transform import Rotation
+
+from handpipe.core import Array, RigidTransform
+from handpipe.fem.linear import factorise
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.tets import TetMesh
+
+
+def bone_weights(points: Array, bones: Mapping[str, Surface], power: float = 3.0) -> Array:
+    """Weights (n, n_bones), rows summing to one, by inverse powers of the distance to each bone.
+
+    The distance has 1 mm added, so that weights stay smooth across a bone's surface.
+    """
+    distances = np.stack([np.maximum(Distance(s).signed(points)[0], 0.0) for s in bones.values()], axis=1)
+    weights = (distances + 1.0) ** -power
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+def smoothed_weights(mesh: TetMesh, bones: Mapping[str, Surface], reach: float = 10.0) -> Array:
+    """Bone weights (n, n_bones) at a mesh's vertices, diffused so that blends of bent joints invert no tet.
+
+    reach: steps of diffusion along edges, roughly squared.
+    """
+    n = len(mesh.vertices)
+    corners = [(a, b) for a in range(4) for b in range(a)]
+    ends = np.concatenate([mesh.tets[:, pair] for pair in corners])
+    graph = sparse.coo_matrix((np.ones(len(ends)), ends.T), shape=(n, n)).tocsr()
+    graph = ((graph + graph.T) > 0).astype(float)
+    degrees = np.asarray(graph.sum(axis=1)).ravel()
+    laplacian = sparse.diags(degrees) - graph
+    matrix = sparse.identity(n) + (reach / degrees.mean()) * laplacian
+    weights = factorise(matrix.tocsr()).solve(bone_weights(mesh.vertices, bones))
+    return weights / weights.sum(axis=1, keepdims=True)
+
+
+def _dual_quaternion(transform: RigidTransform) -> tuple[Array, Array]:
+    """Real and dual part, each (4,) as x, y, z, w."""
+    q = Rotation.from_matrix(transform.rotation).as_quat()
+    v, w, t = q[:3], q[3], transform.translation
+    return q, 0.5 * np.append(w * t + np.cross(t, v), -t @ v)
+
+
+def blend(points: Array, weights: Array, transforms: Mapping[str, RigidTransform]) -> Array:
+    """Points (n, 3) moved by blends of transforms, weights (n, n_transforms)."""
+    turns, translation = blended(weights, transforms)
+    return turns.apply(points) + translation
+
+
+def blended(weights: Array, transforms: Mapping[str, RigidTransform]) -> tuple[Rotation, Array]:
+    """The n rotations and translations (n, 3) of dual-quaternion blends, weights (n, n_transforms).
+
+    Dual quaternions turn about joints without the collapse of linear blends (Kavan et al. 2008). Of the two
+    that mean one motion, each point takes those on the side of its own bone's: a finger's joints together
+    turn by more than half a turn, the joint next to the point does not.
+    """
+    parts = [_dual_quaternion(t) for t in transforms.values()]
+    real, dual = (np.stack(p) for p in zip(*parts, strict=True))
+    sides = np.where(real @ real.T < 0, -1.0, 1.0)
+    signed = weights * sides[weights.argmax(axis=1)]
+    r, d = signed @ real, signed @ dual
+    norm = np.linalg.norm(r, axis=1, keepdims=True)
+    r, d = r / norm, d / norm
+    translation = 2.0 * (r[:, 3:] * d[:, :3] - d[:, 3:] * r[:, :3] + np.cross(r[:, :3], d[:, :3]))
+    return Rotation.from_quat(r), translation

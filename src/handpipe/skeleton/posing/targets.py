@@ -1,0 +1,117 @@
+"""What inverse kinematics may ask of points and directions on bones; all residuals are in mm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from handpipe.core import Array
+from handpipe.skeleton.rig.twists import MovingBone
+
+LEVER = 30.0  # mm; a rotation counts as the displacement at this distance
+
+
+class Target(Protocol):
+    """Something that is met where its residual (k,) in mm is zero."""
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        """Bones that it speaks of."""
+        ...
+
+    def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
+        """Residual (k,) in mm and its derivatives (k, n) in mm per rad by the rig's angles."""
+        ...
+
+
+@dataclass(frozen=True)
+class Position:
+    """A point of a bone, given in neutral (3,) in mm, is to lie at `place` (3,) in mm.
+
+    The point need not lie on the bone's surface: a finger pad moves with its bone, too. `weight` is what a
+    millimetre counts beside other targets.
+    """
+
+    bone: str
+    point: Array
+    place: Array
+    weight: float = 1.0
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        return (self.bone,)
+
+    def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
+        bone = bones[self.bone]
+        return self.weight * (bone.transform(self.point) - self.place), self.weight * bone.velocities(
+            self.point
+        ).T
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Two points, each given in neutral (3,) in mm on its bone, are to meet wherever that may be."""
+
+    bone: str
+    point: Array
+    other: str
+    other_point: Array
+    weight: float = 1.0
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        return (self.bone, self.other)
+
+    def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
+        a, b = bones[self.bone], bones[self.other]
+        gap = a.transform(self.point) - b.transform(self.other_point)
+        return self.weight * gap, self.weight * (a.velocities(self.point) - b.velocities(self.other_point)).T
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """A bone's rotation from neutral (3, 3) is to be `rotation`.
+
+    The residual is the difference of the matrices, smooth for every angle; its norm is
+    2 `lever` sin(angle / 2), near zero `lever` times the angle.
+    """
+
+    bone: str
+    rotation: Array
+    lever: float = LEVER
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        return (self.bone,)
+
+    def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
+        bone, scale = bones[self.bone], self.lever / np.sqrt(2)
+        columns = bone.transform.rotation.T  # (3, 3), one column of the rotation a row
+        rates = np.cross(bone.angular[:, None, :], columns[None])  # (n, 3, 3)
+        difference = columns - self.rotation.T
+        return scale * difference.ravel(), scale * rates.reshape(len(rates), 9).T
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A unit direction (3,) of a bone in neutral is to point along the unit vector `along` (3,).
+
+    It leaves the turn about `along` free.
+    """
+
+    bone: str
+    direction: Array
+    along: Array
+    lever: float = LEVER
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        return (self.bone,)
+
+    def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
+        bone = bones[self.bone]
+        direction = bone.transform.rotation @ self.direction
+        return self.lever * (direction - self.along), self.lever * np.cross(bone.angular, direction).T

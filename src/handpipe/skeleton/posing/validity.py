@@ -1,0 +1,171 @@
+"""Whether a pose is inside what was seen, and whether its bones run into one another (Wang 2021 chapter
+7)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from handpipe.core import Array, Metrics, RigidTransform
+from handpipe.mesh.surfaces import Distance
+from handpipe.skeleton.joints.angles import Angles
+from handpipe.skeleton.joints.limits import Limits, seen_ranges
+from handpipe.skeleton.rig.rig import Rig
+
+Pair = tuple[str, str]
+SLACK = 1e-9  # rad
+TOUCH = 0.3  # mm that bones may lie deeper in one another than in neutral: the error of their surfaces
+
+
+@dataclass(frozen=True)
+class Validity:
+    """What is known of a pose.
+
+    beyond: angle name -> rad by which it leaves the seen range, positive above, negative below; nearest: the
+    seen pose of least root mean square difference of angles, and that `distance` in rad; spacing: the
+    largest such distance in rad from one seen pose to its nearest; collisions: pairs of bones -> depth in
+    mm beyond neutral's.
+    """
+
+    beyond: dict[str, float]
+    nearest: str
+    distance: float
+    spacing: float
+    collisions: dict[Pair, float]
+
+    @property
+    def inside(self) -> bool:
+        """Whether every joint is in its seen range and the pose no farther from a seen one than those are."""
+        return not self.beyond and self.distance <= self.spacing
+
+    @property
+    def valid(self) -> bool:
+        """Whether the pose is inside what was seen and no bones collide."""
+        return self.inside and not self.collisions
+
+    def __str__(self) -> str:
+        parts = [f"{n} {np.degrees(a):+.1f} deg beyond what was seen" for n, a in self.beyond.items()]
+        if self.distance > self.spacing:
+            parts.append(f"{np.degrees(self.distance):.1f} deg from the nearest seen pose, {self.nearest}")
+        parts += [f"{a} {d:.1f} mm in {b}" for (a, b), d in self.collisions.items()]
+        return "; ".join(parts) or f"inside what was seen, nearest to {self.nearest}"
+
+
+class PoseValidity:
+    """A rig's seen poses and bone surfaces, prepared for many checks."""
+
+    def __init__(self, rig: Rig, poses: Sequence[str] | None = None) -> None:
+        """poses: names of the rig's poses that count as seen, all if None; neutral always does."""
+        chosen = rig.poses if poses is None else {p: rig.poses[p] for p in poses}
+        self.rig = rig
+        self.poses: dict[str, Angles] = {p: f.known for p, f in chosen.items() if f.known or not f.angles}
+        neutral = [a for a in self.poses.values() if all(abs(a.get(n, 1.0)) < 1e-6 for n in rig.angle_names)]
+        if not neutral:
+            self.poses = {"neutral": dict.fromkeys(rig.angle_names, 0.0)} | self.poses
+        self.ranges: Limits = dict.fromkeys(rig.angle_names, (0.0, 0.0)) | seen_ranges(self.poses)
+        # NaN: an angle that the pose does not tell is no part of the distance to it.
+        self._seen = np.array([[a.get(n, np.nan) for n in rig.angle_names] for a in self.poses.values()])
+        self._distances = {b: Distance(s) for b, s in rig.surfaces.items()}
+        self._spheres = {b: _sphere(s.vertices) for b, s in rig.surfaces.items()}
+        zero = dict.fromkeys(rig.angle_names, 0.0)
+        self._neutral = depths(rig, rig.bone_transforms(zero), self._distances, self._spheres)
+
+    def check(self, angles: Mapping[str, float]) -> Validity:
+        """What is known of a pose of angles in rad."""
+        beyond = {}
+        for name, (lower, upper) in self.ranges.items():
+            excess = max(angles[name] - upper, 0.0) + min(angles[name] - lower, 0.0)
+            if abs(excess) > SLACK:
+                beyond[name] = excess
+        values = np.array([angles[n] for n in self.rig.angle_names])
+        apart = np.sqrt(np.nanmean((self._seen - values) ** 2, axis=1))
+        nearest = int(np.argmin(apart))
+        found = depths(self.rig, self.rig.bone_transforms(angles), self._distances, self._spheres)
+        deeper = {pair: d - self._neutral.get(pair, 0.0) for pair, d in found.items()}
+        collisions = {pair: d for pair, d in deeper.items() if d > TOUCH}
+        return Validity(beyond, list(self.poses)[nearest], float(apart[nearest]), self._spacing(), collisions)
+
+    def _spacing(self) -> float:
+        between = np.sqrt(np.nanmean((self._seen[:, None] - self._seen[None]) ** 2, axis=2))
+        np.fill_diagonal(between, np.inf)
+        return float(between.min(axis=1).max()) if len(between) > 1 else 0.0
+
+
+def depths(
+    rig: Rig,
+    transforms: Mapping[str, RigidTransform],
+    distances: Mapping[str, Distance],
+    spheres: Mapping[str, tuple[Array, float]],
+) -> dict[Pair, float]:
+    """How deep in mm bones lie in one another, by pair; pairs that are clear are left out.
+
+    The depth is the largest signed distance of either bone's vertices inside the other. Bones that move as
+    one do not count.
+    """
+    body = {rig.root: rig.root}
+    for joint in rig.joints:
+        body[joint.child] = joint.child if joint.angles else body[joint.parent]
+    found: dict[Pair, float] = {}
+    bones = list(rig.bones)
+    for i, a in enumerate(bones):
+        for b in bones[i + 1 :]:
+            (ca, ra), (cb, rb) = spheres[a], spheres[b]
+            if np.linalg.norm(transforms[a](ca) - transforms[b](cb)) > ra + rb:
+                continue
+            if body[a] == body[b]:
+                continue
+            across = transforms[b].inverse() @ transforms[a]
+            depth = max(
+                _depth(distances[b], across(rig.surfaces[a].vertices)),
+                _depth(distances[a], across.inverse()(rig.surfaces[b].vertices)),
+            )
+            if depth > 0:
+                found[a, b] = depth
+    return found
+
+
+def _depth(surface: Distance, points: Array) -> float:
+    """Largest depth in mm of points (n, 3) inside a surface; only those in its box are asked."""
+    lower, upper = surface.surface.vertices.min(axis=0), surface.surface.vertices.max(axis=0)
+    near = points[((points > lower) & (points < upper)).all(axis=1)]
+    return float(max(-surface.signed(near)[0].min(), 0.0)) if len(near) else 0.0
+
+
+def _sphere(points: Array) -> tuple[Array, float]:
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    return centre, float(np.linalg.norm(points - centre, axis=1).max())
+
+
+def validity_table(
+    validity: PoseValidity, frames: Mapping[str, Mapping[str, float]]
+) -> tuple[list[dict[str, str | float]], Metrics]:
+    """A row a frame (angles in rad), and what they come to.
+
+    Rows: `frame`, `beyond` in deg with the `angle` that is farthest beyond, `distance` in deg from the
+    `nearest` seen pose, `depth` in mm with the `bones` that lie deepest in one another.
+    """
+    rows: list[dict[str, str | float]] = []
+    found = [(name, validity.check(angles)) for name, angles in frames.items()]
+    for name, v in found:
+        angle, beyond = max(v.beyond.items(), key=lambda item: abs(item[1]), default=("", 0.0))
+        pair, depth = max(v.collisions.items(), key=lambda item: item[1], default=(("", ""), 0.0))
+        rows.append(
+            {
+                "frame": name,
+                "beyond": float(np.degrees(beyond)),
+                "angle": angle,
+                "distance": float(np.degrees(v.distance)),
+                "nearest": v.nearest,
+                "depth": depth,
+                "bones": " ".join(pair).strip(),
+            }
+        )
+    metrics: Metrics = {
+        "frames_unseen": (float(sum(not v.inside for _, v in found)), "frames"),
+        "frames_colliding": (float(sum(bool(v.collisions) for _, v in found)), "frames"),
+        "beyond_max": (max((abs(float(r["beyond"])) for r in rows), default=0.0), "deg"),
+        "bone_depth_max": (max((float(r["depth"]) for r in rows), default=0.0), "mm"),
+    }
+    return rows, metrics

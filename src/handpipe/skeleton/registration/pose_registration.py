@@ -1,0 +1,64 @@
+"""All bones of a pose registered, from the root outwards, but those that are missing or fit nowhere."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+
+import numpy as np
+
+from handpipe.core import ConvergenceError, RigidTransform
+from handpipe.core.configuration import Dataset
+from handpipe.mesh.surfaces import Surface
+from handpipe.skeleton.bones.registration_result import Registration, loosest_turn
+from handpipe.skeleton.registration.doubts import doubted
+from handpipe.skeleton.registration.registration import register
+from handpipe.skeleton.rig.rig import outwards
+
+LOG = logging.getLogger(__name__)
+UNSURE = 2.0  # deg of deviation that a warning names; the rig gives such a bone little weight
+
+
+def register_pose(
+    dataset: Dataset, neutral: Mapping[str, Surface], target: Mapping[str, Surface]
+) -> dict[str, Registration]:
+    """Registrations by bone of neutral marrow surfaces to those of another pose.
+
+    A bone starts from the nearest bone before it that was found. Bones that the pose lacks, or that fit
+    nowhere, are left out with a warning; those in doubt (`doubts.doubted`) are kept and say so.
+    """
+    parents = {j.child: j.parent for j in dataset.joints.values()}
+    found: dict[str, Registration] = {}
+    for bone in [dataset.root_bone, *(dataset.joints[j].child for j in outwards(dataset))]:
+        if bone not in neutral:
+            LOG.warning("%s is left out: neutral lacks it", bone)
+            continue
+        if bone not in target or len(target[bone].triangles) == 0:
+            LOG.warning("%s is missing in this pose", bone)
+            continue
+        before = parents.get(bone)
+        while before is not None and before not in found:
+            before = parents.get(before)
+        try:
+            start = None if before is None else found[before].transform
+            found[bone] = register(neutral[bone], target[bone], start=start)
+        except ConvergenceError as error:
+            LOG.warning("%s is left out: %s", bone, error)
+            continue
+        LOG.info("%s: rms %.3f mm", bone, found[bone].rms)
+    if not found:
+        raise ConvergenceError(
+            "Registration", "no bone of the pose fits", "Check the pose's seeds and labels"
+        )
+    checked = doubted(found, neutral, dataset.joints)
+    for bone, registration in checked.items():
+        if registration.doubt:
+            LOG.warning("%s is in doubt: %s", bone, registration.doubt)
+        elif registration.rotation_deviation > UNSURE:
+            LOG.warning("%s: the image tells little of %s", bone, loosest_turn(registration, neutral[bone]))
+    return checked
+
+
+def unmoved(bones: Mapping[str, Surface]) -> dict[str, Registration]:
+    """The neutral pose's registrations: every bone is where it is."""
+    return dict.fromkeys(bones, Registration(RigidTransform.identity(), 0.0, np.zeros((6, 6))))

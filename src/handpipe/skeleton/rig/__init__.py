@@ -1,0 +1,13 @@
+"""The bone rig: joint angles to the transforms of all bones and back, and how well it explains poses."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.skeleton.rig.rig import Rig
+    from handpipe.skeleton.rig.table import joint_table
+else:
+    __getattr__ = face(__name__)
+
+__all__ = ["Rig", "joint_table"]

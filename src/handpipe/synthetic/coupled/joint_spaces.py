@@ -1,0 +1,63 @@
+"""Joints that open: where bones glide past one another, tissue is attached to neither."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from handpipe.core import Array, BoolArray, IntArray, RigidTransform
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.tets import tet_neighbours
+from handpipe.synthetic.coupled.body import Anatomy
+
+
+def gliding(
+    vertices: Array,
+    bones: Mapping[str, IntArray],
+    surfaces: Mapping[str, Surface],
+    joints: Iterable[tuple[str, str]],
+    motions: Sequence[Mapping[str, RigidTransform]],
+    reach: float,
+) -> BoolArray:
+    """Which vertices (n,) on bones another bone of their joint passes within `reach` mm, in any position.
+
+    `joints` are pairs of bones, `surfaces` the bones at rest, `motions` their positions.
+    """
+    distances = {name: Distance(surface) for name, surface in surfaces.items()}
+    passed = np.zeros(len(vertices), dtype=bool)
+    for pair in joints:
+        for one, other in (pair, pair[::-1]):
+            on = bones[one]
+            for at in motions:
+                seen = at[other].inverse()(at[one](vertices[on]))
+                passed[on] |= distances[other].closest(seen)[0] < reach
+    return passed
+
+
+def opened(anatomy: Anatomy, passed: BoolArray) -> Anatomy:
+    """The anatomy without tets between two bones, and without attachment at the vertices `passed` (n,).
+
+    What hangs on nothing but an edge or a vertex after that is left out, too.
+    """
+    mesh, owner = anatomy.mesh, np.full(len(anatomy.mesh.vertices), -1)
+    for number, on in enumerate(anatomy.bones.values()):
+        owner[on] = number
+    of_tets = owner[mesh.tets]
+    lowest = np.where(of_tets < 0, len(anatomy.bones), of_tets).min(axis=1)
+    between = (of_tets.max(axis=1) >= 0) & (of_tets.max(axis=1) != lowest)
+    kept = np.flatnonzero(~between)
+    kept = kept[_largest_part(mesh.tets[kept])]
+    bones = {name: on[~passed[on]] for name, on in anatomy.bones.items()}
+    return replace(anatomy, bones=bones).part(kept)[0]
+
+
+def _largest_part(tets: IntArray) -> IntArray:
+    """Tets (k,) of the largest part that faces connect."""
+    i, j = tet_neighbours(tets).T
+    links = sp.csr_matrix((np.ones(len(i)), (i, j)), shape=(len(tets), len(tets)))
+    part = connected_components(links, directed=False)[1]
+    return np.flatnonzero(part == np.bincount(part).argmax())

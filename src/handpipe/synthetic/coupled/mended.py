@@ -1,0 +1,57 @@
+"""A shape that is inside out in places, with these taken from a shape that is not, bent to fit."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+
+from handpipe.core import Array, BoolArray
+from handpipe.fem.linear import factorise
+from handpipe.mesh.tets import dirichlet_matrix, shape_gradients
+from handpipe.synthetic.coupled.body import Body
+
+log = logging.getLogger(__name__)
+
+RINGS = (2, 3, 4, 6)  # of elements about what is inside out that are taken over: the fewest that will do
+SPREADING = 4  # times that what folds for it is taken over, too
+
+
+def mended(body: Body, x: Array, right: Array) -> tuple[Array, BoolArray] | None:
+    """Positions (n, 3) of which nothing is inside out, and no skin passes through skin: those of x but for
+    some nodes, whose mask (n,) comes with them. None where none are found.
+
+    There they are `right` (n, 3), positions of the same body of which nothing is inside out, and what x is
+    away from it round about, continued harmonically: so smooth a field bends `right` little.
+    """
+    first, away = body.inside_out(x), x - right
+    for rings in RINGS:
+        wrong = first
+        for _ in range(SPREADING):
+            taken = _within(body, wrong, rings)
+            found = x.copy()
+            found[taken] = right[taken] + _harmonic(body, away, taken)
+            now = body.inside_out(found)
+            if not now.any() and (body.barrier is None or not body.barrier.intersects(found)):
+                log.info("%d nodes taken from a shape that is the right way out", taken.sum())
+                return found, taken
+            if not (now & ~wrong).any():
+                break
+            wrong = wrong | now
+    return None
+
+
+def _within(body: Body, cells: BoolArray, rings: int) -> BoolArray:
+    """The nodes (n,) in some cells (m,) and the rings about them, without those on the border or on bones."""
+    for _ in range(rings):
+        cells = body.elements.touching(body.elements.nodes_of(cells))
+    return body.elements.nodes_of(cells) & ~body.elements.nodes_of(~cells) & ~body.fixed[::3]
+
+
+def _harmonic(body: Body, values: Array, inside: BoolArray) -> Array:
+    """Harmonic continuation (k, 3) into the nodes of a mask (n,) of values (n, 3) at the others."""
+    near = inside[body.cells.tets].any(axis=1)
+    tets, volumes = body.cells.tets[near], body.cells.volumes()[near]
+    laplacian = dirichlet_matrix(tets, shape_gradients(body.rest, tets), volumes, len(values))
+    known = laplacian[inside][:, ~inside] @ values[~inside]
+    return np.asarray(factorise(laplacian[inside][:, inside]).solve(-known))

@@ -1,0 +1,70 @@
+"""A part of a body, held at the cut where the whole body's solution has it: to refine where the whole is too
+large for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from handpipe.core import Array, BoolArray, IntArray, Metrics, RigidTransform
+from handpipe.fem.elements import Material
+from handpipe.fem.solver import Options, solve
+from handpipe.mesh.tets import tet_neighbours
+from handpipe.synthetic.continuum.elements import Elements
+from handpipe.synthetic.coupled.body import Anatomy, Body, Pose
+from handpipe.synthetic.coupled.validation import difference, solved_from
+
+CUT = "cut"  # takes the place of a bone's name
+
+
+def cut_out(anatomy: Anatomy, chosen: BoolArray) -> tuple[Anatomy, IntArray]:
+    """The anatomy of the chosen tets (m,), without strands, and its vertices' (n,) numbers in the whole.
+
+    What holds it to the rest, vertices of faces between chosen and other tets, is like a bone named "cut".
+    """
+    part, used = anatomy.part(chosen)
+    tets, (i, j) = anatomy.mesh.tets, tet_neighbours(anatomy.mesh.tets).T
+    across = chosen[i] != chosen[j]
+    one, other = tets[i[across]], tets[j[across]]
+    shared = (one[:, :, None] == other[:, None, :]).any(axis=2)
+    bones = {name: on for name, on in part.bones.items() if len(on)}
+    bones[CUT] = np.searchsorted(used, np.unique(one[shared]))
+    fibres = {name: along for name, along in part.fibres.items() if len(along)}
+    return replace(part, bones=bones, fibres=fibres, strands={}), used
+
+
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    """Where points of a mesh go with its vertices, from rest to x (n, 3)."""
+
+    elements: Elements
+    x: Array
+
+    def __call__(self, points: Array) -> Array:
+        return points + self.elements.interpolation(points) @ (self.x - self.elements.nodes)
+
+
+def refinement_error(
+    anatomy: Anatomy,
+    materials: Mapping[str, Material],
+    chosen: BoolArray,
+    pose: Pose,
+    x: Array,
+    options: Options | None = None,
+) -> Metrics:
+    """How far linear tets are from quadratic ones on the chosen tets (m,), as `validation.difference` says.
+
+    x (n, 3) are positions of the whole anatomy's vertices in the pose, found with linear tets. Both are
+    solved with the cut where x has it, which takes away what the rest of the body would add.
+    """
+    part, used = cut_out(anatomy, chosen)
+    coarse, fine = (Body(part, materials, order=1), Body(part, materials, order=2))
+    carried = cast(RigidTransform, _Carried(coarse.elements, x[used]))
+    held = Pose({**pose.bones, CUT: carried}, pose.tensions)
+    start = coarse.prescribed(held, x[used])
+    found = solve(coarse.potentials(held), start, fixed=coarse.fixed, options=options).x
+    return difference(coarse, found, fine, solved_from(coarse, found, fine, held, options))

@@ -1,0 +1,63 @@
+"""The phantom hand: bones and joints of a whole hand with known truth in twelve poses, and a pose's files."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from handpipe.core.configuration import Dataset
+from handpipe.synthetic.geometry.kinematics import Posture
+from handpipe.synthetic.phantom import posed_hand
+from handpipe.synthetic.phantom.hand_tissue import Layout, Surroundings
+from handpipe.synthetic.phantom.phantom_hand_bones import RAYS, bones, frames
+from handpipe.synthetic.phantom.phantom_hand_joints import BETWEEN, POSES, joints
+from handpipe.synthetic.phantom.posed_hand import Hand, Motion
+
+SURFACE_SPACING = 0.6
+
+
+@cache
+def hand() -> Hand:
+    """The one phantom hand."""
+    known = bones()
+    return Hand(
+        {n: b.surface(b.known.whole, SURFACE_SPACING) for n, b in known.items()},
+        {n: b.surface(b.known.marrow, SURFACE_SPACING) for n, b in known.items()},
+        Surroundings.of(layout()),
+    )
+
+
+def layout() -> Layout:
+    """Where the bones lie."""
+    chains = {
+        ray: tuple((f"{kind}{ray}", s.length, s.girth) for kind, s in segments.items())
+        for ray, segments in RAYS.items()
+    }
+    return Layout(frames(), chains)
+
+
+def motion() -> Motion:
+    """The joints and all poses."""
+    return Motion("phantom-hand", joints(), POSES | BETWEEN)
+
+
+def posture(pose: str, seed: int) -> Posture:
+    """Posture of a named pose; the root is repositioned by up to 5 degrees and 6 mm in all but neutral."""
+    return motion().posture(pose, seed)
+
+
+def generate_pose(dataset: Dataset, pose: str) -> None:
+    """Write a pose's volume, truth and label volumes where the dataset names them; `seeds.draw` adds seeds.
+
+    Raises `InputError` for a pose that the phantom does not know, and for what it does not have.
+    """
+    posed_hand.require_bones_alone(dataset, hand().bones)
+    posed_hand.write_pose(dataset, pose, hand().posed(posture(pose, dataset.seed)))
+
+
+def generate_templates(dataset: Dataset) -> None:
+    """Write the templates of bones that the dataset names: their own neutral surfaces.
+
+    Raises `InputError` for templates of muscles and others that this phantom does not have.
+    """
+    posed_hand.require_bones_alone(dataset, hand().bones)
+    posed_hand.write_templates(dataset, hand().posed(posture("neutral", dataset.seed)))

@@ -1,0 +1,46 @@
+"""Attachments as a person marks them on a template: whole ends of muscles, at the bones they are next to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from handpipe.anatomy.person import SubjectTemplate
+from handpipe.anatomy.templates import Template
+from handpipe.core import IntArray
+from handpipe.mesh.surfaces import Distance
+
+FEW, REACH = 10, 2.5  # an end of fewer vertices takes those within so many mm of it along
+
+
+def marked_ends(template: Template, subject: SubjectTemplate) -> dict[str, dict[str, IntArray]]:
+    """Vertices of each muscle's and ligament's surface by bone, {organ: {bone: ids}}.
+
+    The subject's own attachments are what lies on a bone, a few vertices of an end with fat about it and none
+    of a lumbrical, which springs from tendons. A template that is fitted to images needs both its ends.
+    """
+    bones = {name: Distance(surface) for name, surface in subject.bones.items()}
+    names = [*subject.muscles, *subject.ligaments]
+    return {name: _of_organ(template, name, bones) for name in names}
+
+
+def _of_organ(template: Template, name: str, bones: Mapping[str, Distance]) -> dict[str, IntArray]:
+    mesh, used = template.part(name)
+    outside = mesh.boundary_vertices()
+    points = mesh.vertices[outside]
+    ends = [np.isin(used[outside], end[name]) for end in (template.origins, template.insertions)]
+    names = list(bones)
+    found: dict[str, list[IntArray]] = {}
+    for end in filter(np.any, ends):
+        near = end if end.sum() >= FEW else cKDTree(points[end]).query(points)[0] < REACH
+        ids = np.flatnonzero(near)
+        distances = np.stack([bone.closest(points[ids])[0] for bone in bones.values()], axis=1)
+        counts = np.bincount(distances.argmin(axis=1), minlength=len(bones))
+        # A vertex or two beside a neighbouring bone belong to the bone of the others.
+        kept = np.flatnonzero(counts >= min(FEW, counts.max()))
+        owner = kept[distances[:, kept].argmin(axis=1)]
+        for bone in kept:
+            found.setdefault(names[bone], []).append(ids[owner == bone])
+    return {bone: np.unique(np.concatenate(ids)) for bone, ids in found.items()}

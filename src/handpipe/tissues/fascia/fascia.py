@@ -1,0 +1,117 @@
+"""A fascia: a shrunk cloth around bodies, held by fixed, sliding and contact vertices (Zheng 2022 §6)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy import sparse
+
+from handpipe.core import Array, BoolArray, IntArray, Region, artifacts
+from handpipe.fem.contact import SurfaceContact, SurfaceSliding
+from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Membrane, Potential
+from handpipe.fem.solver import Options, equilibrium
+from handpipe.mesh.surfaces import Anchors, Distance, Surface
+from handpipe.mesh.tets import mass_lumped
+from handpipe.tissues.fascia.regions import slender
+
+THICKNESS = 1.0  # mm, of the membrane that `young` belongs to
+SLENDER = 2.0  # mm, radius of a body around which cloth with edges of 1.5 mm has too few vertices to stay
+
+
+@dataclass(frozen=True)
+class ClothSettings:
+    """Young's modulus in kPa of a membrane 1 mm thick; shrink: rest size over true size (Zheng 2022 Table
+    2)."""
+
+    young: float = 0.1
+    poisson: float = 0.48
+    shrink: float = 0.35
+    stiffness: float = 60.0  # of sliding and contact, kPa/mm: far above the cloth's own
+
+
+@dataclass(frozen=True)
+class Fascia:
+    """The cloth's neutral surface, each vertex's region (n,) and the body (n,) that carries it.
+
+    tied (n,): vertices that go with their body although the tissue around may slide on them. They are where a
+    body is slender: the few vertices around it would slip off over its side under the cloth's tension.
+    """
+
+    name: str
+    surface: Surface
+    regions: IntArray
+    owners: IntArray
+    tied: BoolArray
+    bodies: tuple[str, ...]
+    settings: ClothSettings = field(default_factory=ClothSettings)
+
+    @staticmethod
+    def around(
+        name: str, surface: Surface, regions: IntArray, bodies: Mapping[str, Surface], settings: ClothSettings
+    ) -> Fascia:
+        """Each vertex is carried by the body that is nearest in neutral."""
+        distances = np.stack([Distance(b).closest(surface.vertices)[0] for b in bodies.values()])
+        owners = distances.argmin(axis=0)
+        slid_on = np.isin(owners, owners[regions == Region.sliding])
+        tied = (regions != Region.fixed) & slid_on & slender(surface.vertices, bodies, SLENDER)
+        return Fascia(name, surface, regions, owners, tied, tuple(bodies), settings)
+
+    def carried(self, rest: Mapping[str, Surface], posed: Mapping[str, Surface]) -> Array:
+        """Each vertex (n, 3) as its body carries it."""
+        points = np.empty_like(self.surface.vertices)
+        for index, body in enumerate(self.bodies):
+            mine = self.owners == index
+            if mine.any():
+                anchors = Anchors.of(self.surface.vertices[mine], rest[body])
+                points[mine] = anchors(posed[body].vertices)
+        return points
+
+    def solve(self, rest: Mapping[str, Surface], posed: Mapping[str, Surface], start: Array) -> Array:
+        """Equilibrium (n, 3) of the shrunk cloth over posed bodies, from a start (n, 3)."""
+        settings, drawn = self.settings, self.surface
+        carried = self.carried(rest, posed)
+        stiffness = settings.stiffness * mass_lumped(drawn.vertices, drawn.triangles)
+        fixed = self.tied | (self.regions == Region.fixed)
+        sliding = ~fixed & (self.regions == Region.sliding)
+        identity = sparse.identity(len(start), format="csr")
+        material = Material(settings.young, settings.poisson)
+        potentials: list[Potential] = [
+            Membrane(drawn.vertices, drawn.triangles, material, THICKNESS, settings.shrink),
+        ]
+        for index, body in enumerate(self.bodies):
+            distance, slides = Distance(posed[body]), sliding & (self.owners == index)
+            touches = ~fixed & ~slides
+            potentials.append(SurfaceContact(identity[touches], distance, stiffness[touches]))
+            potentials.append(SurfaceSliding(identity[slides], distance, stiffness[slides]))
+        start = np.where((fixed | sliding)[:, None], carried, start)
+        # A vertex may rest on an edge between facets, where the force jumps: residuals cannot vanish there.
+        options = Options(displacement_tolerance=5e-3, force_tolerance=1e-2, name=self.name)
+        held = np.repeat(fixed[:, None], 3, axis=1)
+        return equilibrium.solve(potentials, start, fixed=held, options=options).x
+
+    def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
+        """Write as an artifact of kind "fascia"."""
+        data = {
+            "name": self.name,
+            "surface": {"vertices": self.surface.vertices, "triangles": self.surface.triangles},
+            "regions": self.regions,
+            "owners": self.owners,
+            "tied": self.tied,
+            "bodies": list(self.bodies),
+            "settings": vars(self.settings),
+        }
+        artifacts.write(path, data, kind="fascia", units={"surface/vertices": "mm"}, inputs=inputs)
+
+    @staticmethod
+    def load(path: str | Path) -> Fascia:
+        """Read what `save` wrote."""
+        d = artifacts.read(path, "fascia")
+        surface = Surface(d["surface"]["vertices"], d["surface"]["triangles"])
+        settings = ClothSettings(**{k: float(v) for k, v in d["settings"].items()})
+        return Fascia(
+            str(d["name"]), surface, d["regions"], d["owners"], d["tied"], tuple(d["bodies"]), settings
+        )

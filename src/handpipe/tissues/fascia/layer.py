@@ -1,0 +1,45 @@
+"""The two fascia layers of the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from handpipe.core import LAYERS, Frame, Shape, Shapes
+from handpipe.mesh.surfaces import Surface
+from handpipe.skeleton.posing import blend, bone_weights
+from handpipe.tissues.fascia.fascia import Fascia
+
+
+class FasciaLayer:
+    """A fascia over the bodies of one other layer: bones or muscles."""
+
+    def __init__(self, fascia: Fascia, over: str) -> None:
+        self.fascia, self.over = fascia, over
+        self.name = fascia.name
+        self.needs = LAYERS[self.name].needs
+
+    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """The cloth at equilibrium. Raises `ConvergenceError` where there is none."""
+        fascia = self.fascia
+        bodies = {name: below[self.over][name] for name in fascia.bodies}
+        rest = {n: Surface(s.rest, s.cells) for n, s in bodies.items()}
+        posed = {n: rest[n].moved(s.vertices) for n, s in bodies.items()}
+        bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
+        weights = bone_weights(fascia.surface.vertices, bones)
+        start = blend(fascia.surface.vertices, weights, {n: frame.bones[n] for n in bones})
+        vertices = fascia.solve(rest, posed, start)
+        fields = {"region": fascia.regions}
+        return {self.name: Shape(fascia.surface.vertices, vertices, fascia.surface.triangles, fields)}
+
+
+def load_bone_fascia(files: Sequence[Path], _: Mapping[str, Surface]) -> FasciaLayer:
+    """The layer of an artifact, over the bones."""
+    [file] = files
+    return FasciaLayer(Fascia.load(file), "bones")
+
+
+def load_muscle_fascia(files: Sequence[Path], _: Mapping[str, Surface]) -> FasciaLayer:
+    """The layer of an artifact, over the muscles."""
+    [file] = files
+    return FasciaLayer(Fascia.load(file), "muscles")

@@ -1,0 +1,36 @@
+"""Fat and skin: one mesh around all other tissues, its strains over poses, its layers; the flesh."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.tissues.fat.constraints import cut_end, inner_points
+    from handpipe.tissues.fat.layer import FatStrains, load_fat, load_skin
+    from handpipe.tissues.fat.mesh import inner_surface, tissue_mesh
+    from handpipe.tissues.fat.nails import as_vector, fit_correction, nail_vertices
+    from handpipe.tissues.fat.skin import Rigid, Skin, closed_skin
+    from handpipe.tissues.fat.strains import FitSettings, fit_strains
+    from handpipe.tissues.fat.tissue import Tissue, TissueSettings
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "FatStrains",
+    "FitSettings",
+    "Rigid",
+    "Skin",
+    "Tissue",
+    "TissueSettings",
+    "as_vector",
+    "closed_skin",
+    "cut_end",
+    "fit_correction",
+    "fit_strains",
+    "inner_points",
+    "inner_surface",
+    "load_fat",
+    "load_skin",
+    "nail_vertices",
+    "tissue_mesh",
+]

@@ -1,0 +1,108 @@
+"""How the tissue is held by what lies below it: fixed, sliding and contact points (Zheng 2022 §7.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from handpipe.core import Array, BoolArray, IntArray, Region, Shapes
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.tets import mass_lumped
+
+
+@dataclass(frozen=True)
+class InnerPoints:
+    """Points of inner bodies that touch the tissue.
+
+    layers, bodies: names; body (k,) index of each point's body; vertex (k,) its vertex there;
+    rest (k, 3) in mm; normal (k, 3) of the neutral body there, outwards; region (k,); area (k,) in mm^2.
+    """
+
+    layers: tuple[str, ...]
+    bodies: tuple[str, ...]
+    body: IntArray
+    vertex: IntArray
+    rest: Array
+    normal: Array
+    region: IntArray
+    area: Array
+
+    def posed(self, below: Mapping[str, Shapes]) -> Array:
+        """Positions (k, 3) of the points on the bodies as posed."""
+        points = np.empty_like(self.rest)
+        for index, surface in enumerate(self.surfaces(below)):
+            mine = self.body == index
+            points[mine] = surface.vertices[self.vertex[mine]]
+        return points
+
+    def surfaces(self, below: Mapping[str, Shapes]) -> list[Surface]:
+        """The posed bodies, in the order of `bodies`."""
+        shapes = [below[layer][body] for layer, body in zip(self.layers, self.bodies, strict=True)]
+        return [Surface(s.vertices, s.cells) for s in shapes]
+
+    def to_group(self) -> dict[str, Any]:
+        """Content for an artifact's group."""
+        return {**vars(self), "layers": list(self.layers), "bodies": list(self.bodies)}
+
+    @staticmethod
+    def from_group(group: Mapping[str, Any]) -> InnerPoints:
+        """What `to_group` gave, as an artifact returned it."""
+        return InnerPoints(**{**group, "layers": tuple(group["layers"]), "bodies": tuple(group["bodies"])})
+
+
+def default_region(layer: str) -> Region:
+    """Where a body says nothing: tissue is attached to bones and touches all else, tendons too."""
+    return Region.fixed if layer == "bones" else Region.contact
+
+
+def inner_points(
+    below: Mapping[str, Shapes], layers: tuple[str, ...], inner: Surface, slack: float, valley: float = 1.5
+) -> InnerPoints:
+    """The vertices of neutral bodies that lie on the inner surface, within `slack` mm beneath it.
+
+    Only triangle bodies count; a body's field "region" (n,) decides how its vertices hold the tissue, but in
+    valleys, where no ball of radius `valley` mm fits above, sliding gives way to contact (Zheng 2022 §7.1).
+    """
+    named = [(layer, name, shape) for layer in layers for name, shape in below.get(layer, {}).items()]
+    named = [(layer, name, shape) for layer, name, shape in named if shape.cells.shape[1] == 3]
+    distance = Distance(inner)
+    parts = []
+    for index, (layer, _, shape) in enumerate(named):
+        surface = Surface(shape.vertices, shape.cells)
+        area, normal = mass_lumped(surface.vertices, surface.triangles), surface.vertex_normals()
+        region = shape.fields.get("region", np.full(len(shape.vertices), default_region(layer)))
+        vertex = np.flatnonzero(distance.signed(shape.vertices)[0] > -slack)
+        on = (surface.vertices[vertex], normal[vertex], region[vertex], area[vertex])
+        parts.append((np.full(len(vertex), index), vertex, *on))
+    columns = (np.concatenate(p) for p in zip(*parts, strict=True))
+    points = InnerPoints(tuple(n[0] for n in named), tuple(n[1] for n in named), *columns)
+    in_valley = distance.signed(points.rest + valley * points.normal)[0] < 0.9 * valley
+    changed = in_valley & (points.region == Region.sliding)
+    return replace(points, region=np.where(changed, Region.contact, points.region).astype(np.int64))
+
+
+def cut_end(skin: Surface, scan: Surface, tolerance: float) -> BoolArray:
+    """Skin vertices (n,) that the scan does not cover at its largest opening: where the limb was cut off.
+
+    tolerance: distance in mm to the scan from which a vertex counts as uncovered.
+    """
+    uncovered = Distance(scan).closest(skin.vertices)[0] > tolerance
+    edges = skin.edges()
+    both = edges[uncovered[edges].all(axis=1)]
+    return _largest_group(uncovered, both)
+
+
+def _largest_group(members: BoolArray, edges: IntArray) -> BoolArray:
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(members)
+    graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n, n))
+    labels = connected_components(graph, directed=False)[1]
+    if not members.any():
+        return members
+    counts = np.bincount(labels[members], minlength=labels.max() + 1)
+    return members & (labels == counts.argmax())

@@ -1,0 +1,46 @@
+"""The flesh: one soft tissue on bones alone, which carries what lies in it before any organ is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.core import LAYERS, Frame, Shape, Shapes, vertices_of
+from handpipe.fem.solver import Limits
+from handpipe.mesh.surfaces import Surface
+from handpipe.tissues.fat.tissue import Tissue
+
+# What lies within is wanted to a tenth of a millimetre, and not the skin.
+BRIEFLY = Limits(renewals=3, settled=0.05, gross=np.inf)
+
+
+class FleshLayer:
+    """How soft tissue moves with the bones, in seconds: uniform, and its skin passes through itself.
+
+    It is an aid of other layers, not an organ: nothing shows it.
+    """
+
+    name = "flesh"
+    needs = LAYERS[name].needs
+
+    def __init__(self, tissue: Tissue) -> None:
+        self.tissue = replace(tissue, skin_contact=False)
+
+    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """The tissue's tets at equilibrium. Raises `ConvergenceError` where there is none."""
+        tissue, bones = self.tissue, frame.bones
+        rigid = {name: bones[part.bone] for name, part in tissue.rigid.items()}
+        settled = tissue.solve(below, rigid, None, tissue.pose(bones), BRIEFLY)
+        rest, validity = tissue.mesh.vertices, tissue.validity(settled.x)
+        validity.require(f"flesh of {frame.name}", vertices_of(below.get("bones", {})))
+        figures = settled.figures | settled.validity | validity.figures
+        return {"flesh_mesh": Shape(rest, settled.x, tissue.mesh.tets, figures=figures)}
+
+
+def load(files: Sequence[Path], _: Mapping[str, Surface]) -> FleshLayer:
+    """The layer of an artifact."""
+    [file] = files
+    return FleshLayer(Tissue.load(file))

@@ -1,0 +1,140 @@
+"""The outermost layer: fat on all that lies below, or one soft tissue on bones; its outside is the skin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.core import LAYERS, Array, Frame, RigidTransform, Shape, Shapes, artifacts, vertices_of
+from handpipe.fem.elements import plasticity
+from handpipe.mesh.surfaces import Surface
+from handpipe.skeleton.posing import LocalPoseSpaces
+from handpipe.tissues.fat.nails import from_vector
+from handpipe.tissues.fat.tissue import Tissue
+
+
+@dataclass(frozen=True)
+class FatStrains:
+    """What varies with pose, at N example poses: log-strains (N, m, 6), nail corrections {nail: (N, 6)}, and
+    `Tissue.shifts` (N, n, 3) in mm of where the fat rests under these strains, if known.
+
+    Creases can rest in several ways: from the blend of the bones alone an example's skin may end in another
+    than the one its strains were fitted to.
+    """
+
+    spaces: LocalPoseSpaces
+    log_strains: Array
+    nails: Mapping[str, Array]
+    shifts: Array | None = None
+
+    def without_strains(self) -> FatStrains:
+        """The same nails on fat without plastic strains (model m1 of Zheng 2022 Table 4)."""
+        return replace(self, log_strains=np.zeros_like(self.log_strains), shifts=None)
+
+    def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
+        """Write as an artifact of kind "fat_strains"; nails are rotation vectors (rad) and shifts (mm)."""
+        data = {"spaces": self.spaces.to_group(), "log_strains": self.log_strains, "nails": dict(self.nails)}
+        units = {f"spaces/{bone}/examples": "rad" for bone in self.spaces.spaces}
+        units |= {"log_strains": "1", "nails": "rad, rad, rad, mm, mm, mm"}
+        if self.shifts is not None:
+            data["shifts"] = self.shifts
+            units["shifts"] = "mm"
+        artifacts.write(path, data, kind="fat_strains", units=units, inputs=inputs)
+
+    @staticmethod
+    def load(path: str | Path) -> FatStrains:
+        """Read what `save` wrote; raises `InputError` where the file is of another kind."""
+        d = artifacts.read(path, "fat_strains")
+        spaces = LocalPoseSpaces.from_group(d["spaces"])
+        return FatStrains(spaces, d["log_strains"], d["nails"], d.get("shifts"))
+
+
+class TissueLayer:
+    """A tissue and, where fitted, its strains over poses.
+
+    It is named "fat" on all layers below, "skin" on bones alone.
+    """
+
+    def __init__(self, name: str, tissue: Tissue, strains: FatStrains | None = None) -> None:
+        self.name, self.tissue, self.strains = name, tissue, strains
+        self.needs = LAYERS[name].needs
+
+    def without_strains(self) -> TissueLayer:
+        """The same tissue without plastic strains (model m1 of Zheng 2022 Table 4)."""
+        return TissueLayer(self.name, self.tissue, self.strains and self.strains.without_strains())
+
+    def plastic_strains(self, bones: Mapping[str, RigidTransform]) -> Array | None:
+        """Strains (m, 6) of the fat in a pose, or None for none."""
+        if self.strains is None:
+            return None
+        shares = self.tissue.weights[self.tissue.mesh.tets].mean(axis=1)
+        known = self.strains
+        return plasticity.exp(known.spaces.interpolate(known.log_strains, self._near(shares), bones))
+
+    def starts(self, bones: Mapping[str, RigidTransform]) -> list[Array]:
+        """Vertices (n, 3) from which the equilibrium in a pose is sought, best first: in an example's pose
+        those at which its strains were found; the blend of the bones.
+        """
+        tissue, known = self.tissue, self.strains
+        blend = tissue.pose(bones)
+        if known is None or known.shifts is None:
+            return [blend]
+        shifts = known.spaces.interpolate(known.shifts, self._near(tissue.weights), bones)
+        return [tissue.pose(bones, shifts), blend]
+
+    def _near(self, shares: Array) -> dict[str, Array]:
+        """Each bone's share (k,) in places, of (k, n_bones), so that they sum to one."""
+        return dict(zip(self.tissue.bones, (shares / shares.sum(axis=1, keepdims=True)).T, strict=True))
+
+    def rigid(self, bones: Mapping[str, RigidTransform]) -> dict[str, RigidTransform]:
+        """Transforms of nails and the cut end in a pose."""
+        transforms = {}
+        for name, part in self.tissue.rigid.items():
+            correction = RigidTransform.identity()
+            if self.strains is not None and name in self.strains.nails:
+                vector = self.strains.spaces.spaces[part.bone].interpolate(self.strains.nails[name], bones)
+                correction = from_vector(vector, self.tissue.skin.vertices[part.vertices].mean(axis=0))
+            transforms[name] = bones[part.bone] @ correction
+        return transforms
+
+    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """Skin surface and tissue tets at equilibrium.
+
+        The skin's figures tell how its contact settled, and how deep (mm) it lies in itself; those of the
+        tets tell whether they are valid, and how deep (mm) they lie in the bodies below.
+
+        Raises `ConvergenceError` where there is none, or tets are inverted.
+        """
+        tissue, bones = self.tissue, frame.bones
+        rigid, strains = self.rigid(bones), self.plastic_strains(bones)
+        settled = tissue.at_rest(below, rigid, strains, self.starts(bones))
+        x = settled.x
+        skin = tissue.skin.moved(tissue.skin_matrix @ x)
+        validity = tissue.validity(x)
+        validity.require(f"{self.name} of {frame.name}", vertices_of(below.get("bones", {})))
+        figures = {**settled.figures, "skin_overlap": tissue.overlap(x)}
+        return {
+            "skin": Shape(tissue.skin.vertices, skin.vertices, skin.triangles, figures=figures),
+            self.name + "_mesh": Shape(
+                tissue.mesh.vertices,
+                x,
+                tissue.mesh.tets,
+                {"occupancy": tissue.occupancy},
+                validity.figures | settled.validity | {"inner_overlap": tissue.inner_overlap(below, x)},
+            ),
+        }
+
+
+def load_fat(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:
+    """The fat on all layers below, from its mesh and its strains."""
+    mesh, strains = files
+    return TissueLayer("fat", Tissue.load(mesh), FatStrains.load(strains))
+
+
+def load_skin(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:
+    """One soft tissue around the bones (model m2 of Zheng 2022 Table 4, Wang 2019), from its mesh."""
+    [mesh] = files
+    return TissueLayer("skin", Tissue.load(mesh))

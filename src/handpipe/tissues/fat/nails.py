@@ -1,0 +1,53 @@
+"""Nails: rigid, carried by their bones with a pose-space correction (Zheng 2022 §7.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from handpipe.core import Array, IntArray, RigidTransform
+from handpipe.mesh.surfaces import Distance, Surface
+
+
+def nail_vertices(skin: Surface, nail: Surface, tolerance: float) -> IntArray:
+    """Skin vertices within a tolerance in mm of the nail's patch."""
+    return np.flatnonzero(Distance(nail).closest(skin.vertices)[0] < tolerance)
+
+
+def fit_correction(
+    points: Array, bone: RigidTransform, scan: Surface, reach: float = 3.0, iterations: int = 20
+) -> RigidTransform:
+    """Correction in the bone's neutral frame that lays neutral nail points (n, 3) on a scan.
+
+    The nail's transform from neutral is then `bone @ correction`. Point-to-plane registration; the tangential
+    slide that a smooth patch leaves open is held by a weak pull to no correction. reach in mm.
+    """
+    distance = Distance(scan)
+    correction = RigidTransform.identity()
+    centre = points.mean(axis=0)
+    for _ in range(iterations):
+        moved = (bone @ correction)(points)
+        gap, _, closest, normals = distance.signed(moved)
+        near = np.abs(gap) < reach
+        arm = moved - bone(centre)
+        rows = np.concatenate([np.cross(arm, normals), normals], axis=1)[near]
+        residual = np.einsum("ni,ni->n", closest - moved, normals)[near]
+        weight = 1e-3 * near.sum()
+        step = np.linalg.solve(rows.T @ rows + weight * np.diag([25.0] * 3 + [1.0] * 3), rows.T @ residual)
+        turn = RigidTransform.about(bone(centre), Rotation.from_rotvec(step[:3]).as_matrix())
+        increment = RigidTransform(turn.rotation, turn.translation + step[3:])
+        correction = bone.inverse() @ increment @ bone @ correction
+        if np.linalg.norm(step[3:]) < 1e-4 and np.linalg.norm(step[:3]) < 1e-5:
+            break
+    return correction
+
+
+def as_vector(correction: RigidTransform, centre: Array) -> Array:
+    """Rotation vector and shift of the centre (6,): what the pose space interpolates."""
+    return np.concatenate([correction.rotation_vector(), correction(centre) - centre])
+
+
+def from_vector(vector: Array, centre: Array) -> RigidTransform:
+    """Inverse of `as_vector`."""
+    rotation = Rotation.from_rotvec(vector[:3]).as_matrix()
+    return RigidTransform(rotation, centre + vector[3:] - rotation @ centre)

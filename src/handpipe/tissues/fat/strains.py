@@ -1,0 +1,241 @@
+"""Plastic strains of the fat that lay the simulated skin on a scan (Zheng 2022 §7.3, Eq. 22-24).
+
+Strains are kept as logarithms: F_p = exp(S), S symmetric (m, 6). They stay positive definite by construction,
+and the smoothness term acts on S. The linearised search direction of Eq. 24 is taken in the current shape;
+its strain is turned back to the rest shape by each tet's rotation before it is added, which matters as soon
+as a finger bends by tens of degrees.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from handpipe.core import Array, ConvergenceError, RigidTransform, Shapes, vertices_of
+from handpipe.fem.elements import plasticity, polar
+from handpipe.fem.linear import factorise
+from handpipe.fem.potentials import Potential
+from handpipe.fem.solver import Limits
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.tets import TetMesh, gradient_operator, mass_lumped, tet_laplacian
+from handpipe.tissues.fat.tissue import Tissue
+
+log = logging.getLogger(__name__)
+
+ON_THE_WAY = Limits(
+    renewals=4, settled=0.01, gross=np.inf
+)  # shapes between which the search chooses may creep
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """Weights of Eq. 22 made free of mesh size: mean squared log-strain roughness against mean squared mm."""
+
+    smoothness: float = 0.02
+    hold: float = 10.0  # weight of the constraints in the search direction, against the scan's
+    reach: float = 6.0  # mm within which the scan is looked for
+    rim: float = 1.0  # mm around the scan's holes that say nothing
+    enough: float = 0.03  # mm of mean gap at which a fit ends: the noise of a good scan
+    iterations: int = 10
+    least_gain: float = 0.01  # relative decrease under which the fit has settled
+    least_step: float = 0.1  # of the line search
+    largest_change: float = 0.5  # of a tet's log-strain (Frobenius norm) in one iteration
+
+
+@dataclass
+class Target:
+    """A scan to be matched; area (n,) in mm^2 is each skin vertex's share, zero where it is not pulled."""
+
+    scan: Surface
+    area: Array
+    settings: FitSettings
+    _distance: Distance = field(init=False)
+    _rim: cKDTree | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._distance = Distance(self.scan)
+        rim = np.unique(self.scan.boundary_edges())
+        self._rim = cKDTree(self.scan.vertices[rim]) if len(rim) else None
+
+    def match(self, skin: Surface) -> tuple[Array, Array, Array]:
+        """Signed gaps (n,) from the scan to the skin, the scan's normals (n, 3), and weights (n,)."""
+        gaps, _, closest, normals = self._distance.signed(skin.vertices)
+        agree = np.einsum("ni,ni->n", normals, skin.vertex_normals()) > 0.5
+        known = agree & (np.abs(gaps) < self.settings.reach)
+        if self._rim is not None:
+            known &= self._rim.query(closest)[0] > self.settings.rim
+        offsets = np.einsum("ni,ni->n", skin.vertices - closest, normals)
+        weights = self.area * known
+        return offsets, normals, weights / weights.sum()
+
+
+@dataclass(frozen=True)
+class State:
+    """Log-strains, their equilibrium, how the skin then lies against the scan, and what the solver said."""
+
+    logs: Array
+    x: Array
+    offsets: Array
+    normals: Array
+    weights: Array
+    value: float
+    figures: Mapping[str, float] = field(default_factory=dict)
+
+    def row(self, step: float) -> dict[str, float]:
+        """Figures for the record."""
+        gaps = np.abs(self.offsets)
+        return {
+            "objective": self.value,
+            "mean_gap": float(self.weights @ gaps),
+            "max_gap": float(gaps[self.weights > 0].max()),
+            "step": step,
+        }
+
+
+@dataclass
+class FatFit:
+    """Log-strains (m, 6), vertices (n, 3), a row an iteration: objective, mean and max gap in mm, step.
+
+    figures: whether the equilibrium may be trusted, by name, as in the figures of a frame's fat.
+    """
+
+    log_strains: Array
+    vertices: Array
+    record: list[dict[str, float]]
+    figures: dict[str, float]
+
+
+def strain_operator(mesh: TetMesh, x: Array) -> sparse.csr_matrix:
+    """Strain increments (6 m) in the rest frame per displacement (3 n) from x: sym(R^T grad(dx) R)."""
+    rotations, _ = polar((gradient_operator(mesh.vertices, mesh.tets) @ x.ravel()).reshape(-1, 3, 3))
+    r = rotations
+    rows = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+    blocks = np.stack(
+        [
+            0.5
+            * (
+                np.einsum("mi,mj->mij", r[:, :, a], r[:, :, b])
+                + np.einsum("mj,mi->mij", r[:, :, a], r[:, :, b])
+            )
+            for a, b in rows
+        ],
+        axis=1,
+    ).reshape(-1, 6, 9)
+    m = len(mesh.tets)
+    block = sparse.bsr_matrix((blocks, np.arange(m), np.arange(m + 1)), shape=(6 * m, 9 * m))
+    return (block.tocsr() @ gradient_operator(x, mesh.tets)).tocsr()
+
+
+def fit_strains(
+    tissue: Tissue,
+    below: Mapping[str, Shapes],
+    rigid: Mapping[str, RigidTransform],
+    scan: Surface,
+    start: Array,
+    settings: FitSettings,
+    name: str = "strains of the fat",
+) -> FatFit:
+    """Log-strains so that the skin at equilibrium in a frame lies on the scan (Eq. 22-23).
+
+    below, rigid, start (n, 3): as for `Tissue.solve`; scan in the frame of the simulation. Rigid parts of
+    the skin are not pulled.
+    Raises `ConvergenceError` with `name` where the equilibrium without strains fails or tets are inverted at
+    the last. Contact may be unsettled there: the figures tell.
+    """
+    mesh, skin = tissue.mesh, tissue.skin
+    area = mass_lumped(skin.vertices, skin.triangles)
+    for part in tissue.rigid.values():
+        area[part.vertices] = 0.0
+    target = Target(scan, area, settings)
+    laplacian = sparse.kron(tet_laplacian(mesh.tets), sparse.identity(6), format="csr")
+    m = len(mesh.tets)
+
+    def state(logs: Array, guess: Array) -> State:
+        settled = tissue.solve(below, rigid, plasticity.exp(logs), guess, ON_THE_WAY)
+        x = settled.x
+        offsets, normals, weights = target.match(skin.moved(tissue.skin_matrix @ x))
+        rough = laplacian @ logs.ravel()
+        value = settings.smoothness * rough @ rough / m + weights @ offsets**2
+        return State(logs, x, offsets, normals, weights, float(value), settled.validity)
+
+    now = state(np.zeros((m, 6)), tissue.opened(below, rigid, None, start))
+    record = [now.row(0.0)]
+    for iteration in range(settings.iterations):
+        strain = strain_operator(mesh, now.x)
+        held = tissue.held(below, rigid, now.x)
+        step = _direction(strain, laplacian, now, tissue.skin_operator, held, settings)
+        change = _bounded((strain @ step.ravel()).reshape(-1, 6), settings.largest_change)
+        found, eta = _search(state, now, change, step, settings)
+        if found is None:
+            break
+        gain, now = 1 - found.value / now.value, found
+        record.append(now.row(eta))
+        log.info(
+            "iteration %d: objective %.4g, mean gap %.3f mm, largest %.3f mm, step %.2f",
+            iteration + 1,
+            *record[-1].values(),
+        )
+        if gain < settings.least_gain or record[-1]["mean_gap"] < settings.enough:
+            break
+    validity = tissue.validity(now.x)
+    validity.require(name, vertices_of(below.get("bones", {})))
+    return FatFit(now.logs, now.x, record, validity.figures | dict(now.figures))
+
+
+def _bounded(change: Array, largest: float) -> Array:
+    """Log-strains (m, 6) cut down where they are large: there the linearised direction means nothing.
+
+    Where a thin layer is a multiple of its thickness away from the scan, it would ask for strains of several
+    hundred per cent, and leave them to the neighbouring poses.
+    """
+    norms = np.linalg.norm(plasticity.to_matrices(change), axis=(1, 2))
+    return change * np.minimum(1.0, largest / np.maximum(norms, 1e-12))[:, None]
+
+
+def _search(
+    state: Callable[[Array, Array], State], now: State, change: Array, step: Array, settings: FitSettings
+) -> tuple[State | None, float]:
+    """Halve the step until the true objective falls, its equilibrium started at the predicted shape."""
+    eta = 1.0
+    while eta >= settings.least_step:
+        try:
+            found = state(now.logs + eta * change, now.x + eta * step)
+            if found.value < now.value:
+                return found, eta
+        except ConvergenceError as error:
+            log.info("step %.2f: %s", eta, error)
+        eta *= 0.5
+    return None, 0.0
+
+
+def _direction(
+    strain: sparse.csr_matrix,
+    laplacian: sparse.csr_matrix,
+    now: State,
+    skin: sparse.csr_matrix,
+    held: Sequence[Potential],
+    settings: FitSettings,
+) -> Array:
+    """The displacement (n, 3) that minimises the linearised objective (Eq. 24) and the constraints' springs.
+
+    skin (3 k, 3 n): flattened skin positions from the tissue's. Without the springs the direction would move
+    what cannot move, and the line search would pay for it.
+    """
+    n, m, k = len(now.x), len(now.logs), len(now.offsets)
+    rough = laplacian @ strain
+    spread = sparse.csr_matrix(
+        (now.normals.ravel(), np.arange(3 * k), 3 * np.arange(k + 1)), shape=(k, 3 * k)
+    )
+    gap = (spread @ skin).tocsr()
+    springs = sum((p.hessian(now.x) for p in held[1:]), start=held[0].hessian(now.x))
+    springs = springs * (settings.hold / springs.diagonal().sum())
+    share = settings.smoothness / m
+    matrix = share * (rough.T @ rough) + gap.T @ sparse.diags(now.weights) @ gap + springs
+    matrix = matrix + sparse.identity(3 * n) * (1e-9 * matrix.diagonal().mean())
+    right = -share * (rough.T @ (laplacian @ now.logs.ravel())) - gap.T @ (now.weights * now.offsets)
+    return factorise(matrix.tocsr(), positive=True).solve(right).reshape(n, 3)

@@ -1,0 +1,331 @@
+"""A soft tissue between inner bodies and the skin: its mesh, what holds it, its equilibrium in a frame."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from scipy import sparse
+
+from handpipe.core import Array, ConvergenceError, IntArray, Region, RigidTransform, Shapes, artifacts
+from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceSliding
+from handpipe.fem.elements import Material, Validity, polar
+from handpipe.fem.minimisation import Equilibrium, Record
+from handpipe.fem.potentials import Elastic, Potential
+from handpipe.fem.solver import Limits, Options, Settled, equilibrium, root_mean_square, settle
+from handpipe.mesh.surfaces import Distance, Surface, astray, touching_planes
+from handpipe.mesh.tets import Embedding, TetMesh, gradient_operator, mass_lumped
+from handpipe.skeleton.posing import blend, blended
+from handpipe.tissues.fat.constraints import InnerPoints
+from handpipe.tissues.fat.skin import Rigid
+from handpipe.tissues.fat.skin_contact import overlap, skin_on_skin
+
+log = logging.getLogger(__name__)
+
+OPTIONS = Options(
+    displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=False, barrier=True, name="soft tissue"
+)
+# Root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's noise;
+# gross is more than the mean error of any model of the skin: figures of such a shape would say nothing.
+CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
+CROWDED = 0.5  # mm of skin inside skin, at the start or the end, from which tissue is shrunk and grows again
+SIZES = (0.75, 0.9)  # of its own, at which it rests on the way; at 0.6 thin places are crushed
+
+
+@dataclass(frozen=True)
+class TissueSettings:
+    """Young's modulus in kPa (Zheng 2022 Table 2: fat 1 kPa), and of constraints: kPa/mm, per area they act
+    on."""
+
+    young: float = 1.0
+    poisson: float = 0.48
+    stiffness: float = 50.0
+
+
+@dataclass(frozen=True)
+class Tissue:
+    """Mesh, occupancy (m,), neutral skin, inner points, rigid parts of skin, bone weights (n, n_bones).
+
+    skin_contact: whether the skin is kept out of itself.
+    """
+
+    mesh: TetMesh
+    occupancy: Array
+    skin: Surface
+    inner: InnerPoints
+    rigid: Mapping[str, Rigid]
+    bones: tuple[str, ...]
+    weights: Array
+    settings: TissueSettings = field(default_factory=TissueSettings)
+    skin_contact: bool = True
+
+    @cached_property
+    def elastic(self) -> Elastic:
+        """Elastic energy without plastic strain, stiffness weighed by occupancy."""
+        material = Material(self.settings.young, self.settings.poisson)
+        return Elastic(self.mesh.vertices, self.mesh.tets, material, weights=self.occupancy)
+
+    @cached_property
+    def skin_matrix(self) -> sparse.csr_matrix:
+        """Skin vertices (k, n) as sums of tissue vertices."""
+        return self._skin_embedding.matrix(len(self.mesh.vertices))
+
+    @cached_property
+    def skin_operator(self) -> sparse.csr_matrix:
+        """Flattened positions of skin vertices (3 k, 3 n) from those of tissue vertices."""
+        return self._skin_embedding.matrix3(len(self.mesh.vertices))
+
+    @cached_property
+    def _skin_embedding(self) -> Embedding:
+        return Embedding.of(self.skin.vertices, self.mesh)
+
+    @cached_property
+    def inner_matrix(self) -> sparse.csr_matrix:
+        """Inner points (k, n) as sums of tissue vertices."""
+        return Embedding.of(self.inner.rest, self.mesh).matrix(len(self.mesh.vertices))
+
+    def pose(self, bones: Mapping[str, RigidTransform], shifts: Array | float = 0.0) -> Array:
+        """Vertices (n, 3), shifted by (n, 3) and moved by smooth blends of bone transforms: a start for the
+        solver.
+        """
+        return blend(self.mesh.vertices + shifts, self.weights, {b: bones[b] for b in self.bones})
+
+    def shifts(self, bones: Mapping[str, RigidTransform], x: Array) -> Array:
+        """What `pose` is to shift vertices by (n, 3) to have them at x (n, 3)."""
+        turns, translation = blended(self.weights, {b: bones[b] for b in self.bones})
+        return turns.inv().apply(x - translation) - self.mesh.vertices
+
+    def sides(self, x: Array) -> Array:
+        """Neutral outward normals (k, 3) of the bodies at inner points, turned as the tissue of x (n, 3) is.
+
+        Rotations come from deformation gradients averaged around each vertex: no single crushed tet upsets
+        them.
+        """
+        mesh = self.mesh
+        gradients = (gradient_operator(mesh.vertices, mesh.tets) @ x.ravel()).reshape(-1, 9)
+        corners = np.repeat(np.arange(len(mesh.tets)), 4)
+        around = sparse.csr_matrix(
+            (np.repeat(mesh.volumes(), 4), (mesh.tets.ravel(), corners)), shape=(len(x), len(mesh.tets))
+        )
+        rotations, _ = polar((self.inner_matrix @ (around @ gradients)).reshape(-1, 3, 3))
+        return np.einsum("nij,nj->ni", rotations, self.inner.normal)
+
+    def held(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        x: Array,
+        share: float = 1.0,
+    ) -> list[Potential]:
+        """What holds the tissue in a frame where it lies at x (n, 3), at a share of its full stiffness.
+
+        rigid: transform from neutral of each rigid part of the skin.
+        """
+        unit = share * self.settings.stiffness
+        return [*self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit)]
+
+    def _on_bodies(self, below: Mapping[str, Shapes], x: Array, unit: float) -> list[Potential]:
+        """The inner points, fixed, sliding or in contact (Zheng 2022 §6).
+
+        Contact planes touch the bodies where points are closest. What slides does so on the surface itself,
+        whose facets' planes would hand it to and fro; a point that is astray in a thin body has a plane on
+        its own side.
+        """
+        inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
+        fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
+        touching = np.flatnonzero(~fixed & ~sliding)
+        points, sides, bodies = matrix @ x, self.sides(x), [Distance(s) for s in inner.surfaces(below)]
+
+        def planes(ids: IntArray) -> tuple[Array, Array]:
+            return touching_planes(points[ids], sides[ids], inner.body[ids], bodies)
+
+        potentials: list[Potential] = [
+            Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
+            Contact(matrix[touching], *planes(touching), stiffness[touching]),
+        ]
+        for body in np.unique(inner.body[sliding]):
+            ids = np.flatnonzero(sliding & (inner.body == body))
+            signed, _, _, facing = bodies[body].signed(points[ids])
+            lost = astray(signed, facing, sides[ids])
+            on, off = ids[~lost], ids[lost]
+            potentials.append(SurfaceSliding(matrix[on], bodies[body], stiffness[on]))
+            potentials.append(Sliding(matrix[off], *planes(off), stiffness[off]))
+        return potentials
+
+    def _on_skin(self, rigid: Mapping[str, RigidTransform], x: Array, unit: float) -> list[Potential]:
+        """Nails and the cut end go with their bones, and the skin is kept out of itself if it is to be."""
+        skin, matrix = self.skin, self.skin_matrix
+        stiffness = unit * mass_lumped(skin.vertices, skin.triangles)
+        parts: list[Potential] = [
+            Attachment(
+                matrix[part.vertices], rigid[name](skin.vertices[part.vertices]), stiffness[part.vertices]
+            )
+            for name, part in self.rigid.items()
+        ]
+        if not self.skin_contact:
+            return parts
+        return [*parts, *skin_on_skin(skin, skin.moved(matrix @ x), matrix, stiffness)]
+
+    def overlap(self, x: Array) -> float:
+        """Depth in mm, at most, of the skin in itself with the tissue at x (n, 3)."""
+        return overlap(self.skin, self.skin.moved(self.skin_matrix @ x))
+
+    def inner_overlap(self, below: Mapping[str, Shapes], x: Array) -> float:
+        """Depth in mm, at most, of the tissue's inner points in their bodies, with the tissue at x (n, 3)."""
+        points, deepest = self.inner_matrix @ x, 0.0
+        for index, surface in enumerate(self.inner.surfaces(below)):
+            mine = points[self.inner.body == index]
+            if len(mine):
+                deepest = max(deepest, -float(Distance(surface).signed(mine)[0].min()))
+        return deepest
+
+    def opened(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        strains: Array | None,
+        x: Array,
+        anyway: bool = False,
+    ) -> Array:
+        """A start (n, 3) with open creases, from x (n, 3): tissue smaller than it is draws back from them
+        and grows again.
+
+        Skin deep in other skin finds its way out only while there is room. Arguments as for `solve`; x itself
+        where its skin is hardly in itself, unless `anyway` says otherwise. A size at which no equilibrium is
+        found is passed over.
+        """
+        if not anyway and self.overlap(x) < CROWDED:
+            return x
+        whole = self.elastic.strains if strains is None else strains
+        for size in SIZES:
+            try:
+                x = self._solve(self.elastic.with_strains(size * whole), below, rigid, x).x
+            except ConvergenceError as error:
+                log.warning("soft tissue: no equilibrium at %.2f of its size: %s", size, error)
+            else:
+                log.info("soft tissue: at %.2f of its size, skin %.2f mm in itself", size, self.overlap(x))
+        return x
+
+    def at_rest(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        strains: Array | None,
+        starts: Sequence[Array],
+    ) -> Settled:
+        """As `solve`, from the starts (n, 3) in turn, opened where their skin lies in itself, until one ends
+        with its skin apart; from each once more by way of smaller sizes if it was apart at the start alone.
+
+        Where none does, that with least skin in itself is taken. Raises the last `ConvergenceError` where no
+        start led to an equilibrium.
+        """
+        found: list[Settled] = []
+        failure: ConvergenceError | None = None
+        for way in self._ways(below, rigid, strains, starts):
+            if found:
+                log.info("soft tissue: skin %.2f mm in itself, once more", self.overlap(found[-1].x))
+            try:
+                found.append(self.solve(below, rigid, strains, way))
+            except ConvergenceError as error:
+                log.warning("soft tissue: %s", error)
+                failure = error
+            else:
+                if self.overlap(found[-1].x) < CROWDED:
+                    return found[-1]
+        if not found and failure is not None:
+            raise failure
+        return min(found, key=lambda settled: self.overlap(settled.x))
+
+    def _ways(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        strains: Array | None,
+        starts: Sequence[Array],
+    ) -> Iterator[Array]:
+        """Where to begin (n, 3): at each start, opened if it has to be, and opened anyway."""
+        for start in starts:
+            opened = self.opened(below, rigid, strains, start)
+            yield opened
+            if opened is start:
+                yield self.opened(below, rigid, strains, start, anyway=True)
+
+    def solve(
+        self,
+        below: Mapping[str, Shapes],
+        rigid: Mapping[str, RigidTransform],
+        strains: Array | None,
+        start: Array,
+        contacts: Limits = CONTACTS,
+    ) -> Settled:
+        """Vertices (n, 3) at equilibrium under plastic strains (m, 6), from a start (n, 3).
+
+        Contact planes are taken anew until the skin has settled.
+        Raises `ConvergenceError` where there is no equilibrium, or the skin does not come to rest.
+        """
+        elastic = self.elastic if strains is None else self.elastic.with_strains(strains)
+        records: list[Record] = []
+
+        def in_place(x: Array) -> Array:
+            found = self._solve(elastic, below, rigid, x)
+            records.append(found.record)
+            return found.x
+
+        def skin_motion(motion: Array) -> float:
+            return root_mean_square(self.skin_matrix @ motion)
+
+        settled = settle(in_place, start, contacts, "soft tissue", skin_motion)
+        return replace(settled, solver=records[settled.chosen - 1].figures)
+
+    def _solve(
+        self, elastic: Elastic, below: Mapping[str, Shapes], rigid: Mapping[str, RigidTransform], start: Array
+    ) -> Equilibrium:
+        try:
+            return equilibrium.solve([elastic, *self.held(below, rigid, start)], start, options=OPTIONS)
+        except ConvergenceError as error:
+            log.info("%s; bringing the constraints up in steps", error)
+
+        def softened(t: float) -> list[Potential]:
+            return [elastic, *self.held(below, rigid, start, 1e-3 ** (1 - t))]
+
+        return equilibrium.continuation(softened, start, options=OPTIONS)
+
+    def validity(self, x: Array) -> Validity:
+        """Whether the tissue may be handed on at x (n, 3)."""
+        return Validity.of(self.mesh.vertices, self.mesh.tets, x)
+
+    def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
+        """Write as an artifact of kind "tissue"."""
+        data = {
+            "mesh": {"vertices": self.mesh.vertices, "tets": self.mesh.tets},
+            "occupancy": self.occupancy,
+            "skin": {"vertices": self.skin.vertices, "triangles": self.skin.triangles},
+            "inner": self.inner.to_group(),
+            "rigid": {name: asdict(part) for name, part in self.rigid.items()},
+            "bones": list(self.bones),
+            "weights": self.weights,
+            "settings": asdict(self.settings),
+        }
+        lengths = dict.fromkeys(("mesh/vertices", "skin/vertices", "inner/rest"), "mm")
+        moduli = {"settings/young": "kPa", "settings/stiffness": "kPa/mm"}
+        units = lengths | moduli | {"inner/area": "mm^2", "occupancy": "1", "weights": "1"}
+        artifacts.write(path, data, kind="tissue", units=units, inputs=inputs)
+
+    @staticmethod
+    def load(path: str | Path) -> Tissue:
+        """Read what `save` wrote; raises `InputError` where the file is not a tissue."""
+        d = artifacts.read(path, "tissue")
+        return Tissue(
+            mesh=TetMesh(d["mesh"]["vertices"], d["mesh"]["tets"]).checked(path),
+            occupancy=d["occupancy"],
+            skin=Surface(d["skin"]["vertices"], d["skin"]["triangles"]),
+            inner=InnerPoints.from_group(d["inner"]),
+            rigid={name: Rigid(str(part["bone"]), part["vertices"]) for name, part in d["rigid"].items()},
+            bones=tuple(d["bones"]),
+            weights=d["weights"],
+            settings=TissueSettings(**{k: float(v) for k, v in d["settings"].items()}),
+        )

@@ -1,0 +1,35 @@
+"""A ligament in neutral and over its poses: as a muscle, but the image does not show its boundary.
+
+Its neutral shape is the placed template. In other poses it is the passive body between its moved attachments:
+strain is taken up elastically, so its plastic strains are the identity in every pose, and no pose space is
+needed. What a ligament's contraction would be to a muscle, an example shape says, where one is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from handpipe.core import RigidTransform
+from handpipe.skeleton.posing import PoseSpace
+from handpipe.tissues.muscles import Muscle
+from handpipe.tissues.muscles.fitting import Body, Guess
+
+
+def fit_ligament(
+    name: str,
+    guess: Guess,
+    parents: Mapping[str, str],
+    neutral: str,
+    *,
+    edge: float = 1.0,
+) -> Muscle:
+    """A ligament from its placed template, filled with tetrahedra of about `edge` mm; parents: bone -> parent
+    bone.
+    """
+    body = Body.of(guess.surface, guess.attachments, edge)
+    still = {bone: RigidTransform.identity() for bone in body.attachments}
+    space = PoseSpace.build(list(body.attachments), parents, {neutral: still}, "inverse-distance")
+    logs = np.zeros((1, len(body.mesh.tets), 6))
+    return Muscle(name, body, space, logs, body.mesh.vertices[None], (still,))

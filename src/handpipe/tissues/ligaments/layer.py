@@ -1,0 +1,40 @@
+"""The ligaments as a layer: muscles that touch nothing, each solved alone (Zheng 2022 §4)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from handpipe.core import LAYERS, Frame, Shapes
+from handpipe.fem.elements import Material
+from handpipe.mesh.surfaces import Surface
+from handpipe.tissues.muscles import Muscle, MuscleLayer, SimulationOptions
+
+LIGAMENT = Material(200.0, 0.48)  # kPa
+
+SPRING = 20000.0  # mN/mm of an attached point
+
+
+class LigamentLayer:
+    """Ligaments of loaded artifacts. Their own stiffness does not matter between stiff attachments, its
+    evenness does.
+    """
+
+    name = "ligaments"
+    needs = LAYERS[name].needs
+
+    def __init__(self, ligaments: Iterable[Muscle]) -> None:
+        options = SimulationOptions(material=LIGAMENT, bed=0.0, spring=SPRING)
+        self._alone = [MuscleLayer([ligament], options, contact=False) for ligament in ligaments]
+
+    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """As `MuscleLayer.solve`: each ligament's surface, and its tetrahedra under `{ligament}_mesh`."""
+        shapes: Shapes = {}
+        for layer in self._alone:
+            shapes |= layer.solve(frame, below)
+        return shapes
+
+
+def load(files: Sequence[Path], _: Mapping[str, Surface]) -> LigamentLayer:
+    """The layer of artifacts, one a ligament."""
+    return LigamentLayer(map(Muscle.load, files))

@@ -1,0 +1,37 @@
+"""Muscles from images: templates, extraction of shapes, strains over poses (Zheng 2022 §4)."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.tissues.muscles.fitting.body import Body
+    from handpipe.tissues.muscles.fitting.extraction import Evidence, PoseData, extract_neutral, extract_poses
+    from handpipe.tissues.muscles.fitting.templates import (
+        Affine,
+        Guess,
+        Warp,
+        fit_similarity,
+        place,
+        read_attachments,
+        read_vertex_ids,
+        require_near_bones,
+    )
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "Affine",
+    "Body",
+    "Evidence",
+    "Guess",
+    "PoseData",
+    "Warp",
+    "extract_neutral",
+    "extract_poses",
+    "fit_similarity",
+    "place",
+    "read_attachments",
+    "read_vertex_ids",
+    "require_near_bones",
+]

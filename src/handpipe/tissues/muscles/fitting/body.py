@@ -1,0 +1,205 @@
+"""A soft body between bones: a surface embedded in tetrahedra, and the surface vertices that bones hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from handpipe.core import Array, BoolArray, IntArray, RigidTransform
+from handpipe.fem.linear import factorise
+from handpipe.mesh.generation import cuts_itself, remesh, tetrahedralise
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.tets import Embedding, TetMesh, dirichlet_matrix, shape_gradients
+from handpipe.shapes.observations import Attached
+from handpipe.skeleton.posing import blend, bone_weights
+
+Transforms = Mapping[str, RigidTransform]
+
+ON_BONE = 0.4  # mm from a bone within which a vertex goes with it: farther ones go ways of their own
+FEWEST = 3  # vertices by which a bone holds an end
+SHORTER = 0.8 ** np.arange(4)  # of the edges of a cage, until it does not cut itself
+SPREAD = 0.5  # share of harmonic weights in a blend of bones' motions
+
+
+@dataclass(frozen=True)
+class Body:
+    """The neutral shape: surface (v vertices), mesh (n vertices) that carries it, vertices held by each bone.
+
+    landmarks: surface vertex of each label. visible (v,): where the neutral image shows the boundary;
+    elsewhere another muscle lies against it.
+    """
+
+    surface: Surface
+    mesh: TetMesh
+    embedding: Embedding
+    attachments: dict[str, IntArray]
+    visible: BoolArray
+    landmarks: dict[str, int] = field(default_factory=dict)
+
+    @staticmethod
+    def of(
+        surface: Surface,
+        attachments: Mapping[str, IntArray],
+        edge: float,
+        landmarks: Mapping[str, int] | None = None,
+    ) -> Body:
+        """Fill a surface with tetrahedra of about `edge` mm; the surface may be finer than they are.
+
+        A thin body has finer ones, down to half of `edge`: the radius of a long round body is 2 V / A, and
+        edges that are longer would cut its volume away (a hexagon has 0.83 of its circle), or cut themselves.
+        Where these cut themselves all the same, as those of a thin ribbon may, they are shorter yet.
+        """
+        longest = float(np.clip(1.5 * surface.volume() / surface.area(), 0.5 * edge, edge))
+        for edge in longest * SHORTER:
+            cage = remesh(
+                surface, edge
+            ).largest_component()  # what is thinner breaks off, and is carried along
+            if not cuts_itself(cage):
+                break
+        mesh = tetrahedralise(cage, 1.3 * edge)
+        visible = np.ones(len(surface.vertices), dtype=bool)
+        visible[np.concatenate(list(attachments.values()))] = False
+        embedding = Embedding.of(surface.vertices, mesh)
+        return Body(surface, mesh, embedding, dict(attachments), visible, dict(landmarks or {}))
+
+    @property
+    def matrix(self) -> sparse.csr_matrix:
+        """Matrix (v, n) that carries the surface."""
+        return self.embedding.matrix(len(self.mesh.vertices))
+
+    @property
+    def held(self) -> IntArray:
+        """Surface vertices (t,) that bones hold, bone by bone."""
+        return np.concatenate([self.attachments[b] for b in self.attachments])
+
+    @property
+    def held_by_bone(self) -> dict[str, Array]:
+        """The neutral places (k, 3) of what each bone holds; none where no bone holds anything."""
+        places = {bone: self.surface.vertices[ids] for bone, ids in self.attachments.items()}
+        return places if len(self.held) else {}
+
+    def on_bones(self, bones: Mapping[str, Surface]) -> Body:
+        """The same body, held only where it lies on its bones; bones: neutral surfaces.
+
+        A muscle springs from tendons and from fat as well, and such an end does not go with the bone it is
+        next to. An end of which fewer than `FEWEST` vertices lie on a bone is not held at all.
+        """
+        attachments = {}
+        for bone, ids in self.attachments.items():
+            near = Distance(bones[bone]).signed(self.surface.vertices[ids])[0] < ON_BONE
+            attachments[bone] = ids[near & (near.sum() >= FEWEST)]
+        return replace(self, attachments=attachments)
+
+    def targets(self, transforms: Transforms) -> Array:
+        """Where the bones take these vertices, (t, 3)."""
+        return self.carried(self.surface.vertices[self.held], transforms)
+
+    def carried(self, places: Array, transforms: Transforms) -> Array:
+        """Places (t, 3) of held vertices, each moved as its bone is."""
+        ends = np.cumsum([len(ids) for ids in self.attachments.values()])[:-1]
+        return np.concatenate(
+            [transforms[b](p) for b, p in zip(self.attachments, np.split(places, ends), strict=True)]
+        )
+
+    def attached(self, transforms: Transforms) -> Attached:
+        """The held vertices at the places where the bones take them."""
+        return Attached(self.matrix[self.held], self.targets(transforms))
+
+    def landmarked(self, places: Mapping[str, Array]) -> Attached | None:
+        """Landmarks that the body and the image (label -> (3,) mm) both have, if any (Wang 2021 Eq. 5.4)."""
+        labels = [label for label in self.landmarks if label in places]
+        if not labels:
+            return None
+        ids = np.array([self.landmarks[label] for label in labels])
+        return Attached(self.matrix[ids], np.array([places[label] for label in labels]))
+
+    def seated(self, surface: Surface, transforms: Transforms) -> Surface:
+        """A fitted surface with its held vertices exactly on the bones (Wang 2021 §6.1.4, step 3)."""
+        vertices = surface.vertices.copy()
+        vertices[self.held] = self.targets(transforms)
+        return surface.moved(vertices)
+
+    def posed(self, vertices: Array, transforms: Transforms) -> Body:
+        """The body with its surface at vertices (v, 3) that were fitted in a pose, held ones on the bones."""
+        return replace(self, surface=self.seated(self.surface.moved(vertices), transforms))
+
+    def surface_at(self, x: Array) -> Surface:
+        """The surface carried by mesh vertices (n, 3)."""
+        return self.surface.moved(self.embedding(x))
+
+    def follow(
+        self,
+        bones: Mapping[str, Surface],
+        transforms: Transforms,
+        known: tuple[Transforms, Array] | None = None,
+        spread: float = SPREAD,
+    ) -> Array:
+        """Mesh vertices (n, 3) moved by a smooth blend of the motions of the bones that hold the body.
+
+        known: transforms and mesh vertices (n, 3) of another pose to start from, in place of neutral.
+
+        Weights by nearness to the bones bend where the joint is; harmonic ones spread the bend over the whole
+        length. `spread` is the share of the latter: measured, even shares are nearer to the truth than
+        either.
+        """
+        return self.followed(bones, transforms, [known], [spread])[0]
+
+    def followed(
+        self,
+        bones: Mapping[str, Surface],
+        transforms: Transforms,
+        known: Sequence[tuple[Transforms, Array] | None],
+        spreads: Sequence[float] = (SPREAD,),
+    ) -> list[Array]:
+        """What `follow` gives from each of several known poses, for each of several spreads."""
+        own = {b: bones[b] for b in self.attachments}
+        nearness, harmonic = bone_weights(self.mesh.vertices, own), self.harmonic_weights()
+        still = {b: RigidTransform.identity() for b in own}, self.mesh.vertices
+        found = []
+        for there, start in (pose or still for pose in known):
+            motions = {b: transforms[b] @ there[b].inverse() for b in own}
+            found += [blend(start, (1 - s) * nearness + s * harmonic, motions) for s in spreads]
+        return found
+
+    def harmonic_weights(self) -> Array:
+        """Weights (n, bones), one at a bone's own attachment, harmonic in between, rows summing to one."""
+        vertices, tets = self.mesh.vertices, self.mesh.tets
+        gradients = shape_gradients(vertices, tets)
+        laplacian = dirichlet_matrix(tets, gradients, self.mesh.volumes(), len(vertices))
+        hold = self.matrix[self.held]
+        owner = np.repeat(np.arange(len(self.attachments)), [len(i) for i in self.attachments.values()])
+        stiff = 1e6 * abs(laplacian).max()
+        system = (laplacian + stiff * hold.T @ hold).tocsr()
+        weights = factorise(system).solve(stiff * (hold.T @ np.eye(len(self.attachments))[owner]))
+        weights = np.clip(weights, 0.0, 1.0)
+        return weights / weights.sum(axis=1, keepdims=True)
+
+    def to_group(self) -> dict[str, Any]:
+        """Content for an artifact's group."""
+        return {
+            "vertices": self.surface.vertices,
+            "triangles": self.surface.triangles,
+            "visible": self.visible,
+            "mesh/vertices": self.mesh.vertices,
+            "mesh/tets": self.mesh.tets,
+            "embedding/cells": self.embedding.cells,
+            "embedding/weights": self.embedding.weights,
+            **{f"attachments/{bone}": ids for bone, ids in self.attachments.items()},
+            **{f"landmarks/{label}": vertex for label, vertex in self.landmarks.items()},
+        }
+
+    @staticmethod
+    def from_group(group: Mapping[str, Any]) -> Body:
+        """What `to_group` gave, as an artifact returned it."""
+        return Body(
+            Surface(group["vertices"], group["triangles"]),
+            TetMesh(group["mesh"]["vertices"], group["mesh"]["tets"]),
+            Embedding(group["embedding"]["cells"], group["embedding"]["weights"]),
+            dict(group["attachments"]),
+            np.asarray(group["visible"], dtype=bool),
+            {label: int(vertex) for label, vertex in group.get("landmarks", {}).items()},
+        )

@@ -1,0 +1,305 @@
+"""A muscle's template carried to the subject by the bones that both have (Wang 2021 §6.1)."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from handpipe.core import Array, ConvergenceError, InputError, IntArray
+from handpipe.imaging.volumes import likely_cause
+from handpipe.mesh.generation import remesh
+from handpipe.mesh.surfaces import Biharmonic, Distance, Surface, component_labels, sample_points
+
+log = logging.getLogger(__name__)
+
+SAMPLES = 250  # points a bone that steer the warp
+ROUND = 0.85  # of V / A, half the radius of a long round body: 15 edges around it, which cut off 3 % of it
+NEAR = 0.75  # of a bone's size: what attaches to it is nearer
+VERTEX_IDS = "Give {bone: [template vertex ids]}"  # the remedy for a malformed file of attachments
+FINEST = 0.4  # of the edge length that is asked for
+
+
+@dataclass(frozen=True)
+class Affine:
+    """X -> matrix @ X + offset."""
+
+    matrix: Array
+    offset: Array
+
+    def __call__(self, points: Array) -> Array:
+        return points @ self.matrix.T + self.offset
+
+
+def register_bones(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> dict[str, Affine]:
+    """Affine maps of template bones onto the subject's bones of the same names.
+
+    One similarity of all bones together, which tells right from left and front from back, starts each bone's
+    own iterative closest points: rigid with one scale first, then affine. The template's frame may be turned
+    against the subject's by any angle about the axis of the bones' arrangement as long as the bones' shapes
+    show it.
+    """
+    together = _similarity(templates, bones)
+    return {name: _register(templates[name], bones[name], together) for name in templates}
+
+
+def _similarity(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> Affine:
+    """The best of several similarities from centroids, refined by closest points of all bones."""
+    source = np.concatenate([sample_points(s, SAMPLES, seed=1) for s in templates.values()])
+    own = np.repeat(np.arange(len(templates)), SAMPLES)
+    targets = [Distance(bones[name]) for name in templates]
+    centres = (
+        np.array([s.centroid() for s in templates.values()]),
+        np.array([bones[n].centroid() for n in templates]),
+    )
+    starts = [
+        _start(source, centres, np.vstack([b.vertices for b in bones.values()]), angle)
+        for angle in range(0, 360, 45)
+    ]
+    best: tuple[float, Affine] | None = None
+    for start in starts:
+        guess = start
+        for _ in range(12):
+            guess = fit_similarity(source, _closest(targets, own, guess(source)))
+        moved = guess(source)
+        error = float(np.sqrt(((moved - _closest(targets, own, moved)) ** 2).sum(axis=1).mean()))
+        if best is None or error < best[0]:
+            best = error, guess
+    assert best is not None
+    log.info("template bones: %.2f mm after one similarity", best[0])
+    return best[1]
+
+
+def _start(source: Array, centres: tuple[Array, Array], target: Array, angle: float) -> Affine:
+    """Similarity that matches the bones' centroids, turned by `angle` degrees about their long axis."""
+    a, b = centres
+    if len(a) == 1:  # one bone: its own long axis, towards the same end of the frame
+        ends = [_long_axis(source), _long_axis(target)]
+        a, b = (np.vstack([c, c + e]) for c, e in zip(centres, ends, strict=True))
+    guess = fit_similarity(a, b)
+    axis = _long_axis(b)
+    turn = Rotation.from_rotvec(np.radians(angle) * axis).as_matrix()
+    middle = b.mean(axis=0)
+    return Affine(turn @ guess.matrix, turn @ (guess.offset - middle) + middle)
+
+
+def _long_axis(points: Array) -> Array:
+    """Unit direction of greatest spread, towards the frame's positive octant."""
+    centred = points - points.mean(axis=0)
+    axis = np.linalg.svd(centred, full_matrices=False)[2][0]
+    return axis * np.sign(axis[np.argmax(np.abs(axis))])
+
+
+def _closest(targets: list[Distance], own: IntArray, points: Array) -> Array:
+    out = np.empty_like(points)
+    for i, target in enumerate(targets):
+        out[own == i] = target.closest(points[own == i])[2]
+    return out
+
+
+def fit_similarity(source: Array, target: Array) -> Affine:
+    """Best rotation, scale and translation of points (n, 3) onto points (n, 3) (Umeyama 1991)."""
+    a, b = source.mean(axis=0), target.mean(axis=0)
+    u, s, vt = np.linalg.svd((target - b).T @ (source - a))
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    matrix = (u * signs) @ vt * (signs @ s) / ((source - a) ** 2).sum()
+    return Affine(matrix, b - matrix @ a)
+
+
+def _register(template: Surface, bone: Surface, start: Affine) -> Affine:
+    """Closest points both ways: those of the bone keep an affine map from shrinking into it."""
+    source, back = sample_points(template, 2 * SAMPLES, seed=2), sample_points(bone, 2 * SAMPLES, seed=3)
+    target = Distance(bone)
+    guess = start
+    for iteration in range(40):
+        forth = target.closest(guess(source))[2]
+        moved = template.moved(guess(template.vertices))
+        _, triangles, at = Distance(moved).closest(back)
+        inverse = np.linalg.inv(guess.matrix)
+        origins = (at - guess.offset) @ inverse.T
+        a, b = np.vstack([source, origins]), np.vstack([forth, back])
+        guess = fit_similarity(a, b) if iteration < 20 else _fit_affine(a, b)
+    if not 0.2 < np.linalg.det(guess.matrix) < 5:
+        raise ConvergenceError(
+            "Template bone", f"its volume would change by {np.linalg.det(guess.matrix):.2f}"
+        )
+    return guess
+
+
+def _fit_affine(source: Array, target: Array) -> Affine:
+    homogeneous = np.column_stack([source, np.ones(len(source))])
+    solution = np.linalg.lstsq(homogeneous, target, rcond=None)[0]
+    return Affine(np.asarray(solution[:3].T, float), np.asarray(solution[3], float))
+
+
+class Warp:
+    """A smooth map of the template's space that carries each template bone onto the subject's.
+
+    Each bone's affine map leaves it a little off the subject's surface; points spread over the bones are
+    corrected to the closest ones there, and biharmonic interpolation of all of them carries what lies between
+    the bones.
+    """
+
+    def __init__(self, templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> None:
+        self.registered = register_bones(templates, bones)
+        source, target = [], []
+        for name, affine in self.registered.items():
+            points = sample_points(templates[name], SAMPLES, seed=4)
+            moved = affine(points)
+            source.append(points)
+            target.append(Distance(bones[name]).closest(moved)[2])
+        a, b = np.vstack(source), np.vstack(target)
+        self._interpolate = Biharmonic(a, b, smoothing=0.5)
+
+    def __call__(self, points: Array) -> Array:
+        """Template points (n, 3) in the subject's neutral frame."""
+        return self._interpolate(points)
+
+    def jacobian(self, points: Array) -> Array:
+        """Derivatives (n, 3, 3) at template points (n, 3)."""
+        return self._interpolate.jacobian(points)
+
+
+@dataclass(frozen=True)
+class Guess:
+    """First guess of a body: a surface, the vertices attached to each bone, the vertex of each landmark."""
+
+    surface: Surface
+    attachments: dict[str, IntArray]
+    landmarks: dict[str, int] = field(default_factory=dict)
+
+
+def place(
+    template: Surface,
+    attachments: Mapping[str, IntArray],
+    warp: Callable[[Array], Array],
+    edge: float,
+    landmarks: Mapping[str, Array] | None = None,
+    source: str | Path = "template",
+) -> Guess:
+    """The warped template, remeshed to an edge length in mm or, where it is thin, to shorter ones, lest
+    triangles between points of its boundary cut its volume away; attached is what lies nearest to an attached
+    vertex. Raises `InputError` for `source` where fewer than three vertices are.
+    """
+    moved = Surface(warp(template.vertices), template.triangles)
+    owner = np.full(len(moved.vertices), -1)
+    names = list(attachments)
+    for i, name in enumerate(names):
+        owner[attachments[name]] = i
+    labels = component_labels(moved.triangles)
+    largest = np.bincount(labels, moved.triangle_areas()).argmax()
+    finer = float(np.clip(ROUND * moved.volume() / moved.area(), FINEST * edge, edge))
+    fine = remesh(moved, finer).largest_component()  # slivers thinner than an edge break off
+    used = np.unique(moved.triangles[labels == largest])
+    nearest = used[cKDTree(moved.vertices[used]).query(fine.vertices)[1]]
+    found = {name: np.flatnonzero(owner[nearest] == i) for i, name in enumerate(names)}
+    for name, ids in found.items():
+        if len(ids) < 3:
+            problem = f"only {len(ids)} vertices of the remeshed template attach to it"
+            remedy = "Mark more vertices"
+            if not np.isin(attachments[name], used).any():
+                problem += ": those marked lie on a smaller part of its surface, which is left out"
+                remedy = "Give a template of one piece"
+            raise InputError(source, name, problem, remedy)
+    marks = {label: warp(np.reshape(point, (1, 3))) for label, point in (landmarks or {}).items()}
+    tree = cKDTree(fine.vertices)
+    return Guess(fine, found, {label: int(tree.query(point)[1][0]) for label, point in marks.items()})
+
+
+def read_attachments(path: str | Path, template: Surface) -> dict[str, IntArray]:
+    """Vertex ids by bone of a JSON file {bone: [ids]}.
+
+    The id of a vertex that no triangle uses, but that is at the place of one in use, becomes that one's: so
+    are vertices of seams.
+
+    Raises
+    ------
+    InputError
+        Where the file is malformed, or names vertices that the template lacks or does not use.
+    """
+    found = read_vertex_ids(path)
+    for bone, ids in found.items():
+        if len(ids) == 0 or ids.min() < 0 or ids.max() >= len(template.vertices):
+            problem = f"has ids outside 0..{len(template.vertices) - 1}, or none"
+            raise InputError(path, bone, problem, VERTEX_IDS)
+        found[bone] = _in_use(path, bone, ids, template)
+    return found
+
+
+def read_vertex_ids(path: str | Path) -> dict[str, IntArray]:
+    """Whole numbers by bone of a JSON file {bone: [ids]}; raises `InputError` where it is malformed."""
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8-sig"), object_pairs_hook=_no_key_twice)
+        return {str(bone): _whole_numbers(ids) for bone, ids in content.items()}
+    except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise InputError(path, "content", f"cannot be read ({error})", VERTEX_IDS) from error
+
+
+def _no_key_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key stands twice")
+    return found
+
+
+def _whole_numbers(ids: Any) -> IntArray:
+    found = np.asarray(ids)
+    whole = np.unique(found.astype(np.int64))
+    if found.ndim != 1 or found.dtype.kind not in "iuf" or not np.isin(found, whole).all():
+        raise ValueError(f"{str(ids)[:40]} is no list of whole numbers")
+    return whole
+
+
+def _in_use(path: str | Path, bone: str, ids: IntArray, template: Surface) -> IntArray:
+    """The ids, each of a vertex of some triangle."""
+    used = np.unique(template.triangles)
+    idle = np.setdiff1d(ids, used)
+    if len(idle) == 0:
+        return ids
+    distances, nearest = cKDTree(template.vertices[used]).query(template.vertices[idle])
+    if (distances > 0).any():
+        stray = idle[distances > 0]
+        problem = f"names {len(stray)} vertices that no triangle uses, the first is {stray[0]}"
+        raise InputError(path, bone, problem, "Name vertices of the surface")
+    return np.unique(np.concatenate([np.intersect1d(ids, used), used[nearest]]))
+
+
+def require_near_bones(
+    path: str | Path, template: Surface, attachments: Mapping[str, IntArray], bones: Mapping[str, Surface]
+) -> None:
+    """Raise `InputError` for a template that is far from the template bones to which it attaches.
+
+    Templates may be in any frame and unit, but all in the same one: half of the vertices that attach to a
+    bone are nearer to it than three quarters of its size. Bones without a template are left out.
+    """
+    groups = [
+        (name, template.vertices[ids], Distance(bones[name]), NEAR * _size(bones[name]))
+        for name, ids in attachments.items()
+        if name in bones
+    ]
+
+    def near(matrix: Array) -> float:
+        shares = [(bone.closest(x @ matrix.T)[0] < reach).mean() for _, x, bone, reach in groups]
+        return float(min(shares, default=1.0))
+
+    if near(np.eye(3)) >= 0.5:
+        return
+    far = [(name, float(np.median(bone.closest(x)[0])), reach) for name, x, bone, reach in groups]
+    name, distance, reach = max(far, key=lambda group: group[1] / group[2])
+    problem = f"attaches to {name}, but is {distance:.3g} mm away from its template"
+    cause = likely_cause(near, 0.99)
+    remedy = (
+        f"It would fit if it is in {cause}" if cause else "Give templates of bones and organs in one frame"
+    )
+    raise InputError(path, "frame", problem, remedy)
+
+
+def _size(surface: Surface) -> float:
+    return float(np.linalg.norm(np.ptp(surface.vertices[np.unique(surface.triangles)], axis=0)))

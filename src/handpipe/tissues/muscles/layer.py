@@ -1,0 +1,251 @@
+"""The muscles as a layer of the simulation: one static equilibrium of all that may touch one another (Zheng
+2022 §4.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+from scipy import sparse
+
+from handpipe.core import LAYERS, Array, Frame, IntArray, RigidTransform, Shape, Shapes, flesh_in
+from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceContact, left_deep
+from handpipe.fem.elements import Material, Validity
+from handpipe.fem.minimisation import Equilibrium, Record
+from handpipe.fem.potentials import Elastic, Potential
+from handpipe.fem.solver import Limits, Settled, equilibrium, settle
+from handpipe.mesh.surfaces import Distance, Surface, about, each_moved
+from handpipe.mesh.tets import mass_lumped
+from handpipe.shapes.optimisation import MUSCLE
+from handpipe.tissues.muscles.muscle import Muscle
+from handpipe.tissues.muscles.neighbours import Pairs, pairs, sliding_vertices
+
+Planes = tuple[sparse.csr_matrix, Array, Array]  # what is apart (c, N), by places and normals (c, 3)
+
+BITE = 0.5  # mm of depth that one set of planes takes away at most: all at once, thin muscles are flung about
+GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, until planes are renewed
+
+
+@dataclass(frozen=True)
+class SimulationOptions:
+    """Stiffnesses in mN/mm of a point: spring of attachments to bones, contact, sliding; bed: in mN/mm of
+    1 mm^2 of surface, that of 2 mm of fat; near: mm within which neighbours slide on one another; touch: mm
+    within which they have contact planes; contacts: how often planes are renewed. A vertex that moves by more
+    than `touch` after that may be inside a neighbour without a plane against it: that motion is gross.
+    """
+
+    material: Material = MUSCLE
+    spring: float = 2000.0
+    bed: float = 0.5
+    contact: float = 500.0
+    sliding: float = 4.0
+    near: float = 1.0
+    touch: float = 0.4
+    contacts: Limits = Limits(renewals=20, settled=0.05, gross=0.4)
+
+
+class MuscleLayer:
+    """Muscles of loaded artifacts. `examples` gives their surfaces in known poses, which tell what slides on
+    what.
+    """
+
+    name = "muscles"
+    needs = LAYERS[name].needs
+
+    def __init__(
+        self,
+        muscles: Iterable[Muscle],
+        options: SimulationOptions | None = None,
+        *,
+        contact: bool = True,
+        examples: Sequence[Mapping[str, Surface]] = (),
+    ) -> None:
+        self.muscles, self.options, self.contact = list(muscles), options or SimulationOptions(), contact
+        sizes = [len(m.body.mesh.vertices) for m in self.muscles]
+        starts = np.cumsum([0, *sizes])
+        self.parts = [slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+        rest = np.concatenate([m.body.mesh.vertices for m in self.muscles])
+        tets = [m.body.mesh.tets + a for m, a in zip(self.muscles, starts, strict=False)]
+        self.elastic = Elastic(rest, np.concatenate(tets), self.options.material)
+        self.surfaces = [self._lifted(m.body.matrix, i) for i, m in enumerate(self.muscles)]
+        free = [_without(s, m.firm) for s, m in zip(self.surfaces, self.muscles, strict=True)]
+        self.unheld = sparse.vstack(free, format="csr")  # from all vertices to surfaces' that no bone holds
+        anchors = [self._lifted(m.anchors, i) for i, m in enumerate(self.muscles)]
+        self.anchors = sparse.vstack(anchors, format="csr")  # and to the points that bones hold
+        neutral = {m.name: m.body.surface for m in self.muscles}
+        self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
+
+    def _lifted(self, own: sparse.csr_matrix, index: int) -> sparse.csr_matrix:
+        """Matrix (k, N) on all vertices from one (k, n) on those of one muscle."""
+        part = self.parts[index]
+        shape = (own.shape[0], len(self.elastic.vertices))
+        return sparse.csr_matrix((own.data, own.indices + part.start, own.indptr), shape=shape)
+
+    def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
+        """Each muscle's surface, and its tetrahedra under `{muscle}_mesh` with the field "strain" (m, 6).
+
+        The surfaces' figures tell how the contact of all muscles settled, those of the tets whether they are
+        valid.
+        Raises `ConvergenceError`.
+        """
+        bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
+        strains = [m.strains(frame.bones) for m in self.muscles]
+        elastic = self.elastic.with_strains(np.concatenate(strains))
+        flesh = flesh_in(below)
+        x = np.concatenate([m.places(bones, frame.bones, flesh) for m in self.muscles])
+        held = [self._attachments(frame.bones), *self._bed(x)]
+        posed = each_moved(bones, frame.bones)
+        if self.contact:
+            settled = self._in_contact([elastic, *held], x, posed, frame.name)
+            return self._shapes(frame.name, settled, strains, posed, settled.figures)
+        found = self._equilibrium([elastic, *held], x, frame.name)
+        alone = Settled(found.x, 0, 0.0, solver=found.record.figures)
+        return self._shapes(frame.name, alone, strains, posed, {})
+
+    def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
+        targets = np.concatenate([m.targets(bones) for m in self.muscles])
+        return Attachment(self.anchors, targets, self.options.spring)
+
+    def _bed(self, places: Array) -> list[Potential]:
+        """What is around the muscles, softly: all of their surfaces that no bone holds stays near `places`
+        (N, 3).
+        """
+        if self.options.bed == 0.0:
+            return []
+        surfaces = [(m.body.surface, m.firm) for m in self.muscles]
+        areas = [np.delete(mass_lumped(s.vertices, s.triangles), firm) for s, firm in surfaces]
+        return [Attachment(self.unheld, self.unheld @ places, self.options.bed * np.concatenate(areas))]
+
+    def _in_contact(
+        self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str
+    ) -> Settled:
+        """Equilibria with the neighbours' contact planes renewed until the shapes rest."""
+        obstacles = [Distance(bone) for bone in bones.values()]
+        records: list[Record] = []
+
+        def in_place(x: Array) -> Array:
+            potentials = [*free, *self._bone_contacts(obstacles, x), *self._neighbours(x)]
+            found = self._equilibrium(potentials, x, frame)
+            records.append(found.record)
+            return found.x
+
+        settled = settle(in_place, x, self.options.contacts, f"muscles of {frame}", mover=self._mover)
+        return replace(settled, solver=records[settled.chosen - 1].figures)
+
+    def _mover(self, motion: Array) -> str:
+        """The muscle that has the longest vector of a motion (N, 3)."""
+        worst = int(np.argmax((motion**2).sum(axis=1)))
+        return next(m.name for m, p in zip(self.muscles, self.parts, strict=True) if worst < p.stop)
+
+    def _bone_contacts(self, bones: Sequence[Distance], x: Array) -> list[Potential]:
+        """Surface vertices that no bone holds, and that are not far away, are kept out of every bone."""
+        points = self.unheld @ x
+        near = [about(points, bone.surface, GUARDED) for bone in bones]
+        return [
+            SurfaceContact(self.unheld[ids], bone, self.options.contact)
+            for ids, bone in zip(near, bones, strict=True)
+            if len(ids)
+        ]
+
+    def _neighbours(self, x: Array) -> list[Potential]:
+        """Contact and sliding of muscles against one another at their present places.
+
+        Vertices that a bone holds go with it and push nobody, as in stage 2.
+        """
+        posed = {
+            m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, self.surfaces, strict=True)
+        }
+        distances = {name: Distance(surface) for name, surface in posed.items()}
+        operators = {m.name: s for m, s in zip(self.muscles, self.surfaces, strict=True)}
+        held = {m.name: m.firm for m in self.muscles}
+        touching: list[Planes] = []
+        sliding: list[Planes] = []
+        for a, b in permutations(operators, 2):
+            near = pairs(posed[a], distances[b], self.options.near).without(held[a])
+            if len(near.vertices) == 0:
+                continue
+            touch, slide = near.within(self.options.touch), near.only(self.slides.get((a, b)))
+            # Deep vertices come out of the neighbour by `BITE` before planes are renewed.
+            left = left_deep(touch.gaps, touch.normals, BITE)
+            touching.append((_apart(touch, operators[a], operators[b]), left, touch.normals))
+            # Neighbours do not gape: the gap along the normal stays what it was in the known poses.
+            kept = slide.rest[:, None] * slide.normals
+            sliding.append((_apart(slide, operators[a], operators[b]), kept, slide.normals))
+        return [
+            *_stacked(Contact, touching, self.options.contact),
+            *_stacked(Sliding, sliding, self.options.sliding),
+        ]
+
+    def _equilibrium(self, potentials: Sequence[Potential], x: Array, frame: str) -> Equilibrium:
+        options = equilibrium.Options(
+            displacement_tolerance=1e-3,
+            force_tolerance=1e-3,
+            max_step=3.0,
+            barrier=True,
+            name=f"muscles of {frame}",
+        )
+        return equilibrium.solve(potentials, x, options=options)
+
+    def _shapes(
+        self,
+        frame: str,
+        settled: Settled,
+        strains: Sequence[Array],
+        bones: Mapping[str, Surface],
+        figures: dict[str, float],
+    ) -> Shapes:
+        """Each muscle's surface with `figures`, and its tets with their validity."""
+        shapes: Shapes = {}
+        posed = {name: bone.vertices for name, bone in bones.items()}
+        for muscle, part, strain in zip(self.muscles, self.parts, strains, strict=True):
+            body, own = muscle.body, settled.x[part]
+            validity = Validity.of(body.mesh.vertices, body.mesh.tets, own)
+            validity.require(f"{muscle.name} of {frame}", posed)
+            surface = body.surface_at(own)
+            shapes[muscle.name] = Shape(
+                body.surface.vertices, surface.vertices, surface.triangles, figures=figures
+            )
+            shapes[f"{muscle.name}_mesh"] = Shape(
+                body.mesh.vertices,
+                own,
+                body.mesh.tets,
+                {"strain": strain},
+                validity.figures | settled.validity,
+            )
+        return shapes
+
+
+def known_surfaces(muscles: Sequence[Muscle]) -> list[dict[str, Surface]]:
+    """A layer's `examples`: the muscles' surfaces in each pose that they were learnt from but neutral."""
+    poses = zip(*(map(m.body.surface_at, m.vertices[1:]) for m in muscles), strict=True)
+    return [{m.name: s for m, s in zip(muscles, surfaces, strict=True)} for surfaces in poses]
+
+
+def load(files: Sequence[Path], _: Mapping[str, Surface]) -> MuscleLayer:
+    """The layer of artifacts, one a muscle."""
+    muscles = [Muscle.load(file) for file in files]
+    return MuscleLayer(muscles, examples=known_surfaces(muscles))
+
+
+def _apart(near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sparse.csr_matrix:
+    """Matrix (c, N) from all vertices to vectors from places of the neighbour to the vertices near them."""
+    return a[near.vertices] - near.feet @ b
+
+
+def _stacked(kind: type[Sliding], planes: Sequence[Planes], stiffness: float) -> list[Potential]:
+    """One potential of the planes of all pairs: a hundred small ones cost more than their sums."""
+    if not planes:
+        return []
+    apart, places, normals = zip(*planes, strict=True)
+    stack = sparse.vstack(apart, format="csr")
+    return [kind(stack, np.concatenate(places), np.concatenate(normals), stiffness)]
+
+
+def _without(matrix: sparse.csr_matrix, rows: IntArray) -> sparse.csr_matrix:
+    keep = np.ones(matrix.shape[0], dtype=bool)
+    keep[rows] = False
+    return matrix[keep]

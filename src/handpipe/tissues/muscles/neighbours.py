@@ -1,0 +1,90 @@
+"""Which places of neighbouring surfaces lie against one another, and which stay so in every known pose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from handpipe.core import Array, IntArray
+from handpipe.mesh.surfaces import Distance, Surface, about, barycentric_matrix
+
+Neighbours = dict[tuple[str, str], tuple[IntArray, Array]]
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Vertices (c,) of one surface; feet (c, v) weights of the other's vertices closest to each; unit normals
+    (c, 3) there, outwards; gaps (c,) in mm, negative inside; rest (c,): gaps that sliding keeps, zero
+    where unknown.
+    """
+
+    vertices: IntArray
+    feet: sparse.csr_matrix
+    normals: Array
+    gaps: Array
+    rest: Array
+
+    def only(self, known: tuple[IntArray, Array] | None) -> Pairs:
+        """Those of given vertices, with their gaps."""
+        if known is None:
+            return self._at(np.arange(0), np.zeros(0))
+        _, here, there = np.intersect1d(self.vertices, known[0], return_indices=True)
+        return self._at(here, known[1][there])
+
+    def without(self, held: IntArray) -> Pairs:
+        """Those but of given vertices."""
+        chosen = np.flatnonzero(~np.isin(self.vertices, held))
+        return self._at(chosen, self.rest[chosen])
+
+    def within(self, distance: float) -> Pairs:
+        """Those nearer than a distance in mm."""
+        chosen = np.flatnonzero(self.gaps < distance)
+        return self._at(chosen, self.rest[chosen])
+
+    def _at(self, chosen: IntArray, rest: Array) -> Pairs:
+        return Pairs(self.vertices[chosen], self.feet[chosen], self.normals[chosen], self.gaps[chosen], rest)
+
+
+def pairs(a: Surface, b: Distance, near: float) -> Pairs:
+    """Vertices of a closer than `near` mm to a surface b or inside of it.
+
+    Inside a thin body the closest face may be the far one, which a's surface does not face: it would pull the
+    vertex through. Such a vertex is left free. Normals are smooth: with those of facets a slender muscle that
+    slides from one facet to the next is thrown to and fro for ever.
+    """
+    ids, other = about(a.vertices, b.surface, near), b.surface
+    gap, triangles, closest, normals = b.signed(a.vertices[ids])
+    astray = (gap < 0) & (np.einsum("ni,ni->n", a.vertex_normals()[ids], normals) > 0)
+    chosen = np.flatnonzero((gap < near) & ~astray)
+    feet = barycentric_matrix(closest[chosen], other.triangles[triangles[chosen]], other.vertices)
+    return Pairs(ids[chosen], feet, other.smooth_normals(feet), gap[chosen], np.zeros(len(chosen)))
+
+
+def touching(surface: Surface, others: Iterable[Surface], near: float) -> IntArray:
+    """Vertices within `near` mm of any of the other surfaces, or inside one."""
+    found = np.zeros(len(surface.vertices), dtype=bool)
+    for other in others:
+        near_it = about(surface.vertices, other, near)
+        found[near_it] |= Distance(other).signed(surface.vertices[near_it])[0] < near
+    return np.flatnonzero(found)
+
+
+def sliding_vertices(poses: Sequence[Mapping[str, Surface]], near: float) -> Neighbours:
+    """Proximity vertices (Zheng 2022 §4.1): within `near` mm of the neighbour in every pose, and their mean
+    gaps.
+    """
+    found: Neighbours = {}
+    distances = [{name: Distance(surface) for name, surface in pose.items()} for pose in poses]
+    for a in poses[0]:
+        for b in poses[0]:
+            if a == b:
+                continue
+            ids = about(poses[0][a].vertices, poses[0][b], near)
+            gaps = [d[b].signed(pose[a].vertices[ids])[0] for pose, d in zip(poses, distances, strict=True)]
+            always = (np.array(gaps) < near).all(axis=0)
+            if always.any():
+                found[a, b] = ids[always], np.maximum(np.mean(gaps, axis=0)[always], 0.0)
+    return found

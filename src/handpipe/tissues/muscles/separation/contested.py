@@ -1,0 +1,81 @@
+"""Attachments inside a neighbour: of muscles that spring from one place, marks reach into one another."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from handpipe.core import Array, IntArray
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.tissues.muscles.fitting.body import Body
+from handpipe.tissues.muscles.separation.parting import Inseparable
+from handpipe.tissues.muscles.separation.separation import Separation, separate
+
+Result = TypeVar("Result")
+log = logging.getLogger(__name__)
+
+FREE = 0.1  # mm out of every other muscle, at least, where a bone may hold one
+FARTHER = (FREE, 0.5, 1.0)  # mm, tried in turn: triangles at held vertices reach into the neighbour, too
+LEAST = 3  # vertices that each bone goes on holding
+
+
+def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> Separation:
+    """Muscles of a pose, their surfaces where they are there, parted from one another and from posed bones.
+
+    Where a muscle swells over a neighbour's attachment, that one has to give way here: it is let go as far
+    from the muscle as the two cannot be parted otherwise. Raises `ConvergenceError` as `separate` does.
+    """
+    return letting_go(lambda margin: _separated(bodies, bones, margin))
+
+
+def letting_go(part: Callable[[float], Result]) -> Result:
+    """What `part` returns for the least margin in mm for which it does not raise `Inseparable`."""
+    *margins, widest = FARTHER
+    for margin in margins:
+        try:
+            return part(margin)
+        except Inseparable as error:
+            log.warning("%s Attachments beyond %.1f mm of another muscle are let go next", error, margin)
+    return part(widest)
+
+
+def _separated(bodies: Mapping[str, Body], bones: Mapping[str, Surface], margin: float) -> Separation:
+    held = {name: body.held for name, body in uncontested(bodies, 0, margin).items()}
+    return separate({name: body.surface for name, body in bodies.items()}, bones, held=held)
+
+
+def uncontested(bodies: Mapping[str, Body], least: int = LEAST, margin: float = FREE) -> dict[str, Body]:
+    """The same bodies, no longer held where that is inside another one, or within a margin in mm of it.
+
+    What holds a vertex there forbids that the two be parted. Each bone keeps `least` vertices, those that
+    lie farthest out of the others, if more of its are inside.
+    """
+    surfaces = {name: Distance(body.surface) for name, body in bodies.items()}
+    found = {}
+    for name, body in bodies.items():
+        others = [distance for other, distance in surfaces.items() if other != name]
+        kept = {
+            bone: ids[_kept(_gaps(body.surface.vertices[ids], others), least, margin)]
+            for bone, ids in body.attachments.items()
+        }
+        dropped = len(body.held) - sum(map(len, kept.values()))
+        if dropped:
+            log.info("%s: %d of %d held vertices are in other muscles", name, dropped, len(body.held))
+        found[name] = replace(body, attachments=kept)
+    return found
+
+
+def _gaps(points: Array, others: list[Distance]) -> Array:
+    """Signed distance (n,) in mm from the nearest of the others."""
+    alone = np.full(len(points), np.inf)
+    return np.min([alone, *(other.signed(points)[0] for other in others)], axis=0)
+
+
+def _kept(gaps: Array, least: int, margin: float) -> IntArray:
+    order = np.argsort(-gaps, kind="stable")
+    count = max(int((gaps > margin).sum()), min(least, len(gaps)))
+    return np.sort(order[:count])

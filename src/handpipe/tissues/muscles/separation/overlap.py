@@ -1,0 +1,151 @@
+"""Which closed surfaces meet, told by exact tests; how deep one is inside another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from handpipe.core import Array, BoolArray, IntArray
+from handpipe.mesh.contact import crossings, ipctk
+from handpipe.mesh.surfaces import Distance, Surface, concatenate
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A closed surface; held (k,): its vertices that neither move nor collide; `fixed`: as a bone; seen (n,):
+    vertices whose places are known, if any are told.
+
+    Triangles with a held vertex are tied: they meet no bone and no other tied triangle.
+    """
+
+    name: str
+    surface: Surface
+    held: IntArray
+    fixed: bool = False
+    seen: BoolArray | None = None
+
+    @cached_property
+    def tied(self) -> BoolArray:
+        """Which triangles (k,) have a held vertex."""
+        return np.asarray(np.isin(self.surface.triangles, self.held).any(axis=1))
+
+    @cached_property
+    def copies(self) -> tuple[IntArray, IntArray]:
+        """Vertex (m,) of every copy, triangles (k, 3) on copies: tied triangles have vertices of their own.
+
+        So a test between copies, all that the IPC Toolkit offers, tells tied triangles from others.
+        """
+        n, triangles = len(self.surface.vertices), self.surface.triangles.copy()
+        own = np.unique(triangles[self.tied])
+        number = np.full(n, -1)
+        number[own] = n + np.arange(len(own))
+        triangles[self.tied] = number[triangles[self.tied]]
+        return np.concatenate([np.arange(n), own]), triangles
+
+    @cached_property
+    def free(self) -> IntArray:
+        """Vertices that collide."""
+        return np.setdiff1d(np.arange(len(self.surface.vertices)), self.held)
+
+
+def collision_filter(bodies: Sequence[Body], chosen: IntArray | None = None) -> ipctk.CollisionFilter:
+    """Which copies of all bodies, one body after the other, may collide: not those of one body, not two fixed
+    ones, not a tied one with a tied or fixed one. chosen: those copies (n,) alone.
+    """
+    counts = [len(b.copies[0]) for b in bodies]
+    body = np.repeat(np.arange(len(bodies)), counts)
+    passive = np.concatenate(
+        [
+            np.full(c, True) if b.fixed else np.arange(c) >= len(b.surface.vertices)
+            for b, c in zip(bodies, counts, strict=True)
+        ]
+    )
+    group = np.where(passive, 0, 1 + np.arange(len(passive)))
+    of = slice(None) if chosen is None else chosen
+    apart = ipctk.make_vertex_patches_filter(body[of].astype(np.int32))
+    return apart & ipctk.make_vertex_patches_filter(group[of].astype(np.int32))
+
+
+def meet(a: Body, b: Body, at_a: Surface, at_b: Surface) -> bool:
+    """Whether one body, where its surface is now, cuts another or is inside it, or the other way round.
+
+    Exact: every edge against every triangle, and winding numbers.
+    """
+    xa, xb = at_a.vertices, at_b.vertices
+    near_a, near_b = _in_box(xa, xb), _in_box(xb, xa)
+    if not near_a.any() and not near_b.any() and not _boxes_cross(xa, xb):
+        return False
+    return _cut(a, b, xa, xb) or _inside(xa[a.free], at_b) or _inside(xb[_probes(b, xb, xa)], at_a)
+
+
+def _boxes_cross(xa: Array, xb: Array) -> bool:
+    return bool(((xa.min(axis=0) <= xb.max(axis=0)) & (xb.min(axis=0) <= xa.max(axis=0))).all())
+
+
+def _in_box(points: Array, other: Array) -> BoolArray:
+    return ((points >= other.min(axis=0)) & (points <= other.max(axis=0))).all(axis=1)
+
+
+def _cut(a: Body, b: Body, xa: Array, xb: Array) -> bool:
+    """Whether an edge of one cuts a triangle of the other, of the triangles in the box of both."""
+    (of_a, triangles_a), (of_b, triangles_b) = a.copies, b.copies
+    xa, xb = xa[of_a], xb[of_b]
+    low, high = np.maximum(xa.min(axis=0), xb.min(axis=0)), np.minimum(xa.max(axis=0), xb.max(axis=0))
+    near_a, near_b = _reaching(xa, triangles_a, low, high), _reaching(xb, triangles_b, low, high)
+    if not len(near_a) or not len(near_b):
+        return False
+    chosen, faces = np.unique(np.concatenate([near_a, near_b + len(xa)]), return_inverse=True)
+    faces = faces.reshape(-1, 3).astype(np.int32)
+    at = np.asfortranarray(np.concatenate([xa, xb])[chosen])
+    mesh = ipctk.CollisionMesh(at, ipctk.edges(faces), np.asfortranarray(faces))
+    mesh.can_collide = collision_filter([a, b], chosen)
+    return bool(ipctk.has_intersections(mesh, at, ipctk.LBVH()))
+
+
+def crossing(a: Body, b: Body, xa: Array, xb: Array) -> IntArray:
+    """Vertices (k,) of a whose edges or triangles, at xa (n, 3), cross those of b at xb (m, 3).
+
+    As in `meet`, what is tied on both sides does not count.
+    """
+    (of_a, triangles_a), (of_b, triangles_b) = a.copies, b.copies
+    both = concatenate([Surface(xa[of_a], triangles_a), Surface(xb[of_b], triangles_b)])
+    number = np.concatenate([of_a, of_b])
+    of_first = np.arange(len(number)) < len(of_a)
+    tied = np.concatenate([np.arange(len(of)) >= len(x) for of, x in ((of_a, xa), (of_b, xb))])
+    found = crossings(both)
+    ends, corners = both.edges()[found[:, 0]], both.triangles[found[:, 1]]
+    one, other = ends[:, 0], corners[:, 0]
+    meet_there = (of_first[one] != of_first[other]) & ~(tied[one] & tied[other])
+    met = np.concatenate([ends[meet_there].ravel(), corners[meet_there].ravel()])
+    return np.unique(number[met[of_first[met]]])
+
+
+def _reaching(x: Array, triangles: IntArray, low: Array, high: Array) -> IntArray:
+    """Triangles (k, 3) whose boxes meet the box from low to high."""
+    corners = x[triangles]
+    meets = (corners.min(axis=1) <= high) & (corners.max(axis=1) >= low)
+    return triangles[meets.all(axis=1)]
+
+
+def _probes(b: Body, xb: Array, xa: Array) -> IntArray:
+    """Vertices of b that tell whether it is inside a: of a bone, into which muscles are tied, one."""
+    if not b.fixed:
+        return b.free
+    return np.array([np.argmax(np.linalg.norm(xb - xa.mean(axis=0), axis=1))])
+
+
+def _inside(points: Array, surface: Surface) -> bool:
+    near = points[_in_box(points, surface.vertices)]
+    return len(near) > 0 and bool(surface.contains(near).any())
+
+
+def depth(a: Body, xa: Array, other: Distance) -> float:
+    """Depth in mm of a's vertices, edge midpoints, triangle centres, without held ones, inside a surface."""
+    triangles, edges = a.surface.triangles[~a.tied], a.surface.edges()
+    edges = edges[~np.isin(edges, a.held).any(axis=1)]
+    points = np.concatenate([xa[a.free], xa[edges].mean(axis=1), xa[triangles].mean(axis=1)])
+    near = points[_in_box(points, other.surface.vertices)]
+    return float(other.depths(near).max(initial=0.0))

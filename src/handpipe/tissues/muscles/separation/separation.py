@@ -1,0 +1,242 @@
+"""Stage 2: surfaces of one pose pushed apart until no muscle is inside another or inside a bone (Zheng 2022
+§4.4).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from handpipe.core import Array, BoolArray, ConvergenceError, IntArray, artifacts
+from handpipe.fem.contact import Barrier, CollidingPairs
+from handpipe.fem.potentials import Potential
+from handpipe.fem.solver import equilibrium
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.tets import mass_lumped
+from handpipe.tissues.muscles.separation.overlap import Body, collision_filter, depth
+from handpipe.tissues.muscles.separation.parting import body_pairs, parted
+from handpipe.tissues.muscles.separation.surface_energy import KeptVolumes, Plate, thin_plate, volume_gradient
+
+log = logging.getLogger(__name__)
+
+KIND = "separated-muscles"
+STIFFNESS = 1.0  # mm of displacement whose pressure, by size alone, finds half the clearance
+SOFTER = (8.0, 4.0, 2.0)  # times the clearance, of the barriers behind which bodies grow first
+FILLED = 2.0  # times the clearance, at most, where pressures fill them: from farther off they are kept small
+LOOSE = 8.0  # times the tolerance, behind those
+SEEN = 30.0  # times as much as a hidden vertex resists being moved, a seen one
+HOLD = 1e2  # times a vertex's stiffness, by which held ones are pulled back to their places
+ROUNDS = 6  # of the last solve, where pressures are changed again
+
+
+@dataclass(frozen=True)
+class SeparationOptions:
+    """reach: mm over which a displacement fades along the surface; clearance: mm within which surfaces press
+    on one another; tolerance: mm, of the vertices; volume: relative change of a muscle's volume at most
+    (infinite: none is kept)."""
+
+    reach: float = 3.0
+    clearance: float = 0.05
+    tolerance: float = 0.005
+    volume: float = 0.008
+    iterations: int = 300
+
+
+NO_VOLUME = SeparationOptions(volume=np.inf)
+
+
+@dataclass(frozen=True)
+class Separation:
+    """Separated surfaces by name; penetration in mm before and after; iterations."""
+
+    surfaces: dict[str, Surface]
+    penetration_before: float
+    penetration: float
+    iterations: int
+
+    def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
+        """Write the surfaces as an artifact."""
+        data = {n: {"vertices": s.vertices, "triangles": s.triangles} for n, s in self.surfaces.items()}
+        artifacts.write(path, data, kind=KIND, units={f"{n}/vertices": "mm" for n in data}, inputs=inputs)
+
+
+def load_surfaces(path: str | Path) -> dict[str, Surface]:
+    """The surfaces that `Separation.save` wrote, by muscle."""
+    return {n: Surface(s["vertices"], s["triangles"]) for n, s in artifacts.read(path, KIND).items()}
+
+
+def separate(
+    muscles: Mapping[str, Surface],
+    fixed: Mapping[str, Surface],
+    options: SeparationOptions | None = None,
+    *,
+    held: Mapping[str, IntArray] | None = None,
+    seen: Mapping[str, BoolArray] | None = None,
+) -> Separation:
+    """Part overlapping closed surfaces, both muscles of a pair alike; `fixed` bodies stay.
+
+    Muscles are deflated until none meets another or a bone, then grow back to the displacement u from their
+    given shapes that minimises thin-plate bending and size, reach^4 |lap u|^2 + |u|^2 integrated over the
+    surfaces, with a barrier between them that no step crosses: surfaces that were apart never meet. Pressures
+    keep volumes. held: vertex ids of each muscle that do not move and do not collide (attachments); seen:
+    which vertices (n,) of each have places that an image shows: they hold on to these, hidden ones make way.
+    Surfaces that do not meet are handed back as they are. Raises `Inseparable` where bodies meet however
+    deflated, `ConvergenceError` where volumes find no room or the last solve has not converged.
+    """
+    options = options or SeparationOptions()
+    nothing = np.zeros(0, dtype=np.int64)
+    scene = _Scene(
+        [
+            Body(n, s, np.asarray((held or {}).get(n, nothing)), seen=(seen or {}).get(n))
+            for n, s in muscles.items()
+        ],
+        [Body(n, s, nothing, fixed=True) for n, s in fixed.items()],
+    )
+    rest = scene.rest()
+    before = scene.penetration(rest)
+    apart = parted(scene.muscles, scene.bones)
+    if apart is None:
+        return Separation(dict(muscles), before, before, 0)
+    x, iterations = _grown(scene, rest, np.concatenate(apart), options)
+    surfaces = {n: b.surface.moved(x[p]) for n, b, p in zip(muscles, scene.muscles, scene.parts, strict=True)}
+    return Separation(surfaces, before, scene.penetration(x), iterations)
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """Muscles, whose vertices follow one another in x (N, 3), and bones."""
+
+    muscles: list[Body]
+    bones: list[Body]
+
+    @property
+    def parts(self) -> list[slice]:
+        starts = np.cumsum([0, *(len(b.surface.vertices) for b in self.muscles)])
+        return [slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+
+    def rest(self) -> Array:
+        return np.concatenate([b.surface.vertices for b in self.muscles])
+
+    def held(self) -> IntArray:
+        """Vertices of x that stay."""
+        return np.concatenate([b.held + p.start for b, p in zip(self.muscles, self.parts, strict=True)])
+
+    def penetration(self, x: Array) -> float:
+        """Depth in mm at most of a muscle in another or in a bone."""
+        bodies = self.muscles + self.bones
+        at = [b.surface.moved(x[p]) for b, p in zip(self.muscles, self.parts, strict=True)]
+        distances = [Distance(s) for s in [*at, *(b.surface for b in self.bones)]]
+        both = [*body_pairs(self.muscles, self.bones), *combinations(reversed(range(len(self.muscles))), 2)]
+        return max((depth(bodies[i], at[i].vertices, distances[j]) for i, j in both), default=0.0)
+
+    def barrier(self, x: Array, clearance: float) -> Barrier:
+        """Between all that may collide, with muscles at x (N, 3)."""
+        copies, triangles, start, first = [], [], 0, 0
+        for body in self.muscles:
+            vertices, faces = body.copies
+            copies.append(vertices + start)
+            triangles.append(faces + first)
+            start, first = start + len(body.surface.vertices), first + len(vertices)
+        chosen = np.concatenate(copies)
+        operator = sparse.csr_matrix((np.ones(first), chosen, np.arange(first + 1)), shape=(first, len(x)))
+        bodies = self.muscles + self.bones
+        return Barrier(
+            operator,
+            np.concatenate(triangles),
+            x,
+            clearance,
+            STIFFNESS,
+            obstacle=_joined(self.bones),
+            pairs=CollidingPairs(allowed=collision_filter(bodies), rest=self.rest()),
+        )
+
+
+def _joined(bones: Sequence[Body]) -> tuple[Array, IntArray] | None:
+    if not bones:
+        return None
+    starts = np.cumsum([0, *(len(b.surface.vertices) for b in bones)])
+    triangles = [b.surface.triangles + s for b, s in zip(bones, starts, strict=False)]
+    return np.concatenate([b.surface.vertices for b in bones]), np.concatenate(triangles)
+
+
+def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions) -> tuple[Array, int]:
+    """Vertices (N, 3) at the minimum with volumes kept, and iterations on the way."""
+    surfaces = [b.surface for b in scene.muscles]
+    plates = [_plate(b, options.reach) for b in scene.muscles]
+    plate = Plate(sparse.block_diag(plates, format="csr"), rest)
+    barrier = scene.barrier(start, options.clearance)
+    settings = equilibrium.Options(
+        displacement_tolerance=options.tolerance,
+        force_tolerance=1e-2,
+        max_iterations=options.iterations,
+        allow_partial=True,
+        untangle=False,
+        name="separation",
+    )
+    loose = replace(settings, displacement_tolerance=LOOSE * options.tolerance, force_tolerance=1.0)
+    compliances = np.array([_compliance(s, k) for s, k in zip(surfaces, plates, strict=True)])
+    volumes = KeptVolumes(surfaces, scene.parts, compliances, options.volume)
+    x, iterations = start, 0
+    # A barrier that is felt from afar lets bodies make way for one another before they touch.
+    for times in SOFTER:
+        soft = _Convex(barrier.reaching(times * options.clearance))
+        forces: list[Potential] = [plate, soft] if times > FILLED else [plate, soft, volumes]
+        found = equilibrium.solve(forces, x, options=loose)
+        x, iterations = found.x, iterations + found.record.iterations
+    hard = _Convex(barrier)
+    for _ in range(ROUNDS):
+        found = equilibrium.solve([plate, hard, volumes], x, options=settings)
+        x, iterations = found.x, iterations + found.record.iterations
+        log.info("separation: volumes changed by up to %.2f %%", 100 * np.abs(volumes.changes(x)).max())
+        if found.record.converged and volumes.kept(x):
+            return _seated(scene, rest, x, barrier), iterations
+        volumes.renew(x)
+    largest = 100 * np.abs(volumes.changes(x)).max()
+    problem = f"{iterations} iterations, volumes changed by up to {largest:.1f} %: {found.record.reason}"
+    raise ConvergenceError("Separation of muscles", problem)
+
+
+def _plate(body: Body, reach: float) -> sparse.csr_matrix:
+    """Stiffness (n, n) of a muscle's surface, with springs that keep held and seen vertices in place."""
+    plate = thin_plate(body.surface, reach)
+    pull = np.zeros(plate.shape[0])
+    if body.seen is not None:
+        mass = mass_lumped(body.surface.vertices, body.surface.triangles)
+        pull[body.seen] = SEEN * mass[body.seen]
+    pull[body.held] = HOLD * plate.diagonal()[body.held]
+    return sparse.csr_matrix(plate + sparse.diags(pull))
+
+
+def _seated(scene: _Scene, rest: Array, x: Array, barrier: Barrier) -> Array:
+    """x with held vertices exactly at rest, where nothing meets there."""
+    seated, held = x.copy(), scene.held()
+    seated[held] = rest[held]
+    if not barrier.intersects(seated):
+        return seated
+    off = np.linalg.norm(x[held] - rest[held], axis=1).max()
+    log.warning("separation: a muscle wedged between attachments keeps one %.4f mm off its place", off)
+    return x
+
+
+def _compliance(surface: Surface, plate: sparse.csr_matrix) -> float:
+    """Change of a free surface's volume by its pressure, in mm^3 per mm."""
+    gradient = volume_gradient(surface)
+    return float(np.vdot(gradient, splu(plate.tocsc()).solve(gradient)))
+
+
+class _Convex:
+    """A barrier that always hands out its projected Hessian: what it touches bends little within a step."""
+
+    def __init__(self, barrier: Barrier) -> None:
+        self.barrier = barrier
+        self.value, self.gradient, self.max_step = barrier.value, barrier.gradient, barrier.max_step
+
+    def hessian(self, x: Array, project: bool = False) -> sparse.csr_matrix:
+        return self.barrier.convex_hessian(x)

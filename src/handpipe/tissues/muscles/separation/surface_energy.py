@@ -1,0 +1,112 @@
+"""What a muscle's surface resists when it is pushed: a thin plate's bending and size; a change of volume."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import sparse
+
+from handpipe.core import Array, BoolArray
+from handpipe.mesh.surfaces import Surface
+from handpipe.mesh.tets import cotangent_laplacian, mass_lumped
+
+CALM = 0.1  # mm that a body moves in a step at most, for its pressure to be changed
+
+
+def thin_plate(surface: Surface, reach: float) -> sparse.csr_matrix:
+    """Matrix (n, n) of the energy 1/2 of reach^4 |lap u|^2 + |u|^2 integrated over the surface.
+
+    A displacement that is forced somewhere fades over `reach` mm.
+    """
+    mass = mass_lumped(surface.vertices, surface.triangles)
+    laplacian = cotangent_laplacian(surface.vertices, surface.triangles)
+    bending = laplacian @ sparse.diags(1 / mass) @ laplacian
+    return sparse.csr_matrix(reach**4 * bending + sparse.diags(mass))
+
+
+class Plate:
+    """Energy 1/2 (x - rest)^T (K x I) (x - rest) of displacements from rest (n, 3), K (n, n)."""
+
+    def __init__(self, stiffness: sparse.csr_matrix, rest: Array) -> None:
+        self._stiffness, self._rest = stiffness, rest
+        self._wide = sparse.kron(stiffness, sparse.eye(3), format="csr")
+
+    def value(self, x: Array) -> float:
+        return 0.5 * float(np.vdot(x - self._rest, self.gradient(x)))
+
+    def gradient(self, x: Array) -> Array:
+        return np.asarray(self._stiffness @ (x - self._rest))
+
+    def hessian(self, x: Array, project: bool = False) -> sparse.csr_matrix:
+        return self._wide
+
+
+class KeptVolumes:
+    """Energy -sum p V of the volumes V inside closed surfaces. Between Newton's steps the pressures p change
+    until volumes are in their band; its second derivative is left out.
+
+    parts: each surface's vertices in x; compliances: change of its volume by its pressure where it is free,
+    in mm^3 per mm; band: relative change of a volume at most. A change of pressure is what a free surface
+    would need. Neighbours leave a surface a fifth and more of its compliance: so no change is too large, and
+    a few of them suffice. Pressures are small against the plate's stiffness times radii of curvature, so
+    that Newton's method without the second derivative converges by an order of magnitude in a step.
+    """
+
+    def __init__(
+        self, surfaces: Sequence[Surface], parts: Sequence[slice], compliances: Array, band: float
+    ) -> None:
+        self._bodies = list(zip(surfaces, parts, strict=True))
+        self._rest = np.array([s.volume() for s in surfaces])
+        self._compliances, self._band = compliances, band
+        self._zero = sparse.csr_matrix((3 * parts[-1].stop, 3 * parts[-1].stop))
+        self._last: Array | None = None
+        self.pressures = np.zeros(len(surfaces))
+
+    def changes(self, x: Array) -> Array:
+        """Relative changes (bodies,) of the volumes at x (n, 3)."""
+        return self._volumes(x) / self._rest - 1
+
+    def kept(self, x: Array) -> bool:
+        """Whether all volumes are in their band."""
+        return bool((np.abs(self.changes(x)) <= self._band).all())
+
+    def value(self, x: Array) -> float:
+        return -float(self.pressures @ self._volumes(x))
+
+    def gradient(self, x: Array) -> Array:
+        total = np.zeros_like(x)
+        for (surface, part), pressure in zip(self._bodies, self.pressures, strict=True):
+            total[part] = -pressure * volume_gradient(surface.moved(x[part]))
+        return total
+
+    def hessian(self, x: Array, project: bool = False) -> sparse.csr_matrix:
+        return self._zero
+
+    def refresh(self, x: Array) -> None:
+        """Change the pressures of bodies that nearly rest: others have not answered the last ones yet."""
+        if self._last is not None:
+            moved = np.linalg.norm(x - self._last, axis=1)
+            self.renew(x, np.array([moved[part].max() < CALM for _, part in self._bodies]))
+        self._last = x
+
+    def renew(self, x: Array, chosen: BoolArray | None = None) -> None:
+        """Change the pressures, all or of chosen (bodies,), whose volumes are beyond half their band."""
+        changes, half = self.changes(x), 0.5 * self._band
+        missing = self._rest * (np.clip(changes, -half, half) - changes)
+        if chosen is not None:
+            missing[~chosen] = 0.0
+        self.pressures = self.pressures + missing / self._compliances
+
+    def _volumes(self, x: Array) -> Array:
+        return np.array([surface.moved(x[part]).volume() for surface, part in self._bodies])
+
+
+def volume_gradient(surface: Surface) -> Array:
+    """Derivative (n, 3) of the enclosed volume by the vertices."""
+    gradient = np.zeros_like(surface.vertices)
+    points = surface.vertices[surface.triangles]
+    for corner in range(3):
+        opposite = np.cross(points[:, (corner + 1) % 3], points[:, (corner + 2) % 3]) / 6
+        np.add.at(gradient, surface.triangles[:, corner], opposite)
+    return gradient

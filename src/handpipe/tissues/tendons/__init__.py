@@ -1,0 +1,13 @@
+"""Tendons: rods in tubes with hooks; a tendon over poses, and its layer."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.tissues.tendons import fitting, rods
+    from handpipe.tissues.tendons.tendon import RegisteredRods, Tendon, build_tendon
+else:
+    __getattr__ = face(__name__)
+
+__all__ = ["RegisteredRods", "Tendon", "build_tendon", "fitting", "rods"]

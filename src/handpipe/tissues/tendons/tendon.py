@@ -1,0 +1,194 @@
+"""A tendon as simulated: a rod that slides through hooks, and its surface (Zheng et al. 2022, sec. 5.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.core import Array, ConvergenceError, RigidTransform, Shape, artifacts
+from handpipe.mesh.surfaces import Surface
+from handpipe.skeleton.posing import LocalPoseSpaces, PoseSpace
+from handpipe.tissues.tendons.fitting.hooks import HookSet, closest_points, fit_hooks, past_end
+from handpipe.tissues.tendons.fitting.motion import Bones, relative_to
+from handpipe.tissues.tendons.rods.energies import Bend, Hooks, RodEnergy
+from handpipe.tissues.tendons.rods.equilibrium import Equilibrium, solve
+from handpipe.tissues.tendons.rods.rest import PULL, RestTendon
+from handpipe.tissues.tendons.rods.rod import closest_on_rod, frames, lay, point_at
+from handpipe.tissues.tendons.rods.tube import Tube
+
+BEND_LENGTH = 2.0  # mm over which the rod rounds the kink at a hook
+CALIBRATIONS = 6
+
+
+@dataclass(frozen=True)
+class Tendon:
+    """name, rest tendon, radius in mm, hooks, and the pose spaces of their corrections: a hook follows the
+    joints next to it.
+
+    starts (N, Q+1, 3): from the skinned rest rod to the example rods, in the frame of the base bone. Solves
+    start from their interpolation, in the `space` of all bones, near their answer, where sharply bent joints
+    would have other equilibria nearby.
+    """
+
+    name: str
+    rest: RestTendon
+    radius: float
+    hooks: HookSet
+    spaces: LocalPoseSpaces
+    space: PoseSpace
+    starts: Array
+
+    def solve(self, bones: Bones, flesh: Array | None = None, *, start: Array | None = None) -> Equilibrium:
+        """Static equilibrium (Eq. 4-12) for bone transforms from neutral; the rod x (Q+1, 3) in their frame.
+
+        flesh (n, 3): vertices of the soft tissue, where it carries hooks. `start` (Q+1, 3) is
+        another rod to start from. Raises `ConvergenceError`.
+        """
+        base = bones[self.rest.bones[-1]]
+        relative = relative_to(
+            {name: bones[name] for name in {*self.rest.bones, *self.space.bones}}, self.rest.bones[-1]
+        )
+        around = None if flesh is None else base.inverse()(flesh)
+        x = self._start(relative) if start is None else base.inverse()(start)
+        try:
+            found = solve(self.energies(relative, around), x)
+        except ConvergenceError as error:
+            raise error.within(f"Tendon {self.name}") from error
+        return replace(found, x=base(found.x))
+
+    def energies(self, bones: Bones, flesh: Array | None = None) -> list[RodEnergy]:
+        """Hooks, pull and bending; bones and flesh relative to the base bone."""
+        hooks = Hooks(self.hook_positions(bones, flesh))
+        return [hooks, self.rest.pull(bones), Bend(PULL * BEND_LENGTH**2, self.rest.length)]
+
+    def hook_positions(self, bones: Bones, flesh: Array | None = None) -> Array:
+        """Positions (k, 3) of the hooks with their corrections; bones and flesh relative to the base bone."""
+        corrections = self.spaces.interpolate(self.hooks.corrections, self._near, bones)
+        return self.hooks.carried(bones, flesh) + corrections
+
+    @cached_property
+    def _near(self) -> dict[str, Array]:
+        """The share (k,) of each bone at the hooks: that of the rod, which is smooth along it."""
+        segment, t, _ = closest_on_rod(self.hooks.rest, self.rest.x)
+        return dict(zip(self.rest.bones, point_at(self.rest.skinning, segment, t).T, strict=True))
+
+    def _start(self, bones: Bones) -> Array:
+        curve = self.rest.skinned(bones) + self.space.interpolate(self.starts, bones)
+        curve[0] = bones[self.rest.bones[0]](self.rest.x[:1])[0]
+        return lay(curve, self.rest.length, len(curve) - 1, self.rest.pull_direction)
+
+    def frames(self, x: Array, bones: Bones) -> Array:
+        """Untwisted frames (Q, 3, 3) of a rod x (Q+1, 3) in a pose."""
+        return frames(x, self.rest.first_normal(bones))
+
+    def surface(self, x: Array, bones: Bones) -> Surface:
+        """The tube's surface about a rod x (Q+1, 3) in a pose."""
+        return Surface(self.rest.tube.skin(x, self.frames(x, bones)), self.rest.tube.triangles)
+
+    def save(self, path: str | Path, inputs: Sequence[str | Path] = ()) -> None:
+        """Write the artifact of kind "tendon"."""
+        tube, hooks = self.rest.tube, self.hooks
+        data = {
+            "name": self.name,
+            "radius": self.radius,
+            "bones": list(self.rest.bones),
+            "rod": {"x": self.rest.x, "normal": self.rest.normal, "skinning": self.rest.skinning},
+            "tube": {
+                "triangles": tube.triangles,
+                "first": tube.first,
+                "weights": tube.weights,
+                "local": tube.local,
+            },
+            "hooks": hooks.to_group(),
+            "starts": self.starts,
+            "pose_space": self.space.to_group(),
+            "pose_spaces": self.spaces.to_group(),
+        }
+        lengths = ("radius", "rod/x", "tube/local", "hooks/rest", "hooks/corrections")
+        units = dict.fromkeys(lengths, "mm")
+        artifacts.write(path, data, kind="tendon", units=units, inputs=inputs)
+
+    @staticmethod
+    def load(path: str | Path) -> Tendon:
+        """Read what `save` wrote. Raises `InputError`."""
+        data = artifacts.read(path, "tendon")
+        bones = tuple(str(b) for b in data["bones"])
+        rod, tube, hooks = data["rod"], data["tube"], data["hooks"]
+        rest = RestTendon(rod["x"], Tube(**tube), rod["normal"], bones, rod["skinning"])
+        return Tendon(
+            str(data["name"]),
+            rest,
+            float(data["radius"]),
+            HookSet.from_group(hooks, bones),
+            LocalPoseSpaces.from_group(data.get("pose_spaces", dict.fromkeys(bones, data["pose_space"]))),
+            PoseSpace.from_group(data["pose_space"]),
+            data["starts"],
+        )
+
+
+@dataclass(frozen=True)
+class RegisteredRods:
+    """Rods in example poses, the neutral pose among them with the rest rod and identities.
+
+    rods: pose -> x (Q+1, 3); poses: pose -> bone -> transform from neutral; parents: bone -> parent, for the
+    pose spaces; flesh: the soft tissue in each pose, if it may carry hooks.
+    """
+
+    rods: Mapping[str, Array]
+    poses: Mapping[str, Mapping[str, RigidTransform]]
+    parents: Mapping[str, str]
+    flesh: Mapping[str, Shape] | None = None
+
+
+def build_tendon(
+    name: str,
+    rest: RestTendon,
+    radius: float,
+    neutral_bones: Mapping[str, Surface],
+    examples: RegisteredRods,
+) -> Tendon:
+    """Fit hooks to registered rods; radius in mm."""
+    base, rods, poses, parents = rest.bones[-1], examples.rods, examples.poses, examples.parents
+    relative = {pose: relative_to(poses[pose], base) for pose in rods}
+    local = {pose: poses[pose][base].inverse()(x) for pose, x in rods.items()}
+    space = PoseSpace.build(rest.bones, parents, relative)
+    spaces = LocalPoseSpaces.build(rest.bones, parents, relative)
+    flesh = examples.flesh or {}
+    around = {
+        pose: replace(flesh[pose], vertices=poses[pose][base].inverse()(flesh[pose].vertices))
+        for pose in rods
+        if pose in flesh
+    }
+    given = (list(local.values()), list(relative.values()), list(around.values()))
+    hooks = fit_hooks(rest.x, neutral_bones, rest.bones, *given)
+    starts = np.stack([local[pose] - rest.skinned(bones) for pose, bones in relative.items()])
+    tendon = Tendon(name, rest, radius, hooks, spaces, space, starts)
+    for _ in range(CALIBRATIONS):
+        tendon = _calibrated(tendon, local, relative, around)
+    return tendon
+
+
+def _calibrated(
+    tendon: Tendon,
+    rods: Mapping[str, Array],
+    poses: Mapping[str, Bones],
+    flesh: Mapping[str, Shape],
+) -> Tendon:
+    """Move each example's corrections by what the simulated rod misses of the registered one at the hooks.
+
+    Under its pull, the rod lies a little inside the curve of its hooks: Eq. 4 alone never meets the examples.
+    """
+    corrections = tendon.hooks.corrections.copy()
+    for n, (pose, rod) in enumerate(rods.items()):
+        around = flesh[pose].vertices if flesh else None
+        x = tendon.solve(poses[pose], around).x
+        hooks = Hooks(tendon.hook_positions(poses[pose], around))
+        hooks.refresh(x)
+        contact = hooks.contacts(x)
+        miss = closest_points(contact, past_end(rod)) - contact
+        corrections[n] += np.where(hooks.held[:, None], miss, 0.0)
+    return replace(tendon, hooks=replace(tendon.hooks, corrections=corrections))

@@ -1,0 +1,44 @@
+"""The flesh: one soft tissue on bones, whose skin does not feel itself."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from handpipe.core.layers import Frame
+from handpipe.core.rigid import RigidTransform
+from handpipe.tissues.fat.flesh import FleshLayer
+from handpipe.tissues.fat.layer import TissueLayer
+
+from .limb import below, limb
+from .test_skin_on_skin import APART, RADIUS, tissue, together
+from .test_skin_on_skin import below as under_prongs
+
+
+def test_it_goes_with_the_bone():
+    body = limb()
+    motion = RigidTransform(Rotation.from_rotvec([0.5, -0.8, 0.3]).as_matrix(), np.array([3.0, -20.0, 7.0]))
+    posed = below(motion(below()["bones"]["core"].rest))
+    found = FleshLayer(body).solve(Frame("moved", {}, {"core": motion}), posed)["flesh_mesh"]
+    np.testing.assert_allclose(found.vertices, motion(body.mesh.vertices), atol=1e-6)
+    np.testing.assert_array_equal(found.rest, body.mesh.vertices)
+
+
+def test_where_no_skin_touches_it_is_the_soft_tissue_of_the_skin():
+    """A bone that moves in a tissue whose tip stays."""
+    body = limb()
+    frame = Frame("shifted", {}, {"core": RigidTransform.identity()})
+    posed = below(below()["bones"]["core"].rest + [0.0, 1.0, 0.0])
+    flesh = FleshLayer(body).solve(frame, posed)["flesh_mesh"].vertices
+    skin = TissueLayer("skin", body).solve(frame, posed)["skin_mesh"].vertices
+    assert np.linalg.norm(skin - body.mesh.vertices, axis=1).max() > 0.9
+    np.testing.assert_allclose(flesh, skin, atol=0.02)
+
+
+def test_prongs_pressed_together_stay_round_and_pass_through_each_other():
+    motions, body = together(2.8), tissue()
+    frame = Frame("pressed", {}, {"palm": RigidTransform.identity(), **motions})
+    x = FleshLayer(body).solve(frame, under_prongs(motions))["flesh_mesh"].vertices
+    skin = body.skin_matrix @ x
+    axis = np.sign(body.skin.vertices[:, 1]) * (APART - 2.8)
+    shaft = (skin[:, 0] > 9) & (skin[:, 0] < 18)
+    np.testing.assert_allclose(np.hypot(skin[:, 1] - axis, skin[:, 2])[shaft], RADIUS, atol=0.1)
+    assert body.overlap(x) > 1.0

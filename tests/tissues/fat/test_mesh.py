@@ -1,0 +1,77 @@
+"""Tissue meshes and their occupancy against spheres, whose volumes are known."""
+
+import numpy as np
+import pytest
+from tests.mesh.shapes import box_tets, sphere
+
+from handpipe.mesh.generation.remeshing import remesh
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.tissues.fat.mesh import LEAST_OCCUPANCY, inner_surface, occupancy, tissue_mesh
+from handpipe.tissues.fat.skin import closed_skin
+
+OUTER, INNER = 10.0, 5.0
+
+
+def _volume(radius):
+    return 4 / 3 * np.pi * radius**3
+
+
+def test_a_shell_is_meshed_with_its_own_volume():
+    skin, core = remesh(sphere(OUTER), 2.0), remesh(sphere(INNER), 1.5)
+    mesh, share = tissue_mesh(skin, core, 3.0)
+    assert mesh.volumes().min() > 0
+    assert share.min() >= LEAST_OCCUPANCY and share.max() <= 1
+    counted = np.where(share > LEAST_OCCUPANCY, share, 0.0)
+    assert counted @ mesh.volumes() == pytest.approx(_volume(OUTER) - _volume(INNER), rel=0.04)
+    # no tet is left inside the core, and none of the tissue is missing
+    corners = np.linalg.norm(mesh.vertices, axis=1)[mesh.tets]
+    assert (corners.max(axis=1) > 0.95 * INNER).all()
+    probe = np.random.default_rng(0).normal(size=(200, 3))
+    probe *= np.linspace(INNER + 0.2, OUTER - 0.2, 200)[:, None] / np.linalg.norm(probe, axis=1)[:, None]
+    assert Distance(Surface(mesh.vertices, mesh.boundary_faces()[0])).signed(probe)[0].max() < 0.1
+
+
+def test_occupancy_is_the_share_between_two_spheres():
+    unit = box_tets(8)
+    mesh = unit.moved(22.0 * (unit.vertices - 0.5))
+    share = occupancy(mesh, sphere(OUTER), sphere(INNER))
+    weights = np.random.default_rng(1).dirichlet(np.ones(4), size=2000)
+    radii = np.linalg.norm(np.einsum("sc,mci->msi", weights, mesh.vertices[mesh.tets]), axis=2)
+    exact = ((radii < OUTER) & (radii > INNER)).mean(axis=1)
+    assert np.sqrt(((share - exact) ** 2).mean()) < 0.06
+    assert share @ mesh.volumes() == pytest.approx(_volume(OUTER) - _volume(INNER), rel=0.02)
+    np.testing.assert_array_equal(share[radii.max(axis=1) < INNER - 2.0], 0.0)
+
+
+def test_a_narrow_cleft_is_closed_and_the_rest_kept():
+    ball = sphere(6.0, 4)
+    cleft = 1.0
+    other = ball.moved(ball.vertices + [12.0 + cleft, 0, 0])
+    middle = np.array([[6.0 + cleft / 2, 0, 0]])
+    wrapped = inner_surface([ball, other], 0.8, 1.0)
+    assert Distance(wrapped).signed(middle)[0][0] < 0
+    alone = inner_surface([ball], 0.8, 1.0)
+    assert alone.is_closed()
+    assert alone.volume() == pytest.approx(_volume(6.0), rel=0.04)
+    assert np.abs(np.linalg.norm(alone.vertices, axis=1) - 6.0).max() < 0.15
+    far = np.linalg.norm(wrapped.vertices[wrapped.vertices[:, 0] < 0], axis=1)
+    assert np.abs(far - 6.0).max() < 0.15
+
+
+def test_a_wide_cleft_stays_open():
+    ball = sphere(6.0, 4)
+    other = ball.moved(ball.vertices + [15.5, 0, 0])
+    wrapped = inner_surface([ball, other], 0.8, 1.0)
+    assert Distance(wrapped).signed(np.array([[7.75, 0.0, 0.0]]))[0][0] > 0
+
+
+def test_a_scan_with_a_hole_becomes_closed_skin():
+    ball = sphere(OUTER, 4)
+    covered = (ball.vertices[ball.triangles][:, :, 0] < 9.0).all(axis=1)
+    scan = Surface(ball.vertices, ball.triangles[covered]).compact()
+    skin, notes = closed_skin(scan, 1.5)
+    assert skin.is_closed()
+    assert any("hole" in note for note in notes)
+    cap = np.pi * 1.0**2 * (3 * OUTER - 1.0) / 3  # at most this is missing: a cap of height 1
+    assert _volume(OUTER) - cap - 0.02 * _volume(OUTER) < skin.volume() < 1.01 * _volume(OUTER)

@@ -1,0 +1,134 @@
+"""What holds a tissue, and its equilibria."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from handpipe.core.errors import ConvergenceError, InputError
+from handpipe.core.layers import Region
+from handpipe.core.rigid import RigidTransform
+from handpipe.fem.solver.settling import Limits
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.tissues.fat.tissue import Tissue
+
+from .limb import CORE, LENGTH, at_rest, below, capsule, limb
+
+KINDS = [Region.fixed, Region.sliding, Region.contact]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_unloaded_tissue_stays_at_rest(kind):
+    tissue = limb(kind)
+    x = tissue.solve(below(kind=kind), at_rest(), None, tissue.mesh.vertices).x
+    np.testing.assert_allclose(x, tissue.mesh.vertices, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_common_rigid_motion_moves_the_tissue_rigidly(kind):
+    tissue = limb(kind)
+    motion = RigidTransform(Rotation.from_rotvec([0.5, -0.8, 0.3]).as_matrix(), np.array([3.0, -20.0, 7.0]))
+    start = tissue.pose({"core": motion})
+    posed = motion(capsule(CORE, 1.0).vertices)
+    x = tissue.solve(below(posed, kind), {"tip": motion}, None, start).x
+    np.testing.assert_allclose(x, motion(tissue.mesh.vertices), atol=1e-6)
+
+
+def test_a_disturbed_start_comes_back_to_rest():
+    tissue = limb(Region.fixed)
+    noise = 0.1 * np.random.default_rng(0).normal(size=tissue.mesh.vertices.shape)
+    x = tissue.solve(below(), at_rest(), None, tissue.mesh.vertices + noise).x
+    np.testing.assert_allclose(x, tissue.mesh.vertices, atol=1e-3)
+
+
+def test_fixed_points_follow_the_bone():
+    tissue = limb(Region.fixed)
+    shift = np.array([0.0, 1.0, 0.0])
+    posed = capsule(CORE, 1.0).vertices + shift
+    x = tissue.solve(below(posed), at_rest(), None, tissue.mesh.vertices).x
+    error = np.linalg.norm(tissue.inner_matrix @ x - tissue.inner.rest - shift, axis=1)
+    assert error.max() < 0.15 and np.sqrt((error**2).mean()) < 0.03
+    skin = tissue.skin_matrix @ x - tissue.skin.vertices
+    distal = tissue.skin.vertices[:, 0] > 0
+    assert skin[distal, 1].min() > 0.3  # the skin goes along, softly
+    assert np.linalg.norm(skin[tissue.rigid["tip"].vertices], axis=1).max() < 0.1
+
+
+def test_contact_pushes_the_tissue_out_and_never_pulls_it():
+    tissue = limb(Region.contact)
+    core = capsule(CORE, 1.0)
+    for factor in (1.2, 0.7):
+        posed = core.vertices * [1.0, factor, factor]
+        settled = tissue.solve(below(posed, Region.contact), at_rest(), None, tissue.mesh.vertices)
+        x = settled.x
+        heights = Distance(core.moved(posed)).signed(tissue.inner_matrix @ x)[0]
+        # Planes with the normals of this coarse core's facets end in a cycle of 0.1 mm.
+        assert settled.rests and heights.min() > -0.2 and heights.mean() > -0.07
+        if factor < 1:
+            np.testing.assert_allclose(x, tissue.mesh.vertices, atol=1e-3)
+
+
+def test_sliding_tissue_stays_on_the_bone_but_does_not_turn_with_it():
+    turn = RigidTransform(Rotation.from_rotvec([1.0, 0, 0]).as_matrix(), np.zeros(3))
+    core = capsule(CORE, 1.0)
+    posed = turn(core.vertices)
+    middle = np.abs(core.vertices[:, 0]) < LENGTH / 3
+    turned = {}
+    for kind in (Region.sliding, Region.fixed):
+        tissue = limb(kind)
+        x = tissue.solve(below(posed, kind), at_rest(), None, tissue.mesh.vertices).x
+        points = tissue.inner_matrix @ x
+        assert np.abs(Distance(core.moved(posed)).signed(points)[0]).max() < 0.1
+        moved = np.linalg.norm(points - tissue.inner.rest, axis=1)
+        turned[kind] = moved[middle[tissue.inner.vertex]].mean()
+    assert turned[Region.fixed] > 0.8 * 2 * CORE * np.sin(0.5)
+    assert turned[Region.sliding] < 0.05 * turned[Region.fixed]
+
+
+def test_a_skin_that_does_not_come_to_rest_is_no_result():
+    strict = Limits(renewals=1, settled=1e-3, gross=0.1)
+    posed = capsule(CORE, 1.0).vertices + [0.0, 1.0, 0.0]
+    tissue = limb(Region.fixed)
+    with pytest.raises(ConvergenceError, match="soft tissue did not converge: it moves by"):
+        tissue.solve(below(posed), at_rest(), None, tissue.mesh.vertices, strict)
+
+
+def test_plastic_growth_swells_the_tissue():
+    tissue = limb(Region.fixed)
+    grown = np.tile([1.05, 0, 0, 1.05, 0, 1.05], (len(tissue.mesh.tets), 1))
+    x = tissue.solve(below(), at_rest(), grown, tissue.mesh.vertices).x
+    outside = tissue.skin.moved(tissue.skin_matrix @ x).volume() - tissue.skin.volume()
+    tissue_volume = tissue.occupancy @ tissue.mesh.volumes()
+    assert outside == pytest.approx((1.05**3 - 1) * tissue_volume, rel=0.15)
+
+
+def test_a_tissue_survives_its_artifact(tmp_path):
+    tissue = limb(Region.contact)
+    tissue.save(tmp_path / "tissue.h5", [])
+    again = Tissue.load(tmp_path / "tissue.h5")
+    for name in ("occupancy", "weights"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(tissue, name))
+    for name, value in vars(tissue.inner).items():
+        np.testing.assert_array_equal(getattr(again.inner, name), value)
+    np.testing.assert_array_equal(again.mesh.tets, tissue.mesh.tets)
+    np.testing.assert_array_equal(again.rigid["tip"].vertices, tissue.rigid["tip"].vertices)
+    assert (again.bones, again.settings) == (tissue.bones, tissue.settings)
+    posed = capsule(CORE, 1.0).vertices * [1.0, 1.1, 1.1]
+    args = below(posed, Region.contact), at_rest(), None, tissue.mesh.vertices
+    np.testing.assert_array_equal(again.solve(*args).x, tissue.solve(*args).x)
+
+
+def test_an_artifact_of_another_kind_is_refused(tmp_path):
+    from handpipe.core import artifacts
+
+    artifacts.write(tmp_path / "other.h5", {"x": 1.0}, kind="other")
+    with pytest.raises(InputError, match="tissue"):
+        Tissue.load(tmp_path / "other.h5")
+
+
+def test_surfaces_of_inner_points_are_the_posed_bodies():
+    posed = capsule(CORE, 1.0).vertices + 1.0
+    [surface] = limb().inner.surfaces(below(posed))
+    assert isinstance(surface, Surface)
+    np.testing.assert_array_equal(surface.vertices, posed)
+    np.testing.assert_allclose(limb().inner.posed(below(posed)), limb().inner.rest + 1.0)

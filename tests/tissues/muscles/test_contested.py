@@ -1,0 +1,78 @@
+"""Which vertices of overlapping muscles bones go on holding."""
+
+import numpy as np
+import pytest
+
+from handpipe.core.errors import ConvergenceError
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.tissues.muscles.separation import contested
+from handpipe.tissues.muscles.separation.contested import FREE, LEAST, separate_posed, uncontested
+from handpipe.tissues.muscles.separation.parting import Inseparable
+from handpipe.tissues.muscles.separation.separation import Separation
+
+from .shapes import spindle
+
+
+def test_held_vertices_inside_a_neighbour_are_let_go():
+    """Two spindles side by side, whose ends lie in one another; a third is far away."""
+    bodies = {"one": spindle(), "two": spindle((1.0, 0.5, 1.0)), "far": spindle((0.0, 30.0, 0.0))}
+    found = uncontested(bodies)
+    for name, other in (("one", "two"), ("two", "one")):
+        surface = Distance(bodies[other].surface)
+        for bone, ids in found[name].attachments.items():
+            before = bodies[name].attachments[bone]
+            outside = surface.signed(bodies[name].surface.vertices[before])[0] > FREE
+            assert not outside.all()
+            assert set(before[outside]) <= set(ids) <= set(before)
+            assert len(ids) == max(outside.sum(), LEAST)
+    for bone, ids in found["far"].attachments.items():
+        np.testing.assert_array_equal(ids, bodies["far"].attachments[bone])
+
+
+def test_a_bone_goes_on_holding_a_muscle_that_is_inside_another():
+    """The three vertices that are least deep."""
+    bodies = {"one": spindle(), "same": spindle((0.2, 0.0, 0.0))}
+    found = uncontested(bodies)["one"].attachments["a"]
+    depth = Distance(bodies["same"].surface).signed(bodies["one"].surface.vertices)[0]
+    others = np.setdiff1d(bodies["one"].attachments["a"], found)
+    assert len(found) >= LEAST
+    assert depth[found].min() >= depth[others].max()
+
+
+def test_nothing_need_be_held():
+    bodies = {"one": spindle(), "same": spindle((0.2, 0.0, 0.0))}
+    body = uncontested(bodies, least=0)["one"]
+    surface = Distance(bodies["same"].surface)
+    assert 0 < len(body.held) < len(bodies["one"].held)
+    assert surface.signed(body.surface.vertices[body.held])[0].min() > FREE
+
+
+def test_a_muscle_without_neighbours_keeps_its_attachments():
+    body = spindle()
+    found = uncontested({"alone": body})["alone"].attachments
+    for bone, ids in body.attachments.items():
+        np.testing.assert_array_equal(found[bone], ids)
+
+
+def test_attachments_let_go_farther_out_where_muscles_cannot_be_parted(monkeypatch):
+    tried = []
+
+    def hardly(surfaces, bones, held):
+        tried.append(sum(map(len, held.values())))
+        if len(tried) < 3:
+            raise Inseparable("Separation of muscles", "one and two meet")
+        return Separation(dict(surfaces), 1.0, 0.0, 0)
+
+    monkeypatch.setattr(contested, "separate", hardly)
+    bodies = {"one": spindle(), "two": spindle((1.0, 0.5, 1.0))}
+    assert separate_posed(bodies, {}).penetration == 0.0
+    assert tried[0] > tried[1] >= tried[2]
+
+
+def test_what_cannot_be_parted_at_all_is_an_error(monkeypatch):
+    def never(surfaces, bones, held):
+        raise Inseparable("Separation of muscles", "one and two meet")
+
+    monkeypatch.setattr(contested, "separate", never)
+    with pytest.raises(ConvergenceError, match="one and two meet"):
+        separate_posed({"one": spindle()}, {})

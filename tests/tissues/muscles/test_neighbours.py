@@ -1,0 +1,58 @@
+"""Which places of neighbouring muscles touch."""
+
+import numpy as np
+import trimesh
+
+from handpipe.mesh.surfaces.distance import Distance
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.tissues.muscles.neighbours import pairs
+
+
+def box(size, centre, edge=1.0) -> Surface:
+    mesh = trimesh.creation.box(size).subdivide_to_size(edge)
+    return Surface(np.asarray(mesh.vertices) + centre, np.asarray(mesh.faces, dtype=np.int64))
+
+
+SHEET = box((30.0, 30.0, 2.0), (0.0, 0.0, 0.0))
+
+
+def test_a_vertex_is_pushed_back_to_the_side_that_it_came_from():
+    """A ball above a sheet of 2 mm that has sunk into it, less and more than halfway."""
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=5.0)
+    for depth in (0.5, 1.7):
+        above = Surface(
+            np.asarray(ball.vertices) + [0, 0, 6.0 - depth], np.asarray(ball.faces, dtype=np.int64)
+        )
+        found = pairs(above, Distance(SHEET), 0.3)
+        inside = found.gaps < 0
+        assert inside.any()
+        np.testing.assert_allclose(found.normals[inside], np.tile([0, 0, 1.0], (inside.sum(), 1)), atol=1e-9)
+        heights = above.vertices[found.vertices[inside], 2]
+        np.testing.assert_allclose(found.gaps[inside], heights - 1.0, atol=1e-9)
+
+
+def test_held_vertices_and_far_ones_are_left_out():
+    block = box((4.0, 4.0, 4.0), (0.0, 0.0, 3.2))
+    found = pairs(block, Distance(SHEET), 1.0)
+    bottom = np.flatnonzero(block.vertices[:, 2] < 1.5)
+    assert set(bottom) <= set(found.vertices)
+    left = found.without(bottom[::2])
+    assert set(left.vertices) == set(found.vertices) - set(bottom[::2])
+    np.testing.assert_allclose(left.gaps, block.vertices[left.vertices, 2] - 1.0, atol=1e-9)
+    feet = left.feet @ SHEET.vertices
+    np.testing.assert_allclose(feet, block.vertices[left.vertices] * [1, 1, 0] + [0, 0, 1.0], atol=1e-9)
+
+
+def test_normals_turn_without_a_jump_from_facet_to_facet():
+    """Points every 0.1 degrees along an arc over a coarse ball, whose facets differ by 10 degrees."""
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=8.0)
+    angles = np.radians(np.arange(0.0, 90.0, 0.1))
+    directions = np.cos(angles)[:, None] * [0.6, 0.0, 0.8] + np.sin(angles)[:, None] * [0.0, 1.0, 0.0]
+    count = np.arange(len(angles))
+    arc = Surface(8.05 * directions, np.stack([count, np.roll(count, 1), np.roll(count, 2)], axis=1))
+    coarse = Surface(np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int64))
+    found = pairs(arc, Distance(coarse), 0.5)
+    assert np.array_equal(found.vertices, count)
+    turns = np.degrees(np.linalg.norm(np.diff(found.normals, axis=0), axis=1))
+    assert turns.max() < 0.3
+    assert np.einsum("ni,ni->n", found.normals, directions).min() > np.cos(np.radians(2))

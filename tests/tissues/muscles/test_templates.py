@@ -1,0 +1,85 @@
+"""A template hand that is a turned, scaled and bent copy of the subject's comes back."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from handpipe.core.errors import InputError
+from handpipe.mesh.surfaces.distance import surface_errors
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.tissues.muscles.fitting.templates import Warp, fit_similarity, place, read_attachments
+
+
+def bone(centre, lengths) -> Surface:
+    """A bone with a knob, so that its roll shows."""
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    unit = sphere.vertices
+    knob = 1 + 0.35 * np.exp(-8 * ((unit - [0.8, 0.6, 0.0]) ** 2).sum(axis=1))
+    return Surface(unit * knob[:, None] * lengths + centre, sphere.faces)
+
+
+def subject() -> tuple[dict[str, Surface], Surface]:
+    bones = {"a": bone([0.0, 0, 0], [25.0, 6, 5]), "b": bone([48.0, 0, 0], [20.0, 5, 4])}
+    sphere = trimesh.creation.icosphere(subdivisions=3)
+    return bones, Surface(sphere.vertices * [25, 3, 3] + [22, 9, 3], sphere.faces)
+
+
+def distort(points):
+    bent = points + 0.0015 * points[:, :1] ** 2 * [0, 0, 1]
+    return 1.1 * Rotation.from_rotvec([0.4, 0.2, -0.3]).apply(bent) + [20, -5, 3]
+
+
+def test_bones_and_the_muscle_between_them_are_carried_back():
+    bones, muscle = subject()
+    warp = Warp({n: s.moved(distort(s.vertices)) for n, s in bones.items()}, bones)
+    template = muscle.moved(distort(muscle.vertices))
+    x = muscle.vertices[:, 0]
+    attachments = {"a": np.flatnonzero(x < 3), "b": np.flatnonzero(x > 41)}
+    top = muscle.vertices[np.argmax(muscle.vertices[:, 2])]
+    guess = place(template, attachments, warp, 1.5, {"top": distort(top[None])[0]})
+    assert surface_errors(guess.surface, muscle).max() < 1.2
+    assert np.linalg.norm(guess.surface.vertices[guess.landmarks["top"]] - top) < 1.5
+    ends = {n: guess.surface.vertices[ids][:, 0] for n, ids in guess.attachments.items()}
+    assert ends["a"].max() < 5 and ends["b"].min() > 39 and min(map(len, ends.values())) >= 3
+
+
+def test_a_slender_template_keeps_its_volume_whatever_edge_is_asked_for():
+    """A rod of 1.2 mm radius, around which five edges of 1.5 mm reach."""
+    rod = trimesh.creation.capsule(height=30.0, radius=1.2, count=[48, 48])
+    surface = Surface(np.asarray(rod.vertices), np.asarray(rod.faces))
+    z = surface.vertices[:, 2]
+    held = {"a": np.flatnonzero(z < z.min() + 2), "b": np.flatnonzero(z > z.max() - 2)}
+    guess = place(surface, held, lambda points: points, 1.5)
+    assert guess.surface.volume() == pytest.approx(surface.volume(), rel=0.06)
+    stout = surface.moved(4 * surface.vertices)
+    edges = place(stout, held, lambda points: points, 1.5).surface.edge_lengths()
+    assert np.median(edges) == pytest.approx(1.5, rel=0.15)
+
+
+def test_similarity_is_exact_on_similar_points():
+    points = np.random.default_rng(0).standard_normal((30, 3))
+    turned = 1.7 * Rotation.from_rotvec([1.0, 0.5, 2.0]).apply(points) + [1, 2, 3]
+    assert fit_similarity(points, turned)(points) == pytest.approx(turned)
+
+
+def test_wrong_attachments_name_the_bone(tmp_path):
+    path = tmp_path / "m.json"
+    path.write_text('{"a": [0, 1, 99999]}')
+    with pytest.raises(InputError, match="a: has ids outside"):
+        read_attachments(path, subject()[1])
+
+
+def test_a_template_of_two_pieces_is_refused_where_a_bone_holds_the_smaller_one():
+    """The message names the file, the bone and what to do."""
+    sphere = trimesh.creation.icosphere(subdivisions=3)
+    count = len(sphere.vertices)
+    both = Surface(
+        np.concatenate([sphere.vertices * 8, sphere.vertices * 4 + [20, 0, 0]]),
+        np.concatenate([sphere.faces, sphere.faces + count]),
+    )
+    held = {"a": np.arange(30), "b": np.arange(count, count + 30)}
+    with pytest.raises(InputError, match=r"ligament\.json.*b.*smaller part.*one piece"):
+        place(both, held, lambda points: points, 1.5, source="ligament.json")
+    guess = place(both, {"a": held["a"]}, lambda points: points, 1.5)
+    assert guess.surface.vertices[:, 0].max() < 8.1
