@@ -77,6 +77,35 @@ def test_a_bone_of_which_half_is_lost_beyond_solid_bone_is_doubted(shape) -> Non
     assert any("draw a stroke of its label there" in doubt for doubt in look.doubts())
 
 
+def drawn_with_marrow(truth, seed):
+    """What a stroke in a bone's marrow finds, the true marrow, and how the bone looks."""
+    volume = truth.volume()
+    bone = segment_bone(volume, truth.seeds(volume, seed=seed), 1, SETTINGS)
+    found = np.zeros(volume.shape, bool)
+    found[bone.slices] = bone.probability > 0.5
+    marrow = truth.marrow(grid_points(volume))
+    return volume, found, marrow, appearances(volume, {"bone": bone})["bone"]
+
+
+@pytest.mark.parametrize("shape", [{"length": 25.7, "canal": 3.0}, {"length": 39.8, "canal": 3.0}], ids=str)
+@pytest.mark.parametrize("dim", [0.45, 0.5, 0.6])
+def test_a_bone_whose_dim_end_is_lost_is_doubted_there(shape, dim) -> None:
+    """The dim third is as dark as muscle, and its shell is thinner than a voxel."""
+    volume, found, marrow, look = drawn_with_marrow(SlimBone(dim=dim, **shape), seed=1)
+    assert dice(found, marrow) < 0.93
+    nearest = np.abs(volume.to_world(np.argwhere(marrow & ~found)) - look.unclaimed_at).max(axis=1).min()
+    assert nearest < 1.0
+    assert any("look like marrow in the same shell" in doubt for doubt in look.doubts())
+
+
+@pytest.mark.parametrize("shape", [{"length": 25.7, "canal": 3.0}, {"length": 39.8, "canal": 3.0}], ids=str)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_same_bone_with_even_marrow_is_not_doubted(shape, seed) -> None:
+    _, found, marrow, look = drawn_with_marrow(SlimBone(**shape), seed)
+    assert dice(found, marrow) > 0.93
+    assert look.doubts() == []
+
+
 def test_a_whole_bone_leaves_no_marrow_over_though_its_neighbour_beyond_a_joint_does() -> None:
     """Two bones end to end with 1.5 mm of grey cartilage between them; nobody claims the second one."""
     bone = SlimBone(length=25.7, canal=3.0)

@@ -16,6 +16,12 @@ from scipy import ndimage
 from handpipe.core import Array, BoolArray
 
 BRIGHT = (0.4, 0.65)  # of the marrow's level: thresholds at which a shell may be closed
+DIM = (
+    0.4,
+    0.45,
+)  # of that level: thresholds for dim marrow, which a shell of half a voxel bounds as a valley
+VALLEY = 0.15  # of that level: a shell thinner than a voxel is darker by this than the tissue on both sides
+THICKEST = 2.0  # mm: wider valleys are tissues
 RIM = 2  # voxels around a claim that its blurred boundary takes
 FARTHEST = 25.0  # mm of solid bone between two parts of one marrow
 AROUND = 2.0  # mm across a slim shaft
@@ -46,7 +52,13 @@ def unclaimed_marrow(values: NDArray, claimed: BoolArray, others: BoolArray, spa
         Of the voxels in mm.
     """
     covered = ndimage.binary_dilation(claimed, iterations=RIM)
-    found = [_largest(values, threshold, claimed, covered, others, spacing) for threshold in BRIGHT]
+    found = [
+        _largest(values, threshold, claimed, covered, others, spacing, beyond=True) for threshold in BRIGHT
+    ]
+    shelled = np.where(_valleys(values, spacing) & ~claimed, 0, values)
+    found += [
+        _largest(shelled, threshold, claimed, covered, others, spacing, beyond=False) for threshold in DIM
+    ]
     return max(found, key=lambda part: part.volume)
 
 
@@ -57,8 +69,12 @@ def _largest(
     covered: BoolArray,
     others: BoolArray,
     spacing: NDArray,
+    beyond: bool,
 ) -> Unclaimed:
-    """The largest part brighter than a threshold."""
+    """The largest part brighter than a threshold that holds claimed voxels.
+
+    beyond: also one that solid bone joins to the claim.
+    """
     parts, count = ndimage.label(values > threshold)
     enclosed = np.ones(count + 1, bool)
     enclosed[0] = False
@@ -74,9 +90,19 @@ def _largest(
         if sizes[part] * voxel < LEAST:
             break
         rest = np.argwhere((parts == part) & ~covered)
-        if own[part] or _joined(values, claimed, rest, spacing):
+        if own[part] or (beyond and _joined(values, claimed, rest, spacing)):
             return Unclaimed(float(sizes[part]) * voxel, rest.mean(axis=0))
     return NOTHING
+
+
+def _valleys(values: NDArray, spacing: NDArray) -> BoolArray:
+    """Voxels that are darker along an axis than both sides of them within `THICKEST`."""
+    found = np.zeros(values.shape, bool)
+    for axis in range(3):
+        size = [1, 1, 1]
+        size[axis] = int(round(THICKEST / spacing[axis])) + 1
+        found |= ndimage.grey_closing(values, size=size) - values > VALLEY
+    return found
 
 
 def _joined(values: NDArray, claimed: BoolArray, rest: NDArray, spacing: NDArray) -> bool:
