@@ -20,6 +20,7 @@ class Parser(argparse.ArgumentParser):
     """A parser that ends with one line, which names the option, where an argument is wrong."""
 
     def error(self, message: str) -> NoReturn:
+        """Exits with status 2 after one line that states the error and names `--help`."""
         self.exit(2, f"handpipe: {message}. See {self.prog} --help\n")
 
 

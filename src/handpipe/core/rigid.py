@@ -19,6 +19,7 @@ class RigidTransform:
 
     @staticmethod
     def identity() -> RigidTransform:
+        """The transform that leaves every point where it is."""
         return RigidTransform(np.eye(3), np.zeros(3))
 
     @staticmethod
@@ -44,12 +45,15 @@ class RigidTransform:
         return RigidTransform(rotation, b - rotation @ a)
 
     def __call__(self, points: Array) -> Array:
+        """Transformed points, of the shape (3,) or (n, 3) of `points`, in mm."""
         return points @ self.rotation.T + self.translation
 
     def __matmul__(self, other: RigidTransform) -> RigidTransform:
+        """The composition self(other(X)): `other` is applied first."""
         return RigidTransform(self.rotation @ other.rotation, self(other.translation))
 
     def inverse(self) -> RigidTransform:
+        """The transform that takes images back to their points."""
         return RigidTransform(self.rotation.T, -self.rotation.T @ self.translation)
 
     def rotation_vector(self) -> Array:

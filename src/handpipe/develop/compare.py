@@ -32,6 +32,7 @@ class Difference:
     what: str
 
     def __str__(self) -> str:
+        """One line: the file, the array if there is one, and how they differ."""
         return f"{self.path}{f': {self.array}' if self.array else ''}: {self.what}"
 
 

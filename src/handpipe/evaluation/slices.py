@@ -30,6 +30,7 @@ class Plane:
 
     @property
     def normal(self) -> Array:
+        """Unit normal (3,): right x up."""
         return np.cross(self.right, self.up)
 
     def points(self, coordinates: Array) -> Array:

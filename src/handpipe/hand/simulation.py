@@ -22,6 +22,7 @@ class Failure:
     reason: str
 
     def __str__(self) -> str:
+        """One line: the frame, the layer and the reason."""
         return f"frame {self.frame}: {self.layer}: {self.reason}"
 
 

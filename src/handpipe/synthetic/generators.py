@@ -18,6 +18,8 @@ MODULES = {
 
 
 class Generator(Protocol):
+    """What the module of a generator offers: one pose's files, or the files of the templates."""
+
     def generate_pose(self, dataset: Dataset, pose: str) -> None:
         """Write a pose's volume, seeds, scan, truth and label volumes where the dataset names them.
 

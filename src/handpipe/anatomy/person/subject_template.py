@@ -25,9 +25,13 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 class SpaceMap(Protocol):
     """A map of points (n, 3) in mm with its derivatives (n, 3, 3)."""
 
-    def __call__(self, points: Array) -> Array: ...
+    def __call__(self, points: Array) -> Array:
+        """Images (n, 3) in mm of points (n, 3) in mm."""
+        ...
 
-    def jacobian(self, points: Array) -> Array: ...
+    def jacobian(self, points: Array) -> Array:
+        """Derivatives (n, 3, 3) of the images by the points (n, 3) in mm."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +94,7 @@ class SubjectTemplate:
     moves_with: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        """Raises `InputError` for unknown bones or vertices, joints out of order, nails without a skin."""
         for where, bone in self._named_bones():
             if bone not in self.bones:
                 known = ", ".join(self.bones)

@@ -36,9 +36,11 @@ class Composed:
     then: SpaceMap
 
     def __call__(self, points: Array) -> Array:
+        """Images (n, 3) in mm of points (n, 3) in mm: `then` of `first`."""
         return self.then(self.first(points))
 
     def jacobian(self, points: Array) -> Array:
+        """Derivatives (n, 3, 3) of the images by the points (n, 3) in mm, by the chain rule."""
         return self.then.jacobian(self.first(points)) @ self.first.jacobian(points)
 
 

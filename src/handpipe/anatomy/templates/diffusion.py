@@ -35,7 +35,9 @@ DECIMALS = 6  # of functions, which go to about 1: beyond them machines differ, 
 class Factor(Protocol):
     """A factorised matrix."""
 
-    def solve(self, b: Array) -> Array: ...
+    def solve(self, b: Array) -> Array:
+        """Solution of A x = b, for b (N,) or (N, k)."""
+        ...
 
 
 Factorise = Callable[[sparse.csr_matrix], Factor]

@@ -30,6 +30,8 @@ class UndeclaredFieldError(Exception):
 
 
 class Model(BaseModel):
+    """Base of all configuration models: immutable, without unknown fields or numbers that are not finite."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     if not TYPE_CHECKING:
@@ -43,6 +45,8 @@ class Model(BaseModel):
 
 
 class Role(StrEnum):
+    """What a pose is for: the neutral pose, an example to fit to, or a pose held out for evaluation."""
+
     neutral = "neutral"
     example = "example"
     heldout = "heldout"
@@ -77,6 +81,8 @@ class Pose(Model):
 
 
 class Bone(Model):
+    """A bone's label in volumes and, where muscle templates are placed, its template surface."""
+
     label: int = Field(ge=1, le=254, description="its value in seed and label volumes")
     template: Path | None = Field(
         None, description="surface of the same bone in the frame of the muscle templates"
@@ -139,6 +145,8 @@ class Tendon(Model):
 
 
 class Nail(Model):
+    """A nail: the bone that it moves with, and its patch of the skin."""
+
     bone: Name
     surface: Path = Field(description="the nail's patch of the neutral skin, an open surface in mm")
 
@@ -248,15 +256,18 @@ class Dataset(Model):
     # (`handpipe.core.configuration.selection`).
     @cached_property
     def root_bones(self) -> list[str]:
+        """Bones that are no joint's child, in file order; a valid dataset has exactly one."""
         children = {j.child for j in self.joints.values()}
         return [b for b in self.bones if b not in children]
 
     @cached_property
     def root_bone(self) -> str:
+        """The bone at the root of the joint tree."""
         return self.root_bones[0]
 
     @cached_property
     def neutral(self) -> str:
+        """Name of the neutral pose."""
         return next(n for n, p in self.poses.items() if p.role is Role.neutral)
 
     @property
@@ -275,10 +286,12 @@ class Dataset(Model):
 
     @cached_property
     def examples(self) -> list[str]:
+        """Names of the example poses, in file order."""
         return self.poses_of(Role.example)
 
     @cached_property
     def heldout(self) -> list[str]:
+        """Names of the held-out poses, in file order."""
         return self.poses_of(Role.heldout)
 
     @cached_property

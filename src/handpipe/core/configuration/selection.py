@@ -123,6 +123,7 @@ class Part(dict[str, Any]):
     """Some entries of a mapping: each can be read by its name, but they can't be listed or counted."""
 
     def __missing__(self, name: str) -> NoReturn:
+        """Raises `UndeclaredFieldError`: the script's rule does not declare the entry."""
         raise UndeclaredFieldError(f"the entry {name!r} is not declared by the rule of this script")
 
     def _refused(self, *_: object) -> NoReturn:

@@ -153,12 +153,14 @@ class Barrier:
         return float(np.sqrt(collisions.compute_minimum_distance(self._mesh, positions)))
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules; infinite where a surface intersects itself or the obstacle."""
         positions, collisions = self._collisions(x)
         if not self._is_free(positions):
             return np.inf
         return float(self._potential(collisions, self._mesh, positions))
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) in mN: minus the force; zero beyond `distance`."""
         return self._operator.T @ self._surface_gradient(x)
 
     def force_sizes(self, x: Array) -> Array:
@@ -174,6 +176,7 @@ class Barrier:
         return -self._surface_gradient(x)[self._narrow.shape[0] :]
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Exact second derivative (3n, 3n) in mN/mm; with `project`, made semidefinite pair by pair."""
         positions, collisions = self._collisions(x)
         if self._held is not collisions:
             # Plain and projected matrices have zeros in different places: neither tells the whole pattern.

@@ -39,12 +39,15 @@ class Attachment(PointPotential):
         return other
 
     def energies(self, points: Array) -> Array:
+        """Energy (k,) in microjoules of each spring."""
         return 0.5 * self.stiffness * ((points - self.targets) ** 2).sum(axis=1)
 
     def forces(self, points: Array) -> Array:
+        """Gradient (k, 3) in mN of each spring's energy."""
         return self.stiffness[:, None] * (points - self.targets)
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
+        """Second derivative (k, 3, 3) in mN/mm: k times the identity."""
         return self.stiffness[:, None, None] * np.eye(3)
 
 
@@ -69,12 +72,15 @@ class Sliding(PointPotential):
         return np.einsum("ij,ij->i", points - self.origins, self.normals)
 
     def energies(self, points: Array) -> Array:
+        """Energy (k,) in microjoules of each point's distance from its plane."""
         return 0.5 * self.stiffness * self.heights(points) ** 2
 
     def forces(self, points: Array) -> Array:
+        """Gradient (k, 3) in mN of each point's energy, along the plane's normal."""
         return (self.stiffness * self.heights(points))[:, None] * self.normals
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
+        """Second derivative (k, 3, 3) in mN/mm: k n n^T, constant and semidefinite."""
         return self.stiffness[:, None, None] * dyads(self.normals)
 
 
@@ -93,12 +99,15 @@ class Contact(Sliding):
         self.onset = onset
 
     def energies(self, points: Array) -> Array:
+        """Energy (k,) in microjoules of each point; zero above its plane."""
         return self.stiffness * penalty(-self.heights(points), self.onset)[0]
 
     def forces(self, points: Array) -> Array:
+        """Gradient (k, 3) in mN of each point's energy, along the plane's normal; zero above the plane."""
         return -(self.stiffness * penalty(-self.heights(points), self.onset)[1])[:, None] * self.normals
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
+        """Second derivative (k, 3, 3) in mN/mm; semidefinite, since the penalty is convex."""
         second = self.stiffness * penalty(-self.heights(points), self.onset)[2]
         return second[:, None, None] * dyads(self.normals)
 
@@ -188,13 +197,16 @@ class SurfaceContact(PointPotential):
         return float(min(1.0, (allowed / np.maximum(lengths, 1e-300)).min(initial=1.0)))
 
     def energies(self, points: Array) -> Array:
+        """Energy (k,) in microjoules of each point; zero at `thickness` or more outside the surface."""
         return self.stiffness * penalty(self.depths(points), self.onset)[0]
 
     def forces(self, points: Array) -> Array:
+        """Gradient (k, 3) in mN of each point's energy, along the gradient of the distance."""
         first = self.stiffness * penalty(self.depths(points), self.onset)[1]
         return -first[:, None] * self._query(points)[1]
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
+        """Second derivative (k, 3, 3) in mN/mm; `project` drops the curvature of the distance outside."""
         _, first, second = penalty(self.depths(points), self.onset)
         curved = -(self.stiffness * first)[:, None, None] * self._distance_hessians(points)
         if project:  # a point outside is pushed on from an edge, along which its energy is concave

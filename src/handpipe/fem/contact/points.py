@@ -53,9 +53,11 @@ class PointPotential:
         return self.operator @ x
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules, summed over the points."""
         return float(self.energies(self.points(x)).sum())
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) in mN: W^T times the points' `forces`."""
         return self.operator.T @ self.forces(self.points(x))
 
     def force_sizes(self, x: Array) -> Array:
@@ -67,6 +69,7 @@ class PointPotential:
         return np.bincount(self.operator.indices, minlength=self.operator.shape[1]) > 0
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Second derivative (3n, 3n) in mN/mm; with `project`, of projected `stiffnesses`."""
         w, pattern = self.operator, self.pattern
         data = pattern.data()
         blocks = np.ascontiguousarray(self.stiffnesses(self.points(x), project))

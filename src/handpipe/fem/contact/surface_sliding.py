@@ -20,12 +20,15 @@ class SurfaceSliding(SurfaceContact):
     far = np.inf  # no point is free
 
     def energies(self, points: Array) -> Array:
+        """Energy (k,) in microjoules of each point's distance from the surface."""
         return 0.5 * self.stiffness * self._query(points)[0] ** 2
 
     def forces(self, points: Array) -> Array:
+        """Gradient (k, 3) in mN of each point's energy, along the gradient of the distance."""
         signed, normals, _ = self._query(points)
         return (self.stiffness * signed)[:, None] * normals
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
+        """Second derivative (k, 3, 3) in mN/mm: exact and semidefinite, with or without `project`."""
         _, normals, shapes = self._query(points)
         return self.stiffness[:, None, None] * (dyads(normals) + shapes)

@@ -28,10 +28,12 @@ class Crushing:
         self._stiffness = body.weights * (body.lam + 5.0 / 6.0 * body.mu)
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules; zero where every tet has a tenth of its volume or more."""
         cells, shares = self._crushed(x)
         return float(self._stiffness[cells] @ barrier(shares, self.steepest)[0])
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) in mN: minus the force."""
         cells, shares = self._crushed(x)
         slope = self._stiffness[cells] * barrier(shares, self.steepest)[1] / CRUSHED
         g = self._body.gradients[cells]
@@ -41,6 +43,7 @@ class Crushing:
         return out
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Exact second derivative (3n, 3n) in mN/mm; with `project`, made semidefinite tet by tet."""
         cells, shares = self._crushed(x)
         _, first, second = barrier(shares, self.steepest)
         f, stiffness = self._gradients(x, cells), self._stiffness[cells]

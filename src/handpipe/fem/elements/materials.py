@@ -37,6 +37,7 @@ class Material:
     model: Model = "stable-neo-hookean"
 
     def __post_init__(self) -> None:
+        """Raises `InputError` for an unknown model, or Young's modulus or Poisson's ratio out of range."""
         if self.model not in MODELS:
             raise InputError("Material", "model", f"is {self.model!r}", f"Use one of {', '.join(MODELS)}")
         young = np.asarray(self.young, dtype=float)

@@ -37,6 +37,7 @@ class Validity:
         return {"inverted_tets": float(self.inverted), "least_det": self.least}
 
     def __str__(self) -> str:
+        """One line: the count of inverted tets, and the place and det F of the worst tet."""
         at = ", ".join(f"{c:.1f}" for c in self.place)
         worst = f"the worst at ({at}) mm has det F = {self.least:.2g}"
         return f"{self.inverted} of {self.tets} tets are inverted, {worst}"

@@ -85,6 +85,7 @@ class PardisoFactor:
         self.refactorise(matrix)
 
     def refactorise(self, matrix: sp.csr_matrix) -> None:
+        """Factorise another matrix, reusing the symbolic analysis where the pattern is the same."""
         matrix.sort_indices()
         if self._pattern is None or not self._pattern.fits(matrix):
             self._analyse(matrix)
@@ -92,6 +93,7 @@ class PardisoFactor:
         self._call(FACTORISE)
 
     def solve(self, b: Array) -> Array:
+        """Solution of A x = b, for b (N,) or (N, k), in the memory order of b."""
         columns = np.asfortranarray(b, dtype=float)
         x = np.empty_like(columns)
         self._call(SOLVE, columns, x, count=1 if b.ndim == 1 else b.shape[1])
@@ -161,6 +163,7 @@ class PardisoFactor:
         self._pattern = None
 
     def __del__(self) -> None:
+        """Returns the factor's memory to Pardiso, except while the interpreter shuts down."""
         if not sys.is_finalizing() and hasattr(self, "_parameters"):
             self._release()
 

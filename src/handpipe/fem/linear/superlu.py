@@ -29,6 +29,7 @@ class SuperLUFactor:
         self.refactorise(matrix)
 
     def refactorise(self, matrix: sp.csr_matrix) -> None:
+        """Factorise another matrix; SuperLU analyses each matrix anew."""
         if matrix.shape[0] > LARGEST and self._limit < float("inf"):
             raise FactorTooLarge(f"{matrix.shape[0]} unknowns are too slow for SuperLU")
         estimated = ENTRIES * matrix.shape[0] ** (4 / 3)
@@ -54,4 +55,5 @@ class SuperLUFactor:
         self.work = Work(2.0 * float(columns @ columns), entries / 2, 12.0 * entries, BALANCE)
 
     def solve(self, b: Array) -> Array:
+        """Solution of A x = b, for b (N,) or (N, k)."""
         return self._lu.solve(np.asarray(b, dtype=float))

@@ -43,6 +43,7 @@ class SupernodalFactor:
         self.refactorise(matrix)
 
     def refactorise(self, matrix: sp.csr_matrix) -> None:
+        """Factorise another matrix, reusing the symbolic analysis where the pattern is the same."""
         matrix.sort_indices()
         self._factor = None  # two factors at a time would take twice the memory
         if self._pattern is None or not self._pattern.fits(matrix):
@@ -58,6 +59,7 @@ class SupernodalFactor:
             raise NotPositiveDefinite("the matrix is not positive definite")
 
     def solve(self, b: Array) -> Array:
+        """Solution of A x = b, for b (N,) or (N, k)."""
         right = np.ascontiguousarray(b, dtype=float)
         return self._factor.solve(right) if right.ndim == 1 else self._factor.solve_many(right)
 

@@ -110,10 +110,12 @@ class SystemSequence:
 
     @property
     def factorisations(self) -> int:
+        """Number of factorisations so far."""
         return self.work.factorisations
 
     @property
     def cg_iterations(self) -> int:
+        """Number of conjugate gradient iterations so far, over all systems."""
         return self.work.cg_iterations
 
     def solve(

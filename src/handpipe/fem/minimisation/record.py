@@ -38,6 +38,7 @@ class Options:
     name: str = "equilibrium"
 
     def __post_init__(self) -> None:
+        """Raises `InputError` for tolerances or limits out of range."""
         for name in ("displacement_tolerance", "force_tolerance", "max_step"):
             if not getattr(self, name) > 0:
                 problem = f"is {getattr(self, name)}"

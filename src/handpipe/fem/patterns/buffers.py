@@ -28,7 +28,9 @@ class Buffers:
         return fresh
 
     def __deepcopy__(self, memo: dict) -> Buffers:  # type: ignore[type-arg]
+        """A set of buffers without arrays: copies of a potential share none."""
         return Buffers()
 
     def __reduce__(self) -> tuple:  # type: ignore[type-arg]
+        """Pickled without arrays: a set of buffers is empty when unpickled."""
         return Buffers, ()

@@ -42,9 +42,11 @@ class Membrane:
         self._sheet = _Sheet(self.triangles, gradients, thickness * areas, mu.copy(), lam)
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules, summed over triangles."""
         return _value(x, self._sheet)
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) in mN: minus the force."""
         return _gradient(x, self._sheet)
 
     def force_sizes(self, x: Array) -> Array:
@@ -60,6 +62,7 @@ class Membrane:
         return np.asarray(np.bincount(self.triangles.ravel(), forces.ravel(), self._count), dtype=float)
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Exact second derivative (3n, 3n) in mN/mm; `project` drops compressive stresses."""
         data = self.pattern.data()
         slots, strides = self.pattern.slots, self.pattern.strides
         _hessian(x, self._sheet, project, slots, strides, data)

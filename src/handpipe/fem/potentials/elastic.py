@@ -99,12 +99,15 @@ class Elastic:
         self._body = self._body._replace(gradients=gradients, weights=weights)
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules, summed over tets."""
         return float(tet_kernels.energies(_coordinates(x), self._body, self._partition).sum())
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) in mN: minus the force."""
         return tet_kernels.forces(_coordinates(x), self._body, self._partition)
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Exact second derivative (3n, 3n) in mN/mm; with `project`, made semidefinite tet by tet."""
         data = tet_kernels.stiffness(_coordinates(x), self._body, self._partition, self.pattern, project)
         return self.pattern.matrix(data)
 

@@ -25,12 +25,15 @@ class Expansion:
         self._hessian = sp.csr_matrix(energy.hessian(x)[chosen][:, chosen])
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules of the nodes' positions x (k, 3), relative to that at their start."""
         moves = (x - self._start).ravel()
         return float(self._gradient.ravel() @ moves + 0.5 * moves @ (self._hessian @ moves))
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (k, 3) in mN of the nodes' positions: g + H d."""
         moves = (x - self._start).ravel()
         return self._gradient + (self._hessian @ moves).reshape(-1, 3)
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Second derivative (3k, 3k) in mN/mm: H, constant; `project` is ignored."""
         return self._hessian

@@ -28,10 +28,12 @@ class Inertia:
         self._hessian.sort_indices()
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules; zero at x0 + h v0."""
         ahead = x - self._aim
         return 0.5 * float(np.vdot(ahead, self.mass @ ahead)) / self.time_step**2
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) in mN: mass times the acceleration over the step."""
         return self.mass @ (x - self._aim) / self.time_step**2
 
     def force_sizes(self, x: Array) -> Array:
@@ -39,6 +41,7 @@ class Inertia:
         return np.asarray(np.sqrt((self.gradient(x) ** 2).sum(axis=1)))
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Second derivative (3n, 3n) in mN/mm: M / h^2, positive definite, with or without `project`."""
         return self._hessian
 
     def velocity(self, x: Array) -> Array:

@@ -49,15 +49,18 @@ class Sum:
         self._buffers = Buffers()
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules, summed over the potentials."""
         return float(sum(p.value(x) for p in self.potentials))
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) in mN, summed over the potentials."""
         total = np.zeros_like(x)
         for potential in self.potentials:
             total += potential.gradient(x)
         return total
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Second derivative (3n, 3n) in mN/mm; with `project`, the sum of semidefinite stand-ins."""
         matrices = [p.hessian(x, project) for p in self.potentials]
         if len(matrices) == 1:
             return matrices[0]
@@ -70,10 +73,12 @@ class Sum:
         return canonical(data, self._indices, self._indptr, matrices[0].shape)
 
     def max_step(self, x: Array, step: Array) -> float:
+        """Largest fraction in (0, 1] of the displacement that every potential allows."""
         limits = [p.max_step(x, step) for p in self.potentials if hasattr(p, "max_step")]
         return min([1.0, *limits])
 
     def refresh(self, x: Array) -> None:
+        """Refresh every potential that offers `refresh`."""
         for potential in self.potentials:
             if hasattr(potential, "refresh"):
                 potential.refresh(x)

@@ -21,9 +21,11 @@ class Pull:
         self._zero = sp.csr_matrix((size, size))
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules: -sum f . p, linear in x."""
         return -float(np.vdot(self._load, x))
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) in mN: minus W^T f, constant."""
         return -self._load
 
     def force_sizes(self, x: Array) -> Array:
@@ -31,4 +33,5 @@ class Pull:
         return np.asarray(np.sqrt((self._load**2).sum(axis=1)))
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Second derivative (3n, 3n): zero."""
         return self._zero

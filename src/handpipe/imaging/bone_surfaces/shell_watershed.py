@@ -36,6 +36,8 @@ LEAST_VALLEY = 0.2  # mm of shell that belongs to its marker
 
 
 class Basin(IntEnum):
+    """Basins of the watershed around a bone: the bone, and its bright or dark surroundings."""
+
     bone = 1
     bright = 2
     dark = 3
@@ -109,6 +111,7 @@ class FineGrid:
 
     @property
     def shape(self) -> tuple[int, int, int]:
+        """Number of grid points along each axis."""
         nx, ny, nz = (len(c) for c in self.coordinates)
         return nx, ny, nz
 

@@ -41,6 +41,7 @@ class Volume:
 
     @property
     def shape(self) -> tuple[int, int, int]:
+        """Number of voxels along each axis."""
         nx, ny, nz = self.values.shape
         return nx, ny, nz
 

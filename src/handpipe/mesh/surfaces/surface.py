@@ -30,6 +30,7 @@ class Surface:
     triangles: IntArray
 
     def __post_init__(self) -> None:
+        """Stores contiguous float64 vertices (n, 3) and int64 triangles (k, 3)."""
         object.__setattr__(
             self, "vertices", np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3)
         )

@@ -23,6 +23,7 @@ class TetMesh:
     tets: IntArray
 
     def __post_init__(self) -> None:
+        """Stores contiguous float64 vertices (n, 3) and int64 tets (m, 4)."""
         object.__setattr__(
             self, "vertices", np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3)
         )

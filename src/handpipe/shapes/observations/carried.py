@@ -17,12 +17,15 @@ class Carried:
         self._coordinates = sp.kron(carry, sp.eye(3), format="csr")
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules of the points W x."""
         return self.potential.value(self.carry @ x)
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) in mN: W^T times the potential's."""
         return np.asarray(self.carry.T @ self.potential.gradient(self.carry @ x))
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Second derivative (3n, 3n) in mN/mm: W^T H W; with `project`, of the potential's stand-in."""
         inner = self.potential.hessian(self.carry @ x, project)
         found = (self._coordinates.T @ inner @ self._coordinates).tocsr()
         found.sort_indices()

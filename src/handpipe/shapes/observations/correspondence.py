@@ -79,6 +79,7 @@ class Correspondence:
 
     @property
     def count(self) -> int:
+        """Number r of points."""
         return len(self.targets)
 
     def errors(self, x: Array) -> Array:

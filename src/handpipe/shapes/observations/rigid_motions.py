@@ -39,6 +39,7 @@ class LooseMotions:
 
     @property
     def count(self) -> int:
+        """Number r of unconstrained rigid-body modes."""
         return self.twists.shape[1]
 
     def modes(self, x: Array) -> Array:

@@ -48,6 +48,7 @@ class SearchSettings:
     material: Material = MUSCLE
 
     def __post_init__(self) -> None:
+        """Raises `InputError` for a number outside `RANGES`."""
         for name, (lower, upper) in RANGES.items():
             value = getattr(self, name, lower)
             if not (math.isfinite(value) and lower <= value <= upper):

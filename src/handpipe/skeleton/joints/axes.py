@@ -38,6 +38,7 @@ class Axes:
 
     @property
     def dof(self) -> int:
+        """Number of degrees of freedom, 0 to 3."""
         return len(self.directions)
 
     def rotation(self, angles: Array) -> Array:

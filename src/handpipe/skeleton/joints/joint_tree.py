@@ -55,6 +55,7 @@ class ScannedBones(dict[str, RigidTransform]):
         self.pose = pose
 
     def __missing__(self, bone: str) -> RigidTransform:
+        """Raises `InputError`: the pose's scan does not determine the bone's transform."""
         raise InputError(
             "rig",
             f"poses.{self.pose}",

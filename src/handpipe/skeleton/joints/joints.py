@@ -48,6 +48,7 @@ class JointFit:
 
     @property
     def dof(self) -> int:
+        """Number of degrees of freedom, 0 to 3."""
         return self.axes.dof
 
     @property

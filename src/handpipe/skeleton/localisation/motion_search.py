@@ -30,19 +30,23 @@ class Motions:
     translations: Array
 
     def __len__(self) -> int:
+        """Number h of motions."""
         return len(self.translations)
 
     def __getitem__(self, index: NDArray | slice) -> Motions:
+        """The motions of an index array, a mask or a slice."""
         return Motions(self.rotations[index], self.translations[index])
 
     @staticmethod
     def of(transforms: list[RigidTransform]) -> Motions:
+        """The motions of a list of transforms, in its order; the list may be empty."""
         return Motions(
             np.array([t.rotation for t in transforms]).reshape(-1, 3, 3),
             np.array([t.translation for t in transforms]).reshape(-1, 3),
         )
 
     def transforms(self) -> list[RigidTransform]:
+        """One transform per motion, in order."""
         return [RigidTransform(r, t) for r, t in zip(self.rotations, self.translations, strict=True)]
 
     @staticmethod

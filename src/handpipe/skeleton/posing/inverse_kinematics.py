@@ -44,6 +44,7 @@ class Reach:
         return max(self.distances, default=0.0) <= self.tolerance
 
     def __str__(self) -> str:
+        """One line: targets met, or the worst distance in mm and the joint limits that cause it."""
         if self.reached:
             return f"all targets are met within {self.tolerance:g} mm"
         worst = int(np.argmax(self.distances))

@@ -93,6 +93,7 @@ class PoseSpace:
     points: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        """Raises `ValueError` for an unknown interpolation."""
         if self.interpolation not in get_args(Interpolation):
             raise ValueError(f"interpolation {self.interpolation!r} is none of {get_args(Interpolation)}")
 

@@ -42,9 +42,11 @@ class Position:
 
     @property
     def bones(self) -> tuple[str, ...]:
+        """The bone of the point."""
         return (self.bone,)
 
     def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
+        """Weighted offset (3,) in mm of the point from `place`, and its derivatives (3, n) in mm per rad."""
         bone = bones[self.bone]
         return self.weight * (bone.transform(self.point) - self.place), self.weight * bone.velocities(
             self.point
@@ -63,9 +65,11 @@ class Meeting:
 
     @property
     def bones(self) -> tuple[str, ...]:
+        """The bones of both points."""
         return (self.bone, self.other)
 
     def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
+        """Weighted offset (3,) in mm between the points, and its derivatives (3, n) in mm per rad."""
         a, b = bones[self.bone], bones[self.other]
         gap = a.transform(self.point) - b.transform(self.other_point)
         return self.weight * gap, self.weight * (a.velocities(self.point) - b.velocities(self.other_point)).T
@@ -85,9 +89,11 @@ class Orientation:
 
     @property
     def bones(self) -> tuple[str, ...]:
+        """The bone that is oriented."""
         return (self.bone,)
 
     def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
+        """Scaled difference (9,) in mm of the rotations, and its derivatives (9, n) in mm per rad."""
         bone, scale = bones[self.bone], self.lever / np.sqrt(2)
         columns = bone.transform.rotation.T  # (3, 3), one column of the rotation a row
         rates = np.cross(bone.angular[:, None, :], columns[None])  # (n, 3, 3)
@@ -109,9 +115,11 @@ class Direction:
 
     @property
     def bones(self) -> tuple[str, ...]:
+        """The bone that the direction belongs to."""
         return (self.bone,)
 
     def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
+        """Difference (3,) in mm of the directions times `lever`, and its derivatives (3, n) in mm per rad."""
         bone = bones[self.bone]
         direction = bone.transform.rotation @ self.direction
         return self.lever * (direction - self.along), self.lever * np.cross(bone.angular, direction).T

@@ -46,6 +46,7 @@ class Validity:
         return self.inside and not self.collisions
 
     def __str__(self) -> str:
+        """One line: angles beyond the seen range, distance to the nearest seen pose, and collisions."""
         parts = [f"{n} {np.degrees(a):+.1f} deg beyond what was seen" for n, a in self.beyond.items()]
         if self.distance > self.spacing:
             parts.append(f"{np.degrees(self.distance):.1f} deg from the nearest seen pose, {self.nearest}")

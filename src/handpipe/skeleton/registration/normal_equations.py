@@ -30,6 +30,7 @@ class Rows:
 
     @staticmethod
     def joined(parts: Sequence[Rows]) -> Rows:
+        """The equations of all parts, one below the other."""
         return Rows(np.vstack([p.jacobian for p in parts]), np.concatenate([p.distance for p in parts]))
 
 

@@ -60,14 +60,17 @@ class ActiveFibres(DensityPotential):
         return np.linalg.norm(now, axis=1).reshape(f.shape[:2])
 
     def densities(self, f: Array, points: slice) -> Array:
+        """Energy densities (p,) in kPa: tension times the rounded fibre stretch."""
         _, _, length, tension = self._fibres(f, points)
         return tension * length
 
     def stresses(self, f: Array, points: slice) -> Array:
+        """First Piola stresses (p, 3, 3) in kPa: a n f^T."""
         rest, now, length, tension = self._fibres(f, points)
         return (tension / length)[:, None, None] * now[:, :, None] * rest[:, None, :]
 
     def tangents(self, f: Array, points: slice, project: bool) -> Array:
+        """Derivatives (p, 9, 9) of the stresses by F in row-major order: semidefinite in either case."""
         rest, now, length, tension = self._fibres(f, points)
         n = now / length[:, None]
         across = (tension / length)[:, None, None] * (np.eye(3) - n[:, :, None] * n[:, None, :])

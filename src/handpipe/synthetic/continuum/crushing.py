@@ -31,9 +31,11 @@ class Crushing(DensityPotential):
         return Crushing(self.elements, self.stiffness, last)
 
     def densities(self, f: Array, points: slice) -> Array:
+        """Energy densities (p,) in kPa; zero where J is 0.3 or more."""
         return self.stiffness * self._barrier(np.linalg.det(f))[0]
 
     def stresses(self, f: Array, points: slice) -> Array:
+        """First Piola stresses (p, 3, 3) in kPa; zero where J is 0.3 or more."""
         slope = self.stiffness * self._barrier(np.linalg.det(f))[1]
         out = np.zeros_like(f)
         active = slope != 0
@@ -41,6 +43,7 @@ class Crushing(DensityPotential):
         return out
 
     def tangents(self, f: Array, points: slice, project: bool) -> Array:
+        """Derivatives (p, 9, 9) of the stresses by F in row-major order; semidefinite with `project`."""
         slope, curvature = (self.stiffness * d for d in self._barrier(np.linalg.det(f))[1:])
         normal = cofactors(f).reshape(-1, 9)
         out = curvature[:, None, None] * normal[:, :, None] * normal[:, None, :]
@@ -48,6 +51,7 @@ class Crushing(DensityPotential):
         return semidefinite(exact) if project else exact
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Second derivative (3n, 3n) in mN/mm, assembled only from cells with a point of J < 0.3."""
         f = self.deformation_gradients(x)
         crushed = np.flatnonzero((np.linalg.det(f) < CRUSHED).any(axis=1))
         data = self.elements.pattern.data()

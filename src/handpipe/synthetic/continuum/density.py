@@ -58,10 +58,12 @@ class DensityPotential:
         return _deformation_gradients(np.ascontiguousarray(x), self.elements.cells, self.elements.gradients)
 
     def value(self, x: Array) -> float:
+        """Energy in microjoules, summed over points."""
         f = self.deformation_gradients(x).reshape(-1, 3, 3)
         return float(self.elements.volumes.ravel() @ self.densities(f, slice(None)))
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) in mN: minus the force."""
         e = self.elements
         f = self.deformation_gradients(x)
         stress = self.stresses(f.reshape(-1, 3, 3), slice(None)).reshape(f.shape)
@@ -79,6 +81,7 @@ class DensityPotential:
         return out
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Second derivative (3n, 3n) in mN/mm; with `project`, made semidefinite point by point."""
         e, pattern = self.elements, self.elements.pattern
         data = pattern.data()
         f = self.deformation_gradients(x)

@@ -29,12 +29,15 @@ class Solid(DensityPotential):
         self._mu, self._lam = (np.repeat(constant, points) for constant in material.lame(count))
 
     def densities(self, f: Array, points: slice) -> Array:
+        """Energy densities (p,) in kPa."""
         return energy_densities(self._model, f, self._mu[points], self._lam[points])
 
     def stresses(self, f: Array, points: slice) -> Array:
+        """First Piola stresses (p, 3, 3) in kPa."""
         return piola_stresses(self._model, f, self._mu[points], self._lam[points])
 
     def tangents(self, f: Array, points: slice, project: bool) -> Array:
+        """Derivatives (p, 9, 9) of the stresses by F in row-major order; semidefinite with `project`."""
         law = semidefinite_stiffnesses if project else stiffnesses
         return law(self._model, f, self._mu[points], self._lam[points])
 

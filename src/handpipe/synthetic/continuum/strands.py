@@ -59,13 +59,16 @@ class Strands(PointPotential):
         return self._tensions(self.points(x))[1]
 
     def energies(self, points: Array) -> Array:
+        """Energy (s,) in microjoules of segments given by their vectors (s, 3) in mm."""
         return self._tensions(points)[0]
 
     def forces(self, points: Array) -> Array:
+        """Gradient (s, 3) in mN by the segments' vectors: tension along each segment."""
         _, tension, _, now = self._tensions(points)
         return (tension / np.maximum(now, 1e-300))[:, None] * points
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
+        """Second derivative (s, 3, 3) in mN/mm; `project` drops the negative part in compression."""
         _, tension, slope, now = self._tensions(points)
         along = points / np.maximum(now, 1e-300)[:, None]
         dyads = along[:, :, None] * along[:, None, :]
@@ -88,12 +91,15 @@ class Cable(PointPotential):
         self.tension = per_point(tension, self.count, "tension")
 
     def energies(self, points: Array) -> Array:
+        """Energy (s,) in microjoules of segments given by their vectors (s, 3) in mm."""
         return self.tension * self._lengths(points)
 
     def forces(self, points: Array) -> Array:
+        """Gradient (s, 3) in mN by the segments' vectors: the tension T along each segment."""
         return (self.tension / self._lengths(points))[:, None] * points
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
+        """Second derivative (s, 3, 3) in mN/mm: semidefinite, with or without `project`."""
         length = self._lengths(points)
         along = points / length[:, None]
         across = np.eye(3) - along[:, :, None] * along[:, None, :]

@@ -37,12 +37,15 @@ class Pressure(DensityPotential):
         self._pressures = np.repeat(pressures, self._points)
 
     def densities(self, f: Array, points: slice) -> Array:
+        """Energy densities (p,) in kPa: minus the pressure times the relative change of volume."""
         return -self._pressures[points] * (np.linalg.det(f) - 1.0)
 
     def stresses(self, f: Array, points: slice) -> Array:
+        """First Piola stresses (p, 3, 3) in kPa: minus the pressure times the cofactors of F."""
         return -self._pressures[points, None, None] * cofactors(f)
 
     def tangents(self, f: Array, points: slice, project: bool) -> Array:
+        """Derivatives (p, 9, 9) of the stresses by F in row-major order; semidefinite with `project`."""
         exact = -self._pressures[points, None, None] * second_derivatives(f)
         return semidefinite(exact) if project else exact
 

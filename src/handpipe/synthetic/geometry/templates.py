@@ -23,6 +23,7 @@ class Warp:
     frame: RigidTransform = field(default_factory=RigidTransform.identity)
 
     def __call__(self, points: Array) -> Array:
+        """Images (n, 3) in mm of points (n, 3) in mm."""
         p = points - self.centre
         c, s = np.cos(self.twist * p[:, 0]), np.sin(self.twist * p[:, 0])
         y, z = c * p[:, 1] - s * p[:, 2], s * p[:, 1] + c * p[:, 2]

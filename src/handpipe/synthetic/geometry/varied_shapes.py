@@ -33,6 +33,7 @@ class Variation:
         self._bones = bones
 
     def __call__(self, points: Array) -> Array:
+        """Positions (n, 3) in mm of the displaced points (n, 3)."""
         field = np.cos(points @ self._waves.T + self._phases) @ self._amplitudes
         if self._bones is not None:
             field *= _faded(self._bones.closest(points)[0])[:, None]

@@ -34,9 +34,11 @@ class Shaft:
     radius_end: float
 
     def shape(self) -> Implicit:
+        """Implicit function of the cone."""
         return round_cone(self.start, self.end, self.radius_start, self.radius_end)
 
     def resized(self, place: Callable[[Point], Point], girth: float) -> Shaft:
+        """The cone with both ends moved by `place`, and its radii times `girth`."""
         radii = girth * self.radius_start, girth * self.radius_end
         return Shaft(place(self.start), place(self.end), *radii)
 
@@ -49,9 +51,11 @@ class Lump:
     radii: Point
 
     def shape(self) -> Implicit:
+        """Implicit function of the ellipsoid."""
         return ellipsoid(self.centre, self.radii)
 
     def resized(self, place: Callable[[Point], Point], girth: float) -> Lump:
+        """The ellipsoid with its centre moved by `place`, and its radii times `girth`."""
         x, y, z = self.radii
         return Lump(place(self.centre), (girth * x, girth * y, girth * z))
 

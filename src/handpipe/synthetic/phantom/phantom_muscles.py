@@ -83,6 +83,7 @@ class KnownMuscle:
         return close_rings(points, points[0].mean(axis=0), points[-1].mean(axis=0))
 
     def fractions(self, x: Array) -> dict[str, Array]:
+        """For MP2, the fraction (n,) in [0, 1] of its motion that points at x (n,) in mm follow."""
         return {"MP2": ramp(x, *TRANSITION)}
 
     def thicken(self, points: Array, posture: Posture, growth: float) -> Array:

@@ -73,6 +73,7 @@ class KnownSkin:
         return close_rings(points, start, end)
 
     def fractions(self, x: Array) -> dict[str, Array]:
+        """For each joint, the fraction (n,) in [0, 1] of its motion that points at x (n,) in mm follow."""
         return {joint: ramp(x, *band) for joint, band in BANDS.items()}
 
     def bulge(self, points: Array, posture: Posture, growth: Mapping[str, float]) -> Array:

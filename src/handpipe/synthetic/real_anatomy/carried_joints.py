@@ -22,10 +22,14 @@ class Hinge(Protocol):
     """A centre (3,) in mm and an axis (3,) of about unit length."""
 
     @property
-    def centre(self) -> Array: ...
+    def centre(self) -> Array:
+        """A point (3,) of the axis in mm."""
+        ...
 
     @property
-    def axis(self) -> Array: ...
+    def axis(self) -> Array:
+        """Direction (3,) of the axis, of about unit length."""
+        ...
 
 
 def similarity(

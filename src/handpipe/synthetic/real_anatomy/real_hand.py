@@ -43,6 +43,7 @@ class Hinge:
     centre: Array
 
     def moved(self, transform: RigidTransform) -> Hinge:
+        """The hinge after a rigid motion."""
         return Hinge(transform.rotation @ self.axis, transform(self.centre))
 
 

@@ -70,6 +70,7 @@ class Finger:
         self.nail = self._nail()
 
     def neutral(self) -> Posture:
+        """The neutral posture: all angles zero, the root at the identity."""
         return Posture(self.joints, dict.fromkeys(ANGLES, 0.0), RigidTransform.identity())
 
     def _bones(self) -> tuple[dict[str, Implicit], dict[str, Surface], dict[str, Surface]]:

@@ -58,6 +58,7 @@ class Target:
     _rim: cKDTree | None = field(init=False)
 
     def __post_init__(self) -> None:
+        """Builds the distance to the scan, and the search tree of its boundary vertices."""
         self._distance = Distance(self.scan)
         rim = np.unique(self.scan.boundary_edges())
         self._rim = cKDTree(self.scan.vertices[rim]) if len(rim) else None

@@ -84,6 +84,7 @@ class Contraction:
         self.x = start
 
     def __call__(self, weights: Array) -> tuple[float, Array]:
+        """W and dW/da (HANDLES,) at the weights a (HANDLES,), with `x` set to the equilibrium."""
         logs = (self._basis @ weights)[:, None] * self._stretch
         elastic = self._elastic.with_strains(plasticity.exp(logs))
         self.x = equilibrium.solve([elastic, self._springs], self.x).x

@@ -35,6 +35,7 @@ class Affine:
     offset: Array
 
     def __call__(self, points: Array) -> Array:
+        """Images of points (3,) or (n, 3) in mm, of the same shape."""
         return points @ self.matrix.T + self.offset
 
 

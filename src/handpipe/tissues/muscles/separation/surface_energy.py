@@ -33,12 +33,15 @@ class Plate:
         self._wide = sparse.kron(stiffness, sparse.eye(3), format="csr")
 
     def value(self, x: Array) -> float:
+        """Energy at positions x (n, 3) in mm; zero at rest."""
         return 0.5 * float(np.vdot(x - self._rest, self.gradient(x)))
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) at positions x (n, 3) in mm: K (x - rest)."""
         return np.asarray(self._stiffness @ (x - self._rest))
 
     def hessian(self, x: Array, project: bool = False) -> sparse.csr_matrix:
+        """Second derivative (3n, 3n): K x I, constant; `project` is ignored."""
         return self._wide
 
 
@@ -72,15 +75,18 @@ class KeptVolumes:
         return bool((np.abs(self.changes(x)) <= self._band).all())
 
     def value(self, x: Array) -> float:
+        """Energy at positions x (n, 3) in mm under the present pressures: -sum p V."""
         return -float(self.pressures @ self._volumes(x))
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) at positions x (n, 3) in mm, with pressures constant."""
         total = np.zeros_like(x)
         for (surface, part), pressure in zip(self._bodies, self.pressures, strict=True):
             total[part] = -pressure * volume_gradient(surface.moved(x[part]))
         return total
 
     def hessian(self, x: Array, project: bool = False) -> sparse.csr_matrix:
+        """Zero (3n, 3n) in place of the second derivative."""
         return self._zero
 
     def refresh(self, x: Array) -> None:

@@ -69,6 +69,7 @@ class SurfaceFit:
     _frames: Array = field(init=False)
 
     def refresh(self, x: Array) -> None:
+        """Renew frames, closest points, their normals and the robust weights at x (n, 3) in mm."""
         self._frames = frames(x, self.first_normal, self.twist)
         v = self.tube.skin(x, self._frames)
         surface_normals = _vertex_normals(v, self.tube.triangles)
@@ -85,6 +86,7 @@ class SurfaceFit:
         return np.sum(self.normals * (self.tube.skin(x, self._turned(x)) - self.closest), axis=1)
 
     def value(self, x: Array) -> float:
+        """Energy of vertices x (n, 3) in mm, against the closest points of the last refresh."""
         return float(self.weights @ self._residual(x) ** 2)
 
     def _rows(self, x: Array) -> Array:
@@ -104,6 +106,7 @@ class SurfaceFit:
         return rows
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3) of the energy; exact at the x of the last refresh."""
         g = np.zeros_like(x)
         rows = (2.0 * self.weights * self._residual(x))[:, None, None] * self._rows(x)
         for a in range(SEGMENTS + 1):

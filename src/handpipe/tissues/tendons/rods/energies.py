@@ -20,10 +20,23 @@ RETURNS = 3  # times that a hook may hold a rod again in one solve
 
 
 class RodEnergy(Protocol):
-    def refresh(self, x: Array) -> None: ...
-    def value(self, x: Array) -> float: ...
-    def gradient(self, x: Array) -> Array: ...
-    def add_hessian(self, x: Array, blocks: Array, exact: bool) -> None: ...
+    """An energy of the vertices x (n, 3) in mm of a rod, in the unit of its forces times mm."""
+
+    def refresh(self, x: Array) -> None:
+        """Renew what one iteration of the solver takes as constant."""
+        ...
+
+    def value(self, x: Array) -> float:
+        """Energy at x (n, 3)."""
+        ...
+
+    def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3): minus the force."""
+        ...
+
+    def add_hessian(self, x: Array, blocks: Array, exact: bool) -> None:
+        """Add the second derivative to blocks (n, REACH + 1, 3, 3); it may be approximate unless `exact`."""
+        ...
 
 
 def empty_blocks(n: int) -> Array:
@@ -38,18 +51,20 @@ class Pull:
     force: Array
 
     def refresh(self, x: Array) -> None:
-        pass
+        """Nothing to renew: the force is constant."""
 
     def value(self, x: Array) -> float:
+        """Energy at x (n, 3): -x_end . force."""
         return -float(x[-1] @ self.force)
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3): minus the force at the last vertex, zero at the others."""
         g = np.zeros_like(x)
         g[-1] = -self.force
         return g
 
     def add_hessian(self, x: Array, blocks: Array, exact: bool) -> None:
-        pass
+        """Adds nothing: the second derivative is zero."""
 
 
 @dataclass
@@ -65,7 +80,7 @@ class Bend:
     length: float
 
     def refresh(self, x: Array) -> None:
-        pass
+        """Nothing to renew: the energy has no internal state."""
 
     def _second(self, x: Array) -> Array:
         return x[:-2] - 2.0 * x[1:-1] + x[2:]
@@ -75,9 +90,11 @@ class Bend:
         return self.stiffness / self.length**3
 
     def value(self, x: Array) -> float:
+        """Energy at x (n, 3): zero for a straight rod of equal segments."""
         return 0.5 * self._scale * float(np.sum(self._second(x) ** 2))
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3): minus the force."""
         second = self._scale * self._second(x)
         g = np.zeros_like(x)
         g[:-2] += second
@@ -86,6 +103,7 @@ class Bend:
         return g
 
     def add_hessian(self, x: Array, blocks: Array, exact: bool) -> None:
+        """Add the second derivative, constant and exact, to blocks (n, REACH + 1, 3, 3)."""
         n = len(x)
         identity = self._scale * np.eye(3)
         stencil = (1.0, -2.0, 1.0)
@@ -117,6 +135,7 @@ class Hooks:
         self.returns = np.zeros(len(self.points), np.int64)
 
     def refresh(self, x: Array) -> None:
+        """Release hooks past an end of the curve; reattach them when reached, `RETURNS` times at most."""
         piece, t = closest_on_spline(self.points, x)
         before, after = (piece == 1) & (t == 0.0), (piece == len(x) - 2) & (t == 1.0)
         reached = ~(before | after)
@@ -135,10 +154,12 @@ class Hooks:
         return vertices, t, residual, self.weights[self.held]
 
     def value(self, x: Array) -> float:
+        """Energy at x (n, 3), with each hook's closest point minimised over."""
         _, _, r, w = self._at(x)
         return float(w @ np.sum(r * r, axis=1))
 
     def gradient(self, x: Array) -> Array:
+        """Gradient (n, 3): minus the force of the attached hooks."""
         vertices, t, r, w = self._at(x)
         g = np.zeros_like(x)
         np.add.at(g, vertices, 2.0 * (w[:, None] * spline_shape(t))[..., None] * r[:, None])
