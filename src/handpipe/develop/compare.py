@@ -1,4 +1,6 @@
-"""Compare two results folders array by array: python -m handpipe.develop.compare A B [--tolerance T]
+"""Compare two results folders array by array.
+
+Usage: python -m handpipe.develop.compare A B [--tolerance T]
 
 HDF5 artifacts are compared by their datasets, JSON files by their values, volumes by voxels and affine,
 meshes by points, cells and fields, other files by their bytes. Logs, benchmark files, the HTML report,

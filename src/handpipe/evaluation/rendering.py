@@ -67,8 +67,11 @@ class Camera:
 
 @dataclass(frozen=True)
 class Cut:
-    """Removes what lies on the side of the plane through `point` that `normal` points to; closed surfaces are
-    capped with their flat colour."""
+    """Removes what lies on one side of a plane.
+
+    That is the side of the plane through `point` that `normal` points to. Closed surfaces are capped with
+    their flat colour.
+    """
 
     point: Array
     normal: Array

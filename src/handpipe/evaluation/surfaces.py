@@ -19,8 +19,10 @@ def surface_distance(points: Array, surface: Surface) -> Array:
 
 
 def symmetric_distance(a: Surface, b: Surface) -> Array:
-    """Distances (n_a + n_b,) in mm of the vertices of a to b, then of b to a; its maximum is the Hausdorff
-    distance sampled at vertices."""
+    """Distances (n_a + n_b,) in mm of the vertices of a to b, then of b to a.
+
+    The maximum is the Hausdorff distance sampled at vertices.
+    """
     return np.concatenate([surface_distance(a.vertices, b), surface_distance(b.vertices, a)])
 
 

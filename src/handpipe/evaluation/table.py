@@ -1,5 +1,7 @@
-"""Tables of the report: errors of skin by pose and model, of muscles by pose, of the rig by joint; figures by
-stage."""
+"""Tables of the report.
+
+They give errors of skin by pose and model, of muscles by pose, of the rig by joint, and figures by stage.
+"""
 
 from __future__ import annotations
 

@@ -59,8 +59,9 @@ def _without_crumbs(labels: IntArray, pairs: IntArray, area: Array, volumes: Arr
 
 
 def label_parts(labels: IntArray, pairs: IntArray) -> IntArray:
-    """The part (m,), of tets of one label connected by faces, to which each tet belongs; from
-    `tet_neighbours`.
+    """The part (m,) that each tet belongs to.
+
+    A part is a set of tets of one label that are connected by faces; `pairs` are those of `tet_neighbours`.
     """
     same = pairs[labels[pairs[:, 0]] == labels[pairs[:, 1]]]
     graph = sparse.coo_matrix((np.ones(len(same)), same.T), shape=(len(labels), len(labels)))
@@ -68,8 +69,10 @@ def label_parts(labels: IntArray, pairs: IntArray) -> IntArray:
 
 
 def _given_away(labels: IntArray, given: BoolArray, pairs: IntArray, area: Array) -> IntArray:
-    """Tets `given` take the other label that they share the largest area with, from the outside of a crumb
-    on.
+    """Labels (m,) in which the tets `given` have the label of a neighbour.
+
+    A tet takes the other label that it shares the largest area with. The tets on the outside of a crumb come
+    first, then those behind them.
     """
     labels, given = labels.copy(), given.copy()
     ends, others = np.concatenate([pairs, pairs[:, ::-1]]).T
@@ -87,8 +90,9 @@ def _given_away(labels: IntArray, given: BoolArray, pairs: IntArray, area: Array
 
 
 def _pinched(mesh: TetMesh, labels: IntArray, pairs: IntArray, volumes: Array) -> tuple[BoolArray, IntArray]:
-    """Tets (m,) at a vertex or edge that are not connected there, by faces, to the most of their label
-    there.
+    """Tets (m,) that pinch their label at a vertex or edge, and the labels (m,) that would fill these places.
+
+    Such a tet is not connected, by faces at this vertex or edge, to the largest part of its label there.
     """
     touching = np.zeros(len(mesh.vertices), dtype=bool)
     differ = pairs[labels[pairs[:, 0]] != labels[pairs[:, 1]]]

@@ -1,5 +1,6 @@
-"""Edge collapses that remove bad tets of a labelled mesh without moving a vertex off its region, border or
-corner.
+"""Edge collapses that remove bad tets of a labelled mesh.
+
+No vertex moves off its region, border or corner.
 """
 
 from __future__ import annotations

@@ -176,8 +176,9 @@ def _remove_edge(p, q, mesh, around, n, fan, n_tets):  # type: ignore[no-untyped
 
 @njit(cache=True)
 def _across(t, i, tets, stars):  # type: ignore[no-untyped-def]
-    """The tet on the other side of the face opposite to corner i of tet t, and its vertex off the face; or
-    -1.
+    """The tet on the other side of the face opposite to corner i of tet t, and its vertex off the face.
+
+    Both are -1 where there is no neighbour.
     """
     a, b, c = tets[t, (i + 1) % 4], tets[t, (i + 2) % 4], tets[t, (i + 3) % 4]
     for k in range(stars.start[a], stars.start[a + 1]):

@@ -45,11 +45,11 @@ class MarkedEdges:
 
 
 def bisect(tets: IntArray, edges: MarkedEdges, ranks: IntArray, first_new: int) -> tuple[IntArray, IntArray]:
-    """Tets (d, 4) that replace tets (c, 4), and the parent (d,) of each; edge i gets the vertex first_new +
-    i.
+    """Tets (d, 4) that replace tets (c, 4), and the parent (d,) of each.
 
-    Every marked edge of a tet is bisected in the order of the ranks. What happens on a face depends on the
-    order of its own edges alone, so that both its tets cut it alike. Orientations are kept.
+    Edge i gets the vertex first_new + i. Every marked edge of a tet is bisected in the order of the ranks.
+    What happens on a face depends on the order of its own edges alone, so that both its tets cut it alike.
+    Orientations are kept.
     """
     return _bisect(tets, edges.of_tet, ranks, first_new)
 

@@ -55,8 +55,9 @@ def least_sine(a, b, c, d):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def least_sines(x: Array, tets: IntArray) -> Array:
-    """`least_sine` of tets (m, 4) on vertices x (n, 3); a tet with a corner below zero is not there, and has
-    2.
+    """The `least_sine` (m,) of tets (m, 4) on vertices x (n, 3).
+
+    A tet with a corner below zero does not exist; its value is 2.
     """
     out = np.full(len(tets), 2.0)
     for t in range(len(tets)):

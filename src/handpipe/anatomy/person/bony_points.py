@@ -50,8 +50,9 @@ def away_from(bone: Surface, centre: Array) -> Array:
 
 
 def _knuckle(joint: TemplateJoint, bones: Mapping[str, Surface], skin: float) -> Array:
-    """Flexion bends distal towards the palm about its axis, so that the back is distal x axis on either
-    hand.
+    """The feature point (3,) on the back of a knuckle.
+
+    Flexion bends distal towards the palm about its axis, so that the back is distal x axis on either hand.
     """
     parent = bones[joint.parent]
     distal = -away_from(parent, joint.centre)

@@ -1,9 +1,8 @@
-"""The 26 feature points that steer a template to a person (Albrecht 2003 §5.1): files, missing and doubtful
-ones.
+"""The 26 feature points that steer a template to a person: files, missing and doubtful points.
 
-Named by the joint or fingertip under them, rays 1 (thumb) to 5: `tip1` ... `tip5`, `DIP2` ... `DIP5`, `IP1`,
-`PIP2` ... `PIP5`, `MP1` ... `MP5` on the back of the knuckles, `web12` ... `web45` in the skin between two
-rays, `wrist_radial`, `wrist_ulnar` and `ulna_head`.
+The method is that of Albrecht 2003 §5.1. Points are named by the joint or fingertip under them, rays 1
+(thumb) to 5: `tip1` ... `tip5`, `DIP2` ... `DIP5`, `IP1`, `PIP2` ... `PIP5`, `MP1` ... `MP5` on the back of
+the knuckles, `web12` ... `web45` in the skin between two rays, `wrist_radial`, `wrist_ulnar` and `ulna_head`.
 """
 
 from __future__ import annotations

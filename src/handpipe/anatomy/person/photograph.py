@@ -98,8 +98,11 @@ def from_photograph(
 
 
 def _fitting_plane(points: Array, back: Array) -> tuple[Array, Array, Array]:
-    """A point (3,), two rows of unit vectors (2, 3) in the plane of least squares, and its normal (3,), on
-    the side of `back`, from which the first row turns to the second counter-clockwise."""
+    """The plane of least squares through points: a point, two directions and the normal.
+
+    The point is (3,), the directions are two rows of unit vectors (2, 3), and the normal (3,) points to the
+    side of `back`. Seen from there the first row turns to the second counter-clockwise.
+    """
     middle = points.mean(axis=0)
     first, second, _ = np.linalg.svd(points - middle, full_matrices=False)[2]
     if np.cross(first, second) @ back < 0:

@@ -64,11 +64,19 @@ class Skeleton:
         lengths: Mapping[str, float] | None = None,
         rays: float = 1.0,
     ) -> dict[str, Affine]:
-        """Where each bone goes: the root's similarity, joints at angles in rad about their centres, the size
-        of the bones of the rays against the root's scale, and each bone's length by its ratio against its
-        size across.
+        """The map of each bone from the template to a pose.
 
-        Bones of the rays that no joint carries grow from their end at the carpus.
+        Parameters
+        ----------
+        root : Affine
+            The root's similarity.
+        angles : mapping of str to float
+            Angles of the joints in rad, about their centres; zero where absent.
+        lengths : mapping of str to float
+            Each bone's ratio of length to its size across, relative to the template's; one where absent.
+        rays : float
+            Size of the bones of the rays relative to the root's scale. Bones of the rays that no joint
+            carries grow from their end at the carpus.
         """
         angles, lengths = angles or {}, lengths or {}
         scale = float(np.cbrt(np.linalg.det(root.matrix)))

@@ -1,5 +1,6 @@
-"""A complete template of a hand: bones, joints, muscles, tendons, skin, nails and feature points; its
-warping.
+"""A complete template of a hand, and its warping.
+
+It consists of bones, joints, muscles, tendons, skin, nails and feature points.
 """
 
 from __future__ import annotations
@@ -228,8 +229,11 @@ def _transformed(
 
 
 def guesses(template: SubjectTemplate, edge: float) -> dict[str, Guess]:
-    """First guesses of the template's muscles and ligaments, as the fit of muscles takes them, remeshed to
-    an edge length in mm. Raises `InputError` where remeshing leaves an attachment without vertices."""
+    """First guesses of the template's muscles and ligaments, as the fit of muscles takes them.
+
+    They are remeshed to an edge length in mm. Raises `InputError` where remeshing leaves an attachment
+    without vertices.
+    """
     organs = {**template.muscles, **template.ligaments}
     return {
         name: place(organ.surface, organ.attachments, lambda points: points, edge, organ.landmarks)

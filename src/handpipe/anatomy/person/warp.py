@@ -149,7 +149,9 @@ def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectT
 
 
 def _mean_turn(warp: Warp, joint: TemplateJoint) -> Array:
-    """The mean rotation (3, 3) of a joint's registered bones: between bones that all but touch, the map's own
-    derivatives say little."""
+    """The mean rotation (3, 3) of a joint's registered bones.
+
+    The map's own derivatives say little between bones that all but touch.
+    """
     own = [warp.registered[b].matrix for b in (joint.parent, joint.child) if b in warp.registered]
     return Rotation.from_matrix(rotation_of(np.array(own))).mean().as_matrix()

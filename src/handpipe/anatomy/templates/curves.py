@@ -1,8 +1,7 @@
-"""Muscles as curves in a text file: control points on bones or in space, tissue values, anisotropy,
-attachments.
+"""Muscles as curves in a text file: control points, tissue values, anisotropy, attachments.
 
-Abdrashitov 2021 §3.2 and 3.7; several curves and attachments a muscle, which its
-users asked for (section 5).
+Control points are on bones or in space (Abdrashitov 2021 §3.2 and 3.7). A muscle may have several curves and
+attachments, which the users of that method asked for (section 5).
 """
 
 from __future__ import annotations
@@ -108,8 +107,10 @@ class CurveFile(Model):
 
 @dataclass(frozen=True, eq=False)
 class PlacedCurve:
-    """A curve as points (s, 3) in mm with tissue (s,), frames (s, 3, 3) of rows, rates (s, 3) along the
-    rows.
+    """A curve as points with tissue values, frames and rates.
+
+    Points (s, 3) are in mm, tissue is (s,), frames are (s, 3, 3) with the axes in rows, and rates are (s, 3)
+    along these rows.
     """
 
     points: Array

@@ -1,9 +1,8 @@
-"""Muscle and fat functions: tissue values of curves and skin, diffused through the space between skin and
-bones.
+"""Muscle and fat functions: tissue values of curves and skin, diffused between skin and bones.
 
-Abdrashitov 2021, Eq. 1 to 13. Two departures: a constraint counts by the length of its
-curve inside the tet, not once a tet, so that the energy is that of a line whatever the mesh; tensors are
-carried into the volume as logarithms, so that they stay positive definite.
+Abdrashitov 2021, Eq. 1 to 13. Two departures: a constraint counts by the length of its curve inside the tet,
+not once a tet, so that the energy is that of a line whatever the mesh; tensors are carried into the volume as
+logarithms, so that they stay positive definite.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ Factorise = Callable[[sparse.csr_matrix], Factor]
 
 
 def superlu(matrix: sparse.csr_matrix) -> Factor:
-    """scipy's factor of a symmetric positive definite matrix."""
+    """SciPy's factor of a symmetric positive definite matrix."""
     return splu(
         matrix.tocsc(),
         permc_spec="MMD_AT_PLUS_A",
@@ -97,8 +96,9 @@ def _collocated(curve: PlacedCurve, locator: Locator) -> tuple[Array, IntArray, 
 
 @dataclass(frozen=True, eq=False)
 class Functions:
-    """Values (n, k) at the vertices: of the fat in the first column, then of the muscles in the order of
-    names.
+    """Values (n, k) of the tissue functions at the vertices.
+
+    The fat is the first column; the muscles follow in the order of names.
     """
 
     names: tuple[str, ...]
@@ -156,8 +156,9 @@ def _block(matrix: sparse.csr_matrix, free: IntArray) -> sparse.csr_matrix:
 
 
 def stiffness(mesh: TetMesh, tensors: Array | None = None) -> sparse.csr_matrix:
-    """Matrix (n, n) in mm of the form grad u . A grad v, Eq. 13; A (m, 3, 3) is one a tet, the identity if
-    None.
+    """Matrix (n, n) in mm of the form grad u . A grad v (Eq. 13).
+
+    A (m, 3, 3) has one tensor a tet; it is the identity if None.
     """
     vertices, tets = (np.ascontiguousarray(a.T) for a in (mesh.vertices, mesh.tets))
     basis = skfem.Basis(skfem.MeshTet(vertices, tets, sort_t=False), skfem.ElementTetP1(), intorder=0)
@@ -183,8 +184,9 @@ def diffusion_tensors(
     weight: float,
     factorise: Factorise = superlu,
 ) -> Array:
-    """Tensors (m, 3, 3): those of the curves' frames and rates, carried harmonically into the mesh (section
-    3.7).
+    """Diffusion tensors (m, 3, 3) of the tets (section 3.7).
+
+    They are the tensors of the curves' frames and rates, carried harmonically into the mesh.
     """
     frames = collocation.frames
     at_points = np.swapaxes(frames, 1, 2) @ (np.log(collocation.rates)[:, :, None] * frames)

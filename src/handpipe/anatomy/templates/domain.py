@@ -40,10 +40,10 @@ class Domain:
         return Domain(mesh, np.arange(len(skin.vertices)), dict(zip(bones, on_bones, strict=True)))
 
     def refined(self, points: Array, edge_length: float | Array) -> Domain:
-        """Finer tets, of about `edge_length` mm (one, or (p,)), around points (p, 3); sizes grow with the
-        distance from them.
+        """Finer tets, of about `edge_length` mm, around points (p, 3).
 
-        Longest edges are halved; given vertices keep their numbers.
+        `edge_length` is one number or (p,); sizes grow with the distance from the points. Longest edges are
+        halved; given vertices keep their numbers.
         """
         vertices, tets, skin, bones = self.mesh.vertices, self.mesh.tets, self.skin, self.bones
         lengths = np.broadcast_to(edge_length, len(points))

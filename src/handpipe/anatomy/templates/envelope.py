@@ -184,8 +184,9 @@ def _crossed(tets: IntArray, above: IntArray, difference: Array) -> tuple[IntArr
 
 
 def _zeros(vertices: Array, difference: Array, ends: IntArray) -> tuple[Array, Array]:
-    """All vertices with the zeros of the edges appended, and each zero's share (e,) of the way along its
-    edge.
+    """All vertices with the zeros of the edges appended, and each zero's position along its edge.
+
+    The position is the share (e,) of the way from the edge's first end.
     """
     a, b = ends.T
     share = difference[a] / (difference[a] - difference[b])
@@ -200,8 +201,9 @@ def _has_volume(vertices: Array, tets: IntArray) -> BoolArray:
 
 
 def _snap_zeros(tets: IntArray, difference: Array, snap: float) -> None:
-    """Set to zero the differences (n,) at vertices that are within the share `snap` of a zero, nearest
-    first.
+    """Set to zero the differences (n,) at vertices that are close to a zero, nearest first.
+
+    A vertex is close within the share `snap` of an edge.
     """
     ends = np.unique(np.sort(tets[:, EDGES].reshape(-1, 2), axis=1), axis=0)
     a, b = np.abs(difference[ends]).T
@@ -221,8 +223,9 @@ def _nearer_to_zero(ends, difference):  # type: ignore[no-untyped-def]
 
 
 def _snap_nearest(tets: IntArray, difference: Array) -> None:
-    """Set to zero the difference (n,) of least size at a corner of each tet (the last resort against flat
-    tets).
+    """Set to zero the difference (n,) of least size at a corner of each tet.
+
+    This is the last resort against flat tets.
     """
     size = np.where(difference[tets] == 0, np.inf, np.abs(difference[tets]))
     difference[np.take_along_axis(tets, np.argmin(size, axis=1)[:, None], axis=1)] = 0.0

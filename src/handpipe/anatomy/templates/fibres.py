@@ -83,8 +83,11 @@ def _nearest_tangents(points: Array, muscle: PlacedMuscle) -> Array:
 def _ends(
     mesh: TetMesh, attachments: Sequence[PlacedAttachment], candidates: IntArray, source: str, end: str
 ) -> IntArray:
-    """The candidates within reach of any of the attachments, of each its nearest at least; where these are
-    too few to hold the end from turning, also what is an edge farther off than the nearest.
+    """The candidates at which a muscle is attached at one end.
+
+    They are those within reach of any of the attachments, and at least the nearest of each attachment. Where
+    these are too few to keep the end from turning, the candidates up to one edge length farther off than the
+    nearest are added.
     """
     edge = mesh.edge_length()  # the least gap that the mesh can show
     found, wide = [], []
@@ -113,8 +116,9 @@ def gradient_fibres(
     alignment: float = ALIGNMENT,
     factorise: Factorise = superlu,
 ) -> tuple[Array, Array]:
-    """Directions (m, 3) and potential (n,) of Eq. 17 to 20: along the gradient, held to the curves'
-    tangents.
+    """Fibre directions (m, 3) and the potential (n,) whose gradient they follow (Eq. 17 to 20).
+
+    The gradient is held to the curves' tangents.
     """
     tensors = np.broadcast_to(np.eye(3), (len(mesh.tets), 3, 3)).copy()
     tangent = curves.frames[:, 0]

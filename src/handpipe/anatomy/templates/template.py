@@ -49,9 +49,7 @@ class Template:
     warnings: tuple[str, ...] = field(default=())
 
     def part(self, name: str) -> tuple[TetMesh, IntArray]:
-        """The tets of one tissue with their own vertices, and those vertices' (n,) numbers in the whole
-        mesh.
-        """
+        """The tets of one tissue as a mesh of their own, and its vertices' numbers (n,) in the whole mesh."""
         return self.mesh.part(self.labels == self.names.index(name))
 
     def surface(self, name: str) -> Surface:

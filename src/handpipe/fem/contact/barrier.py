@@ -186,8 +186,9 @@ class Barrier:
         return self._pattern.fit(self._reduce(self._local_hessian(x, project)))
 
     def convex_hessian(self, x: Array) -> sp.csr_matrix:
-        """The Hessian without negative eigenvalues of a pair's, in a pattern of its own: a third of the work
-        where so many contacts come and go that no pattern would last.
+        """The Hessian without negative eigenvalues of a pair's, in a sparsity pattern of its own.
+
+        It takes a third of the work where so many contacts come and go that no pattern would last.
         """
         return self._reduce(self._local_hessian(x, True))
 

@@ -113,8 +113,10 @@ class Contact(Sliding):
 
 
 def left_deep(gaps: Array, normals: Array, bite: float) -> Array:
-    """Offsets (k, 3) of contact planes that take at most `bite` mm of depth away from points with gaps (k,),
-    negative inside. Out of a deep place all at once they would push from where the other surface was.
+    """Offsets (k, 3) of contact planes that take at most `bite` mm of depth away from points.
+
+    Gaps (k,) are negative inside. Out of a deep place all at once the planes would push from where the other
+    surface was.
     """
     return np.minimum(gaps + bite, 0.0)[:, None] * normals
 

@@ -41,13 +41,12 @@ def rigid_pins(x: Array) -> IntArray:
 
 
 class DeflatedFactor:
-    """Solutions of K u = b orthogonal to the nullspace of a positive semidefinite K (Wang 2021, Singular
-    Lemma ii).
+    """Solutions of K u = b orthogonal to the nullspace of a positive semidefinite K.
 
-    The bordered system of Wang 2021 Eq. 5.15 has dense columns. Here as many degrees of freedom as there are
-    modes are fixed at zero, which leaves a sparse positive definite matrix; for b in the range of K its
-    solution is one of K u = b, and projecting the modes out makes it the wanted one. b is first projected
-    into the range.
+    See Wang 2021, Singular Lemma ii. The bordered system of Wang 2021 Eq. 5.15 has dense columns. Here as
+    many degrees of freedom as there are modes are fixed at zero, which leaves a sparse positive definite
+    matrix; for b in the range of K its solution is one of K u = b, and projecting the modes out makes it the
+    wanted one. b is first projected into the range.
     """
 
     def __init__(self, matrix: sp.csr_matrix, modes: Array) -> None:

@@ -121,12 +121,13 @@ class SystemSequence:
     def solve(
         self, matrix: sp.csr_matrix, b: Array, *, tolerance: float = 1e-3, free: NDArray | None = None
     ) -> Array:
-        """x (N,) with |b - A x| <= tolerance |b| for the symmetric CSR block A (N, N) of the unknowns.
+        """Solution x (N,) with |b - A x| <= tolerance |b|.
 
-        `free` is a mask (3n,) or the indices of the unknowns; by default N = 3n. Raises `NotPositiveDefinite`
-        where a factorisation or a direction of negative curvature shows it (conjugate gradients may converge
-        without meeting one: then x is a direction of descent all the same), `SingularMatrix` where there is
-        no solution or none to a tenth. With a coarse space, x is what was found before such a direction.
+        A (N, N) is the symmetric CSR block of the unknowns, `matrix`. `free` is a mask (3n,) or the indices
+        of the unknowns; by default N = 3n. Raises `NotPositiveDefinite` where a factorisation or a direction
+        of negative curvature shows it (conjugate gradients may converge without meeting one: then x is a
+        direction of descent all the same), `SingularMatrix` where there is no solution or none to a tenth.
+        With a coarse space, x is what was found before such a direction.
         """
         self._meet(matrix, free)
         b = np.asarray(b, dtype=float)

@@ -19,7 +19,9 @@ class TwoLevel:
     """
 
     def __init__(self, matrix: sp.csr_matrix, free: BoolArray, prolongation: sp.csr_matrix) -> None:
-        """`free` is a mask (3n,) of N unknowns, three or none of each node; `prolongation` is (n, c), whose
+        """Factor of the coarse matrix, and inverses of the diagonal blocks of the fine one.
+
+        `free` is a mask (3n,) of N unknowns, three or none of each node; `prolongation` is (n, c), whose
         columns have a one each at the first node that they carry most to, and are held where that is.
 
         Raises `NotPositiveDefinite` where the coarse matrix is not, hence neither the fine one.

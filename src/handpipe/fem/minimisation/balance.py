@@ -32,7 +32,7 @@ class Balance:
     """
 
     def __init__(self, energy: Sum, stiffness: sp.csr_matrix, x: Array, tolerance: float) -> None:
-        """stiffness (3n, 3n): the plain Hessian at x (n, 3)."""
+        """Limits from `stiffness` (3n, 3n), the plain Hessian at x (n, 3)."""
         self.energy, self.tolerance = energy, tolerance
         self.resistance = _resistance(energy, stiffness, x)
         self.least = SMALL_STRAIN * self.resistance

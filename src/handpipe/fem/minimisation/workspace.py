@@ -18,7 +18,7 @@ class Workspace:
     """
 
     def __init__(self, rest: Array, coarse: sp.csr_matrix | None = None) -> None:
-        """rest (n, 3): positions at rest or near it; coarse (n, c): as of `Options`."""
+        """Empty workspace; rest (n, 3): positions at rest or near it; coarse (n, c): as of `Options`."""
         self.systems = SystemSequence(rest=rest, coarse=coarse)
         self.held = False
         self._block: FreeBlock | None = None

@@ -18,8 +18,15 @@ LEAST_SHARE = 0.25  # of a motion that is carried out, at least
 
 @dataclass(frozen=True)
 class Limits:
-    """renewals: of the contact planes, at most; mm of motion from where the planes were taken: below
-    `settled` they need no renewal, above `gross` there is no result.
+    """Limits of the renewal of contact planes.
+
+    Parameters
+    ----------
+    renewals : int
+        Renewals of the contact planes, at most.
+    settled, gross : float
+        Motion in mm from where the planes were taken: below `settled` they need no renewal, above `gross`
+        there is no result.
     """
 
     renewals: int
@@ -29,9 +36,22 @@ class Limits:
 
 @dataclass(frozen=True)
 class Settled:
-    """Positions x (n, 3); how often contact planes were taken; motion in mm from where those of x were taken;
-    whether that is little enough; `chosen`: the number of the equilibrium that x is, from one; `solver`: what
-    the solver said of it, by name.
+    """An equilibrium, and how well its contact planes fit it.
+
+    Attributes
+    ----------
+    x : (n, 3)
+        Positions.
+    renewals : int
+        How often contact planes were taken.
+    motion : float
+        Motion in mm from where the planes of x were taken.
+    rests : bool
+        Whether that motion is little enough.
+    chosen : int
+        The number of the equilibrium that x is, from one.
+    solver : mapping of str to float
+        What the solver said of it, by name.
     """
 
     x: Array

@@ -44,8 +44,11 @@ class Basin(IntEnum):
 
 
 class OuterFaces(NamedTuple):
-    """Where rays along the marrow's normals leave the bone's basin: offsets (n,) in mm; whether into
-    something bright (n,), so that the image shows the face."""
+    """Where rays along the marrow's normals leave the bone's basin.
+
+    Offsets are (n,) in mm. `seen` (n,) tells whether a ray goes into something bright, so that the image
+    shows the face.
+    """
 
     offset: Array
     seen: BoolArray

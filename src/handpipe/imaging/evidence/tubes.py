@@ -119,8 +119,9 @@ def _darkness(level: Array) -> Array:
 def _ray_edges(
     volume: Volume, centres: Array, frames: tuple[Array, Array], radius: float, bones: Distance | None
 ) -> tuple[Array, Array, tuple[Array, Array], float]:
-    """Distance (n, RAYS) of the tube's edge along rays, its confidence, the rays' plane and world course,
-    and the bright tissue's level.
+    """Distance (n, RAYS) of a tube's edge along rays, its confidence, the rays' courses, the bright level.
+
+    The courses are in the plane and in the world; the bright level is that of the bright tissue.
     """
     angle = 2 * np.pi * np.arange(RAYS) / RAYS
     plane = np.stack([np.cos(angle), np.sin(angle)], axis=1)

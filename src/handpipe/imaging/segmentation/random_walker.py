@@ -234,8 +234,11 @@ def _doubts(x: NDArray, error: NDArray) -> int:
 
 
 def _conjugate_gradients(levels: list[Level], b: NDArray, x: NDArray, stop: Stop) -> Array:
-    """Solve to where the preconditioned residual, an estimate of the error, is below the tolerance, or moves
-    no more than a share of the voxels across 0.5."""
+    """The solution of the walker's system by preconditioned conjugate gradients.
+
+    They end where the preconditioned residual, an estimate of the error, is below the tolerance, or moves no
+    more than a share of the voxels across 0.5.
+    """
     fine = levels[0]
     r = b - _apply(*fine, x)
     z = _v_cycle(levels, r)

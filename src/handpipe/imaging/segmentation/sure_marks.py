@@ -35,9 +35,19 @@ NEXT = ndimage.generate_binary_structure(3, 1)
 
 
 class SureMarks(NamedTuple):
-    """Marks (nx, ny, nz) of the walker, 0 where it decides; growing (nx, ny, nz): parts behind a barrier that
-    may belong to the bone; undecided: voxels of the largest bright part that neither side's strokes reach
-    clearly better; middle (3,): of that part, in voxels."""
+    """Marks of the random walker, and the parts that they leave undecided.
+
+    Attributes
+    ----------
+    marks : (nx, ny, nz)
+        Marks of the walker, 0 where it decides.
+    growing : (nx, ny, nz) bool
+        Parts behind a barrier that may belong to the bone.
+    undecided : float
+        Voxels of the largest bright part that neither side's strokes reach clearly better.
+    middle : (3,)
+        The middle of that part, in voxels.
+    """
 
     marks: NDArray[np.uint8]
     growing: BoolArray

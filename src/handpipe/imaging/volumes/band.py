@@ -15,8 +15,19 @@ from handpipe.mesh.surfaces import Distance, Surface
 
 @dataclass(frozen=True)
 class DistanceBand:
-    """signed (nx, ny, nz) in mm, negative inside, +-reach beyond the band; in the band the voxels' indices
-    (m, 3), the closest triangles (m,) and the closest points (m, 3)."""
+    """Signed distances to a surface in a band of voxels around it.
+
+    Attributes
+    ----------
+    signed : (nx, ny, nz)
+        Signed distance in mm, negative inside, +-reach beyond the band.
+    indices : (m, 3)
+        Indices of the voxels in the band.
+    triangles : (m,)
+        The closest triangles to these voxels.
+    closest : (m, 3)
+        The closest points to these voxels.
+    """
 
     signed: Array
     indices: IntArray

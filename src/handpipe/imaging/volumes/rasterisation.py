@@ -32,8 +32,11 @@ def inside(volume: Volume, surface: Surface) -> BoolArray:
 
 @njit(cache=True)
 def _crossings(vertices, triangles, shape):  # type: ignore[no-untyped-def]
-    """By voxel, how often its column enters the surface between the voxel below and it, less how often it
-    leaves; vertices (n, 3) in voxels. The sums along a column are the winding numbers."""
+    """By voxel, how often its column enters the surface just below it, less how often it leaves.
+
+    The crossings counted are those between the voxel below and this one. Vertices (n, 3) are in voxels. The
+    sums along a column are the winding numbers.
+    """
     nx, ny, nz = shape
     out = np.zeros((nx, ny, nz + 1), np.int16)
     for t in range(len(triangles)):

@@ -19,8 +19,18 @@ LIFT = 1e-2  # mm off its own sheet, where a vertex is asked for others around i
 
 @dataclass(frozen=True)
 class SelfContact:
-    """Vertices (c,); feet (c, v): weights of the vertices that make up the place each meets; normals (c, 3)
-    there, outwards; gaps (c,) in mm, negative where the vertex is beneath that place.
+    """Contacts between vertices of a surface and other sheets of it.
+
+    Attributes
+    ----------
+    vertices : (c,)
+        Vertices in contact.
+    feet : (c, v)
+        Weights of the vertices that make up the place each meets.
+    normals : (c, 3)
+        Normals there, outwards.
+    gaps : (c,)
+        Gaps in mm, negative where the vertex is beneath that place.
     """
 
     vertices: IntArray

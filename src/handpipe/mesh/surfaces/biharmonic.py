@@ -21,8 +21,11 @@ class Biharmonic:
     """
 
     def __init__(self, source: Array, target: Array, smoothing: float = 0.0) -> None:
-        """From points (n, 3) to points (n, 3). Raises `ValueError` for fewer than 4 points, for two in one
-        place without smoothing, and for all in a plane."""
+        """The map from points (n, 3) to points (n, 3).
+
+        Raises `ValueError` for fewer than 4 points, for two in one place without smoothing, and for all in a
+        plane.
+        """
         source, target = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
         self._middle = source.mean(axis=0)
         self._scale = float(np.abs(source - self._middle).max())

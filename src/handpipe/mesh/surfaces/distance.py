@@ -53,8 +53,9 @@ class Distance:
         return np.where(side < 0, -distances, distances), triangles, closest, normals
 
     def smooth(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
-        """As `signed`, with normals between those of the vertices: planes through the closest points turn
-        without a jump where these go from facet to facet.
+        """As `signed`, with normals interpolated between those of the vertices.
+
+        Planes through the closest points turn without a jump where these go from facet to facet.
         """
         signed, triangles, closest, _ = self.signed(points)
         feet = barycentric_matrix(closest, self.surface.triangles[triangles], self.surface.vertices)

@@ -77,8 +77,10 @@ class Surface:
         return self._vertex_normals
 
     def smooth_normals(self, feet: sparse.csr_matrix) -> Array:
-        """Unit normals (k, 3) at places that weights (k, n) of the vertices make up, between the vertices'
-        normals: along the surface they turn without a jump from facet to facet.
+        """Unit normals (k, 3) interpolated between the vertices' normals.
+
+        Their places are those that weights (k, n) of the vertices make up. Along the surface the normals turn
+        without a jump from facet to facet.
         """
         return _unit(feet @ self.vertex_normals())
 

@@ -73,8 +73,10 @@ def tet_neighbours(tets: IntArray) -> IntArray:
 
 
 def tet_laplacian(tets: IntArray) -> sparse.csr_matrix:
-    """Graph Laplacian (m, m) over tets that share a face: degree on the diagonal, -1 off it (Wang 2021 App.
-    A)."""
+    """Graph Laplacian (m, m) over tets that share a face (Wang 2021 App. A).
+
+    It has the degree on the diagonal and -1 off it.
+    """
     m = len(tets)
     i, j = tet_neighbours(tets).T
     ones = np.ones(len(i))

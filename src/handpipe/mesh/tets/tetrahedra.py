@@ -76,7 +76,10 @@ class TetMesh:
         return float(self.dihedral_angles().min())
 
     def checked(self, source: str | Path) -> TetMesh:
-        """This mesh; raises `InputError` where a vertex is missing or NaN, or a tet is inverted or flat."""
+        """The mesh itself.
+
+        Raises `InputError` where a vertex is missing or NaN, or a tet is inverted or flat.
+        """
         if not np.isfinite(self.vertices).all():
             raise InputError(source, "vertices", "NaN or infinite coordinates", "Make the mesh again")
         if len(self.tets) == 0 or self.tets.min() < 0 or self.tets.max() >= len(self.vertices):

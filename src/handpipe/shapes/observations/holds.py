@@ -16,8 +16,18 @@ from handpipe.shapes.observations.attached import Attached
 
 @dataclass(frozen=True)
 class Holds:
-    """Points of a tet mesh: matrix (t, n) of their weights, targets (t, 3) in mm, begun (t, 3): where loose
-    ones were first. ends: numbers (of the t) of each loose end, which moves as a rigid body.
+    """Points of a tet mesh that are attached, or that belong to loose ends.
+
+    Attributes
+    ----------
+    matrix : (t, n)
+        Weights of the mesh's vertices for each point.
+    targets : (t, 3)
+        Targets in mm.
+    begun : (t, 3)
+        Where the points of loose ends were first, in mm.
+    ends : tuple of (k,)
+        Numbers (of the t) of the points of each loose end, which moves as a rigid body.
     """
 
     matrix: sparse.csr_matrix

@@ -13,8 +13,9 @@ from handpipe.shapes.observations.correspondence import Correspondence, Markers
 
 
 class ImageMarks:
-    """Edges of the image near the boundary of a body, each of a confidence, held by the vertex it was sought
-    from. Where the image shows none there is none.
+    """Edges of the image near the boundary of a body, with a confidence each.
+
+    An edge is held by the vertex that it was searched from. Where the image shows no edge there is none.
     """
 
     def __init__(

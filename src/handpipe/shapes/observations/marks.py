@@ -55,8 +55,11 @@ class BoundaryMarks:
         robust: float | None = None,
         covering: bool = False,
     ) -> None:
-        """robust: mm below which a distance is nothing unusual; None: all marks count alike; covering: the
-        marks are all over the boundary, and no part of the body is far from all of them.
+        """Marks (r, 3) on the boundary of a mesh.
+
+        `robust` is the distance in mm below which a distance is nothing unusual; None: all marks count alike.
+        `covering` tells that the marks are all over the boundary, and no part of the body is far from all of
+        them.
         """
         self.surface = mesh.boundary()
         self.points, self.tangential, self.robust = points, tangential, robust

@@ -27,7 +27,7 @@ class LooseMotions:
     """
 
     def __init__(self, targets: Array, x: Array) -> None:
-        """targets (t, 3) of attached points; x (n, 3) positions."""
+        """Loose motions of a body at positions x (n, 3), from the targets (t, 3) of its attached points."""
         self.centre = x.mean(axis=0)
         self.size = float(np.ptp(x, axis=0).max())
         self.twists = np.eye(6)
@@ -62,7 +62,10 @@ class LooseMotions:
         return RigidTransform(rotation, self.centre - rotation @ self.centre + shift)
 
     def settled(self, x: Array, points: Correspondence) -> Array:
-        """x (n, 3) moved so that its points come nearest to their targets, as the correspondence measures."""
+        """Positions x (n, 3) moved rigidly so that the points are nearest to their targets.
+
+        The correspondence measures the distances.
+        """
         if self.count == 0 or points.count == 0:
             return x
         for _ in range(ROUNDS):

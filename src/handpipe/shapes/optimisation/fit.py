@@ -1,7 +1,7 @@
-"""The shape of a body in one pose: smooth strains near a guess whose equilibrium meets what the image shows
-(Wang 2021 chapter 5; Zheng 2022 §4).
+"""The shape of a body in one pose, from what the image shows.
 
-The search is coarse to fine: uniform strain first, then more of the smoothest strain fields. Each
+Smooth strains near a guess, whose equilibrium meets what the image shows (Wang 2021 chapter 5; Zheng 2022
+§4). The search is coarse to fine: uniform strain first, then more of the smoothest strain fields. Each
 Gauss-Newton step costs one factorisation of the stiffness matrix.
 """
 
@@ -54,9 +54,17 @@ class EmbeddedSurface:
 
 @dataclass(frozen=True)
 class KnownPoints:
-    """Points of a body whose places are known: attached ones, and landmarks, which are used before the
-    markers and with them. loose: matrices (t_i, n) of points of ends that are held somewhere, each as a rigid
-    body whose place is sought from the guess's on.
+    """Points of a body whose places are known.
+
+    Attributes
+    ----------
+    attached : Attached
+        Attached points.
+    loose : sequence of (t_i, n)
+        Matrices of points of ends that are held somewhere, each as a rigid body whose place is searched from
+        the guess's on.
+    landmarks : Attached, optional
+        Landmarks, which are used before the markers and with them.
     """
 
     attached: Attached

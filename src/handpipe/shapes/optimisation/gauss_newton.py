@@ -167,7 +167,7 @@ def damped_least_squares(
     tolerance: float,
     most: int,
 ) -> tuple[Array, int]:
-    """u minimising |u|^2 + |M u - wanted|^2 from a start, and the iterations (CGLS; Bjorck 1996, 7.4).
+    """Minimiser u of |u|^2 + |M u - wanted|^2 from a start, and the iterations (CGLS; Bjorck 1996, 7.4).
 
     forward: M; adjoint: its transpose. Ends where the gradient has fallen by `tolerance` from the start.
     """

@@ -27,7 +27,11 @@ class NearRows:
     """The same system with a coarse G, solved directly."""
 
     def __init__(self, gram: Array, free: Array, ridge: Array) -> None:
-        """gram (k, k): the lower triangle of G, overwritten; free E (k, r); ridge: the diagonal (r,) of D."""
+        """Factor of the system with the coarse G.
+
+        `gram` (k, k) is the lower triangle of G, and is overwritten; `free` is E (k, r); `ridge` is the
+        diagonal (r,) of D.
+        """
         gram[np.diag_indices_from(gram)] += 1.0
         self.free, self.ridge = free, ridge
         self._factor = scipy.linalg.cho_factor(gram, lower=True, overwrite_a=True, check_finite=False)
@@ -35,7 +39,7 @@ class NearRows:
         self._schur = free.T @ self._spread + np.diag(ridge)
 
     def solve(self, wanted: Array) -> tuple[Array, Array]:
-        """y (k,) and q (r,) for w (k,)."""
+        """Solution y (k,) and q (r,) for w (k,)."""
         found = scipy.linalg.cho_solve(self._factor, wanted, check_finite=False)
         q = positive_solve(self._schur, self.free.T @ found)
         return found - self._spread @ q, q
@@ -44,7 +48,7 @@ class NearRows:
 def solve_rows(
     product: Callable[[Array], Array], near: NearRows, wanted: Array, tolerance: float, most: int
 ) -> tuple[Array, Array, int]:
-    """y (k,), q (r,) and the iterations that it took; product: G times (k,).
+    """Solution y (k,), q (r,) and the iterations that it took; product: G times (k,).
 
     Ends where the residual has fallen by `tolerance` in the norm of the inverse of the coarse system.
     """

@@ -26,14 +26,33 @@ RANGES: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """alpha, beta: 1/mm^2, weights of marks and attachments against smoothness (Wang 2021 Eq. 5.3); spring:
-    mN/mm of an attached point; tangential: share of a mark's distance that counts along the surface;
-    iterations: at most, at the full weight; enough: mm of the farthest mark at which the search ends;
-    progress: relative decrease of the objective below which a stage ends; resolution: mm of the mean and the
-    largest distance that another step is worth (None: any); loose: 1/mm^2, weight that keeps loose ends where
-    they are first.
+    """Weights and stopping criteria of the search for a shape.
 
-    Raises `InputError` for a number that is out of `RANGES`.
+    Parameters
+    ----------
+    alpha, beta : float
+        Weights of marks and attachments against smoothness in 1/mm^2 (Wang 2021 Eq. 5.3).
+    spring : float
+        Stiffness of an attached point in mN/mm.
+    tangential : float
+        Share of a mark's distance that counts along the surface.
+    iterations : int
+        Iterations at the full weight, at most.
+    enough : float
+        Distance in mm of the farthest mark at which the search ends.
+    progress : float
+        Relative decrease of the objective below which a stage ends.
+    resolution : pair of float, optional
+        Changes in mm of the mean and the largest distance that another step is worth (None: any).
+    loose : float
+        Weight in 1/mm^2 that keeps loose ends where they are first.
+    material : Material
+        Material of the body.
+
+    Raises
+    ------
+    InputError
+        For a number that is out of `RANGES`.
     """
 
     alpha: float = 10.0

@@ -78,11 +78,10 @@ class SmoothFields:
         return Step(change, motion, float(gradient @ solution), ends=solution[strains:], loose=NOTHING)
 
     def _derivatives(self, state: State, held: Sequence[Potential], count: int) -> tuple[Array, Array]:
-        """Derivatives of x (3 n, u) and of the holds' targets (3 t, u) by the unknowns: coefficients of
-        `count` fields, then motions of loose ends.
+        """Derivatives of x (3 n, u) and of the holds' targets (3 t, u) by the unknowns.
 
-        x follows the strains by J = -K^-1 d(gradient)/dS (Wang 2021 Eq. 5.10), and loose ends by their
-        springs.
+        The unknowns are the coefficients of `count` fields, then motions of loose ends. x follows the strains
+        by J = -K^-1 d(gradient)/dS (Wang 2021 Eq. 5.10), and loose ends by their springs.
         """
         holds = state.holds
         chain = plasticity.per_tet_operator(plasticity.exp_derivative(self.basis(state.unknowns)))

@@ -23,8 +23,20 @@ FindMarks = Callable[[Array], Correspondence]
 
 @dataclass(frozen=True)
 class State:
-    """Unknowns of a strain space (k, 6), what holds the body, the body under the strains, its equilibrium x
-    (n, 3), and the tangled tets of that.
+    """A state of the search: strains, and the equilibrium under them.
+
+    Attributes
+    ----------
+    unknowns : (k, 6)
+        Unknowns of a strain space.
+    holds : Holds
+        What holds the body: attached points and loose ends.
+    body : Elastic
+        The body under the strains.
+    x : (n, 3)
+        Its equilibrium.
+    tangles : int
+        The tangled tets of that equilibrium.
     """
 
     unknowns: Array
@@ -51,9 +63,22 @@ class Stage:
 
 @dataclass(frozen=True)
 class Step:
-    """Change of the unknowns (k, 6), of the positions (n, 3) to first order, of loose ends (6 e,) and of the
-    rigid motions (r,) that attachments leave free; the objective's slope along it, and the iterations that it
-    took (0: solved directly).
+    """A step of the search: changes of the unknowns and of the positions.
+
+    Attributes
+    ----------
+    strains : (k, 6)
+        Change of the unknowns.
+    motion : (n, 3)
+        Change of the positions to first order.
+    slope : float
+        The objective's slope along the step.
+    ends : (6 e,)
+        Change of loose ends.
+    loose : (r,)
+        Change of the rigid motions that attachments leave free.
+    iterations : int
+        Iterations that the step took (0: solved directly).
     """
 
     strains: Array

@@ -96,8 +96,9 @@ def examine(given: Given, start: Array) -> Doubts:
 
 @dataclass(frozen=True)
 class _Body:
-    """The free body that is fitted: its strains, their search, vertices placed rigidly, what nothing holds,
-    and points that it carries.
+    """The free body that is fitted.
+
+    It has its strains, their search, vertices placed rigidly, empty holds, and points that it carries.
     """
 
     space: AllTets
@@ -159,11 +160,11 @@ class _Examination:
         return wrong
 
     def contradicted(self) -> BoolArray:
-        """Attachments (t,) whose errors are far beyond the others', and beyond the distance of the nearest
-        other point from where they should be.
+        """Attachments (t,) whose errors are far beyond the others'.
 
-        The latter is what displacements may differ by where strains are of order one. Suspects had no part in
-        the fit, and have none in the predictions of others.
+        These errors also exceed the distance of the nearest other point from where they should be: that is
+        what displacements may differ by where strains are of order one. Suspects had no part in the fit, and
+        have none in the predictions of others.
         """
         found, trusted = self.suspects.copy(), np.flatnonzero(~self.suspects)
         errors = np.linalg.norm(self._offsets(trusted, self.suspects), axis=1)

@@ -37,8 +37,10 @@ def read_pairs(template: str | Path, image: str | Path) -> Pairs:
 
 
 def write_fit(folder: str | Path, fit: OrganFit, inputs: list[str | Path]) -> None:
-    """Write fitted.vtu, surface.ply, quality.json and fit.h5 (mesh, strains, kept marks, doubtful
-    attachments, every step): all of them, or none where one cannot be written.
+    """Write fitted.vtu, surface.ply, quality.json and fit.h5.
+
+    All of them are written, or none where one cannot be written. The file fit.h5 has the mesh, strains, kept
+    marks, doubtful attachments, and every step.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -149,8 +149,9 @@ def _checked_marks(marks: Array | None) -> Array:
 
 
 def _quality(task: OnMesh, state: State, kept: BoolArray, before: Array) -> Metrics:
-    """Errors in mm at marks (before: at the start), landmarks and attachments, and what has become of the
-    elements.
+    """Errors in mm at marks, landmarks and attachments, and the quality of the elements.
+
+    `before` are the errors at the marks at the start.
     """
     template, fitted = task.given.template, task.mesh.moved(state.x)
     eigenvalues = plasticity.eigenvalues(state.body.strains)

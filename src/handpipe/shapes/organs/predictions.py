@@ -43,8 +43,10 @@ class Predictions:
         return Predictions(system, points.count - sum(counts), counts[0])
 
     def errors(self, asked: IntArray, among: IntArray, weight: float) -> Array:
-        """Offsets (k, 3) in mm of points asked for (k,) from where the others of `among` have them, if each
-        counts by that weight. Zero where the others are too few to tell.
+        """Offsets (k, 3) in mm of points from where other points predict them.
+
+        `asked` are the points asked for (k,); the others of `among` predict them. Each point counts by
+        `weight`. Offsets are zero where the others are too few to tell.
         """
         if 3 * (len(among) - 1) <= self._free.shape[1]:
             return np.zeros((len(asked), 3))

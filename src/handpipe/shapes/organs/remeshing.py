@@ -165,8 +165,10 @@ def _meshed(present: TetMesh, edge: float) -> TetMesh:
 
 
 def _carried_fields(task: OnMesh, state: State, mesh: TetMesh) -> tuple[Array, Array, Array]:
-    """Log-strains from now on (m, 6), total ones (m, 6) and rotations from the template (m, 3, 3) in the tets
-    of a mesh of the present shape.
+    """Log-strains and rotations carried to the tets of a mesh of the present shape.
+
+    They are log-strains from now on (m, 6), total log-strains (m, 6), and rotations from the template (m, 3,
+    3).
     """
     present, frame = task.mesh.moved(state.x), task.frame
     turn = state.body.deformation_gradients(state.x)

@@ -50,8 +50,10 @@ class Position:
 
 
 def plan(given: Given) -> list[Planned]:
-    """Attachments, landmarks, marks, the image, as far as given: each over uniform strains first, then
-    with growing weights. Pairs in a plane would let uniform strains across it go astray: they wait for more.
+    """Stages of a fit: attachments, landmarks, marks, the image, as far as given.
+
+    Each is used over uniform strains first, then with growing weights. Pairs in a plane would let uniform
+    strains across it go astray: they wait for more.
     """
     settings = given.settings
     stages: list[Planned] = []
@@ -104,7 +106,8 @@ def _advanced(at: Position, stage: Planned) -> Position:
 
 
 def _settled(stage: Planned, ended: bool) -> bool:
-    """Whether a shape is worth new tets: uniform strains may go far astray before they come to rest, and
-    attachments alone hardly tell them.
+    """Whether a shape is worth new tets.
+
+    Uniform strains may go far astray before they come to rest, and attachments alone hardly tell them.
     """
     return stage.fields != UNIFORM or (ended and stage.uses != "nothing")

@@ -23,7 +23,7 @@ class CoarseStrains:
     """Fields over clusters of tets, and the inverse of |L S|^2 among them."""
 
     def __init__(self, laplacian: sp.csr_matrix) -> None:
-        """laplacian (m, m) of tets that faces connect."""
+        """Coarse fields of a `laplacian` (m, m) of tets that faces connect."""
         neighbours = (laplacian @ laplacian).tocsr()
         fields = pyamg.aggregation.standard_aggregation(neighbours)[0].astype(float)
         scaled = sp.diags_array(1 / laplacian.diagonal()) @ laplacian

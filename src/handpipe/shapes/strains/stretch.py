@@ -21,7 +21,7 @@ LEAST = 1e-6  # squared stretch of a collapsed tet
 
 
 def log_stretch(f: Array) -> tuple[Array, Array]:
-    """log U (m, 6) of deformation gradients (m, 3, 3), and its derivative (m, 6, 9) by row-major F.
+    """Logarithm log U (m, 6) of deformation gradients (m, 3, 3), and its derivative (m, 6, 9) by row-major F.
 
     With C = F^T F = Q diag(c) Q^T, d log U = Q (G o Q^T dC Q) Q^T, G_ij = (log c_i - log c_j) / (2 (c_i -
     c_j)): the Sylvester equation of Wang 2021 Eq. 5.24 written in the eigenvectors, for the logarithm in
@@ -55,7 +55,7 @@ class StretchField:
         self.gradient = gradient_operator(rest.vertices, rest.tets)
 
     def __call__(self, x: Array) -> Array:
-        """log U (m, 6) at vertices (n, 3)."""
+        """Logarithmic stretch log U (m, 6) at vertices (n, 3)."""
         return log_stretch(self.deformation(x))[0]
 
     def deformation(self, x: Array) -> Array:
@@ -67,6 +67,6 @@ class StretchField:
         return int((np.linalg.det(self.deformation(x)) <= 0).sum())
 
     def linearise(self, x: Array) -> tuple[Array, sparse.csr_matrix]:
-        """log U (m, 6) and its Jacobian (6 m, 3 n) at vertices (n, 3)."""
+        """Logarithmic stretch log U (m, 6) and its Jacobian (6 m, 3 n) at vertices (n, 3)."""
         value, derivative = log_stretch(self.deformation(x))
         return value, (plasticity.per_tet_operator(derivative) @ self.gradient).tocsr()

@@ -19,8 +19,17 @@ OUTSIDE = 0.7  # mm outside the marrow: in the cortical shell
 
 @dataclass(frozen=True)
 class Probes:
-    """Places in the neutral frame: points on the marrow's surface with unit normals, points inside it and
-    in the shell outside it, one of each a point; all (n, 3)."""
+    """Places of a bone in the neutral frame where an image is sampled.
+
+    Attributes
+    ----------
+    points : (n, 3)
+        Points on the marrow's surface.
+    normals : (n, 3)
+        Unit normals at these points.
+    inner, outer : (n, 3)
+        Points inside the marrow, and in the shell outside it, one of each a point.
+    """
 
     points: Array
     normals: Array

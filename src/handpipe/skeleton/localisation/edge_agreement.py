@@ -25,8 +25,17 @@ FALL, BRIGHT = 0.3, 0.65  # levels: the least fall from marrow to shell, and the
 
 @dataclass(frozen=True)
 class Agreement:
-    """share of the probes inside the image whose edge is where the surface is; seen: share of all probes
-    that are inside the image; offset in mm of the edges from the surface, the median."""
+    """How well the edges of an image agree with the probes of a bone.
+
+    Attributes
+    ----------
+    share : float
+        Share of the probes inside the image whose edge is where the surface is.
+    seen : float
+        Share of all probes that are inside the image.
+    offset : float
+        Median offset in mm of the edges from the surface.
+    """
 
     share: float
     seen: float

@@ -73,9 +73,21 @@ class Link:
 
 @dataclass(frozen=True)
 class Departure:
-    """turn: rotation in deg that the joint's hinted axes do not explain; off: that no axes near them do (by
-    30 deg, as hints may be off); beyond: deg beyond the limits; gap: mm between the two bones; neutral_gap:
-    the same in neutral."""
+    """How far a joint's motion departs from what the joint allows.
+
+    Attributes
+    ----------
+    turn : float
+        Rotation in deg that the joint's hinted axes do not explain.
+    beyond : float
+        Rotation in deg beyond the limits.
+    gap : float
+        Gap in mm between the two bones.
+    off : float
+        Rotation in deg that no axes near the hinted ones explain (within 30 deg, as hints may be off).
+    neutral_gap : float
+        The gap in neutral, in mm.
+    """
 
     turn: float
     beyond: float

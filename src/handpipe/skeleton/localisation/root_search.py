@@ -28,8 +28,11 @@ LONG = 1.8  # length by width of a bone that has a direction
 
 @dataclass(frozen=True)
 class Blob:
-    """A solid's centre (3,), right-handed principal axes (3, 3) in columns, the long one first, and the
-    deviations (3,) in mm along them."""
+    """Centre and principal axes of a solid.
+
+    The centre is (3,); the axes (3, 3) are in columns, right-handed, the long one first; the deviations (3,)
+    along them are in mm.
+    """
 
     centre: Array
     axes: Array

@@ -32,8 +32,10 @@ class LocalPoseSpaces:
         transforms: Mapping[str, Mapping[str, RigidTransform]],
         interpolation: Interpolation = "inverse-distance",
     ) -> LocalPoseSpaces:
-        """Spaces of each bone and its neighbours at joints, and of those two joints away where these alone do
-        not tell the examples apart; arguments as of `PoseSpace.build`.
+        """Spaces of each bone and its neighbours at joints.
+
+        A space includes the bones two joints away where the neighbours alone do not tell the examples apart.
+        Arguments are those of `PoseSpace.build`.
         """
 
         def space(bone: str) -> PoseSpace:
@@ -49,8 +51,9 @@ class LocalPoseSpaces:
     def interpolate(
         self, values: Array, near: Mapping[str, Array], bones: Mapping[str, RigidTransform]
     ) -> Array:
-        """Values (m, ...) in a pose from those (N, m, ...) at the examples; near: the share (m,) of each bone
-        in a place, which sum to one.
+        """Values (m, ...) in a pose, interpolated from those (N, m, ...) at the examples.
+
+        near: the share (m,) of each bone in a place; shares sum to one.
         """
         weights = sum(np.outer(share, self.spaces[b].weights(bones)) for b, share in near.items())
         return np.einsum("mn,nm...->m...", weights, values)

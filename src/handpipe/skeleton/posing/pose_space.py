@@ -30,7 +30,6 @@ def reference_bone(bones: Sequence[str], parents: Mapping[str, str]) -> str:
 
     parents: bone -> parent bone, without the root.
     """
-
     return max(bones, key=lambda a: sum(a in ancestry(b, parents)[1:] for b in bones))
 
 

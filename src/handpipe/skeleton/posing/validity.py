@@ -1,5 +1,4 @@
-"""Whether a pose is inside what was seen, and whether its bones run into one another (Wang 2021 chapter
-7)."""
+"""Whether a pose is inside the examples, and whether its bones run into one another (Wang 2021 chapter 7)."""
 
 from __future__ import annotations
 

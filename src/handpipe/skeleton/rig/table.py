@@ -39,13 +39,18 @@ PUBLISHED: Metrics = {
 
 @dataclass(frozen=True)
 class JointTable:
-    """rows: one a joint; `joint`, `type`, `poses` that it was fitted to, and mean errors by column, rotations
-    (_R) in deg, translations (_x) in mm.
+    """Errors of a rig by joint, and their means.
 
-    Columns FM_ and PM_ are the full and the partial model on the fitted poses, with prefix loo_ on each of
-    them left out of the fit in turn, with prefix heldout_ on poses that no fit saw (absent if there are
-    none). metrics: the same by joint, the means over joints and poses, those of the paper, and absolute
-    errors of the bones.
+    Attributes
+    ----------
+    rows : list of Row
+        One row a joint: `joint`, `type`, `poses` that it was fitted to, and mean errors by column, rotations
+        (_R) in deg, translations (_x) in mm. Columns FM_ and PM_ are the full and the partial model on the
+        fitted poses, with prefix loo_ on each of them left out of the fit in turn, with prefix heldout_ on
+        poses that no fit saw (absent if there are none).
+    metrics : Metrics
+        The same by joint, the means over joints and poses, those of the paper, and absolute errors of the
+        bones.
     """
 
     rows: list[Row]

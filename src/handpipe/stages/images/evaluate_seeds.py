@@ -34,7 +34,6 @@ def evaluate_seeds(
     inputs: Inputs, output: Path, dataset: Dataset, poses: Sequence[str], costs: Sequence[Path]
 ) -> None:
     """How many bones a person has to look at after neutral, and proposed seeds against truth."""
-
     neutral = read_surfaces(inputs.neutral, "marrow")
     confidences, manual, wrong, unnoticed = [], 0, 0, 0
     truths = dict(zip(poses, inputs.truth, strict=dataset.truth is not None))

@@ -18,11 +18,11 @@ SPREADING = 4  # times that what folds for it is taken over, too
 
 
 def mended(body: Body, x: Array, right: Array) -> tuple[Array, BoolArray] | None:
-    """Positions (n, 3) of which nothing is inside out, and no skin passes through skin: those of x but for
-    some nodes, whose mask (n,) comes with them. None where none are found.
+    """Positions (n, 3) without inverted elements or skin through skin, and the mask (n,) of replaced nodes.
 
-    There they are `right` (n, 3), positions of the same body of which nothing is inside out, and what x is
-    away from it round about, continued harmonically: so smooth a field bends `right` little.
+    They are the positions x except at the replaced nodes. There they are `right` (n, 3), positions of the
+    same body without inverted elements, plus the difference of x from it around these nodes, continued
+    harmonically: so smooth a field bends `right` little. None where no such positions are found.
     """
     first, away = body.inside_out(x), x - right
     for rings in RINGS:

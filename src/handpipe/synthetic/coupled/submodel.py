@@ -1,5 +1,6 @@
-"""A part of a body, held at the cut where the whole body's solution has it: to refine where the whole is too
-large for it.
+"""A part of a body, attached at the cut to the whole body's solution.
+
+It serves to refine where the whole is too large for it.
 """
 
 from __future__ import annotations

@@ -21,7 +21,10 @@ TRANSITION = (40.0, 67.0)  # x over which muscle passes from following the metac
 
 
 def contact_height(x: Array) -> Array:
-    """z of the plane line on which the muscles touch: it sinks to the palmar side of the joint's axis."""
+    """Height z of the plane line on which the muscles touch.
+
+    It sinks to the palmar side of the joint's axis.
+    """
     return -1.0 - 2.5 * smoothstep(x, 34.0, 58.0)
 
 

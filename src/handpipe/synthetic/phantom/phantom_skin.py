@@ -40,7 +40,10 @@ PROFILE = np.array(
 
 
 def _stations(spacing: float) -> tuple[Array, Array]:
-    """x of the skin's rings and their size (1 but where the skin closes), evenly spaced along its profile."""
+    """Coordinates x of the skin's rings and their size, evenly spaced along its profile.
+
+    The size is 1 but where the skin closes.
+    """
     closing = 1.0 - np.cos(np.linspace(0.0, 0.5 * np.pi, 2000))
     cut = START + CUT * (1.0 - (1.0 - closing**3) ** (1.0 / 3.0))
     tip = END - TIP + TIP * (1.0 - closing[::-1] ** 2) ** (1.0 / 2.3)

@@ -24,8 +24,11 @@ SLENDER = 2.0  # mm, radius of a body around which cloth with edges of 1.5 mm ha
 
 @dataclass(frozen=True)
 class ClothSettings:
-    """Young's modulus in kPa of a membrane 1 mm thick; shrink: rest size over true size (Zheng 2022 Table
-    2)."""
+    """Material of the fascia.
+
+    See Zheng 2022 Table 2. Young's modulus in kPa is that of a membrane 1 mm thick; `shrink` is the rest size
+    over the true size.
+    """
 
     young: float = 0.1
     poisson: float = 0.48

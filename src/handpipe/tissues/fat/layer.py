@@ -18,11 +18,20 @@ from handpipe.tissues.fat.tissue import Tissue
 
 @dataclass(frozen=True)
 class FatStrains:
-    """What varies with pose, at N example poses: log-strains (N, m, 6), nail corrections {nail: (N, 6)}, and
-    `Tissue.shifts` (N, n, 3) in mm of where the fat rests under these strains, if known.
+    """Strains, nails and positions of the fat at N example poses.
 
-    Creases can rest in several ways: from the blend of the bones alone an example's skin may end in another
-    than the one its strains were fitted to.
+    Attributes
+    ----------
+    spaces : LocalPoseSpaces
+        The pose spaces in which they are interpolated.
+    log_strains : (N, m, 6)
+        Log-strains.
+    nails : mapping of str to (N, 6)
+        Corrections of the nails.
+    shifts : (N, n, 3), optional
+        `Tissue.shifts` in mm of where the fat rests under these strains, if known. Creases can rest in
+        several ways: from the blend of the bones alone an example's skin may end in another than the one its
+        strains were fitted to.
     """
 
     spaces: LocalPoseSpaces
@@ -75,8 +84,10 @@ class TissueLayer:
         return plasticity.exp(known.spaces.interpolate(known.log_strains, self._near(shares), bones))
 
     def starts(self, bones: Mapping[str, RigidTransform]) -> list[Array]:
-        """Vertices (n, 3) from which the equilibrium in a pose is sought, best first: in an example's pose
-        those at which its strains were found; the blend of the bones.
+        """Initial guesses (n, 3) of the equilibrium in a pose, best first.
+
+        If `shifts` are known, the first guess is interpolated from them: in an example's pose it has the
+        vertices at which its strains were found. The last guess is the blend of the bones.
         """
         tissue, known = self.tissue, self.strains
         blend = tissue.pose(bones)

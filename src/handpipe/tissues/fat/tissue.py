@@ -38,8 +38,11 @@ SIZES = (0.75, 0.9)  # of its own, at which it rests on the way; at 0.6 thin pla
 
 @dataclass(frozen=True)
 class TissueSettings:
-    """Young's modulus in kPa (Zheng 2022 Table 2: fat 1 kPa), and of constraints: kPa/mm, per area they act
-    on."""
+    """Material of the fat, and stiffness of its constraints.
+
+    Young's modulus is in kPa (Zheng 2022 Table 2: fat 1 kPa), the stiffness of constraints in kPa/mm, per
+    area they act on.
+    """
 
     young: float = 1.0
     poisson: float = 0.48
@@ -89,8 +92,9 @@ class Tissue:
         return Embedding.of(self.inner.rest, self.mesh).matrix(len(self.mesh.vertices))
 
     def pose(self, bones: Mapping[str, RigidTransform], shifts: Array | float = 0.0) -> Array:
-        """Vertices (n, 3), shifted by (n, 3) and moved by smooth blends of bone transforms: a start for the
-        solver.
+        """Vertices (n, 3), shifted by (n, 3) and moved by smooth blends of bone transforms.
+
+        They are a start for the solver.
         """
         return blend(self.mesh.vertices + shifts, self.weights, {b: bones[b] for b in self.bones})
 
@@ -191,12 +195,12 @@ class Tissue:
         x: Array,
         anyway: bool = False,
     ) -> Array:
-        """A start (n, 3) with open creases, from x (n, 3): tissue smaller than it is draws back from them
-        and grows again.
+        """A start (n, 3) with open creases, from x (n, 3).
 
-        Skin deep in other skin finds its way out only while there is room. Arguments as for `solve`; x itself
-        where its skin is hardly in itself, unless `anyway` says otherwise. A size at which no equilibrium is
-        found is passed over.
+        Tissue smaller than it is draws back from the creases and grows again. Skin deep in other skin finds
+        its way out only while there is room. Arguments are those of `solve`. The result is x itself where its
+        skin is hardly in itself, unless `anyway` says otherwise. A size at which no equilibrium is found is
+        passed over.
         """
         if not anyway and self.overlap(x) < CROWDED:
             return x
@@ -217,11 +221,12 @@ class Tissue:
         strains: Array | None,
         starts: Sequence[Array],
     ) -> Settled:
-        """As `solve`, from the starts (n, 3) in turn, opened where their skin lies in itself, until one ends
-        with its skin apart; from each once more by way of smaller sizes if it was apart at the start alone.
+        """The equilibrium of `solve` from the first start (n, 3) that ends with its skin apart.
 
-        Where none does, that with least skin in itself is taken. Raises the last `ConvergenceError` where no
-        start led to an equilibrium.
+        Starts are tried in turn, opened where their skin lies in itself. A start whose skin was apart is
+        tried once more, by way of smaller sizes, if the equilibrium's skin is not. Where no start ends with
+        its skin apart, the equilibrium with least skin in itself is taken. Raises the last `ConvergenceError`
+        where no start led to an equilibrium.
         """
         found: list[Settled] = []
         failure: ConvergenceError | None = None

@@ -25,8 +25,9 @@ def fit_ligament(
     *,
     edge: float = 1.0,
 ) -> Muscle:
-    """A ligament from its placed template, filled with tetrahedra of about `edge` mm; parents: bone -> parent
-    bone.
+    """A ligament from its placed template, filled with tetrahedra of about `edge` mm.
+
+    parents: bone -> parent bone.
     """
     body = Body.of(guess.surface, guess.attachments, edge)
     still = {bone: RigidTransform.identity() for bone in body.attachments}

@@ -16,8 +16,9 @@ SPRING = 20000.0  # mN/mm of an attached point
 
 
 class LigamentLayer:
-    """Ligaments of loaded artifacts. Their own stiffness does not matter between stiff attachments, its
-    evenness does.
+    """Ligaments of loaded artifacts.
+
+    With stiff attachments the absolute stiffness of ligaments hardly matters; its uniformity does.
     """
 
     name = "ligaments"

@@ -18,8 +18,9 @@ from handpipe.mesh.tets import Embedding, TetMesh
 
 @dataclass(frozen=True)
 class Bed:
-    """Where a muscle's n mesh vertices lie in the flesh's tets; beside (N, n, 3): how far in mm they are from
-    there in the examples, the root at rest.
+    """Where a muscle's n mesh vertices lie in the flesh's tets.
+
+    beside (N, n, 3): how far in mm they are from there in the examples, the root at rest.
     """
 
     embedding: Embedding

@@ -1,5 +1,6 @@
-"""The muscles as a layer of the simulation: one static equilibrium of all that may touch one another (Zheng
-2022 §4.1).
+"""The muscles as a layer of the simulation.
+
+It is one static equilibrium of all muscles that may touch one another (Zheng 2022 §4.1).
 """
 
 from __future__ import annotations
@@ -32,10 +33,23 @@ GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, 
 
 @dataclass(frozen=True)
 class SimulationOptions:
-    """Stiffnesses in mN/mm of a point: spring of attachments to bones, contact, sliding; bed: in mN/mm of
-    1 mm^2 of surface, that of 2 mm of fat; near: mm within which neighbours slide on one another; touch: mm
-    within which they have contact planes; contacts: how often planes are renewed. A vertex that moves by more
-    than `touch` after that may be inside a neighbour without a plane against it: that motion is gross.
+    """Material, stiffnesses and contact limits of the simulation of muscles.
+
+    Parameters
+    ----------
+    material : Material
+        Material of the muscles.
+    spring, contact, sliding : float
+        Stiffnesses in mN/mm of a point: spring of attachments to bones, contact, sliding.
+    bed : float
+        Stiffness in mN/mm of 1 mm^2 of surface, that of 2 mm of fat.
+    near : float
+        Distance in mm within which neighbours slide on one another.
+    touch : float
+        Distance in mm within which neighbours have contact planes.
+    contacts : Limits
+        How often planes are renewed. A vertex that moves by more than `touch` after that may be inside a
+        neighbour without a plane against it: that motion is gross.
     """
 
     material: Material = MUSCLE
@@ -49,8 +63,9 @@ class SimulationOptions:
 
 
 class MuscleLayer:
-    """Muscles of loaded artifacts. `examples` gives their surfaces in known poses, which tell what slides on
-    what.
+    """Muscles of loaded artifacts.
+
+    `examples` gives their surfaces in known poses, which tell what slides on what.
     """
 
     name = "muscles"
@@ -111,8 +126,9 @@ class MuscleLayer:
         return Attachment(self.anchors, targets, self.options.spring)
 
     def _bed(self, places: Array) -> list[Potential]:
-        """What is around the muscles, softly: all of their surfaces that no bone holds stays near `places`
-        (N, 3).
+        """Soft springs that stand for what is around the muscles.
+
+        All of the muscles' surfaces that no bone holds stays near `places` (N, 3).
         """
         if self.options.bed == 0.0:
             return []

@@ -58,12 +58,25 @@ class SeparatedShape:
 
 @dataclass(frozen=True)
 class Muscle:
-    """name; body in neutral; space: its pose space, whose examples have the logarithms (N, m, 6) of plastic
-    strains.
+    """A muscle in neutral, and its plastic strains over poses.
 
-    Neutral is one of the examples, with logarithm zero. Logarithms are interpolated, so that every strain
-    between the examples is positive definite whatever the weights are. vertices (N, n, 3) and bones are the
-    examples' mesh vertices and bone transforms; bed: the flesh that it lies in, where that is known.
+    Attributes
+    ----------
+    name : str
+        Name of the muscle.
+    body : Body
+        The body in neutral.
+    space : PoseSpace
+        Its pose space. Neutral is one of the examples.
+    logs : (N, m, 6)
+        Logarithms of the plastic strains of the examples, zero for neutral. Logarithms are interpolated, so
+        that every strain between the examples is positive definite whatever the weights are.
+    vertices : (N, n, 3)
+        The examples' mesh vertices.
+    bones : tuple of mapping of str to RigidTransform
+        The examples' bone transforms.
+    bed : Bed, optional
+        The flesh that the muscle lies in, where that is known.
     """
 
     name: str
@@ -116,12 +129,19 @@ class Muscle:
         transforms: Mapping[str, RigidTransform],
         flesh: Array | None = None,
     ) -> Array:
-        """Where what is around it takes the mesh vertices (n, 3) in a pose; bones: neutral surfaces; flesh:
-        the vertices of its mesh in the pose.
+        """Mesh vertices (n, 3) where what surrounds the muscle takes them in a pose.
 
-        That is where the flesh carries them, as far beside as between the examples; where no flesh is known,
-        the examples themselves, each moved along with the bones, interpolated over the poses. From the
-        nearest example alone, what lies between two would be in its neighbours.
+        Parameters
+        ----------
+        bones : mapping of str to Surface
+            Neutral surfaces of the bones.
+        transforms : mapping of str to RigidTransform
+            Bone transforms of the pose.
+        flesh : (n, 3), optional
+            Vertices of the flesh's mesh in the pose. The muscle's vertices are where the flesh carries them,
+            as far beside as between the examples. Where no flesh is known, they are the examples themselves,
+            each moved along with the bones, interpolated over the poses: from the nearest example alone, what
+            lies between two would be in its neighbours.
         """
         if self.bed is not None:
             if flesh is None:
@@ -149,8 +169,9 @@ class Muscle:
         return self._anchors[self._firm]
 
     def targets(self, bones: Mapping[str, RigidTransform]) -> Array:
-        """Where bones hold the anchors (f, 3) in a pose: as far beside as between the examples, since muscles
-        that were parted have let go a little.
+        """Positions (f, 3) in a pose to which bones pull the anchors.
+
+        They include the interpolated offset from the bone: separation can move attached vertices off it.
         """
         places = self._anchors @ self.body.mesh.vertices + self.space.interpolate(self._beside, bones)
         return self.body.carried(places, bones)[self._firm]

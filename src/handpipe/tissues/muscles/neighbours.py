@@ -16,9 +16,20 @@ Neighbours = dict[tuple[str, str], tuple[IntArray, Array]]
 
 @dataclass(frozen=True)
 class Pairs:
-    """Vertices (c,) of one surface; feet (c, v) weights of the other's vertices closest to each; unit normals
-    (c, 3) there, outwards; gaps (c,) in mm, negative inside; rest (c,): gaps that sliding keeps, zero
-    where unknown.
+    """Pairs of vertices of one surface and places on another.
+
+    Attributes
+    ----------
+    vertices : (c,)
+        Vertices of one surface.
+    feet : (c, v)
+        Weights of the other surface's vertices closest to each.
+    normals : (c, 3)
+        Unit normals there, outwards.
+    gaps : (c,)
+        Gaps in mm, negative inside.
+    rest : (c,)
+        Gaps that sliding keeps, zero where unknown.
     """
 
     vertices: IntArray
@@ -73,8 +84,9 @@ def touching(surface: Surface, others: Iterable[Surface], near: float) -> IntArr
 
 
 def sliding_vertices(poses: Sequence[Mapping[str, Surface]], near: float) -> Neighbours:
-    """Proximity vertices (Zheng 2022 §4.1): within `near` mm of the neighbour in every pose, and their mean
-    gaps.
+    """Proximity vertices and their mean gaps (Zheng 2022 §4.1).
+
+    They are within `near` mm of the neighbour in every pose.
     """
     found: Neighbours = {}
     distances = [{name: Distance(surface) for name, surface in pose.items()} for pose in poses]

@@ -26,12 +26,25 @@ CALIBRATIONS = 6
 
 @dataclass(frozen=True)
 class Tendon:
-    """name, rest tendon, radius in mm, hooks, and the pose spaces of their corrections: a hook follows the
-    joints next to it.
+    """A tendon: its rest rod, its hooks and their corrections over poses.
 
-    starts (N, Q+1, 3): from the skinned rest rod to the example rods, in the frame of the base bone. Solves
-    start from their interpolation, in the `space` of all bones, near their answer, where sharply bent joints
-    would have other equilibria nearby.
+    Attributes
+    ----------
+    name : str
+        Name of the tendon.
+    rest : RestTendon
+        The tendon at rest.
+    radius : float
+        Radius in mm.
+    hooks : HookSet
+        The hooks.
+    spaces : LocalPoseSpaces
+        Pose spaces of the hooks' corrections: a hook follows the joints next to it.
+    space : PoseSpace
+        Pose space of all bones, in which `starts` are interpolated.
+    starts : (N, Q+1, 3)
+        From the skinned rest rod to the example rods, in the frame of the base bone. Solves start from their
+        interpolation, near their answer, where sharply bent joints would have other equilibria nearby.
     """
 
     name: str

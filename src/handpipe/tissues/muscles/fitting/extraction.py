@@ -1,5 +1,6 @@
-"""Stage 1: the shape of one muscle in one pose, from the image of that pose (Zheng 2022 §4.2, Wang 2021
-§6.1).
+"""Stage 1: the shape of one muscle in one pose, from the image of that pose.
+
+The method is that of Zheng 2022 §4.2 and Wang 2021 §6.1.
 """
 
 from __future__ import annotations
@@ -215,10 +216,11 @@ def _guesses(
     known: tuple[Mapping[str, RigidTransform], Array],
     image: Volume,
 ) -> list[Array]:
-    """Vertices (n, 3) of guesses, that which looks most like the muscle first: moved with the bones, for
-    several ways in which a bend spreads over it, elastic between them, or contracted along its fibres.
+    """Initial guesses, vertices (n, 3) each, the one that looks most like the muscle first.
 
-    A thin end that crosses a joint may lie wholly beside itself in one guess, where no boundary is its own.
+    They are moved with the bones, for several ways in which a bend spreads over the muscle, elastic between
+    the bones, or contracted along its fibres. A thin end that crosses a joint may lie wholly beside itself in
+    one guess, where no boundary is its own.
     """
     guesses = body.followed(bones, moved, [known], SPREADS)
     middle = guesses[len(SPREADS) // 2]
@@ -262,10 +264,11 @@ class _Pose:
         self.found: dict[str, Extraction] = {}
 
     def fitted(self, guesses: Mapping[str, Sequence[Array]]) -> dict[str, Extraction]:
-        """All muscles: each from the guess of which most of its boundary is found, then, where that is not
-        nearly all, from where those around it have gone.
+        """Extractions of all muscles, by name.
 
-        Among muscles that touch all is of one brightness: a wrong guess looks right, its boundary does not.
+        Each muscle is fitted from the guess of which most of its boundary is found, then, where that is not
+        nearly all, from where the muscles around it have gone. Among muscles that touch all is of one
+        brightness: a wrong guess looks right, its boundary does not.
         """
         self.x = {m: starts[0] for m, starts in guesses.items()}
         for name, starts in guesses.items():
@@ -349,14 +352,17 @@ def image_markers(
     others: Sequence[Surface] = (),
     bones: Distance | None = None,
 ) -> FindMarkers:
-    """Boundary markers found in an image along the normals of the present surface, where the boundary is
-    visible.
+    """Boundary markers found in an image along the normals of the present surface.
 
-    Where muscles touch, the image shows no edge between them, and the edge along a normal is the neighbour's
-    far side, or a gap beside both: places that no edge was found for in neutral have none in another pose; a
-    marker that is nearer to a neighbour's boundary of the same orientation than to this muscle's is dropped,
-    and one that is far from a place on a neighbour. So is one inside a bone: dark cortex and bright marrow
-    have an edge of their own, under every muscle that lies on a bone.
+    There are markers only where the boundary is visible. Where muscles touch, the image shows no edge between
+    them, and the edge along a normal is the neighbour's far side, or a gap beside both. A marker is dropped
+    if
+
+    - no edge was found for its vertex in neutral;
+    - it is nearer to a neighbour's boundary of the same orientation than to this muscle's;
+    - it is far from its vertex, and that touches a neighbour;
+    - it is inside a bone: dark cortex and bright marrow have an edge of their own, under every muscle that
+      lies on a bone.
     """
     trees = [Distance(other) for other in others]
 

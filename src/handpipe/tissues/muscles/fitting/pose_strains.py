@@ -1,7 +1,6 @@
-"""Stage 3: plastic strains that reproduce the example shapes and change smoothly with the pose (Zheng 2022
-Eq. 3).
+"""Stage 3: plastic strains that reproduce the example shapes and change smoothly with the pose.
 
-Minimises, over the mesh vertices x_i of each example pose i,
+Minimises, over the mesh vertices x_i of each example pose i (Zheng 2022 Eq. 3),
 
     sum_i |L S(x_i)|^2 + alpha |W x_i - y_i|^2 + gamma sum_i |sum_j Lpose_ij S(x_j)|^2,
 
@@ -31,10 +30,25 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class StrainOptions:
-    """alpha: 1/mm^2, weight of the surface against spatial smoothness, for a surface vertex; held: the same
-    for attached vertices, whose places are known, and for those that touch a neighbour, into which they
-    would be moved; largest: mm between surfaces that pose smoothness may cost; sweeps: over all poses for
-    each gamma; bisections: of gamma's logarithm.
+    """Weights and limits of the fit of plastic strains.
+
+    Parameters
+    ----------
+    alpha : float
+        Weight in 1/mm^2 of the surface against spatial smoothness, for a surface vertex.
+    held : float
+        The same for attached vertices, whose places are known, and for those that touch a neighbour, into
+        which they would be moved.
+    largest : float
+        Distance in mm between surfaces that pose smoothness may cost.
+    sweeps : int
+        Sweeps over all poses for each gamma.
+    bisections : int
+        Bisections of gamma's logarithm.
+    gammas : pair of float
+        Least and greatest gamma.
+    steps : int
+        Gauss-Newton steps of a pose without the others, at most.
     """
 
     alpha: float = 10.0
@@ -61,9 +75,22 @@ class KnownShape:
 
 @dataclass
 class PoseStrains:
-    """vertices (N, n, 3) and plastic strains (N, m, 6) in the N example poses; gamma; largest distance (N,)
-    in mm to the given surfaces; eigenvalues: least and greatest of all strains; objective after each
-    sweep.
+    """Plastic strains of a muscle in its N example poses.
+
+    Attributes
+    ----------
+    vertices : (N, n, 3)
+        Mesh vertices in the poses.
+    strains : (N, m, 6)
+        Plastic strains in the poses.
+    gamma : float
+        Weight of pose smoothness.
+    distances : (N,)
+        Largest distance in mm to the given surfaces.
+    eigenvalues : pair of float
+        Least and greatest of all strains.
+    objectives : list of float
+        Objective after each sweep.
     """
 
     vertices: Array
@@ -75,8 +102,9 @@ class PoseStrains:
 
 
 def pose_laplacian(poses: Array) -> Array:
-    """Laplacian (N, N) of the complete graph of pose vectors (N, d): each row a pose less the mean of the
-    others, weighted by inverse distance (Wang 2021 §6.1.4).
+    """Laplacian (N, N) of the complete graph of pose vectors (N, d) (Wang 2021 §6.1.4).
+
+    Each row is a pose less the mean of the others, weighted by inverse distance.
     """
     distances = np.linalg.norm(poses[:, None] - poses[None], axis=2)
     nearness = 1 / np.maximum(distances, 1e-3)  # rad; poses that coincide weigh alike
@@ -184,10 +212,10 @@ class _Block:
         return (jacobian.T @ by_strain.ravel()).reshape(-1, 3) + by_place
 
     def step(self, x: Array, field_: Array) -> tuple[Array, float]:
-        """A Gauss-Newton step by the factor at hand, halved until the objective falls and no further tet is
-        inside out; and the decrease.
+        """Positions after a Gauss-Newton step by the factor at hand, and the decrease of the objective.
 
-        To be flat costs without bound, but a step can pass beyond that.
+        The step is halved until the objective falls and no further tet is inside out. To be flat costs
+        without bound, but a step can pass beyond that.
         """
         before, inverted = self.value(x, field_), self.stretch.inverted(x)
         gradient = self.gradient(x, field_)
@@ -265,8 +293,9 @@ class _Descent:
         return total
 
     def with_largest_gamma(self, x: list[Array], allowed: float) -> tuple[list[Array], float, list[float]]:
-        """The smoothest strains over poses whose surfaces stay within `allowed` mm, by bisection of log
-        gamma.
+        """The smoothest strains over poses whose surfaces stay within `allowed` mm.
+
+        They are found by bisection of log gamma.
         """
         low, high = np.log(self.options.gammas)
         best, gamma, objectives = x, 0.0, []

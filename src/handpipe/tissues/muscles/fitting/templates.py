@@ -185,9 +185,11 @@ def place(
     landmarks: Mapping[str, Array] | None = None,
     source: str | Path = "template",
 ) -> Guess:
-    """The warped template, remeshed to an edge length in mm or, where it is thin, to shorter ones, lest
-    triangles between points of its boundary cut its volume away; attached is what lies nearest to an attached
-    vertex. Raises `InputError` for `source` where fewer than three vertices are.
+    """The warped template, remeshed to an edge length in mm, with its attachments.
+
+    Where the template is thin the edges are shorter, lest triangles between points of its boundary cut its
+    volume away. A vertex is attached if the nearest vertex of the template is. Raises `InputError` for
+    `source` where fewer than three vertices are attached.
     """
     moved = Surface(warp(template.vertices), template.triangles)
     owner = np.full(len(moved.vertices), -1)

@@ -1,5 +1,6 @@
-"""Bodies drawn in towards their middle until none is inside another: a start from which they may grow again
-without ever meeting.
+"""Bodies drawn in towards their middle until none is inside another.
+
+That is a start from which they may grow again without ever meeting.
 """
 
 from __future__ import annotations
@@ -85,8 +86,10 @@ def _fading(field: Array, vertices: IntArray) -> Array:
 
 
 def inscribed_radii(surface: Surface) -> Array:
-    """Radii (n,) in mm of the balls that touch the surface at its vertices from inside (Ma et al. 2012, 3D
-    medial axis point approximation using nearest neighbors): each shrinks until no vertex is in it.
+    """Radii (n,) in mm of the balls that touch the surface at its vertices from inside.
+
+    Each ball shrinks until no vertex is in it (Ma et al. 2012, 3D medial axis point approximation using
+    nearest neighbors).
     """
     points, normals = surface.vertices, surface.vertex_normals()
     tree = cKDTree(points)

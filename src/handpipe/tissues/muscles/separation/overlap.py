@@ -15,10 +15,22 @@ from handpipe.mesh.surfaces import Distance, Surface, concatenate
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A closed surface; held (k,): its vertices that neither move nor collide; `fixed`: as a bone; seen (n,):
-    vertices whose places are known, if any are told.
+    """A closed surface that may collide with others.
 
     Triangles with a held vertex are tied: they meet no bone and no other tied triangle.
+
+    Attributes
+    ----------
+    name : str
+        Name of the body.
+    surface : Surface
+        The closed surface.
+    held : (k,)
+        Vertices that neither move nor collide.
+    fixed : bool
+        Whether the body is fixed, as a bone.
+    seen : (n,) bool, optional
+        Vertices whose places are known, if any are told.
     """
 
     name: str
@@ -52,8 +64,10 @@ class Body:
 
 
 def collision_filter(bodies: Sequence[Body], chosen: IntArray | None = None) -> ipctk.CollisionFilter:
-    """Which copies of all bodies, one body after the other, may collide: not those of one body, not two fixed
-    ones, not a tied one with a tied or fixed one. chosen: those copies (n,) alone.
+    """Which copies of all bodies, one body after the other, may collide.
+
+    Copies of one body may not, nor two fixed ones, nor a tied one with a tied or fixed one. chosen: those
+    copies (n,) alone.
     """
     counts = [len(b.copies[0]) for b in bodies]
     body = np.repeat(np.arange(len(bodies)), counts)

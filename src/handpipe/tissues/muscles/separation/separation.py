@@ -1,5 +1,6 @@
-"""Stage 2: surfaces of one pose pushed apart until no muscle is inside another or inside a bone (Zheng 2022
-§4.4).
+"""Stage 2: surfaces of one pose pushed apart (Zheng 2022 §4.4).
+
+No muscle is inside another or inside a bone afterwards.
 """
 
 from __future__ import annotations
@@ -38,9 +39,21 @@ ROUNDS = 6  # of the last solve, where pressures are changed again
 
 @dataclass(frozen=True)
 class SeparationOptions:
-    """reach: mm over which a displacement fades along the surface; clearance: mm within which surfaces press
-    on one another; tolerance: mm, of the vertices; volume: relative change of a muscle's volume at most
-    (infinite: none is kept)."""
+    """Limits of the separation of surfaces.
+
+    Parameters
+    ----------
+    reach : float
+        Distance in mm over which a displacement fades along the surface.
+    clearance : float
+        Distance in mm within which surfaces press on one another.
+    tolerance : float
+        Tolerance in mm of the vertices.
+    volume : float
+        Relative change of a muscle's volume, at most (infinite: no volume is kept).
+    iterations : int
+        Iterations, at most.
+    """
 
     reach: float = 3.0
     clearance: float = 0.05
@@ -215,7 +228,7 @@ def _plate(body: Body, reach: float) -> sparse.csr_matrix:
 
 
 def _seated(scene: _Scene, rest: Array, x: Array, barrier: Barrier) -> Array:
-    """x with held vertices exactly at rest, where nothing meets there."""
+    """Positions x with held vertices exactly at rest, where nothing meets there."""
     seated, held = x.copy(), scene.held()
     seated[held] = rest[held]
     if not barrier.intersects(seated):

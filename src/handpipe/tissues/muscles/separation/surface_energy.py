@@ -46,14 +46,24 @@ class Plate:
 
 
 class KeptVolumes:
-    """Energy -sum p V of the volumes V inside closed surfaces. Between Newton's steps the pressures p change
-    until volumes are in their band; its second derivative is left out.
+    """Energy -sum p V of the volumes V inside closed surfaces, with pressures p that keep these volumes.
 
-    parts: each surface's vertices in x; compliances: change of its volume by its pressure where it is free,
-    in mm^3 per mm; band: relative change of a volume at most. A change of pressure is what a free surface
-    would need. Neighbours leave a surface a fifth and more of its compliance: so no change is too large, and
-    a few of them suffice. Pressures are small against the plate's stiffness times radii of curvature, so
-    that Newton's method without the second derivative converges by an order of magnitude in a step.
+    Between Newton's steps the pressures change until volumes are in their band; the energy's second
+    derivative is left out. A change of pressure is what a free surface would need. Neighbours leave a surface
+    a fifth and more of its compliance: so no change is too large, and a few of them suffice. Pressures are
+    small against the plate's stiffness times radii of curvature, so that Newton's method without the second
+    derivative converges by an order of magnitude in a step.
+
+    Parameters
+    ----------
+    surfaces : sequence of Surface
+        The closed surfaces at rest.
+    parts : sequence of slice
+        Each surface's vertices in x.
+    compliances : (bodies,)
+        Change of a surface's volume by its pressure where it is free, in mm^3 per mm.
+    band : float
+        Relative change of a volume, at most.
     """
 
     def __init__(

@@ -1,5 +1,6 @@
-"""Hooks: points that a tendon slides through, carried by bones or by the flesh, with pose-space corrections
-(sec. 5.4).
+"""Hooks: points that a tendon slides through, with pose-space corrections (sec. 5.4).
+
+Bones or the flesh carry them.
 """
 
 from __future__ import annotations

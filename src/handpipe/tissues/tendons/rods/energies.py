@@ -219,7 +219,7 @@ def closest_on_spline(points: Array, x: Array) -> tuple[IntArray, Array]:
 
 @njit(cache=True)
 def _closest_on_piece(a: Array, b: Array, c: Array) -> tuple[float, float]:
-    """t in [0, 1] and the squared distance of the point of a B-spline's piece that is nearest to the origin.
+    """Parameter t in [0, 1] and squared distance of the point of a B-spline's piece nearest to the origin.
 
     The slope of the squared distance is a cubic in t. The zeros of its derivative part [0, 1] into at most
     three intervals; each has at most one zero of the slope.

@@ -30,8 +30,10 @@ BAND = 4 * REACH + 2  # unknowns are ordered x_0, multiplier_0, x_1, multiplier_
 
 @dataclass(frozen=True)
 class Options:
-    """`tolerance`: unbalanced lateral force over the largest tension;
-    a whole Newton step below `smallest_step` in mm ends it as well.
+    """Tolerances and limits of the solver.
+
+    `tolerance` is the unbalanced lateral force over the largest tension; a whole Newton step below
+    `smallest_step` in mm ends the solution as well.
     """
 
     tolerance: float = 1e-7
