@@ -91,7 +91,7 @@ class Guess:
     score: float = 0.0
 
     def with_body(self, number: int, motion: RigidTransform, score: float) -> Guess:
-        """This guess with the motion of body `number`, and `score` added to its own."""
+        """The same guess with the motion of body `number`, and `score` added to its own."""
         return Guess({**self.motions, number: motion}, self.score + score)
 
 
