@@ -63,14 +63,14 @@ def drawn_in(scene: Scene) -> Result:
     start = time.process_time()
 
     def drawn_in_with(margin: float) -> Result:
-        held = contested.uncontested(muscles, 0, margin)
+        held = contested.drop_contested(muscles, 0, margin)
         bodies = [overlap.Body(n, b.surface, held[n].held) for n, b in muscles.items()]
         found = parted(bodies, fixed) or [b.surface.vertices for b in bodies]
         moved = max(largest(x - b.surface.vertices) for x, b in zip(found, bodies, strict=True))
         return Result(margin, moved, time.process_time() - start)
 
     try:
-        return contested.letting_go(drawn_in_with)
+        return contested.with_least_margin(drawn_in_with)
     except Inseparable:
         return Result(np.inf, np.inf, time.process_time() - start)
 

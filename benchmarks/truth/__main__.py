@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.truth import toy
-from benchmarks.truth.measured import Ways, measure
+from benchmarks.truth.measured import LoadingPaths, measure
 from benchmarks.truth.pictures import convergence, cut_open
 from benchmarks.truth.refinement import figures, solved
 from handpipe.core import metrics
@@ -29,7 +29,7 @@ def main(output: Path) -> None:
     """All figures; the study of refinement takes several times the rest."""
     folder = output.parent
     folder.mkdir(parents=True, exist_ok=True)
-    ways = Ways(lambda t: toy.hinge(ANGLE * t), lambda t: toy.hinge(AWAY * t, 0.0), back)
+    ways = LoadingPaths(lambda t: toy.hinge(ANGLE * t), lambda t: toy.hinge(AWAY * t, 0.0), back)
     body, x, found = measure(toy.finger(EDGE), lambda a: Body(a, toy.MATERIALS), ways)
     metrics.write(output, found)
     cut_open(folder / "truth-toy.png", body, x)

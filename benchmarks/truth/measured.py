@@ -18,7 +18,7 @@ Motion = Callable[[float], Pose]
 
 
 @dataclass(frozen=True)
-class Ways:
+class LoadingPaths:
     """Two ways from rest to one pose: straight, and by a detour and back from there."""
 
     straight: Motion
@@ -29,7 +29,7 @@ class Ways:
 def measure(
     anatomy: Anatomy,
     make: Callable[[Anatomy], Body],
-    ways: Ways,
+    ways: LoadingPaths,
     *,
     refinement: bool = True,
     options: Options | None = None,

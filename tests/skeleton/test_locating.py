@@ -22,7 +22,7 @@ from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.localisation.locating import HandModel, locate
 from handpipe.skeleton.localisation.location_confidence import Confidence, confidences
 from handpipe.skeleton.localisation.motion_search import Motions
-from handpipe.skeleton.localisation.second_search import sought_again
+from handpipe.skeleton.localisation.second_search import search_again
 from handpipe.synthetic.phantom import phantom_hand
 
 CONFIG = Path(__file__).parents[2] / "config" / "datasets"
@@ -175,7 +175,7 @@ def test_hints_thirty_degrees_off(dataset, hook):
     sure = confidences(rough, hook.evidence.fine, hook.true)
     assert not {b for b, c in sure.items() if c.marked or c.near}
     found = locate(rough, hook.evidence)
-    found, sure = sought_again(rough, hook.evidence, found, confidences(rough, hook.evidence.fine, found))
+    found, sure = search_again(rough, hook.evidence, found, confidences(rough, hook.evidence.fine, found))
     inside = {b: in_true_marrow(rough, b, found[b], hook.true[b]) for b in BONES}
     assert {b for b, share in inside.items() if share < 0.8} <= {b for b, c in sure.items() if c.marked}
     # A roll about the long axis, which the hints mislead, leaves a bone's place.

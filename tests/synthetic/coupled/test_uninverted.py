@@ -13,7 +13,7 @@ from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.synthetic.continuum.crushing import CRUSHED
 from handpipe.synthetic.coupled import uninverted as module
 from handpipe.synthetic.coupled.body import CRUSH_STIFFNESS, Anatomy, Body, Pose
-from handpipe.synthetic.coupled.mended import mended
+from handpipe.synthetic.coupled.element_repair import repair_elements
 from handpipe.synthetic.coupled.uninverted import uninverted
 
 FORCE = 1500.0  # mN
@@ -103,16 +103,24 @@ def test_a_folded_place_is_taken_from_a_shape_that_is_not():
     folded = sheared.copy()
     folded[np.isclose(body.rest, [10.5, 0.0, 0.0]).all(axis=1)] += [0.0, 1.5, 1.5]
     assert body.inverted(folded) > 0
-    x, taken = mended(body, folded, body.rest)
+    x, taken = repair_elements(body, folded, body.rest)
     assert 0 < taken.sum() < 0.8 * len(x)
     np.testing.assert_allclose(x, sheared, atol=1e-12)
-    assert mended(body, folded, folded) is None
+    assert repair_elements(body, folded, folded) is None
 
 
-def test_from_a_shape_that_is_the_right_way_out_the_same_rest_is_found():
-    body, energies, found = pulled_bar(60.0)
-    begun = uninverted(body, energies, found, OPTIONS, body.rest)
-    np.testing.assert_allclose(begun.x, uninverted(body, energies, found, OPTIONS).x, atol=1e-7)
+@pytest.mark.parametrize("force", [20.0, 30.0, 60.0])
+def test_from_a_valid_shape_an_equilibrium_without_inverted_elements_is_found(force):
+    """Not always that which is found without one: the bar has several, and rounding decides between them.
+
+    Beyond the place that is pulled, where nothing is crushed, the forces of tissue balance.
+    """
+    body, energies, found = pulled_bar(force)
+    for right in (body.rest, None):
+        x = uninverted(body, energies, found, OPTIONS, right).x
+        assert body.inverted(x) == 0
+        unbalanced = np.sum([energy.gradient(x) for energy in energies], axis=0).reshape(-1, 3)
+        assert np.abs(unbalanced[body.rest[:, 0] > 6.0]).max() < 1e-6 * force
 
 
 @pytest.mark.parametrize("force", [20.0, 60.0])

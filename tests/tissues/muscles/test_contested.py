@@ -6,7 +6,7 @@ import pytest
 from handpipe.core.errors import ConvergenceError
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.tissues.muscles.separation import contested
-from handpipe.tissues.muscles.separation.contested import FREE, LEAST, separate_posed, uncontested
+from handpipe.tissues.muscles.separation.contested import FREE, LEAST, drop_contested, separate_posed
 from handpipe.tissues.muscles.separation.parting import Inseparable
 from handpipe.tissues.muscles.separation.separation import Separation
 
@@ -16,7 +16,7 @@ from .shapes import spindle
 def test_held_vertices_inside_a_neighbour_are_let_go():
     """Two spindles side by side, whose ends lie in one another; a third is far away."""
     bodies = {"one": spindle(), "two": spindle((1.0, 0.5, 1.0)), "far": spindle((0.0, 30.0, 0.0))}
-    found = uncontested(bodies)
+    found = drop_contested(bodies)
     for name, other in (("one", "two"), ("two", "one")):
         surface = Distance(bodies[other].surface)
         for bone, ids in found[name].attachments.items():
@@ -32,7 +32,7 @@ def test_held_vertices_inside_a_neighbour_are_let_go():
 def test_a_bone_goes_on_holding_a_muscle_that_is_inside_another():
     """The three vertices that are least deep."""
     bodies = {"one": spindle(), "same": spindle((0.2, 0.0, 0.0))}
-    found = uncontested(bodies)["one"].attachments["a"]
+    found = drop_contested(bodies)["one"].attachments["a"]
     depth = Distance(bodies["same"].surface).signed(bodies["one"].surface.vertices)[0]
     others = np.setdiff1d(bodies["one"].attachments["a"], found)
     assert len(found) >= LEAST
@@ -41,7 +41,7 @@ def test_a_bone_goes_on_holding_a_muscle_that_is_inside_another():
 
 def test_nothing_need_be_held():
     bodies = {"one": spindle(), "same": spindle((0.2, 0.0, 0.0))}
-    body = uncontested(bodies, least=0)["one"]
+    body = drop_contested(bodies, least=0)["one"]
     surface = Distance(bodies["same"].surface)
     assert 0 < len(body.held) < len(bodies["one"].held)
     assert surface.signed(body.surface.vertices[body.held])[0].min() > FREE
@@ -49,7 +49,7 @@ def test_nothing_need_be_held():
 
 def test_a_muscle_without_neighbours_keeps_its_attachments():
     body = spindle()
-    found = uncontested({"alone": body})["alone"].attachments
+    found = drop_contested({"alone": body})["alone"].attachments
     for bone, ids in body.attachments.items():
         np.testing.assert_array_equal(found[bone], ids)
 

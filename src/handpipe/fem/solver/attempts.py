@@ -1,4 +1,4 @@
-"""Ways to the minimum near a shape, tried in turn until one ends untangled."""
+"""Solution methods near a shape, tried in turn until one ends without tangles."""
 
 from __future__ import annotations
 

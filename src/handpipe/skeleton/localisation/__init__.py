@@ -7,7 +7,7 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.skeleton.localisation.locating import HandModel, locate, moved_surfaces
     from handpipe.skeleton.localisation.location_confidence import confidences, read_located, write_located
-    from handpipe.skeleton.localisation.second_search import sought_again
+    from handpipe.skeleton.localisation.second_search import search_again
 else:
     __getattr__ = face(__name__)
 
@@ -17,6 +17,6 @@ __all__ = [
     "locate",
     "moved_surfaces",
     "read_located",
-    "sought_again",
+    "search_again",
     "write_located",
 ]

@@ -25,7 +25,7 @@ APART = 0.5  # mm (rms) between two trials
 GUESSES, SAME = 4, 1.0  # places that are weighed, and mm (rms) within which two are one
 
 
-def sought_again(
+def search_again(
     hand: HandModel,
     evidence: MarrowEvidence,
     motions: Mapping[str, RigidTransform],

@@ -17,7 +17,7 @@ from handpipe.skeleton.localisation import (
     confidences,
     locate,
     moved_surfaces,
-    sought_again,
+    search_again,
     write_located,
 )
 from handpipe.stages.files import Files
@@ -49,7 +49,7 @@ def propose_seeds(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str)
     marrow, whole = (read_surfaces(inputs.neutral, part) for part in ("marrow", "whole"))
     hand = HandModel.of(dataset, marrow, whole)
     motions = locate(hand, evidence)
-    motions, sure = sought_again(hand, evidence, motions, confidences(hand, evidence.fine, motions))
+    motions, sure = search_again(hand, evidence, motions, confidences(hand, evidence.fine, motions))
     for bone, confidence in sure.items():
         log.info("%s: %s", bone, confidence.verdict)
         log.info("    %s", confidence)

@@ -12,7 +12,7 @@ from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.muscles.muscle_files import read_bodies, write_bodies
 from handpipe.tissues.muscles.fitting import Body
-from handpipe.tissues.muscles.separation import NO_VOLUME, separate, uncontested
+from handpipe.tissues.muscles.separation import NO_VOLUME, drop_contested, separate
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +27,7 @@ class Inputs(Files):
 
 def separate_neutral(inputs: Inputs, output: Path, edge: float) -> None:
     """Neutral muscles without interpenetration, meshed anew: the bodies that all poses deform."""
-    fitted = uncontested({n: b for path in inputs.muscles for n, b in read_bodies(path).items()})
+    fitted = drop_contested({n: b for path in inputs.muscles for n, b in read_bodies(path).items()})
     bones = Rig.load(inputs.rig).surfaces
     held = {n: b.held for n, b in fitted.items()}
     # Volumes are the template's where nothing is seen: to keep them would push out what is.

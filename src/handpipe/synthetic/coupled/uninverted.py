@@ -16,7 +16,7 @@ from handpipe.fem.solver import Equilibrium, Options, solve
 from handpipe.synthetic.continuum.crushing import CRUSHED, LAST, STEEPEST, Crushing
 from handpipe.synthetic.continuum.density import DensityPotential
 from handpipe.synthetic.coupled.body import Body
-from handpipe.synthetic.coupled.mended import mended
+from handpipe.synthetic.coupled.element_repair import repair_elements
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +50,7 @@ def uninverted(
             problem = f"{inverted} tets end inside out, {_place(body, found.x)}: refine, or move less"
             raise ConvergenceError(options.name, problem)
         log.info("%s: %d tets end inside out, resisting more", options.name, inverted)
-        known = None if tried or right is None else mended(body, found.x, right)
+        known = None if tried or right is None else repair_elements(body, found.x, right)
         folded, tried = more if known is None else more | body.folded(known[0], NEARLY), True
         harder = [p.to_the_end(last) if isinstance(p, Crushing) else p for p in energies]
         between = [body.between_nodes(folded, last)] if folded.any() else []

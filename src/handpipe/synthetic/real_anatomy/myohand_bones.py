@@ -17,7 +17,7 @@ from handpipe.synthetic.geometry.kinematics import Posture
 from handpipe.synthetic.phantom.phantom_hand_bones import WITH_ROOT
 from handpipe.synthetic.real_anatomy import myohand_model, real_hand
 from handpipe.synthetic.real_anatomy.real_hand import Hinge, Subject, Surface
-from handpipe.synthetic.real_anatomy.source_meshes import folder_of, mended
+from handpipe.synthetic.real_anatomy.source_meshes import folder_of, repair_mesh
 
 NAME = "myohand-bones"
 FOLDER = "myohand"
@@ -60,7 +60,7 @@ CHANGES: dict[str, dict[str, float]] = {
 
 def read(folder: Path) -> tuple[dict[str, Surface], dict[str, Hinge]]:
     """Closed bones and hinges by angle at the model's zero, in the frame of `real_hand.hand_frame`."""
-    meshes = {n: mended(myohand_model.read_bone(folder / FOLDER, n), n) for n in myohand_model.BONES}
+    meshes = {n: repair_mesh(myohand_model.read_bone(folder / FOLDER, n), n) for n in myohand_model.BONES}
     raw = {name: (mesh.vertices, mesh.triangles) for name, mesh in meshes.items()}
     place = real_hand.hand_frame(raw)
     known = myohand_model.read_joints(folder / FOLDER)

@@ -37,7 +37,7 @@ def read_mesh(path: Path) -> Surface:
     return Surface(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
 
 
-def mended(mesh: Surface, name: str) -> Surface:
+def repair_mesh(mesh: Surface, name: str) -> Surface:
     """A closed surface that faces outwards; the log says what was repaired."""
     mesh, said = repair(mesh)
     for sentence in said:

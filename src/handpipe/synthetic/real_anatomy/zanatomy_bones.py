@@ -19,7 +19,7 @@ from handpipe.mesh.surfaces import Surface as Mesh
 from handpipe.synthetic.real_anatomy import myohand_bones, myohand_model, real_hand
 from handpipe.synthetic.real_anatomy.carried_joints import Similarity, carried, similarity
 from handpipe.synthetic.real_anatomy.real_hand import CARPALS, RAYS, Hinge, Subject, Surface
-from handpipe.synthetic.real_anatomy.source_meshes import folder_of, mended, read_mesh, subdivided
+from handpipe.synthetic.real_anatomy.source_meshes import folder_of, read_mesh, repair_mesh, subdivided
 from handpipe.synthetic.real_anatomy.zanatomy_source import HAND
 
 log = logging.getLogger(__name__)
@@ -70,7 +70,7 @@ CHANGES: dict[str, dict[str, float]] = {
 
 def read(folder: Path) -> tuple[dict[str, Surface], dict[str, Hinge], dict[str, float]]:
     """Closed neutral bones, hinges by angle, and by angle how far neutral is from the model's zero (rad)."""
-    meshes = {n: subdivided(mended(read_mesh(folder / HAND / f"{f}.ply"), n)) for n, f in FILES.items()}
+    meshes = {n: subdivided(repair_mesh(read_mesh(folder / HAND / f"{f}.ply"), n)) for n, f in FILES.items()}
     raw = {name: (mesh.vertices, mesh.triangles) for name, mesh in meshes.items()}
     place = real_hand.hand_frame(raw)
     bones = {name: (place(points), triangles) for name, (points, triangles) in raw.items()}

@@ -20,7 +20,7 @@ from handpipe.mesh.surfaces import Surface as Mesh
 from handpipe.synthetic.geometry.kinematics import KnownJoint
 from handpipe.synthetic.real_anatomy import myohand_model
 from handpipe.synthetic.real_anatomy.carried_joints import Similarity, carried, similarity
-from handpipe.synthetic.real_anatomy.source_meshes import mended, read_mesh, subdivided
+from handpipe.synthetic.real_anatomy.source_meshes import read_mesh, repair_mesh, subdivided
 
 Surface = tuple[Array, IntArray]
 log = logging.getLogger(__name__)
@@ -94,7 +94,7 @@ def _load(path: Path, name: str, part: bool = False) -> Surface:
         # A repair that must rebuild does so at the size of the triangles: make them small beforehand.
         mesh = Mesh(*igl.upsample(mesh.vertices, mesh.triangles, 2))
     before = mesh.volume()
-    mesh = mended(mesh, name)
+    mesh = repair_mesh(mesh, name)
     if part:
         mesh = remesh(mesh, MUSCLE_EDGE)
         log.info("%s: volume %.0f mm^3 as read, %.0f mm^3 as used", name, before, mesh.volume())

@@ -24,8 +24,8 @@ from handpipe.synthetic.acquisition.posed import PosedAnatomy, clean_image, writ
 from handpipe.synthetic.continuum.surfaces import outer_faces
 from handpipe.synthetic.coupled import anatomy_file
 from handpipe.synthetic.coupled.body import Anatomy, Body, Pose
+from handpipe.synthetic.coupled.element_repair import repair_elements
 from handpipe.synthetic.coupled.follow import follow
-from handpipe.synthetic.coupled.mended import mended
 from handpipe.synthetic.coupled.pressure import with_volumes_kept
 from handpipe.synthetic.coupled.submodel import refinement_error
 from handpipe.synthetic.coupled.uninverted import uninverted
@@ -141,7 +141,7 @@ def _other_start(body: Body, x: Array, right: Array) -> Array:
     """Positions (n, 3) as x, but as `right` where x is inside out. Raises `ConvergenceError` for none."""
     if body.inverted(x) == 0:
         return x
-    found = mended(body, x, right)
+    found = repair_elements(body, x, right)
     if found is None:
         problem = "what quadratic tets differ by in the other pose is inside out in this one"
         raise ConvergenceError("the other start", problem, "Begin from a pose nearer to it.")

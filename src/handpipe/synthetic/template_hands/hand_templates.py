@@ -19,7 +19,7 @@ from handpipe.synthetic.geometry.kinematics import KnownJoint
 from handpipe.synthetic.phantom import phantom_hand, phantom_hand_joints
 from handpipe.synthetic.phantom.phantom_hand_bones import FINGERS, ROOT
 from handpipe.synthetic.real_anatomy import myohand_bones, myohand_model, real_hand, zanatomy_bones
-from handpipe.synthetic.real_anatomy.source_meshes import mended, read_mesh, subdivided
+from handpipe.synthetic.real_anatomy.source_meshes import read_mesh, repair_mesh, subdivided
 from handpipe.synthetic.real_anatomy.tendon_lines import tendon_lines
 from handpipe.synthetic.real_anatomy.zanatomy_source import HAND
 
@@ -54,7 +54,7 @@ def phantom() -> SubjectTemplate:
 def myohand(folder: Path) -> SubjectTemplate:
     """MyoHand's bones and joints at the model's zero, and its forearm's ends; `InputError` without them."""
     bones, hinges = myohand_bones.read(folder)
-    raw = mended(myohand_model.read_bone(folder / myohand_bones.FOLDER, ROOT), ROOT)
+    raw = repair_mesh(myohand_model.read_bone(folder / myohand_bones.FOLDER, ROOT), ROOT)
     place = RigidTransform.fit(raw.vertices, bones[ROOT][0])
     forearm = {}
     for name in ("radius", "ulna"):
@@ -67,7 +67,7 @@ def zanatomy(folder: Path) -> SubjectTemplate:
     """Z-Anatomy's bones, MyoHand's joints on them, intrinsic muscles, deep flexors; `InputError` without."""
     bones, hinges, _ = zanatomy_bones.read(folder)
     file = zanatomy_bones.FILES[ROOT]
-    raw = subdivided(mended(read_mesh(folder / HAND / f"{file}.ply"), ROOT))
+    raw = subdivided(repair_mesh(read_mesh(folder / HAND / f"{file}.ply"), ROOT))
     place = RigidTransform.fit(raw.vertices, bones[ROOT][0])
 
     def placed(file: str) -> Surface:

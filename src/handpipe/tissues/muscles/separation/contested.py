@@ -26,29 +26,29 @@ LEAST = 3  # vertices that each bone goes on holding
 def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> Separation:
     """Muscles of a pose, their surfaces where they are there, parted from one another and from posed bones.
 
-    Where a muscle swells over a neighbour's attachment, that one has to give way here: it is let go as far
+    Where a muscle swells over a neighbour's attachment, that one has to give way here: it is released as far
     from the muscle as the two cannot be parted otherwise. Raises `ConvergenceError` as `separate` does.
     """
-    return letting_go(lambda margin: _separated(bodies, bones, margin))
+    return with_least_margin(lambda margin: _separated(bodies, bones, margin))
 
 
-def letting_go(part: Callable[[float], Result]) -> Result:
+def with_least_margin(part: Callable[[float], Result]) -> Result:
     """What `part` returns for the least margin in mm for which it does not raise `Inseparable`."""
     *margins, widest = FARTHER
     for margin in margins:
         try:
             return part(margin)
         except Inseparable as error:
-            log.warning("%s Attachments beyond %.1f mm of another muscle are let go next", error, margin)
+            log.warning("%s Attachments beyond %.1f mm of another muscle are released next", error, margin)
     return part(widest)
 
 
 def _separated(bodies: Mapping[str, Body], bones: Mapping[str, Surface], margin: float) -> Separation:
-    held = {name: body.held for name, body in uncontested(bodies, 0, margin).items()}
+    held = {name: body.held for name, body in drop_contested(bodies, 0, margin).items()}
     return separate({name: body.surface for name, body in bodies.items()}, bones, held=held)
 
 
-def uncontested(bodies: Mapping[str, Body], least: int = LEAST, margin: float = FREE) -> dict[str, Body]:
+def drop_contested(bodies: Mapping[str, Body], least: int = LEAST, margin: float = FREE) -> dict[str, Body]:
     """The same bodies, no longer held where that is inside another one, or within a margin in mm of it.
 
     What holds a vertex there forbids that the two be parted. Each bone keeps `least` vertices, those that

@@ -16,7 +16,7 @@ from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.localisation.locating import HandModel
 from handpipe.skeleton.localisation.location_confidence import confidences
-from handpipe.skeleton.localisation.second_search import sought_again
+from handpipe.skeleton.localisation.second_search import search_again
 from handpipe.synthetic.phantom import phantom_hand
 
 CHECKOUT = Path(__file__).parents[2]
@@ -78,7 +78,7 @@ def test_marked_bones_come_back_parents_first(scan):
     start = true | wrong
     sure = confidences(hand, evidence.fine, start)
     assert {b for b, c in sure.items() if c.marked} >= set(wrong)
-    motions, sure = sought_again(hand, evidence, start, sure)
+    motions, sure = search_again(hand, evidence, start, sure)
     assert not any(c.marked for c in sure.values())
     for bone, motion in motions.items():
         assert displacement(hand, bone, motion, true[bone]) < (0.3 if bone in wrong else 1e-9), bone
@@ -88,7 +88,7 @@ def test_sure_bones_stay_where_they_are(scan):
     hand, volume, true, _ = scan
     evidence = MarrowEvidence.of(volume)
     sure = confidences(hand, evidence.fine, true)
-    assert sought_again(hand, evidence, true, sure) == (true, sure)
+    assert search_again(hand, evidence, true, sure) == (true, sure)
 
 
 def test_a_bone_that_is_not_there_stays_marked(scan):
@@ -97,4 +97,4 @@ def test_a_bone_that_is_not_there_stays_marked(scan):
     evidence = MarrowEvidence.of(without(volume, whole[bone], true[bone]))
     sure = confidences(hand, evidence.fine, true)
     assert sure[bone].marked
-    assert sought_again(hand, evidence, true, sure)[1][bone].marked
+    assert search_again(hand, evidence, true, sure)[1][bone].marked

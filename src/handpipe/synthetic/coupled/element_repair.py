@@ -1,4 +1,4 @@
-"""A shape that is inside out in places, with these taken from a shape that is not, bent to fit."""
+"""Repair of inverted elements: nodes about them are taken from a valid shape, bent to fit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RINGS = (2, 3, 4, 6)  # of elements about what is inside out that are taken over
 SPREADING = 4  # times that what folds for it is taken over, too
 
 
-def mended(body: Body, x: Array, right: Array) -> tuple[Array, BoolArray] | None:
+def repair_elements(body: Body, x: Array, right: Array) -> tuple[Array, BoolArray] | None:
     """Positions (n, 3) without inverted elements or skin through skin, and the mask (n,) of replaced nodes.
 
     They are the positions x except at the replaced nodes. There they are `right` (n, 3), positions of the
