@@ -48,6 +48,25 @@ def test_depths_inside_a_surface_that_cuts_itself():
     assert Distance(both).signed(points[:1])[0] > 0  # by the nearest normal it would be outside
 
 
+def test_by_windings_the_distance_to_a_surface_that_cuts_itself_has_no_jump():
+    one, other = sphere(5, 4), sphere(5, 4)
+    both = concatenate([one, other.moved(other.vertices + [6.0, 0, 0])])
+    x = np.linspace(-7.0, 13.0, 2001)
+    points = np.column_stack([x, np.full_like(x, 0.05), np.full_like(x, 0.03)])
+    signed, _, closest, normals = Distance(both, by_winding=True).signed(points)
+    true = np.abs(np.stack([np.linalg.norm(points - [c, 0, 0], axis=1) - 5.0 for c in (0.0, 6.0)])).min(
+        axis=0
+    )
+    inside = (x > -5.0) & (x < 11.0)
+    np.testing.assert_allclose(signed, np.where(inside, -true, true), atol=0.02)
+    step = x[1] - x[0]
+    assert np.abs(np.diff(signed)).max() < step + 1e-9
+    assert np.abs(np.diff(Distance(both).signed(points)[0])).max() > 1.0  # by normals it jumps
+    away = np.abs(signed) > 1e-3
+    outwards = np.einsum("ni,ni->n", points - closest, normals) / signed
+    np.testing.assert_allclose(outwards[away], 1.0, atol=0.02)
+
+
 def test_no_points_give_no_distances():
     assert Distance(box()).depths(np.zeros((0, 3))).shape == (0,)
     assert Distance(box()).signed(np.zeros((0, 3)))[0].shape == (0,)

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from handpipe.mesh.generation.surface_repair import cuts_itself, repair
+from handpipe.mesh.contact.self_cuts import cuts_itself
+from handpipe.mesh.generation.surface_repair import repair
 from handpipe.mesh.surfaces.hull import convex_hull
 from handpipe.mesh.surfaces.surface import Surface, concatenate
 

@@ -110,6 +110,8 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
             yield "tangles are left", f"{name.removesuffix('_tangles')}: {_number(row, name):.0f}"
         if name.endswith("_unsettled") and _positive(row, name):
             yield "contact has not settled", name.removesuffix("_unsettled").removesuffix("_contact")
+        if name.endswith("_cuts_itself") and _positive(row, name):
+            yield "an organ folds into itself", name.removesuffix("_cuts_itself")
         if name.endswith("_skin_overlap") and _positive(row, name, OVERLAP):
             yield "the skin penetrates itself", _depth(row, name, "_skin_overlap")
         if name.endswith("_inner_overlap") and _positive(row, name, INNER_OVERLAP):

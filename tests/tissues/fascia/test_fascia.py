@@ -13,6 +13,7 @@ from handpipe.core.layers import Frame, Region, Shape
 from handpipe.core.rigid import RigidTransform
 from handpipe.fem.elements.materials import Material
 from handpipe.fem.potentials.cloth import Membrane
+from handpipe.mesh.contact.self_cuts import cuts_itself
 from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
@@ -106,6 +107,36 @@ def test_a_sliding_cloth_does_not_turn_with_its_body():
     assert np.abs(Distance(posed["right"]).signed(solved[~ends])[0]).max() < 0.05
     still = np.linalg.norm(solved - right.vertices, axis=1)[middle]
     assert still.mean() < 2 * RADIUS * np.sin(0.3) + 0.05
+
+
+def folded(points, degrees=100.0, arc=3.0):
+    """A straight body along x bent at its middle until its two arms lie in one another."""
+    half = np.radians(degrees)
+    turn = np.clip(points[:, 0] / arc, -half, half)
+    beyond = points[:, 0] - arc * turn  # straight on, from the ends of the arc
+    across = arc - points[:, 1]
+    return np.column_stack(
+        [
+            across * np.sin(turn) + beyond * np.cos(turn),
+            arc - across * np.cos(turn) + beyond * np.sin(turn),
+            points[:, 2],
+        ]
+    )
+
+
+def test_a_cloth_comes_to_rest_on_a_body_that_folds_into_itself():
+    mesh = trimesh.creation.capsule(height=30.0, radius=RADIUS, count=[24, 24])
+    vertices = np.array(mesh.vertices)[:, [2, 0, 1]]
+    vertices[:, 0] -= vertices[:, 0].mean()
+    body = remesh(Surface(vertices, np.array(mesh.faces, dtype=np.int64)), 1.0)
+    posed = body.moved(folded(body.vertices))
+    assert cuts_itself(posed) and not cuts_itself(body)
+    surface = bone_wrap({"body": body}, [], 1.5)
+    regions = np.where(np.abs(surface.vertices[:, 0]) > 14.0, Region.fixed, Region.contact)
+    fascia = Fascia.around("folded", surface, regions, {"body": body}, ClothSettings())
+    x = fascia.solve({"body": body}, {"body": posed}, folded(surface.vertices))
+    free = ~fascia.tied & (regions == Region.contact)
+    assert Distance(posed).depths(x[free]).max() < 0.2
 
 
 def test_slender_parts_are_those_where_no_ball_fits():

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from handpipe.mesh.generation.remeshing import remesh
-from handpipe.mesh.generation.surface_repair import cuts_itself
+from handpipe.mesh.contact.self_cuts import cuts_itself
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.synthetic.geometry.tubes import sweep
 from handpipe.tissues.muscles.fitting.body import Body

@@ -128,6 +128,13 @@ def test_an_end_that_leaves_its_bone_is_held_where_the_examples_have_it():
         assert np.linalg.norm(end - expected) < (0.3 if shape is None else 0.05)
 
 
+def test_a_muscle_that_folds_into_itself_says_so(caplog):
+    layer = MuscleLayer([muscle("m")], contact=False)
+    assert solve(layer, 0.8)["m"].figures["cuts_itself"] == 0.0 and not caplog.records
+    assert solve(layer, 4.0)["m"].figures["cuts_itself"] == 1.0
+    assert "m of pose folds into itself" in caplog.text
+
+
 def test_the_search_begins_between_the_examples():
     known, shapes = sliding()
     np.testing.assert_allclose(known.places(hinge_bones(), hinge(0.8)), shapes[1], atol=1e-9)

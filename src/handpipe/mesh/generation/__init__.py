@@ -9,13 +9,12 @@ if TYPE_CHECKING:
     from handpipe.mesh.generation.implicit import Grid, isosurface, smooth_minimum, union_surface
     from handpipe.mesh.generation.meshing import tetrahedralise
     from handpipe.mesh.generation.remeshing import remesh
-    from handpipe.mesh.generation.surface_repair import cuts_itself, repair
+    from handpipe.mesh.generation.surface_repair import repair
 else:
     __getattr__ = face(__name__)
 
 __all__ = [
     "Grid",
-    "cuts_itself",
     "implicit",
     "isosurface",
     "remesh",

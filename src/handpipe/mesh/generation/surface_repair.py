@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
 
 from handpipe.core import Array, BoolArray, InputError, IntArray
-from handpipe.mesh.contact.contact_toolkit import ipctk
+from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.generation.implicit import Grid, isosurface
 from handpipe.mesh.generation.remeshing import remesh, remesh_free
 from handpipe.mesh.surfaces.distance import Distance
@@ -38,13 +38,6 @@ def repair(surface: Surface) -> tuple[Surface, list[str]]:
     if not surface.is_closed():
         raise InputError("repair", "surface", "is still open after repair", "Mend it in a mesh editor")
     return surface, said
-
-
-def cuts_itself(surface: Surface) -> bool:
-    """Whether any two triangles that share no vertex intersect."""
-    edges = np.ascontiguousarray(ipctk.edges(surface.triangles))
-    mesh = ipctk.CollisionMesh(surface.vertices, edges, surface.triangles)
-    return bool(ipctk.has_intersections(mesh, surface.vertices))
 
 
 def _merge_vertices(surface: Surface, said: list[str]) -> Surface:

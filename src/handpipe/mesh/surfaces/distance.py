@@ -14,10 +14,15 @@ ON_EDGE = 1e-8  # barycentric coordinates below this lie on an edge or vertex
 
 
 class Distance:
-    """Distances to one surface, by a tree that is built once."""
+    """Distances to one surface, by a tree that is built once.
 
-    def __init__(self, surface: Surface) -> None:
-        self.surface = surface
+    by_winding: the sign of a distance tells about which points the surface winds, not which side of the
+    closest triangle they are on. Where a surface cuts itself that side changes far from it, and the distance
+    jumps there; by windings it is continuous.
+    """
+
+    def __init__(self, surface: Surface, *, by_winding: bool = False) -> None:
+        self.surface, self.by_winding = surface, by_winding
         self._tree = igl.AABB()
         self._tree.init(surface.vertices, surface.triangles)
         self._normals: tuple[Array, Array, Array] | None = None
@@ -40,7 +45,7 @@ class Distance:
         """Signed distances (n,), negative inside; triangles (n,); closest points, unit pseudonormals (n, 3).
 
         Exact for a closed surface that does not cut itself; near the rim of an open one the sign is that of
-        the nearest triangle.
+        the nearest triangle. By windings pseudonormals point away from the inside, too.
         """
         distances, triangles, closest = self.closest(points)
         if self._normals is None:
@@ -49,8 +54,12 @@ class Distance:
             closest, triangles, self.surface.vertices, self.surface.triangles, self._normals, ON_EDGE
         )
         queries = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-        side = np.einsum("ij,ij->i", queries - closest, normals)
-        return np.where(side < 0, -distances, distances), triangles, closest, normals
+        inside = np.einsum("ij,ij->i", queries - closest, normals) < 0
+        if self.by_winding:
+            wound = self.surface.contains(queries)
+            normals[wound != inside] *= -1.0
+            inside = wound
+        return np.where(inside, -distances, distances), triangles, closest, normals
 
     def smooth(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
         """As `signed`, with normals interpolated between those of the vertices.

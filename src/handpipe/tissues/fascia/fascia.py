@@ -14,6 +14,7 @@ from handpipe.fem.contact import SurfaceContact, SurfaceSliding
 from handpipe.fem.elements import Material
 from handpipe.fem.potentials import Membrane, Potential
 from handpipe.fem.solver import Options, equilibrium
+from handpipe.mesh.contact import distance_to
 from handpipe.mesh.surfaces import Anchors, Distance, Surface
 from handpipe.mesh.tets import mass_lumped
 from handpipe.tissues.fascia.regions import slender
@@ -86,7 +87,7 @@ class Fascia:
             Membrane(drawn.vertices, drawn.triangles, material, THICKNESS, settings.shrink),
         ]
         for index, body in enumerate(self.bodies):
-            distance, slides = Distance(posed[body]), sliding & (self.owners == index)
+            distance, slides = distance_to(posed[body]), sliding & (self.owners == index)
             touches = ~fixed & ~slides
             potentials.append(SurfaceContact(identity[touches], distance, stiffness[touches]))
             potentials.append(SurfaceSliding(identity[slides], distance, stiffness[slides]))

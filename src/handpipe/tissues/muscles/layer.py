@@ -5,6 +5,7 @@ It is one static equilibrium of all muscles that may touch one another (Zheng 20
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
@@ -19,6 +20,7 @@ from handpipe.fem.elements import Material, Validity
 from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Elastic, Potential
 from handpipe.fem.solver import Limits, Settled, equilibrium, settle
+from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.surfaces import Distance, Surface, about, each_moved
 from handpipe.mesh.tets import mass_lumped
 from handpipe.shapes.optimisation import MUSCLE
@@ -26,6 +28,8 @@ from handpipe.tissues.muscles.muscle import Muscle
 from handpipe.tissues.muscles.neighbours import Pairs, pairs, sliding_vertices
 
 Planes = tuple[sparse.csr_matrix, Array, Array]  # what is apart (c, N), by places and normals (c, 3)
+
+log = logging.getLogger(__name__)
 
 BITE = 0.5  # mm of depth that one set of planes takes away at most: all at once, thin muscles are flung about
 GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, until planes are renewed
@@ -222,8 +226,14 @@ class MuscleLayer:
             validity = Validity.of(body.mesh.vertices, body.mesh.tets, own)
             validity.require(f"{muscle.name} of {frame}", posed)
             surface = body.surface_at(own)
+            cut = cuts_itself(surface)
+            if cut:
+                log.warning("%s of %s folds into itself: nothing keeps it apart", muscle.name, frame)
             shapes[muscle.name] = Shape(
-                body.surface.vertices, surface.vertices, surface.triangles, figures=figures
+                body.surface.vertices,
+                surface.vertices,
+                surface.triangles,
+                figures=figures | {"cuts_itself": float(cut)},
             )
             shapes[f"{muscle.name}_mesh"] = Shape(
                 body.mesh.vertices,

@@ -11,7 +11,8 @@ from scipy import sparse
 
 from handpipe.core import Array, BoolArray, IntArray, RigidTransform
 from handpipe.fem.linear import factorise
-from handpipe.mesh.generation import cuts_itself, remesh, tetrahedralise
+from handpipe.mesh.contact import cuts_itself
+from handpipe.mesh.generation import remesh, tetrahedralise
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import Embedding, TetMesh, dirichlet_matrix, shape_gradients
 from handpipe.shapes.observations import Attached
