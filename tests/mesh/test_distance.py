@@ -54,9 +54,8 @@ def test_by_windings_the_distance_to_a_surface_that_cuts_itself_has_no_jump():
     x = np.linspace(-7.0, 13.0, 2001)
     points = np.column_stack([x, np.full_like(x, 0.05), np.full_like(x, 0.03)])
     signed, _, closest, normals = Distance(both, by_winding=True).signed(points)
-    true = np.abs(np.stack([np.linalg.norm(points - [c, 0, 0], axis=1) - 5.0 for c in (0.0, 6.0)])).min(
-        axis=0
-    )
+    to_each = [np.linalg.norm(points - [centre, 0, 0], axis=1) - 5.0 for centre in (0.0, 6.0)]
+    true = np.abs(to_each).min(axis=0)
     inside = (x > -5.0) & (x < 11.0)
     np.testing.assert_allclose(signed, np.where(inside, -true, true), atol=0.02)
     step = x[1] - x[0]

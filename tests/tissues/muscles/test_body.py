@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.contact.self_cuts import cuts_itself
+from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.synthetic.geometry.tubes import sweep
 from handpipe.tissues.muscles.fitting.body import Body
