@@ -50,12 +50,16 @@ else echo "handpipe needs packages that are not installed, and this user may not
   echo "  apt-get update && apt-get install -y --no-install-recommends $(PACKAGES)"; exit 1; fi
 endef
 
+# Test files side by side, one thread each: at most four processes, so that memory suffices.
+PYTEST := env OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 \
+  $(BIN)/python -m pytest -n logical --maxprocesses 4 --dist loadfile
+
 test: setup
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 # The tests with the share of branches of src that they reach; jobs that Snakemake starts are not counted.
 coverage: setup
-	$(BIN)/python -m pytest --cov --cov-report=term
+	$(PYTEST) --cov --cov-report=term
 
 lint: setup
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
