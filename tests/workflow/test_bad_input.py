@@ -11,8 +11,8 @@ import trimesh
 import yaml
 
 from handpipe.core.configuration.config import load_dataset
-from handpipe.core.errors import InputError
-from handpipe.hand.subject import check_frames, check_images, check_surfaces, require_files
+from handpipe.core.errors import HandpipeError, InputError
+from handpipe.hand.checks import faults
 
 from .running import run
 from .small_subject import ball, body, image, opened, seeds, write_dataset, write_image, write_mesh
@@ -259,20 +259,33 @@ def test_check_names_file_and_field(
 ) -> None:
     monkeypatch.chdir(small)
     spoil(small)
-    with pytest.raises(InputError) as caught:
+    fault, *others = found_faults()
+    assert not others or spoil is braces  # in the folder's name, and so in every file's path
+    assert isinstance(fault, InputError)
+    assert (fault.source, fault.field) == (source, field)
+    assert problem in fault.problem
+
+
+def found_faults() -> list[HandpipeError]:
+    """What `handpipe check` says of the subject."""
+    try:
         dataset = load_dataset(DATASET)
-        require_files(DATASET, dataset)
-        check_surfaces(dataset)
-        check_images(dataset)
-        check_frames(dataset)
-    assert (caught.value.source, caught.value.field) == (source, field)
-    assert problem in caught.value.problem
+    except InputError as error:
+        return [error]
+    return faults(DATASET, dataset)
+
+
+def test_all_faults_of_all_files_are_found_at_once(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(small)
+    together = [scan_with_island, open_muscle, open_bone, seeds_of_no_bone, missing_regions]
+    for spoil in together:
+        spoil(small)
+    found = found_faults()
+    expected = {(source, field) for spoil, source, field, _ in CHECKS if spoil in together}
+    assert len(found) == len(together)
+    assert {(fault.source, fault.field) for fault in found if isinstance(fault, InputError)} == expected
 
 
 def test_checks_find_nothing_in_a_good_subject(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(small)
-    dataset = load_dataset(DATASET)
-    require_files(DATASET, dataset)
-    check_surfaces(dataset)
-    check_images(dataset)
-    check_frames(dataset)
+    assert found_faults() == []

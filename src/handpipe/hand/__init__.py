@@ -7,6 +7,7 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.hand import layer_loading
     from handpipe.hand.appearance import colour, opacity, shown, tissue
+    from handpipe.hand.checks import faults
     from handpipe.hand.export import surface_triangles, write_glb, write_obj_sequence, write_vtu_series
     from handpipe.hand.frames import (
         UNITS,
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from handpipe.hand.resume import key_of
     from handpipe.hand.simulation import Failure, Simulated, SimulatedFrame, simulate, simulate_frame
     from handpipe.hand.subject import (
-        check_frames,
-        check_images,
-        check_surfaces,
         joint_limits,
         named_files,
         require_files,
@@ -39,11 +37,9 @@ __all__ = [
     "Simulated",
     "SimulatedFrame",
     "UNITS",
-    "check_frames",
-    "check_images",
-    "check_surfaces",
     "colour",
     "failures_in",
+    "faults",
     "figure_units",
     "finished_frames",
     "joint_limits",

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from handpipe.core import artifacts
 from handpipe.core.configuration import Dataset
-from handpipe.hand import check_frames, check_images, check_surfaces
+from handpipe.hand import faults
 from handpipe.stages.files import Files
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,9 @@ class Inputs(Files):
 
 def check_subject(inputs: Inputs, output: Path, dataset: Dataset) -> None:
     """A scanned subject's files, before hours are spent on its images."""
-    check_surfaces(dataset)
-    check_images(dataset)
-    check_frames(dataset)
+    found = faults(dataset.name, dataset)
+    for fault in found[1:]:
+        log.error("%s", fault)
+    if found:
+        raise found[0]
     artifacts.write_text(output, json.dumps({"checked": [*map(str, inputs.all())]}, indent=2) + "\n")
