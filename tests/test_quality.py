@@ -33,7 +33,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "synthetic.coupled": ("mesh", "fem", "synthetic.continuum"),
 }
 FLOORS["tissues.ligaments"] += ("tissues.muscles",)
-BESIDE = ("synthetic", "evaluation", "develop")
+BESIDE = ("synthetic", "evaluation", "develop", "cli")
 TOP = "stages"  # imports all of them
 
 

@@ -18,8 +18,11 @@ BUILD = ("-j2", "segmentation", "--config", "subjects=[small]")
 
 
 @contextmanager
-def build_in_the_middle(folder: Path) -> Iterator[None]:
-    """A build in a process group of its own, with some bones segmented; the group is killed at the end."""
+def build_in_the_middle(folder: Path) -> Iterator[int]:
+    """A build in a process group of its own, with some bones segmented; the group is killed at the end.
+
+    Gives the number of the group.
+    """
     process = subprocess.Popen(
         command(BUILD),
         cwd=folder,
@@ -34,7 +37,7 @@ def build_in_the_middle(folder: Path) -> Iterator[None]:
             assert process.poll() is None, "the build ended before it could be killed"
             assert time.monotonic() < deadline, "the build made nothing"
             time.sleep(0.02)
-        yield
+        yield process.pid
     finally:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
@@ -86,7 +89,8 @@ def test_finished_build_does_nothing(built_small: Path, tmp_path: Path) -> None:
 
 def test_second_build_in_one_folder_is_refused(small: Path) -> None:
     """The lock holds for as long as a build runs; the tests above show that it is free after a kill."""
-    with build_in_the_middle(small):
+    with build_in_the_middle(small) as group:
+        os.killpg(group, signal.SIGSTOP)  # however long the second build takes to begin, the first one runs
         process = run(small, *BUILD)
     assert process.returncode != 0
     assert "handpipe: another build runs in this folder" in process.stdout

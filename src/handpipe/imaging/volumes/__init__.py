@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.imaging.volumes.label_exports import write_label_description, write_segments
     from handpipe.imaging.volumes.rasterisation import rasterise
     from handpipe.imaging.volumes.same_frame import (
         Foreground,
@@ -13,7 +14,14 @@ if TYPE_CHECKING:
         require_scan_in_image,
         unit_of,
     )
-    from handpipe.imaging.volumes.volume import Volume, pose_volume, read_labels, read_volume, write_labels
+    from handpipe.imaging.volumes.volume import (
+        Volume,
+        pose_volume,
+        read_label_table,
+        read_labels,
+        read_volume,
+        write_labels,
+    )
 else:
     __getattr__ = face(__name__)
 
@@ -23,10 +31,13 @@ __all__ = [
     "likely_cause",
     "pose_volume",
     "rasterise",
+    "read_label_table",
     "read_labels",
     "read_volume",
     "require_points_in_image",
     "require_scan_in_image",
     "unit_of",
+    "write_label_description",
     "write_labels",
+    "write_segments",
 ]

@@ -1,0 +1,173 @@
+"""The command `handpipe`, as a person calls it in a folder of the project."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import nibabel
+import numpy as np
+import pytest
+import SimpleITK
+
+from handpipe.cli import main
+from handpipe.cli.status import Stage, duration, stages
+from handpipe.core import paths
+
+from .running import ENVIRONMENT, TOY, planned
+from .small_subject import LABELS, write_image
+from .test_bad_input import missing_regions, open_bone
+
+SMALL = ("small", "--stage", "segmentation", TOY)
+
+
+def call(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """`handpipe ARGUMENTS` in a folder."""
+    command = [sys.executable, "-m", "handpipe.cli", *arguments]
+    return subprocess.run(
+        command, cwd=folder, env=ENVIRONMENT, encoding="utf-8", capture_output=True, check=False
+    )
+
+
+@pytest.fixture
+def copy(built_small: Path, tmp_path: Path) -> Path:
+    """A copy of the small subject's folder, its segmentation built."""
+    return Path(shutil.copytree(built_small, tmp_path / "copy", symlinks=True))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["stat"], "No such command 'stat'"),
+        (["build"], "Missing argument 'SUBJECT'"),
+        (["build", "small", "--cores", "0"], "--cores"),
+        (["check", "small", "--fast"], "--fast"),
+    ],
+)
+def test_a_wrong_call_ends_with_one_line_and_status_2(
+    small: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    said: str,
+) -> None:
+    monkeypatch.chdir(small)
+    assert main(arguments) == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith("handpipe: ") and said in line and line.endswith("See handpipe --help")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["check", "nobody"], "config/datasets/nobody.yaml: file: does not exist"),
+        (["view", "small"], "results/small/report.html: file: has not been built. Run: handpipe build small"),
+        (["export", "small", "out"], "results/small: files: nothing is built yet"),
+    ],
+)
+def test_what_is_not_there_is_named(
+    small: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    said: str,
+) -> None:
+    monkeypatch.chdir(small)
+    assert main(arguments) == 1
+    assert said in capsys.readouterr().err
+    assert not (small / "out").exists()
+
+
+def test_elsewhere_than_in_the_project_nothing_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["build", "small"]) == 1
+    assert "Change to the folder of the project first" in capsys.readouterr().err
+
+
+def test_check_names_each_fault_in_a_line(
+    small: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(small)
+    assert main(["check", "small"]) == 0
+    assert capsys.readouterr().out == "small: nothing is wrong\n"
+    open_bone(small)
+    missing_regions(small)
+    assert main(["check", "small"]) == 1
+    said = capsys.readouterr()
+    assert said.out == "small: 2 faults\n"
+    lines = sorted(said.err.splitlines())
+    assert lines[0].startswith(
+        "handpipe: config/datasets/small.yaml: regions.bone_fascia: small/painted.json"
+    )
+    assert lines[1].startswith("handpipe: small/far.ply: triangles: is open")
+
+
+def test_status_counts_jobs_as_the_workflow_does(copy: Path) -> None:
+    built = call(copy, "status", *SMALL)
+    assert built.returncode == 0, built.stderr
+    done, jobs = map(int, re.findall(r"small: (\d+) of (\d+) jobs are done", built.stdout)[0])
+    assert done == jobs > 0
+    seeds = nibabel.load(copy / "small/bent-seeds.nii.gz")
+    write_image(copy / "small/bent-seeds.nii.gz", np.asarray(seeds.dataobj)[::-1], seeds.affine)
+    left = planned(copy, "segmentation", "--config", "subjects=[small]")
+    left.pop("segmentation", None)
+    assert left
+    said = call(copy, "status", *SMALL).stdout
+    assert f"small: {jobs - sum(left.values())} of {jobs} jobs are done" in said
+    for rule, count in left.items():
+        assert re.search(rf"^{rule} +\d+ +{count}  [\d.]+$", said, re.MULTILINE)
+    assert "time left on 2 cores: about" in said and "unknown" not in said
+
+
+def test_a_build_goes_on_and_ends(copy: Path) -> None:
+    target = copy / paths.at(paths.metrics_of("segmentation"), subject="small")
+    target.unlink()
+    process = call(copy, "build", *SMALL)
+    assert process.returncode == 0, process.stdout + process.stderr
+    assert target.is_file()
+    open_bone(copy)
+    assert call(copy, "build", *SMALL).returncode == 1
+
+
+def test_exported_labels_have_names_places_and_values(copy: Path) -> None:
+    process = call(copy, "export", "small", "out")
+    assert process.returncode == 0, process.stderr
+    written = [Path(line).name for line in process.stdout.splitlines()]
+    assert sorted(written) == sorted(p.name for p in (copy / "out").iterdir())
+    own = nibabel.load(copy / paths.at(paths.LABELS, subject="small", pose="bent"))
+    image = SimpleITK.ReadImage(str(copy / "out/small-bent.seg.nrrd"))
+    np.testing.assert_array_equal(SimpleITK.GetArrayFromImage(image).T, np.asarray(own.dataobj))
+    x = image.TransformContinuousIndexToPhysicalPoint((3.0, 5.0, 7.0))
+    np.testing.assert_allclose(np.array(x) * [-1, -1, 1], (own.affine @ [3.0, 5.0, 7.0, 1.0])[:3])
+    segments = {
+        image.GetMetaData(key): int(image.GetMetaData(key.replace("_Name", "_LabelValue")))
+        for key in image.GetMetaDataKeys()
+        if re.fullmatch(r"Segment\d+_Name", key)
+    }
+    assert segments == LABELS
+    description = (copy / "out/small-labels.txt").read_text(encoding="utf-8")
+    rows = re.findall(r'^ +(\d+) +(\d+) +(\d+) +(\d+) +1  1  1    "(\w+)"$', description, re.MULTILINE)
+    assert {name: int(label) for label, *_, name in rows} == LABELS
+    assert len({tuple(colour) for _, *colour, _ in rows}) == len(LABELS)
+
+
+def test_time_left_is_that_of_earlier_jobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for subject, seconds in (("mine", 10.0), ("other", 99.0)):
+        folder = tmp_path / paths.at(paths.COSTS, subject=subject)
+        for rule in ("slow", "quick"):
+            (folder / rule).mkdir(parents=True)
+        (folder / "slow/a.tsv").write_text(f"s\tcpu_time\n{seconds}\t1\n{seconds + 2}\t1\n", encoding="utf-8")
+    (tmp_path / paths.at(paths.COSTS, subject="other") / "quick/a.tsv").write_text(
+        "s\n4.0\n", encoding="utf-8"
+    )
+    found = stages({"slow": 2, "quick": 1}, {"slow": 5, "quick": 1, "new": 3}, "mine")
+    assert found == [Stage("slow", 3, 2, 11.0), Stage("quick", 0, 1, 4.0), Stage("new", 3, 0, None)]
+    assert sum(stage.seconds_left for stage in found) == 26.0
+
+
+def test_durations_are_as_exact_as_estimates() -> None:
+    assert [duration(s) for s in (12.3, 100.0, 5400.0, 9000.0)] == ["12 s", "2 min", "1.5 h", "2.5 h"]
