@@ -12,8 +12,11 @@ import pytest
 import SimpleITK
 
 from handpipe.cli import main
+from handpipe.cli.new_subject import find_poses
 from handpipe.cli.status import Stage, duration, stages
-from handpipe.core import paths
+from handpipe.core import InputError, paths
+from handpipe.core.configuration import load_dataset
+from handpipe.hand import named_files
 
 from .running import ENVIRONMENT, TOY, planned
 from .small_subject import LABELS, write_image
@@ -85,6 +88,84 @@ def test_elsewhere_than_in_the_project_nothing_is_done(
     monkeypatch.chdir(tmp_path)
     assert main(["build", "small"]) == 1
     assert "Change to the folder of the project first" in capsys.readouterr().err
+
+
+def write_scans(folder: Path) -> None:
+    """Names of files as people give them; nothing in the files but what tells DICOM."""
+    for name in (
+        "neutral.nii.gz",
+        "neutral-seeds.nii.gz",
+        "Fist 2.nrrd",
+        "scans/Fist 2 skin.stl",
+        "notes.txt",
+    ):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+    (folder / "hook mri").mkdir()
+    for i in range(2):
+        (folder / "hook mri" / f"IM{i}").write_bytes(bytes(128) + b"DICM")
+
+
+def test_init_finds_the_poses_of_a_folder(tmp_path: Path) -> None:
+    write_scans(tmp_path)
+    assert find_poses(tmp_path) == {
+        "neutral": {"volume": Path("neutral.nii.gz"), "seeds": Path("neutral-seeds.nii.gz")},
+        "Fist_2": {"volume": Path("Fist 2.nrrd"), "scan": Path("scans/Fist 2 skin.stl")},
+        "hook": {"volume": Path("hook mri")},
+    }
+    (tmp_path / "hook.mha").touch()
+    with pytest.raises(InputError, match="are both the volume of hook"):
+        find_poses(tmp_path)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_init_writes_a_dataset_that_loads(
+    small: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], side: str
+) -> None:
+    monkeypatch.chdir(small)
+    write_scans(small / "mine")
+    (small / "mine/neutral-seeds.nii.gz").unlink()
+    asked = ["init", "my-hand", "--volumes", "mine", "--hand", side, "--heldout", "hook"]
+    assert main(asked) == 0
+    said = capsys.readouterr().out
+    assert "save them as mine/neutral-seeds.seg.nrrd" in said
+    assert "no skin scan: hook, neutral" in said
+    dataset = load_dataset("config/datasets/my-hand.yaml")
+    assert dataset.hand == side and dataset.drawn_in == "template"
+    assert {name: pose.role for name, pose in dataset.poses.items()} == {
+        "neutral": "neutral",
+        "Fist_2": "example",
+        "hook": "heldout",
+    }
+    missing = [field for field, path in named_files(dataset).items() if not path.exists()]
+    assert missing == ["poses.neutral.seeds"]
+    before = (small / "config/datasets/my-hand.yaml").read_bytes()
+    assert main(asked) == 1  # nothing is overwritten
+    assert "exists already" in capsys.readouterr().err
+    assert (small / "config/datasets/my-hand.yaml").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--volumes", "nowhere"], "nowhere: folder: does not exist"),
+        (["--volumes", "config"], "holds no volume"),
+        (["--volumes", "mine", "--neutral", "flat"], "has no pose flat"),
+        (["--volumes", "mine", "--heldout", "bow"], "has no pose bow"),
+    ],
+)
+def test_init_names_what_it_lacks(
+    small: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    said: str,
+) -> None:
+    monkeypatch.chdir(small)
+    write_scans(small / "mine")
+    assert main(["init", "my-hand", "--hand", "right", *arguments]) == 1
+    assert said in capsys.readouterr().err
+    assert not (small / "config/datasets/my-hand.yaml").exists() and not (small / "mine/template").exists()
 
 
 def test_check_names_each_fault_in_a_line(

@@ -5,6 +5,7 @@ rule make_skin:
     input:
         scan=neutral_scan,
         nails=lambda w: nail_files(w.subject),
+        carried=carried_template,
     output:
         paths.SKIN,
     log:

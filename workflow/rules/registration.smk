@@ -5,6 +5,7 @@ rule register_bones:
     input:
         neutral=in_neutral(paths.BONE_SURFACES),
         target=paths.BONE_SURFACES,
+        carried=carried_template,
     output:
         paths.REGISTRATION,
     log:

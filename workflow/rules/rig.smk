@@ -1,11 +1,34 @@
 # Registered bones to a kinematic rig (Wang 2019 §4).
 
 
+rule carry_template:
+    input:
+        neutral=in_neutral(paths.BONE_SURFACES),
+        templates=carried_files,
+    output:
+        paths.CARRIED_TEMPLATE,
+    log:
+        paths.log_of("carry_template"),
+    benchmark:
+        paths.cost_of("carry_template")
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        dataset=reads("root", "bones.*.template", "joints", "tendons", "nails"),
+    message:
+        "{wildcards.subject}: carry axis hints, tendons' paths and nails onto the bones"
+    script:
+        "../scripts/carry_template.py"
+
+
 rule fit_rig:
     input:
         neutral=in_neutral(paths.BONE_SURFACES),
         registrations=in_poses(paths.REGISTRATION),
         truth=in_truth(paths.TRUTH, Role.example, Role.heldout),
+        carried=carried_template,
     output:
         rig=paths.RIG,
         metrics=paths.metrics_of("rig"),

@@ -5,6 +5,7 @@ rule propose_seeds:
     input:
         volume=of_pose("volume"),
         neutral=in_neutral(paths.BONE_SURFACES),
+        carried=carried_template,
     output:
         seeds=paths.SEEDS,
         confidence=paths.SEEDS_CONFIDENCE,

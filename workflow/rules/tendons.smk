@@ -8,6 +8,7 @@ rule extract_tendon:
         path=lambda w: curve_folder(
             w.subject, dataset(w.subject).tendons[w.tendon].path
         ),
+        carried=carried_template,
     output:
         paths.NEUTRAL_TENDON,
     log:

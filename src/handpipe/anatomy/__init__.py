@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.anatomy import improvement, person, templates
+    from handpipe.anatomy import improvement, person, shipped, templates
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["improvement", "person", "templates"]
+__all__ = ["improvement", "person", "shipped", "templates"]

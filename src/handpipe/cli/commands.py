@@ -7,13 +7,13 @@ import sys
 import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from handpipe.cli import export as exports
+from handpipe.cli import new_subject, workflow
 from handpipe.cli import status as progress
-from handpipe.cli import workflow
 from handpipe.core import InputError, paths, reported
 from handpipe.core.configuration import load_dataset
 from handpipe.hand import faults
@@ -65,6 +65,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def handpipe() -> None:
     """From scans of a hand in several poses to a hand that can be animated."""
     workflow.require_project()
+
+
+@app.command()
+def init(
+    subject: Annotated[str, typer.Argument(metavar="SUBJECT", help="lower case, digits and hyphens")],
+    volumes: Annotated[Path, typer.Option(metavar="FOLDER", help="with the scans of all poses")],
+    hand: Annotated[Literal["right", "left"], typer.Option(help="which hand it is")],
+    neutral: Annotated[str | None, typer.Option(metavar="POSE", help="if no pose is named neutral")] = None,
+    heldout: Annotated[list[str] | None, typer.Option(metavar="POSE", help="only tests the result")] = None,
+) -> None:
+    """Write config/datasets/SUBJECT.yaml for a folder of scans; the template hand gives all else."""
+    path, notes = new_subject.init(subject, volumes, hand, neutral, tuple(heldout or ()))
+    for note in notes:
+        print(note)
+    print(f"{path} is written. Next: handpipe check {subject}")
 
 
 @app.command()

@@ -44,6 +44,7 @@ LOOKS = f"{SUBJECT}/segmentation/{{pose}}/looks.json"
 # The skeleton.
 REGISTRATION = f"{SUBJECT}/registration/{{pose}}.h5"
 RIG = f"{SUBJECT}/rig.h5"
+CARRIED_TEMPLATE = f"{SUBJECT}/carried_template.h5"
 
 # Tendons, muscles, ligaments.
 NEUTRAL_TENDON = f"{SUBJECT}/tendons/{{tendon}}/neutral.h5"

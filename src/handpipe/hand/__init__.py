@@ -7,6 +7,7 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.hand import layer_loading
     from handpipe.hand.appearance import colour, opacity, shown, tissue
+    from handpipe.hand.carried import Carried, with_carried_hints
     from handpipe.hand.checks import faults
     from handpipe.hand.export import surface_triangles, write_glb, write_obj_sequence, write_vtu_series
     from handpipe.hand.frames import (
@@ -33,6 +34,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "Carried",
     "Failure",
     "Simulated",
     "SimulatedFrame",
@@ -62,5 +64,6 @@ __all__ = [
     "write_frames",
     "write_glb",
     "write_obj_sequence",
+    "with_carried_hints",
     "write_vtu_series",
 ]

@@ -211,6 +211,11 @@ class Dataset(Model):
         "rbf",
         description="of muscle strains over poses: rbf follows trends, the others stay within the examples",
     )
+    drawn_in: Literal["neutral", "template"] = Field(
+        "neutral",
+        description="frame of axis hints, tendons' paths and nails: that of the neutral image, or of the "
+        "bones' templates, which carry them onto the subject's bones",
+    )
     regions: dict[Literal["bone_fascia", "muscle_fascia"], Path] = Field(
         {},
         description='painted regions of a fascia: JSON list of "contact", "sliding" or "fixed", one a vertex',
@@ -234,6 +239,9 @@ class Dataset(Model):
             for bone in named:
                 if bone not in self.bones:
                     raise ValueError(f"{kind}: names the bone {bone!r}, which is not under bones")
+        bare = [name for name, bone in self.bones.items() if bone.template is None]
+        if self.drawn_in == "template" and bare:
+            raise ValueError(f"drawn_in: template needs bones.{bare[0]}.template, and those of all bones")
         unique: dict[str, list[Any]] = {
             "bones: the label": [*(bone.label for bone in self.bones.values()), *self.other_labels.values()],
             "joints: the angle": [angle for joint in self.joints.values() for angle in joint.angles],

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from handpipe.core import metrics
 from handpipe.core.configuration import Dataset
+from handpipe.hand import with_carried_hints
 from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.imaging.segmentation import propose
 from handpipe.imaging.volumes import pose_volume, write_labels
@@ -31,6 +32,7 @@ class Inputs(Files):
 
     volume: Path
     neutral: Path
+    carried: Path | None
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,7 @@ class Outputs(Files):
 
 def propose_seeds(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) -> None:
     """Seeds of a pose from the neutral bones and the pose's image, and how sure each bone's place is."""
+    dataset = with_carried_hints(dataset, inputs.carried)
     labels = dataset.labels
     evidence = MarrowEvidence.of(pose_volume(dataset, pose))
     marrow, whole = (read_surfaces(inputs.neutral, part) for part in ("marrow", "whole"))

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.stages.skeleton import evaluate_registration, fit_rig, register_bones
+    from handpipe.stages.skeleton import carry_template, evaluate_registration, fit_rig, register_bones
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["evaluate_registration", "fit_rig", "register_bones"]
+__all__ = ["carry_template", "evaluate_registration", "fit_rig", "register_bones"]

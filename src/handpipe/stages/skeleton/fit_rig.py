@@ -10,6 +10,7 @@ from pathlib import Path
 
 from handpipe.core import InputError, artifacts, metrics
 from handpipe.core.configuration import Dataset, Role
+from handpipe.hand import with_carried_hints
 from handpipe.skeleton.bones import read_registrations, read_surfaces
 from handpipe.skeleton.joints import limit_rows
 from handpipe.skeleton.registration import without_odd_bones
@@ -27,6 +28,7 @@ class Inputs(Files):
     neutral: Path
     registrations: Sequence[Path]
     truth: Sequence[Path]
+    carried: Path | None
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class Outputs(Files):
 
 def fit_rig(inputs: Inputs, outputs: Outputs, dataset: Dataset, organs: bool) -> None:
     """The kinematic rig from registered bones, its table of errors, and the limits of its angles."""
+    dataset = with_carried_hints(dataset, inputs.carried)
     surfaces = read_surfaces(inputs.neutral, "whole")
     registered = dict(zip(dataset.poses, map(read_registrations, inputs.registrations), strict=True))
     doubtful = {(p, b): r.doubt for p, found in registered.items() for b, r in found.items() if r.doubt}

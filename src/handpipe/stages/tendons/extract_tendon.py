@@ -8,6 +8,7 @@ from pathlib import Path
 
 from handpipe.core import artifacts
 from handpipe.core.configuration import Dataset
+from handpipe.hand import Carried
 from handpipe.imaging.evidence import read_markers
 from handpipe.imaging.volumes import pose_volume
 from handpipe.mesh.surfaces import Distance, concatenate
@@ -24,14 +25,18 @@ class Inputs(Files):
 
     rig: Path
     volume: Path
-    path: Path
+    path: Path | None
+    carried: Path | None
 
 
 def extract_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:
     """A tendon's neutral rod and tube from the volume and a clicked curve."""
     tendon = dataset.tendons[name]
     rig = Rig.load(inputs.rig)
-    clicked, _ = read_markers(dataset.path(tendon.path))
+    if inputs.carried is None:
+        clicked, _ = read_markers(dataset.path(tendon.path))
+    else:
+        clicked = Carried.load(inputs.carried).paths[name]
     bones = Distance(concatenate([rig.surfaces[b] for b in tendon.bones]))
     found = extract(pose_volume(dataset, dataset.neutral), clicked, tendon.radius, bones)
     log.info("%d segments, radius %.2f mm", len(found.x) - 1, found.radii.mean())

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.core.configuration import Dataset
+from handpipe.hand import Carried
 from handpipe.mesh.surfaces import read_scan, read_surface
 from handpipe.stages.files import Files
-from handpipe.tissues.fat import Rigid, Skin, closed_skin, cut_end, nail_vertices
+from handpipe.tissues.fat import Rigid, Skin, closed_skin, cut_end, nail_vertices, on_skin
 
 log = logging.getLogger(__name__)
 
@@ -23,6 +24,7 @@ class Inputs(Files):
 
     scan: Path
     nails: Sequence[Path]
+    carried: Path | None
 
 
 def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> None:
@@ -31,8 +33,12 @@ def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> No
     skin, notes = closed_skin(scan, edge)
     for note in notes:
         log.info("neutral scan: %s", note)
+    if inputs.carried is None:
+        patches = {name: read_surface(dataset.path(nail.surface)) for name, nail in dataset.nails.items()}
+    else:
+        patches = {name: on_skin(patch, skin) for name, patch in Carried.load(inputs.carried).nails.items()}
     parts = {
-        name: Rigid(nail.bone, nail_vertices(skin, read_surface(dataset.path(nail.surface)), tolerance=0.4))
+        name: Rigid(nail.bone, nail_vertices(skin, patches[name], tolerance=0.4))
         for name, nail in dataset.nails.items()
     }
     parts["cut_end"] = Rigid(dataset.root_bone, np.flatnonzero(cut_end(skin, scan, tolerance=1.0)))

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from handpipe.tissues.fat.constraints import cut_end, inner_points
     from handpipe.tissues.fat.layer import FatStrains, load_fat, load_skin
     from handpipe.tissues.fat.mesh import inner_surface, tissue_mesh
-    from handpipe.tissues.fat.nails import as_vector, fit_correction, nail_vertices
+    from handpipe.tissues.fat.nails import as_vector, fit_correction, nail_vertices, on_skin
     from handpipe.tissues.fat.skin import Rigid, Skin, closed_skin
     from handpipe.tissues.fat.strains import FitSettings, fit_strains
     from handpipe.tissues.fat.tissue import Tissue, TissueSettings
@@ -32,5 +32,6 @@ __all__ = [
     "load_fat",
     "load_skin",
     "nail_vertices",
+    "on_skin",
     "tissue_mesh",
 ]

@@ -14,6 +14,22 @@ def nail_vertices(skin: Surface, nail: Surface, tolerance: float) -> IntArray:
     return np.flatnonzero(Distance(nail).closest(skin.vertices)[0] < tolerance)
 
 
+def on_skin(patch: Surface, skin: Surface) -> Surface:
+    """A patch of a nail laid on the skin, each vertex at its closest place.
+
+    Parameters
+    ----------
+    patch, skin : Surface
+        The patch is near the skin.
+
+    Returns
+    -------
+    Surface
+        The same triangles.
+    """
+    return patch.moved(Distance(skin).closest(patch.vertices)[2])
+
+
 def fit_correction(
     points: Array, bone: RigidTransform, scan: Surface, reach: float = 3.0, iterations: int = 20
 ) -> RigidTransform:

@@ -1,0 +1,12 @@
+"""The template hand that comes with handpipe: files of surfaces and curves, and a dataset's fields."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.anatomy.shipped.template_files import HAND, install, ship
+else:
+    __getattr__ = face(__name__)
+
+__all__ = ["HAND", "install", "ship"]

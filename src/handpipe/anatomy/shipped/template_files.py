@@ -1,0 +1,153 @@
+"""A template hand as files: PLY surfaces, JSON attachments and curves, and the fields of a dataset."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from handpipe.anatomy.person.subject_template import MIRROR, Side, SubjectTemplate
+from handpipe.core import Array, InputError, IntArray, write_text
+from handpipe.core.configuration import Dataset
+from handpipe.imaging.evidence import read_markers
+from handpipe.mesh.surfaces import Surface, read_surface, write_surface
+
+HAND = Path(__file__).with_name("hand")  # the template that is shipped
+FIELDS = "fields.json"
+SIDE: Side = "right"  # of what is shipped
+CURVE = 9  # points of a tendon's path
+
+Fields = dict[str, Any]
+Attachments = Mapping[str, Mapping[str, IntArray]]
+
+
+def ship(template: SubjectTemplate, attachments: Attachments, dataset: Dataset, folder: Path) -> None:
+    """Write a template hand to a folder: what `install` reads.
+
+    Parameters
+    ----------
+    template : SubjectTemplate
+        A right hand.
+    attachments : mapping of str to mapping of str to array
+        Vertices of each muscle's and ligament's surface that attach to a bone, by organ and bone.
+    dataset : Dataset
+        Of the same bones and organs: labels, and limits of joints.
+    folder : path
+        Replaced.
+
+    Raises
+    ------
+    InputError
+        For a left hand.
+    """
+    if template.side != SIDE:
+        raise InputError(folder, "side", f"is {template.side}", f"Ship a {SIDE} hand")
+    shutil.rmtree(folder, ignore_errors=True)
+    fields: Fields = {"bones": {}, "joints": {}, "muscles": {}, "ligaments": {}, "tendons": {}, "nails": {}}
+    for name, surface in template.bones.items():
+        path = _write_surface(folder, f"bones/{name}.ply", surface)
+        fields["bones"][name] = {"label": dataset.bones[name].label, "template": path}
+    axes = {joint.name: joint.axes for joint in template.joints}
+    for name, joint in dataset.joints.items():
+        fields["joints"][name] = {
+            "parent": joint.parent,
+            "child": joint.child,
+            "angles": list(joint.angles),
+            "limits_deg": [list(pair) for pair in joint.limits_deg or ()],
+            "axis_hints": np.round(axes.get(name, np.zeros((0, 3))), 4).tolist(),
+        }
+    for kind, organs in (("muscles", template.muscles), ("ligaments", template.ligaments)):
+        for name, organ in organs.items():
+            fields[kind][name] = _write_organ(folder, f"{kind}/{name}", organ.surface, attachments[name])
+    for name, tendon in template.tendons.items():
+        chosen = np.linspace(0, len(tendon.path) - 1, CURVE).round().astype(int)
+        fields["tendons"][name] = {
+            "bone": tendon.bone,
+            "bones": list(tendon.bones),
+            "path": _write_curve(folder, f"tendons/{name}.mrk.json", tendon.path[chosen]),
+            "radius": round(tendon.radius, 2),
+        }
+    for bone, triangles in template.nails.items() if template.skin is not None else ():
+        patch = Surface(template.skin.vertices, template.skin.triangles[triangles]).compact()
+        name = next(n for n, nail in dataset.nails.items() if nail.bone == bone)
+        fields["nails"][name] = {
+            "bone": bone,
+            "surface": _write_surface(folder, f"nails/{name}.ply", patch),
+        }
+    write_text(folder / FIELDS, json.dumps(fields, indent=1) + "\n")
+
+
+def install(folder: Path, side: Side = SIDE, source: Path = HAND) -> Fields:
+    """Copy a template hand into a subject's folder.
+
+    Parameters
+    ----------
+    folder : path
+        Where to; made if it is not there.
+    side : "right" or "left"
+        A left hand is the mirror image of a right one: equal angles are mirror images of one another.
+    source : path
+        What `ship` wrote.
+
+    Returns
+    -------
+    dict
+        `bones`, `joints`, `muscles`, `ligaments`, `tendons` and `nails` of a dataset, with paths relative to
+        the folder.
+    """
+    fields: Fields = json.loads((source / FIELDS).read_text(encoding="utf-8"))
+    mirror = np.ones(3) if side == SIDE else MIRROR
+    for relative in _files(fields):
+        path = folder / relative
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if relative.endswith(".ply"):
+            surface = read_surface(source / relative)
+            moved = surface.moved(surface.vertices * mirror)
+            write_surface(path, moved if side == SIDE else moved.flipped())
+        elif relative.endswith(".mrk.json"):
+            _write_curve(folder, relative, read_markers(source / relative)[0] * mirror)
+        else:
+            shutil.copy(source / relative, path)
+    if side != SIDE:
+        for joint in fields["joints"].values():
+            joint["axis_hints"] = [(-np.array(axis) * MIRROR).tolist() for axis in joint["axis_hints"]]
+    return fields
+
+
+def _files(fields: Mapping[str, Any]) -> Iterator[str]:
+    """Every relative path in a dataset's fields."""
+    for value in fields.values():
+        if isinstance(value, dict):
+            yield from _files(value)
+        elif isinstance(value, str) and value.endswith((".ply", ".json")):
+            yield value
+
+
+def _write_surface(folder: Path, relative: str, surface: Surface) -> str:
+    (folder / relative).parent.mkdir(parents=True, exist_ok=True)
+    write_surface(folder / relative, surface)
+    return relative
+
+
+def _write_organ(
+    folder: Path, relative: str, surface: Surface, attachments: Mapping[str, IntArray]
+) -> dict[str, str]:
+    template = _write_surface(folder, f"{relative}.ply", surface)
+    listed = {bone: ids.tolist() for bone, ids in attachments.items()}
+    write_text(folder / f"{relative}.json", json.dumps(listed) + "\n")
+    return {"template": template, "attachments": f"{relative}.json"}
+
+
+def _write_curve(folder: Path, relative: str, points: Array) -> str:
+    """Write points in RAS as an open curve of 3D Slicer."""
+    controls = [
+        {"id": str(i + 1), "label": f"{i + 1}", "position": np.round(point, 3).tolist()}
+        for i, point in enumerate(points)
+    ]
+    markup = {"type": "Curve", "coordinateSystem": "RAS", "coordinateUnits": "mm", "controlPoints": controls}
+    write_text(folder / relative, json.dumps({"markups": [markup]}) + "\n")
+    return relative

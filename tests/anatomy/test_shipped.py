@@ -1,0 +1,90 @@
+"""The template hand that comes with handpipe, as a subject of either side takes it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from handpipe.anatomy.shipped import HAND, install
+from handpipe.core.configuration import load_dataset
+from handpipe.imaging.evidence import read_markers
+from handpipe.mesh.surfaces import Distance, concatenate, read_surface
+
+PALM = np.array([0.0, 0.0, -1.0])  # of the template's frame, as docs/anatomy.md states it
+
+
+@pytest.fixture(scope="module", params=["right", "left"])
+def hand(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp(request.param)
+    return folder, install(folder, request.param)
+
+
+def test_bones_and_organs_are_closed_and_face_outwards(hand) -> None:
+    folder, fields = hand
+    assert {k: len(v) for k, v in fields.items()} == {
+        "bones": 23,
+        "joints": 22,
+        "muscles": 17,
+        "ligaments": 10,
+        "tendons": 10,
+        "nails": 5,
+    }
+    for kind in ("bones", "muscles", "ligaments"):
+        for entry in fields[kind].values():
+            assert read_surface(folder / entry["template"], closed=True).volume() > 0
+
+
+def test_muscles_attach_to_the_bones_that_they_touch(hand) -> None:
+    folder, fields = hand
+    bones = {n: Distance(read_surface(folder / b["template"])) for n, b in fields["bones"].items()}
+    gaps = {}
+    for name, entry in (*fields["muscles"].items(), *fields["ligaments"].items()):
+        surface = read_surface(folder / entry["template"])
+        for bone, ids in json.loads((folder / entry["attachments"]).read_text()).items():
+            assert len(ids) >= 3
+            gaps[name, bone] = bones[bone].closest(surface.vertices[ids])[0].mean()
+    far = {name for (name, _), gap in gaps.items() if gap > 2.0}
+    assert far == {f"lumbrical{i}" for i in range(1, 5)}  # these begin on tendons
+
+
+def test_tendons_begin_at_their_bones_and_pass_outside(hand) -> None:
+    folder, fields = hand
+    surfaces = {n: read_surface(folder / b["template"]) for n, b in fields["bones"].items()}
+    everything = Distance(concatenate([*surfaces.values()]))
+    for entry in fields["tendons"].values():
+        path, _ = read_markers(folder / entry["path"])
+        assert Distance(surfaces[entry["bone"]]).closest(path[:1])[0][0] < 3.0
+        assert everything.signed(path[1:])[0].min() > 0.0
+
+
+def test_flexion_bends_towards_the_palm_of_either_hand(hand) -> None:
+    folder, fields = hand
+    for name, joint in fields["joints"].items():
+        if not joint["angles"] or name == "TM":  # the thumb's axes are oblique to the palm
+            continue
+        child = read_surface(folder / fields["bones"][joint["child"]]["template"]).vertices
+        parent = read_surface(folder / fields["bones"][joint["parent"]]["template"]).vertices
+        outwards = child.mean(axis=0) - parent.mean(axis=0)
+        moves = np.cross(joint["axis_hints"][0], outwards)
+        finger = name not in ("MP1", "IP1")
+        assert moves @ PALM > (0.5 * np.linalg.norm(outwards) if finger else 0.0)
+
+
+def test_a_left_hand_is_the_mirror_image(tmp_path: Path) -> None:
+    right, left = install(tmp_path / "right"), install(tmp_path / "left", "left")
+    assert right["bones"] == left["bones"] and right["muscles"] == left["muscles"]
+    for relative in ("bones/proximal3.ply", "muscles/opponens_pollicis.ply", "nails/nail1.ply"):
+        a, b = (read_surface(tmp_path / side / relative) for side in ("right", "left"))
+        np.testing.assert_allclose(a.vertices * [1, -1, 1], b.vertices)
+        np.testing.assert_allclose(a.triangle_normals() * [1, -1, 1], b.triangle_normals(), atol=1e-6)
+
+
+def test_labels_and_names_are_those_of_the_generated_hand() -> None:
+    """So that motions and scenes of the one serve the other."""
+    fields = json.loads((HAND / "fields.json").read_text())
+    dataset = load_dataset(Path(__file__).parents[2] / "config/datasets/phantom-hand-complete.yaml")
+    assert {n: b["label"] for n, b in fields["bones"].items()} == dataset.labels
+    assert {n: j["angles"] for n, j in fields["joints"].items()} == {
+        n: list(j.angles) for n, j in dataset.joints.items()
+    }
