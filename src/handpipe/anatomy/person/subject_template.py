@@ -139,6 +139,13 @@ class SubjectTemplate:
         skin = {} if self.skin is None else {"skin": self.skin}
         return self.bones | {n.partition(".")[2]: organ.surface for n, organ in self._organs()} | skin
 
+    def nail_patches(self) -> dict[str, Surface]:
+        """The part of the skin that each nail is, by its bone."""
+        if self.skin is None:
+            return {}
+        vertices, triangles = self.skin.vertices, self.skin.triangles
+        return {bone: Surface(vertices, triangles[ids]).compact() for bone, ids in self.nails.items()}
+
     def mirrored(self) -> SubjectTemplate:
         """The other hand, in the mirror of the x-z plane: equal angles are mirror images of one another."""
         image = _transformed(self, _Mirror(), lambda surface, points: surface.moved(points).flipped())

@@ -71,8 +71,7 @@ def ship(template: SubjectTemplate, attachments: Attachments, dataset: Dataset, 
             "path": _write_curve(folder, f"tendons/{name}.mrk.json", tendon.path[chosen]),
             "radius": round(tendon.radius, 2),
         }
-    for bone, triangles in template.nails.items() if template.skin is not None else ():
-        patch = Surface(template.skin.vertices, template.skin.triangles[triangles]).compact()
+    for bone, patch in template.nail_patches().items():
         name = next(n for n, nail in dataset.nails.items() if nail.bone == bone)
         fields["nails"][name] = {
             "bone": bone,
