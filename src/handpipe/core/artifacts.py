@@ -135,7 +135,7 @@ def write(
     inputs : sequence of path
         Files of which the artifact is made; their hashes are recorded.
     """
-    # A name for messages alone: nothing of this name is written.
+    # HDF5 needs a name for its messages; it writes no file of this name.
     with h5py.File(Path(path).name, "w", driver="core", backing_store=False, track_order=True) as file:
         file.attrs["kind"] = kind
         file.attrs["schema_version"] = SCHEMA_VERSION

@@ -110,7 +110,7 @@ class CodeDigests:
         return self._imports[path]
 
     def _behind(self, name: str) -> set[Path]:
-        """Files that run when a dotted name is imported: packages on the way, what faces pass on."""
+        """Files that run when a dotted name is imported: its packages and the modules that faces look up."""
         parts = name.split(".")
         known = [w for i in range(len(parts)) if (w := ".".join(parts[: i + 1])) in self._index]
         found = {self._index[w] for w in known}
@@ -232,7 +232,7 @@ def _is_dotted_name(value: object) -> bool:
 
 
 def _data_beside(modules: Iterable[Path]) -> list[Path]:
-    """Files that are no code in the folders of packages: templates and the like."""
+    """Files other than code in the folders of packages, for instance templates."""
     folders = {path.parent for path in modules if (path.parent / "__init__.py").is_file()}
     return [
         p for f in folders for p in sorted(f.iterdir()) if p.is_file() and p.suffix not in (".py", ".pyc")

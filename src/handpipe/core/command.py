@@ -1,4 +1,4 @@
-"""What every command line does: check numbers as they are read, and end a failure with one line."""
+"""What all command lines share: checks of numbers, and one line that reports a failure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one family of errors that a person is meant to read."""
+"""Errors whose texts are written for the person who runs a build."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ NO_ROOM = {
 
 
 def _causes(error: BaseException) -> Iterator[BaseException]:
-    """The error and the ones that it arose from."""
+    """The error and the errors that caused it."""
     found: BaseException | None = error
     while found is not None:
         yield found

@@ -139,7 +139,7 @@ def log_of(rule: str, *wildcards: str) -> str:
 
 
 def costs_of(rule: str) -> str:
-    """Pattern of the folder of what Snakemake measured of a rule's jobs."""
+    """Pattern of the folder of Snakemake's benchmark files of a rule."""
     return f"{COSTS}/{rule}"
 
 

@@ -37,7 +37,7 @@ class Model(BaseModel):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Only what is no attribute comes here: a field only in a selection of `selection.select`."""
+            """Called for missing attributes alone: a field is missing in a selection of `selection.select`."""
             if name in type(self).model_fields:
                 kind = type(self).__name__
                 raise UndeclaredFieldError(f"{kind}.{name} is not declared by the rule of this script")
@@ -443,7 +443,7 @@ def _checked(path: str | Path, content: Any, model: type[T]) -> T:
 
 
 def _joint_of(error: Mapping[str, Any]) -> str:
-    """The character beside letters and digits in the pattern of names that an error tells of."""
+    """The character allowed beside letters and digits in the pattern of names that an error names."""
     return "hyphens" if "-]" in error["ctx"]["pattern"] else "underscores"
 
 
@@ -472,7 +472,7 @@ def load_dataset(path: str | Path) -> Dataset:
 
 
 def _require_own_folder(path: str | Path, dataset: Dataset) -> None:
-    """Raise `InputError` where a generator would write beyond the subject's own folder of results."""
+    """Check that a generator writes inside the subject's own folder of results alone."""
     folder = Path("results") / Path(path).stem
     if not dataset.root.resolve().is_relative_to(folder.resolve()):
         problem = f"is {dataset.root}, but what is generated stays under {folder}"

@@ -20,7 +20,7 @@ from handpipe.core.configuration.config import Model, UndeclaredFieldError
 
 M = TypeVar("M", bound=Model)
 Paths = Sequence[tuple[str, ...]]
-NAMES = "names"  # of the entries of a mapping, without what they have
+NAMES = "names"  # of the entries of a mapping, without their values
 EVERY = "*"
 
 

@@ -1,4 +1,4 @@
-"""Where a closed surface lies on itself: its vertices, and the places of its other sheets that they meet."""
+"""Self-contact of a closed surface: its vertices, and the places of its other sheets that they meet."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from handpipe.core import Array, IntArray
 from handpipe.mesh.surfaces.barycentric import barycentric_matrix
 from handpipe.mesh.surfaces.surface import Surface
 
-FACING = -0.25  # cosine between normals of two sheets that lie on one another, at most
-LIFT = 1e-2  # mm off its own sheet, where a vertex is asked for others around it
+FACING = -0.25  # largest cosine between the normals of two sheets in contact
+LIFT = 1e-2  # mm off its own sheet, where the winding number of a vertex is computed
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ def read_ply(path: str | Path) -> tuple[Array, Polygons]:
     """
     content = Path(path).read_bytes()
     elements, text, start = _header(path, content)
-    if text:  # each number becomes eight bytes, then both kinds are one
+    if text:  # each number becomes eight bytes, so that text and binary files are read alike
         elements = [Element(e.name, e.count, [_as_text(p) for p in e.properties]) for e in elements]
         raw = _numbers(path, content[start:]).view(np.uint8)
     else:

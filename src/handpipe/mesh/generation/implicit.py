@@ -87,7 +87,7 @@ def isosurface(values: Array, grid: Grid, level: float = 0.0) -> Surface:
         raise HandpipeError(
             f"isosurface: no value below {level:g} (the least is {values.min():g}); check the level"
         )
-    # Values exactly on the level make triangles without area: shift them by far less than anyone can see.
+    # Values exactly on the level make triangles without area: shift them by a millionth of the range.
     distance = values - level
     tiny = 1e-6 * max(float(np.abs(distance).max()), 1e-300)
     distance = np.where(np.abs(distance) < tiny, tiny, distance)

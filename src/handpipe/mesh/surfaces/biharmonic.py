@@ -9,7 +9,7 @@ from scipy.spatial.distance import cdist
 
 from handpipe.core import Array
 
-CHUNK = 4_000_000  # numbers of a block of distances
+CHUNK = 4_000_000  # distances computed at a time
 
 
 class Biharmonic:

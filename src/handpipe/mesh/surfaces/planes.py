@@ -10,7 +10,7 @@ from handpipe.core import Array, BoolArray, IntArray
 from handpipe.mesh.surfaces.distance import Distance
 
 AGREE = 0.5  # least cosine between a surface's normal and the side from which a point touches it
-LIFTS = (0.5, 1.0, 2.0, 4.0)  # mm that a point inside a body is lifted towards its own side to find it again
+LIFTS = (0.5, 1.0, 2.0, 4.0)  # mm from a point inside a body towards its own side, where the search starts
 
 
 def touching_planes(

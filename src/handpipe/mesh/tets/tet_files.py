@@ -19,7 +19,7 @@ from handpipe.mesh.tets.tetrahedra import FACES, TetMesh
 
 log = logging.getLogger(__name__)
 
-FLAT = ("vertex", "line", "triangle", "quad", "polygon")  # beside tets: boundaries and labels
+FLAT = ("vertex", "line", "triangle", "quad", "polygon")  # boundaries and labels, allowed beside tets
 AGAIN = "Export the mesh again"
 # Counts for which a reader would allocate memory; they are text even in binary files.
 COUNTS = re.compile(
@@ -29,7 +29,7 @@ COUNTS = re.compile(
     rb'|NumberOf(?:Points|Cells)="(\d+)"',
     re.MULTILINE,
 )
-PACKED = 1000  # counts a byte of a compressed file
+PACKED = 1000  # largest plausible count for each byte of a compressed file
 
 
 def read_tets(path: str | Path) -> TetMesh:
