@@ -37,7 +37,7 @@ class Model(BaseModel):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Called for missing attributes alone: a field is missing in a selection of `selection.select`."""
+            """Called for missing attributes alone: a selection (`selection.select`) lacks fields."""
             if name in type(self).model_fields:
                 kind = type(self).__name__
                 raise UndeclaredFieldError(f"{kind}.{name} is not declared by the rule of this script")
@@ -472,7 +472,7 @@ def load_dataset(path: str | Path) -> Dataset:
 
 
 def _require_own_folder(path: str | Path, dataset: Dataset) -> None:
-    """Check that a generator writes inside the subject's own folder of results alone."""
+    """Refuse a generator that would write outside the subject's own folder of results."""
     folder = Path("results") / Path(path).stem
     if not dataset.root.resolve().is_relative_to(folder.resolve()):
         problem = f"is {dataset.root}, but what is generated stays under {folder}"
