@@ -30,8 +30,19 @@ _STAGE: ContextVar[Mapping[str, str] | None] = ContextVar("_STAGE", default=None
 def atomic(path: str | Path) -> Iterator[Path]:
     """Give a temporary path beside `path`; rename it to `path` only if the block succeeds.
 
-    The temporary name keeps the suffixes of `path`, which many writers go by. What a killed process left
-    of the same file is removed. After a power loss `path` is the old file or the new one, never a part of it.
+    Temporary files of killed processes that wrote the same file are removed. After a power loss `path` is the
+    old file or the new one, never a part of it.
+
+    Parameters
+    ----------
+    path : path
+        File to write; its folder is made if it is missing.
+
+    Yields
+    ------
+    path
+        Temporary path, which the block must write. It has the suffixes of `path`, by which many writers
+        choose the format.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -76,9 +87,19 @@ def _content_hash(path: str, _time: int, _size: int) -> str:
 
 
 def identity(path: str | Path) -> str:
-    """What a result that was made of a file depends on: an artifact's hash of its data, else `content_hash`.
+    """A hash of what results that are made of a file depend on.
 
     An artifact also records the commit of the code that wrote it, on which no result depends.
+
+    Parameters
+    ----------
+    path : path
+        A file or a folder.
+
+    Returns
+    -------
+    str
+        An artifact's hash of its data, else `content_hash`.
     """
     if Path(path).suffix == ".h5":
         with suppress(OSError):
@@ -97,11 +118,24 @@ def write(
 ) -> None:
     """Write nested mappings of arrays, numbers and strings as one artifact.
 
-    `data` keys may contain "/"; `units` gives the unit by the same keys (a key names a dataset or a
-    group whose datasets share it); `kind` names what the artifact is and is checked by `read`, as is the
-    hash of its data. The file is made in memory: HDF5 does not survive a full disk.
+    The file is made in memory: HDF5 does not survive a full disk.
+
+    Parameters
+    ----------
+    path : path
+        File to write.
+    data : mapping of str to array, number, str or mapping
+        The content; a key may contain "/". `read` checks its hash.
+    kind : str
+        What the artifact is; `read` checks it.
+    units : mapping of str to str, optional
+        Units by the keys of `data`. A key names a dataset, or a group whose datasets share the unit.
+    attributes : mapping of str to number or str, optional
+        Further attributes of the file.
+    inputs : sequence of path
+        Files of which the artifact is made; their hashes are recorded.
     """
-    # A name for messages alone: nothing of this name is written.
+    # HDF5 needs a name for its messages; it writes no file of this name.
     with h5py.File(Path(path).name, "w", driver="core", backing_store=False, track_order=True) as file:
         file.attrs["kind"] = kind
         file.attrs["schema_version"] = SCHEMA_VERSION
@@ -122,7 +156,15 @@ def write(
 
 @contextmanager
 def made_by(rule: str, parameters: Mapping[str, str]) -> Iterator[None]:
-    """Artifacts written in the block record the rule, its parameters, and the commit of this code."""
+    """Artifacts written in the block record the rule, its parameters, and the commit of this code.
+
+    Parameters
+    ----------
+    rule : str
+        Name of the rule.
+    parameters : mapping of str to str
+        The rule's parameters by name.
+    """
     stage = {"rule": rule, "parameters": json.dumps(parameters), "commit": commit()}
     token = _STAGE.set(stage)
     try:
@@ -154,8 +196,16 @@ def commit() -> str:
 def check_inputs(paths: Iterable[str | Path]) -> None:
     """Check the artifacts among a job's inputs against what they record of themselves and of each other.
 
-    Raises `InputError` for an artifact that was written as another file, for one that cannot be read, and
-    for an input of which another one was made when it had another content.
+    Parameters
+    ----------
+    paths : iterable of path
+        The job's inputs; files other than artifacts are compared with what artifacts record of them.
+
+    Raises
+    ------
+    InputError
+        For an artifact that was written as another file, for one that cannot be read, and for an input that
+        has changed since another input was made of it.
     """
     places = {_place(path): path for path in paths}
     for path in places.values():
@@ -178,7 +228,7 @@ def _recorded(path: str | Path) -> dict[str, Any]:
 
 
 def _place(path: str | Path) -> str:
-    """A path as it is recorded: the same in every working folder, or the name of a file elsewhere."""
+    """A path as artifacts record it: relative to the working folder, or the name of a file elsewhere."""
     path, here = Path(path).absolute(), Path.cwd()
     return path.relative_to(here).as_posix() if path.is_relative_to(here) else path.name
 
@@ -224,9 +274,24 @@ def _write_group(group: h5py.Group, data: Mapping[str, Any]) -> None:
 
 
 def read(path: str | Path, kind: str) -> dict[str, Any]:
-    """Read an artifact of the given kind as nested dictionaries of arrays, numbers and strings.
+    """Read an artifact of the given kind.
 
-    Raises `InputError` where the file is missing, truncated, of another kind or of another schema.
+    Parameters
+    ----------
+    path : path
+        File to read.
+    kind : str
+        What the artifact must be, as `write` was told.
+
+    Returns
+    -------
+    dict of str to array, number, str or dict
+        The content.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing, truncated or changed, of another kind or of another schema.
     """
     if not Path(path).exists():
         raise InputError(path, "file", "does not exist", "Run the rule that makes it")
@@ -274,7 +339,22 @@ def columns(records: Sequence[Any]) -> dict[str, list[Any]]:
 
 
 def read_text(path: str | Path) -> str:
-    """Read a person's text file in UTF-8; raises `InputError` where it is missing or no text."""
+    """Read a text file that a person wrote.
+
+    Parameters
+    ----------
+    path : path
+        File in UTF-8, with or without a byte order mark.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        Where the file is missing, cannot be read, or is not text.
+    """
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
@@ -286,6 +366,14 @@ def read_text(path: str | Path) -> str:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text file atomically."""
+    """Write a text file in UTF-8, atomically.
+
+    Parameters
+    ----------
+    path : path
+        File to write.
+    text : str
+        Its whole content.
+    """
     with atomic(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A digest of the code that a script runs: of its own and of every module of ours that it imports, in turn.
+"""A digest of the code that a script runs: of its own and of every module of the packages that it imports.
 
 Comments, docstrings and formatting do not count, nor does code under `if TYPE_CHECKING`, which never runs.
 A name that is imported from a package's face (its `__init__`) counts as the module behind the name; a package
@@ -23,10 +23,17 @@ from handpipe.core.artifacts import write_text
 
 @dataclass(frozen=True)
 class Module:
-    """What counts of one file.
+    """What the digest takes from one file.
 
-    digest: of its code; names: dotted names that it may import; exports: dotted names that it imports under
-    `if TYPE_CHECKING`, which the face of a package passes on when they are asked for.
+    Parameters
+    ----------
+    digest : str
+        Digest of its code.
+    names : tuple of str
+        Dotted names that it may import.
+    exports : tuple of str
+        Dotted names that it imports under `if TYPE_CHECKING`, which the face of a package looks up when
+        another module imports them.
     """
 
     digest: str
@@ -38,8 +45,14 @@ class Module:
 class CodeDigests:
     """Digests of scripts over packages.
 
-    packages: folders of packages, each imported by its folder's name; cache: a JSON file that keeps what was
-    found of each file, by the hash of its bytes.
+    Parameters
+    ----------
+    packages : tuple of path
+        Folders of packages, each imported by its folder's name.
+    cache : path, optional
+        JSON file with what was found in each file, by the hash of its bytes; `save` writes it.
+    _imports : dict of path to list of path
+        Files of the packages that each file imports, as found so far; callers leave it out.
     """
 
     packages: tuple[Path, ...]
@@ -47,14 +60,14 @@ class CodeDigests:
     _imports: dict[Path, list[Path]] = field(default_factory=dict)
 
     def of(self, *paths: Path) -> str:
-        """Digest of the files and of all that they import, in turn."""
+        """Digest of files and of every file that they import, directly or through others."""
         found = self.modules(paths)
         lines = [f"{self._name(path)} {self._module(path).digest}" for path in found]
         lines += [f"{self._name(path)} {_hash(path.read_bytes())}" for path in _data_beside(found)]
         return _hash("\n".join(sorted(lines)).encode())
 
     def modules(self, paths: Iterable[Path]) -> set[Path]:
-        """The files and every file of ours that they import, in turn."""
+        """The files and every file of the packages that they import, directly or through others."""
         found: set[Path] = set()
         pending = [*paths]
         while pending:
@@ -65,11 +78,26 @@ class CodeDigests:
         return found
 
     def module(self, name: str) -> Path:
-        """The file of a module of ours by its dotted name. Raises `KeyError` for another one."""
+        """The file of a module of the packages.
+
+        Parameters
+        ----------
+        name : str
+            Dotted name of the module.
+
+        Returns
+        -------
+        path
+
+        Raises
+        ------
+        KeyError
+            For a module of no package.
+        """
         return self._index[name]
 
     def _imported(self, path: Path) -> list[Path]:
-        """Files of ours that one file imports: modules, their packages, and files beside it."""
+        """Files that one file imports: modules of the packages, their packages, and files beside it."""
         if path not in self._imports:
             found: set[Path] = set()
             for name in self._module(path).names:
@@ -82,7 +110,7 @@ class CodeDigests:
         return self._imports[path]
 
     def _behind(self, name: str) -> set[Path]:
-        """Files that run when a dotted name is imported: packages on the way, what faces pass on."""
+        """Files that run when a dotted name is imported: its packages and the modules that faces look up."""
         parts = name.split(".")
         known = [w for i in range(len(parts)) if (w := ".".join(parts[: i + 1])) in self._index]
         found = {self._index[w] for w in known}
@@ -204,7 +232,7 @@ def _is_dotted_name(value: object) -> bool:
 
 
 def _data_beside(modules: Iterable[Path]) -> list[Path]:
-    """Files that are no code in the folders of packages: templates and the like."""
+    """Files other than code in the folders of packages, for instance templates."""
     folders = {path.parent for path in modules if (path.parent / "__init__.py").is_file()}
     return [
         p for f in folders for p in sorted(f.iterdir()) if p.is_file() and p.suffix not in (".py", ".pyc")

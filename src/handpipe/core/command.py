@@ -1,4 +1,4 @@
-"""What every command line does: check numbers as they are read, and end a failure with one line."""
+"""What all command lines share: checks of numbers, and one line that reports a failure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,15 @@ from handpipe.core.errors import HandpipeError
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that ends with one line, which names the option, where an argument is wrong."""
+    """A parser of command lines that reports a wrong argument in one line, which names the option.
+
+    Parameters
+    ----------
+    prog, usage, description, epilog, parents, formatter_class, prefix_chars, fromfile_prefix_chars : optional
+        As in `argparse.ArgumentParser`.
+    argument_default, conflict_handler, add_help, allow_abbrev, exit_on_error : optional
+        As in `argparse.ArgumentParser`.
+    """
 
     def error(self, message: str) -> NoReturn:
         """Exits with status 2 after one line that states the error and names `--help`."""
@@ -25,7 +33,18 @@ class Parser(argparse.ArgumentParser):
 
 
 def number(lower: float, upper: float) -> Callable[[str], float]:
-    """The type of an option that is a finite number from `lower` to `upper`."""
+    """The type of an option that is a finite number in a range.
+
+    Parameters
+    ----------
+    lower, upper : float
+        Least and largest number that is accepted.
+
+    Returns
+    -------
+    function
+        Takes the option's text to the number; it raises `argparse.ArgumentTypeError` for any other text.
+    """
 
     def parse(text: str) -> float:
         try:
@@ -40,7 +59,18 @@ def number(lower: float, upper: float) -> Callable[[str], float]:
 
 
 def whole_number(lower: float, upper: float) -> Callable[[str], int]:
-    """The type of an option that is a whole number from `lower` to `upper`."""
+    """The type of an option that is a whole number in a range.
+
+    Parameters
+    ----------
+    lower, upper : float
+        Least and largest number that is accepted.
+
+    Returns
+    -------
+    function
+        Takes the option's text to the number; it raises `argparse.ArgumentTypeError` for any other text.
+    """
 
     def parse(text: str) -> int:
         value = number(lower, upper)(text)
@@ -60,9 +90,14 @@ class Failure:
 
 @contextmanager
 def reported() -> Iterator[Failure]:
-    """Turn whatever ends the block into one line for a person and the exit code 1.
+    """Turn any error of the block into one line for a person and the exit code 1.
 
-    The traceback of an error that handpipe does not foresee is kept in a file that the line names.
+    The traceback of an unexpected error is written to a file that the line names.
+
+    Yields
+    ------
+    Failure
+        Its `code` is the exit code after the block: 0, or 1 where the block failed.
     """
     failure = Failure()
     try:
@@ -80,7 +115,20 @@ def reported() -> Iterator[Failure]:
 
 
 def run(parser: argparse.ArgumentParser, arguments: Sequence[str] | None = None) -> int:
-    """Call the function that the parser sets as `run`; 0 if it succeeded, 1 with a line that says why not."""
+    """Read a command line and call the function that the parser sets as `run`.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        Parser of the command.
+    arguments : sequence of str, optional
+        Words of the command line; by default those of this process.
+
+    Returns
+    -------
+    int
+        Exit code: 0 if the function succeeded, 1 after a line that says why not.
+    """
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(message)s", stream=sys.stderr)
     with reported() as failure:

@@ -1,4 +1,4 @@
-"""The one family of errors that a person is meant to read."""
+"""Errors whose texts are written for the person who runs a build."""
 
 from __future__ import annotations
 
@@ -14,8 +14,16 @@ class HandpipeError(Exception):
 class InputError(HandpipeError):
     """An input is missing, malformed or out of range.
 
-    Parameters: `source` is the file (or other origin), `field` the part of it that is wrong,
-    `problem` what is wrong with it, `remedy` what to do.
+    Parameters
+    ----------
+    source : path
+        The file, or another origin.
+    field : str
+        The part of it that is wrong.
+    problem : str
+        What is wrong with that part.
+    remedy : str
+        What a person can do about it.
     """
 
     def __init__(self, source: str | Path, field: str, problem: str, remedy: str) -> None:
@@ -24,9 +32,16 @@ class InputError(HandpipeError):
 
 
 class ConvergenceError(HandpipeError):
-    """A solver stopped away from a solution; its result is not handed on.
+    """A solver did not reach a solution; its result is discarded.
 
-    Parameters: `what` did not converge, the `reason`, and the `remedy`, one sentence.
+    Parameters
+    ----------
+    what : str
+        What did not converge.
+    reason : str
+        Why it did not.
+    remedy : str
+        What a person can do about it, one sentence.
     """
 
     def __init__(self, what: str, reason: str, remedy: str = "See the log for its residuals.") -> None:
@@ -34,12 +49,23 @@ class ConvergenceError(HandpipeError):
         super().__init__(f"{what} did not converge: {reason.rstrip('. ')}. {remedy}")
 
     def within(self, whole: str) -> ConvergenceError:
-        """The same failure as that of a whole of which `what` is a part; the remedy is said once."""
+        """The same failure, reported for a whole of which `what` is a part; the remedy is said once."""
         return ConvergenceError(whole, f"{self.what.lower()}: {self.reason}", self.remedy)
 
 
 def plain(error: BaseException) -> str:
-    """What a person reads of an error, in one line: a foreign one is put in plain words."""
+    """What a person reads of an error, in one line.
+
+    Parameters
+    ----------
+    error : exception
+        Any error. A full disk, missing memory and the like are put in plain words; other errors from outside
+        of handpipe are named as unexpected.
+
+    Returns
+    -------
+    str
+    """
     if isinstance(error, HandpipeError):
         return " ".join(str(error).split())
     for cause in _causes(error):
@@ -64,7 +90,7 @@ NO_ROOM = {
 
 
 def _causes(error: BaseException) -> Iterator[BaseException]:
-    """The error and the ones that it arose from."""
+    """The error and the errors that caused it."""
     found: BaseException | None = error
     while found is not None:
         yield found

@@ -23,7 +23,15 @@ def _below(pattern: str, member: str = "") -> str:
 
 @dataclass(frozen=True)
 class Look:
-    """Colour (sRGB in 0..1), and opacity where what lies below is to be seen."""
+    """How a layer looks in pictures.
+
+    Parameters
+    ----------
+    colour : tuple of three float
+        sRGB, each from 0 to 1.
+    opacity : float
+        From 0 to 1; below 1 the layers beneath are visible.
+    """
 
     colour: Colour
     opacity: float = 1.0
@@ -47,7 +55,7 @@ class LayerRecord:
     condition : str, optional
         Field of the dataset that tells whether the subject has the layer.
     instead : str, optional
-        A layer that brings this one's shapes with it: beside it this one is not made.
+        A layer that provides this one's shapes, too: beside it this one is not made.
     look : Look, optional
         How it looks; none for a layer that nothing shows.
     role : {"inner", "outer", "aid"}
@@ -156,22 +164,51 @@ LAYERS: dict[str, LayerRecord] = {
 
 
 def organs() -> list[str]:
-    """The layers that a scene may ask for."""
+    """The layers that a scene may ask for.
+
+    Returns
+    -------
+    list of str
+        Names, inside out.
+    """
     return [name for name, record in LAYERS.items() if record.role != "aid"]
 
 
 def inner_layers() -> list[str]:
-    """The layers under the fat that outputs show."""
+    """The layers under the fat that outputs show.
+
+    Returns
+    -------
+    list of str
+        Names, inside out.
+    """
     return [name for name, record in LAYERS.items() if record.role == "inner"]
 
 
 def under_fat() -> tuple[str, ...]:
-    """The layers whose bodies are the inner surface of the fat."""
+    """The layers whose bodies are the inner surface of the fat.
+
+    Returns
+    -------
+    tuple of str
+        Names, inside out.
+    """
     return tuple(name for name in LAYERS["fat"].needs if name != "bones")
 
 
 def needed(layers: Iterable[str]) -> list[str]:
-    """The layers and all that they need, inside out."""
+    """The layers and all layers that they need, directly or through others.
+
+    Parameters
+    ----------
+    layers : iterable of str
+        Names of layers.
+
+    Returns
+    -------
+    list of str
+        Names, inside out, each once.
+    """
     found: set[str] = set()
     pending = list(layers)
     while pending:
@@ -182,17 +219,51 @@ def needed(layers: Iterable[str]) -> list[str]:
 
 
 def made(layers: Iterable[str], dataset: Any) -> list[str]:
-    """Those of the layers that are made of a subject: it has them, and none brings their shapes already."""
+    """The layers that are made of a subject.
+
+    A layer that the subject lacks is left out, as is one whose shapes another one of the layers provides.
+
+    Parameters
+    ----------
+    layers : iterable of str
+        Names of layers.
+    dataset : Dataset
+        The subject's dataset, or a selection that has the fields of the layers.
+
+    Returns
+    -------
+    list of str
+        Names in the order given.
+    """
     given = list(layers)
     records = {name: LAYERS[name] for name in given}
     return [name for name, r in records.items() if r.is_in(dataset) and r.instead not in given]
 
 
 def artifacts_of(layers: Iterable[str], dataset: Any) -> list[str]:
-    """Paths below the subject's folder of results of what a simulation of the layers reads."""
+    """The artifacts that a simulation of the layers reads.
+
+    Parameters
+    ----------
+    layers : iterable of str
+        Names of layers.
+    dataset : Dataset
+        The subject's dataset, or a selection that has the fields of the layers.
+
+    Returns
+    -------
+    list of str
+        Paths below the subject's folder of results.
+    """
     return [path for name in made(layers, dataset) for path in LAYERS[name].files(dataset)]
 
 
 def looks() -> Mapping[str, Look]:
-    """How each layer that is shown looks, inside out."""
+    """How layers look.
+
+    Returns
+    -------
+    mapping of str to Look
+        Looks by the name of the layer, inside out; layers that nothing shows are missing.
+    """
     return {name: record.look for name, record in LAYERS.items() if record.look is not None}

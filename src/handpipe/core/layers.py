@@ -15,7 +15,17 @@ from handpipe.core.rigid import RigidTransform
 
 @dataclass(frozen=True)
 class Frame:
-    """One pose to be simulated: joint angles in rad, and each bone's transform from neutral."""
+    """One pose to simulate.
+
+    Parameters
+    ----------
+    name : str
+        Name of the frame or pose.
+    angles : mapping of str to float
+        Joint angles in rad, by name.
+    bones : mapping of str to RigidTransform
+        Each bone's transform from the neutral pose.
+    """
 
     name: str
     angles: Mapping[str, float]
@@ -26,9 +36,16 @@ class Frame:
 class Shape:
     """One body in one frame.
 
-    rest, vertices (n, 3) in mm: neutral and present positions of the same points;
-    cells (k, 3) triangles, (k, 4) tetrahedra or (k, 2) segments; fields: arrays over points or cells;
-    figures: what its solver says of itself.
+    Parameters
+    ----------
+    rest, vertices : array (n, 3)
+        Neutral and present positions of the same points in mm.
+    cells : array (k, 3), (k, 4) or (k, 2) of int
+        Vertices of triangles, tetrahedra or segments.
+    fields : dict of str to array
+        Values over points or cells, by name.
+    figures : dict of str to float
+        What the solver measured on its own result, by name.
     """
 
     rest: Array
@@ -39,7 +56,7 @@ class Shape:
 
 
 class Region(IntEnum):
-    """How the fat is held at a point of an inner surface (Zheng 2022 §7.1); field "region" of a `Shape`."""
+    """The fat's constraint at a point of an inner surface (Zheng 2022 §7.1); field "region" of a `Shape`."""
 
     contact = 0
     sliding = 1
@@ -50,12 +67,34 @@ Shapes = dict[str, Shape]  # by the body's name: "distal2", "flexor", ...
 
 
 def flesh_in(below: Mapping[str, Shapes]) -> Array | None:
-    """Vertices (n, 3) of the flesh that carries what lies in it, where it has been simulated."""
+    """Vertices of the simulated flesh, which carries the tendons and muscles inside it.
+
+    Parameters
+    ----------
+    below : mapping of str to Shapes
+        Simulated bodies of the layers below, by layer name.
+
+    Returns
+    -------
+    array (n, 3) or None
+        Positions in mm; None where the flesh has not been simulated.
+    """
     return below["flesh"]["flesh_mesh"].vertices if "flesh" in below else None
 
 
 def vertices_of(shapes: Shapes) -> dict[str, Array]:
-    """Vertices (k, 3) of posed bodies, by name."""
+    """The vertices of simulated bodies.
+
+    Parameters
+    ----------
+    shapes : dict of str to Shape
+        Bodies by name.
+
+    Returns
+    -------
+    dict of str to array (k, 3)
+        Positions in mm, by the body's name.
+    """
     return {name: shape.vertices for name, shape in shapes.items()}
 
 
@@ -66,8 +105,23 @@ class Layer(Protocol):
     needs: tuple[str, ...]
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """The layer's bodies in a frame, from the bodies of the layers it needs, by layer name.
+        """The layer's bodies in a frame.
 
-        Raises `ConvergenceError` where no equilibrium was found.
+        Parameters
+        ----------
+        frame : Frame
+            Pose to simulate.
+        below : mapping of str to Shapes
+            Bodies of the layers that this one needs, by layer name.
+
+        Returns
+        -------
+        Shapes
+            Bodies by name.
+
+        Raises
+        ------
+        ConvergenceError
+            Where no equilibrium was found.
         """
         ...

@@ -16,7 +16,18 @@ Metrics = dict[str, tuple[float, str]]
 
 @contextmanager
 def measured(metrics: Metrics) -> Iterator[Metrics]:
-    """Add `seconds` and `peak_memory` of the block (this process) to the metrics."""
+    """Add the time of the block and the peak memory of this process to metrics.
+
+    Parameters
+    ----------
+    metrics : dict
+        Metrics to which `seconds` in s and `peak_memory` in GiB are added after the block.
+
+    Yields
+    ------
+    dict
+        The same metrics.
+    """
     start = time.perf_counter()
     yield metrics
     metrics["seconds"] = (time.perf_counter() - start, "s")
@@ -34,6 +45,11 @@ def summary(name: str, errors: object, unit: str) -> Metrics:
         Errors of any shape, in `unit`.
     unit : str
         Unit of the errors, such as "mm".
+
+    Returns
+    -------
+    dict of str to (float, str)
+        Values and units by name.
 
     Examples
     --------

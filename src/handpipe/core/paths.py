@@ -99,13 +99,28 @@ BENCHMARKS = f"{RESULTS}/benchmarks"
 def at(pattern: str, **wildcards: object) -> Path:
     """Path of the file of a pattern for the given wildcards.
 
-    Raises `KeyError` for a wildcard that is not given.
+    Parameters
+    ----------
+    pattern : str
+        Pattern with wildcards in braces.
+    **wildcards : object
+        Value of each wildcard of the pattern, by its name.
+
+    Returns
+    -------
+    path
+        Below the folder of the project.
+
+    Raises
+    ------
+    KeyError
+        For a wildcard of the pattern that is not given.
     """
     return Path(pattern.format(**wildcards))
 
 
 def partial_chunk(chunk: str | Path) -> Path:
-    """Where the finished frames of a chunk are kept while others are missing."""
+    """Where the finished frames of a chunk are stored while others are missing."""
     return Path(chunk).with_name(Path(chunk).name.replace("frames-", "partial-", 1))
 
 
@@ -125,7 +140,7 @@ def log_of(rule: str, *wildcards: str) -> str:
 
 
 def costs_of(rule: str) -> str:
-    """Pattern of the folder of what Snakemake measured of a rule's jobs."""
+    """Pattern of the folder of Snakemake's benchmark files of a rule."""
     return f"{COSTS}/{rule}"
 
 

@@ -12,7 +12,15 @@ from handpipe.core.arrays import Array
 
 @dataclass(frozen=True)
 class RigidTransform:
-    """X -> rotation @ X + translation; rotation (3, 3), translation (3,) in mm."""
+    """The map X -> rotation @ X + translation.
+
+    Parameters
+    ----------
+    rotation : array (3, 3)
+        Rotation matrix.
+    translation : array (3,)
+        Translation in mm.
+    """
 
     rotation: Array
     translation: Array
@@ -36,7 +44,19 @@ class RigidTransform:
 
     @staticmethod
     def fit(source: Array, target: Array, weights: Array | None = None) -> RigidTransform:
-        """Best rigid transform of points (n, 3) onto points (n, 3), weights (n,) (Kabsch)."""
+        """The rigid transform with the least sum of squared distances between points and targets (Kabsch).
+
+        Parameters
+        ----------
+        source, target : array (n, 3)
+            Points in mm and the places to which they belong.
+        weights : array (n,), optional
+            Weights of the squared distances; all equal by default.
+
+        Returns
+        -------
+        RigidTransform
+        """
         w = np.ones(len(source)) if weights is None else weights
         a, b = w @ source / w.sum(), w @ target / w.sum()
         u, _, vt = np.linalg.svd((target - b).T @ ((source - a) * w[:, None]))
@@ -66,7 +86,17 @@ class RigidTransform:
 
 
 def left_jacobian(vector: Array) -> Array:
-    """Matrix (3, 3) from the rate of a rotation vector (3,) to the angular velocity of its rotation."""
+    """The matrix that takes the rate of a rotation vector to the angular velocity of its rotation.
+
+    Parameters
+    ----------
+    vector : array (3,)
+        Rotation vector in rad.
+
+    Returns
+    -------
+    array (3, 3)
+    """
     angle = float(np.linalg.norm(vector))
     x = np.cross(np.eye(3), vector)  # x @ y is the cross product of vector and y
     if angle < 1e-4:  # the next terms of the series are below 1e-9

@@ -37,7 +37,7 @@ class Model(BaseModel):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Only what is no attribute comes here: a field only in a selection of `selection.select`."""
+            """Called for missing attributes alone: a selection (`selection.select`) lacks fields."""
             if name in type(self).model_fields:
                 kind = type(self).__name__
                 raise UndeclaredFieldError(f"{kind}.{name} is not declared by the rule of this script")
@@ -369,17 +369,52 @@ class Settings(Model):
 
 
 def settings_of(content: Any, source: str | Path = "config") -> Settings:
-    """The configuration as Snakemake merged it; `InputError` names the first wrong key."""
+    """The settings in a configuration that Snakemake merged.
+
+    Parameters
+    ----------
+    content : mapping
+        The merged configuration.
+    source : path
+        Where it comes from, for error texts.
+
+    Returns
+    -------
+    Settings
+
+    Raises
+    ------
+    InputError
+        Where a key is wrong or missing; it names the first one.
+    """
     return _checked(source, content, Settings)
 
 
 def load_yaml(path: str | Path, model: type[T]) -> T:
-    """Read and check a YAML file; raise `InputError` naming the file and the first wrong field."""
+    """Read and check a YAML file.
+
+    Parameters
+    ----------
+    path : path
+        File to read.
+    model : class
+        Pydantic model of its content.
+
+    Returns
+    -------
+    model
+        An instance of `model`.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing or malformed, or a field is wrong; it names the first wrong field.
+    """
     return _checked(path, _content(path), model)
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML whose mappings hold each key once: of two, the first would be lost without a word."""
+    """YAML whose mappings have each key once: of two equal keys, the first would be lost silently."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: list[Any] = []
@@ -416,12 +451,28 @@ def _checked(path: str | Path, content: Any, model: type[T]) -> T:
 
 
 def _joint_of(error: Mapping[str, Any]) -> str:
-    """The character beside letters and digits in the pattern of names that an error tells of."""
+    """The character allowed beside letters and digits in the pattern of names that an error names."""
     return "hyphens" if "-]" in error["ctx"]["pattern"] else "underscores"
 
 
 def load_dataset(path: str | Path) -> Dataset:
-    """Read a dataset file, completed by the one that it is `like`."""
+    """Read a dataset file, completed by the one that it is `like`.
+
+    Parameters
+    ----------
+    path : path
+        YAML file of the dataset.
+
+    Returns
+    -------
+    Dataset
+
+    Raises
+    ------
+    InputError
+        As `load_yaml`; where `like` names no dataset beside it, or one that is itself like another; and where
+        a generator would write outside the subject's own folder of results.
+    """
     dataset = _dataset(path)
     if dataset.generator is not None:
         _require_own_folder(path, dataset)
@@ -429,7 +480,7 @@ def load_dataset(path: str | Path) -> Dataset:
 
 
 def _require_own_folder(path: str | Path, dataset: Dataset) -> None:
-    """Raise `InputError` where a generator would write beyond the subject's own folder of results."""
+    """Refuse a generator that would write outside the subject's own folder of results."""
     folder = Path("results") / Path(path).stem
     if not dataset.root.resolve().is_relative_to(folder.resolve()):
         problem = f"is {dataset.root}, but what is generated stays under {folder}"
@@ -464,5 +515,20 @@ def _dataset(path: str | Path) -> Dataset:
 
 
 def load_scene(path: str | Path) -> Scene:
-    """Read a scene file."""
+    """Read a scene file.
+
+    Parameters
+    ----------
+    path : path
+        YAML file of the scene.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        As `load_yaml`.
+    """
     return load_yaml(path, Scene)

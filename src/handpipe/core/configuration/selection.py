@@ -20,15 +20,30 @@ from handpipe.core.configuration.config import Model, UndeclaredFieldError
 
 M = TypeVar("M", bound=Model)
 Paths = Sequence[tuple[str, ...]]
-NAMES = "names"  # of the entries of a mapping, without what they have
+NAMES = "names"  # of the entries of a mapping, without their values
 EVERY = "*"
 
 
 def select(model: Model, fields: Sequence[str], **names: str | Sequence[str]) -> str:
     """The selected fields and their values as JSON text, the same for the same values.
 
-    names: what stands for "{…}" in the fields; a field with several names is taken of each. Raises
-    `ValueError` for a field that the model does not have.
+    Parameters
+    ----------
+    model : Model
+        Model of which a part is selected.
+    fields : sequence of str
+        Paths of names, as the module describes them.
+    **names : str or sequence of str
+        What replaces each "{…}" in the fields, by the name in braces; each of several selects a field.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ValueError
+        For a field that the model does not have.
     """
     resolved = [path for field in fields for path in _resolved(field, names)]
     content = _selected(model, [tuple(path.split(".")) for path in resolved])
@@ -36,7 +51,20 @@ def select(model: Model, fields: Sequence[str], **names: str | Sequence[str]) ->
 
 
 def restored(text: str, cls: type[M]) -> M:
-    """The model with the fields of `select` alone; reading another one raises `UndeclaredFieldError`."""
+    """The part of a model that `select` selected; reading any other field raises `UndeclaredFieldError`.
+
+    Parameters
+    ----------
+    text : str
+        JSON text that `select` returned.
+    cls : class
+        The model's class.
+
+    Returns
+    -------
+    model
+        An instance of `cls` with the selected fields alone.
+    """
     stored = json.loads(text)
     found: M = _restored(cls, stored["values"], [tuple(path.split(".")) for path in stored["fields"]])
     return found
@@ -123,7 +151,7 @@ class Part(dict[str, Any]):
     """Some entries of a mapping: each can be read by its name, but they can't be listed or counted."""
 
     def __missing__(self, name: str) -> NoReturn:
-        """Raises `UndeclaredFieldError`: the script's rule does not declare the entry."""
+        """Raises an error: the script's rule does not declare the entry."""
         raise UndeclaredFieldError(f"the entry {name!r} is not declared by the rule of this script")
 
     def _refused(self, *_: object) -> NoReturn:

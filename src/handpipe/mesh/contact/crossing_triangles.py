@@ -1,4 +1,4 @@
-"""Where triangles cross one another, by their edges: a check that is blind to how they were made."""
+"""Where triangles cross one another, by their edges: a check that is independent of how they were made."""
 
 from __future__ import annotations
 
@@ -12,7 +12,18 @@ ROUNDING = 1e-12  # mm^3, of six times a volume
 
 
 def crossings(surface: Surface) -> IntArray:
-    """Pairs (c, 2) of an edge, as `surface.edges()` has them, and a triangle without its ends that cross."""
+    """Where edges of a surface pass through its triangles.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surface in mm.
+
+    Returns
+    -------
+    array (c, 2) of int
+        Index of an edge in `surface.edges()` and of a triangle that it crosses; they share no vertex.
+    """
     edges, triangles, points = surface.edges(), surface.triangles, surface.vertices
     search = ipctk.LBVH()
     search.build(points, edges.astype(np.int32), triangles.astype(np.int32))

@@ -1,4 +1,4 @@
-"""Where a closed surface lies on itself: its vertices, and the places of its other sheets that they meet."""
+"""Self-contact of a closed surface: its vertices, and the places of its other sheets that they meet."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from handpipe.core import Array, IntArray
 from handpipe.mesh.surfaces.barycentric import barycentric_matrix
 from handpipe.mesh.surfaces.surface import Surface
 
-FACING = -0.25  # cosine between normals of two sheets that lie on one another, at most
-LIFT = 1e-2  # mm off its own sheet, where a vertex is asked for others around it
+FACING = -0.25  # largest cosine between the normals of two sheets in contact
+LIFT = 1e-2  # mm off its own sheet, where the winding number of a vertex is computed
 
 
 @dataclass(frozen=True)
 class SelfContact:
     """Contacts between vertices of a surface and other sheets of it.
 
-    Attributes
+    Parameters
     ----------
-    vertices : (c,)
-        Vertices in contact.
-    feet : (c, v)
-        Weights of the vertices that make up the place each meets.
-    normals : (c, 3)
-        Normals there, outwards.
-    gaps : (c,)
-        Gaps in mm, negative where the vertex is beneath that place.
+    vertices : array (c,) of int
+        Vertices in contact, sorted, each once.
+    feet : sparse matrix (c, n)
+        Weights of the surface's vertices that make up the place that each vertex meets.
+    normals : array (c, 3)
+        Unit normals at these places, outwards.
+    gaps : array (c,)
+        Gaps along the normals in mm, negative where the vertex is beneath its place.
     """
 
     vertices: IntArray
@@ -40,11 +40,26 @@ class SelfContact:
 
 
 def self_contact(surface: Surface, rest: Surface, near: float, deep: float) -> SelfContact:
-    """Where vertices are within `near` mm of another sheet, or up to `deep` mm beneath it.
+    """The vertices that are near another sheet of the surface or beneath one, each with its closest place.
 
-    A sheet faces the vertex and is not its neighbourhood: it was more than three edges away in `rest`, the
-    same surface at rest. Whether a vertex is beneath any, the winding number tells: across a thin web the
-    other side is near, too, but not over it.
+    Another sheet faces the vertex and is no part of its neighbourhood: at rest it was more than three edge
+    lengths away. The winding number tells whether a vertex is beneath a sheet: across a thin web the other
+    side is near, too, but not above the vertex.
+
+    Parameters
+    ----------
+    surface : Surface
+        Closed surface in its present shape, in mm.
+    rest : Surface
+        The same surface at rest.
+    near : float
+        Largest distance in mm from a vertex to the sheet in front of it.
+    deep : float
+        Largest depth in mm of a vertex beneath a sheet.
+
+    Returns
+    -------
+    SelfContact
     """
     normals = surface.vertex_normals()
     beneath = surface.contains(surface.vertices + LIFT * normals)

@@ -1,6 +1,6 @@
 """The polygons of a Wavefront OBJ file.
 
-Corners are told by their vertex alone, so that seams of texture or normals split nothing; groups, objects
+A corner is its vertex alone, so that seams of texture or normals split nothing; groups, objects
 and materials are one surface. meshio 5.3 refuses normals by corner; trimesh 5.2 cuts concave polygons
 wrongly.
 """
@@ -18,7 +18,25 @@ AGAIN = "Export the surface again"
 
 
 def read_obj(path: str | Path) -> tuple[Array, Polygons]:
-    """Vertices (n, 3), in the file's order, and polygons; raises `InputError` naming the first bad line."""
+    """The vertices and polygons of an OBJ file.
+
+    Parameters
+    ----------
+    path : path
+        File to read.
+
+    Returns
+    -------
+    vertices : array (n, 3)
+        Positions in the file's order and unit.
+    polygons : Polygons
+        Polygons in the file's order.
+
+    Raises
+    ------
+    InputError
+        Where the file is malformed; it names the first wrong line or kind of line.
+    """
     text = Path(path).read_text(encoding="utf-8-sig", errors="replace").replace("\\\n", " ")
     points, faces, lines, seen = list[list[str]](), list[list[str]](), list[int](), list[int]()
     for number, line in enumerate(text.splitlines(), start=1):

@@ -42,7 +42,7 @@ class Property:
 
 @dataclass(frozen=True)
 class Element:
-    """So many rows of the same properties."""
+    """A number of rows with the same properties."""
 
     name: str
     count: int
@@ -55,13 +55,30 @@ class Element:
 
 
 def read_ply(path: str | Path) -> tuple[Array, Polygons]:
-    """Vertices (n, 3), in the file's order, and polygons; raises `InputError` where the file is malformed.
+    """The vertices and polygons of a PLY file.
 
-    Counts are compared with the file's size before anything of that size is made.
+    Counts are compared with the file's size before memory for them is allocated.
+
+    Parameters
+    ----------
+    path : path
+        File to read.
+
+    Returns
+    -------
+    vertices : array (n, 3)
+        Positions in the file's order and unit.
+    polygons : Polygons
+        Polygons in the file's order.
+
+    Raises
+    ------
+    InputError
+        Where the file is malformed.
     """
     content = Path(path).read_bytes()
     elements, text, start = _header(path, content)
-    if text:  # each number becomes eight bytes, then both kinds are one
+    if text:  # each number becomes eight bytes, so that text and binary files are read alike
         elements = [Element(e.name, e.count, [_as_text(p) for p in e.properties]) for e in elements]
         raw = _numbers(path, content[start:]).view(np.uint8)
     else:
@@ -82,7 +99,7 @@ def _numbers(path: str | Path, body: bytes) -> Array:
 
 
 def _header(path: str | Path, content: bytes) -> tuple[list[Element], bool, int]:
-    """The elements, whether they are text, and where they begin."""
+    """The elements, whether the file is text, and at which byte the elements begin."""
     first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", content)
     if first is None:
         raise InputError(path, "content", "does not begin with 'ply'", "Give a PLY file, or its right suffix")

@@ -14,7 +14,15 @@ FLAT = 1e-9  # of a polygon's size squared: a corner that turns less is straight
 
 @dataclass(frozen=True)
 class Polygons:
-    """Vertex numbers of all corners (c,), polygon after polygon; number of corners (f,) of each."""
+    """Polygons over the vertices of a file.
+
+    Parameters
+    ----------
+    corners : array (c,) of int
+        Vertices of all corners, polygon after polygon.
+    counts : array (f,) of int
+        Number of corners of each polygon.
+    """
 
     corners: IntArray
     counts: IntArray
@@ -34,11 +42,27 @@ class NotSimple(ValueError):
 
 
 def triangulate(vertices: Array, polygons: Polygons) -> IntArray:
-    """Triangles (k, 3) of polygons over vertices (n, 3), in the polygons' order and with their orientation.
+    """Triangles of polygons, in the polygons' order and with their orientation.
 
-    A convex polygon becomes a fan about its first corner; any other is cut by its ears (Meisters 1975), seen
-    along its mean normal. Polygons of one or two corners have no area and give none. Raises `NotSimple` for
-    a polygon that crosses itself.
+    A convex polygon becomes a fan about its first corner. Any other is cut by its ears (Meisters 1975), seen
+    along its mean normal. A polygon of one or two corners has no area and becomes no triangle.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Positions of the vertices.
+    polygons : Polygons
+        Polygons over them.
+
+    Returns
+    -------
+    array (k, 3) of int
+        Vertices of each triangle.
+
+    Raises
+    ------
+    NotSimple
+        For a polygon that crosses itself.
     """
     triangles = np.zeros((0, 3), dtype=np.int64)
     owners = np.zeros(0, dtype=np.int64)
@@ -137,7 +161,7 @@ def _squared(a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _holds(a, b, c, p):  # type: ignore[no-untyped-def]
-    """Whether a counter-clockwise triangle has a point inside or on its border, but not at a corner."""
+    """Whether point p is in the counter-clockwise triangle a, b, c or on its border, but at no corner."""
     for corner in (a, b, c):
         if _squared(corner, p) == 0.0:
             return False

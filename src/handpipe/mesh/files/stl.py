@@ -18,9 +18,26 @@ CUT_OFF = "The file is cut off or damaged: copy it again"
 
 
 def read_stl(path: str | Path) -> tuple[Array, Polygons]:
-    """Vertices (n, 3), sorted, and triangles; raises `InputError` where the file is malformed.
+    """The vertices and triangles of an STL file.
 
     A file is binary if its size is what the count of a binary file says, whatever its header's text.
+
+    Parameters
+    ----------
+    path : path
+        File to read.
+
+    Returns
+    -------
+    vertices : array (n, 3)
+        Positions in the file's unit, each once, sorted by coordinates.
+    polygons : Polygons
+        Triangles in the file's order.
+
+    Raises
+    ------
+    InputError
+        Where the file is malformed.
     """
     content = Path(path).read_bytes()
     size = HEADER + RECORD.itemsize * int.from_bytes(content[80:84], "little")

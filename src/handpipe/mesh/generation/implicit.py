@@ -17,7 +17,17 @@ __all__ = ["Grid", "isosurface", "relax", "remesh", "signed_distance", "smooth_m
 
 @dataclass(frozen=True)
 class Grid:
-    """Points origin + spacing * (i, j, k) for (i, j, k) below shape; origin (3,) and spacing in mm."""
+    """Points origin + spacing * (i, j, k) for (i, j, k) below shape.
+
+    Parameters
+    ----------
+    origin : array (3,)
+        First point in mm.
+    spacing : float
+        Distance of neighbouring points in mm, along every axis.
+    shape : tuple of three int
+        Number of points along each axis.
+    """
 
     origin: Array
     spacing: float
@@ -25,7 +35,19 @@ class Grid:
 
     @staticmethod
     def around(points: Array, margin: float, spacing: float) -> Grid:
-        """The grid around points (n, 3) and a margin in mm, on multiples of the spacing."""
+        """The grid around points and a margin, on multiples of the spacing.
+
+        Parameters
+        ----------
+        points : array (n, 3)
+            Points in mm.
+        margin, spacing : float
+            Least distance from the points to the border, and distance of neighbouring grid points, in mm.
+
+        Returns
+        -------
+        Grid
+        """
         low = np.floor((points.min(axis=0) - margin) / spacing).astype(int)
         high = np.ceil((points.max(axis=0) + margin) / spacing).astype(int)
         nx, ny, nz = (int(n) for n in high - low + 1)
@@ -37,17 +59,35 @@ class Grid:
 
 
 def isosurface(values: Array, grid: Grid, level: float = 0.0) -> Surface:
-    """The surface of the region below a level, closed and facing outwards; values (n,) or `grid.shape`.
+    """The surface of the region below a level, closed and facing outwards.
 
-    Where the region reaches the grid's border, the surface is closed half a spacing beyond it. Raises
-    `HandpipeError` where no value is below the level.
+    Where the region reaches the grid's border, the surface is closed half a spacing beyond it.
+
+    Parameters
+    ----------
+    values : array (n,) or array of the grid's shape
+        Values at the grid's points, of any unit.
+    grid : Grid
+        Places of the values.
+    level : float
+        Value on the surface, in the unit of `values`.
+
+    Returns
+    -------
+    Surface
+        Vertices in mm.
+
+    Raises
+    ------
+    HandpipeError
+        Where no value is below the level.
     """
     values = np.asarray(values, dtype=np.float64).reshape(grid.shape)
     if not values.min() < level:
         raise HandpipeError(
             f"isosurface: no value below {level:g} (the least is {values.min():g}); check the level"
         )
-    # Values exactly on the level make triangles without area: shift them by far less than anyone can see.
+    # Values exactly on the level make triangles without area: shift them by a millionth of the range.
     distance = values - level
     tiny = 1e-6 * max(float(np.abs(distance).max()), 1e-300)
     distance = np.where(np.abs(distance) < tiny, tiny, distance)
@@ -60,9 +100,22 @@ def isosurface(values: Array, grid: Grid, level: float = 0.0) -> Surface:
 
 
 def signed_distance(surface: Surface, grid: Grid, band: float) -> Array:
-    """Signed distance (n,) in mm at the grid's points, exact within `band` of the surface's box.
+    """Signed distances from the points of a grid to a surface, exact near the surface.
 
-    Farther out it is the distance to the box, which is positive, too small, but above `band`.
+    Parameters
+    ----------
+    surface : Surface
+        Closed surface.
+    grid : Grid
+        Points at which distances are computed.
+    band : float
+        Distance in mm from the surface's bounding box within which the result is exact.
+
+    Returns
+    -------
+    array (n,)
+        Distances in mm, negative inside. Beyond `band` they are the distance to the box: positive, too small,
+        but above `band`.
     """
     points = grid.points()
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
@@ -73,7 +126,20 @@ def signed_distance(surface: Surface, grid: Grid, band: float) -> Array:
 
 
 def smooth_minimum(a: Array, b: Array, width: float) -> Array:
-    """Minimum of a and b, rounded where they differ by less than `width` (mm); the plain one for width 0."""
+    """The minimum of two fields, rounded where they are close to each other.
+
+    Parameters
+    ----------
+    a, b : array
+        Distances in mm, of one shape.
+    width : float
+        Difference in mm below which the minimum is rounded; with 0 it is the plain minimum.
+
+    Returns
+    -------
+    array
+        Distances in mm, of the same shape; by a quarter of `width` at most below the plain minimum.
+    """
     if width == 0:
         return np.minimum(a, b)
     overlap = np.maximum(width - np.abs(a - b), 0) / width
@@ -88,9 +154,30 @@ def union_surface(
     smooth: float = 0.0,
     edge_length: float = 0.0,
 ) -> Surface:
-    """Surface of the union of closed surfaces, grown by `offset`, rounded where they meet by `smooth` (mm).
+    """The surface of the union of closed surfaces.
 
-    `spacing` is that of the grid; the triangles have `edge_length`, or 1.2 times the spacing.
+    Parameters
+    ----------
+    surfaces : list of Surface
+        At least one closed surface.
+    spacing : float
+        Spacing in mm of the grid on which the union is computed.
+    offset : float
+        Distance in mm by which the union is grown; negative shrinks it.
+    smooth : float
+        Difference of distances in mm below which the union is rounded where surfaces meet.
+    edge_length : float
+        Edge length of the triangles in mm; 0 stands for 1.2 times the spacing.
+
+    Returns
+    -------
+    Surface
+        Closed, facing outwards, vertices in mm.
+
+    Raises
+    ------
+    HandpipeError
+        Where nothing is left of a union that shrinks.
     """
     band = max(offset, 0.0) + smooth + 2 * spacing
     grid = Grid.around(np.concatenate([s.vertices for s in surfaces]), band, spacing)

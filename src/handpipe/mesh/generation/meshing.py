@@ -23,11 +23,29 @@ VOLUME_TOLERANCE = 0.02
 
 
 def tetrahedralise(surface: Surface, edge_length: float, *, keep_surface: bool = True) -> TetMesh:
-    """Tetrahedra of about `edge_length` (mm) in the depth of a closed surface, graded towards its triangles.
+    """Tetrahedra that fill a closed surface, graded in size towards its triangles.
 
-    With `keep_surface` the boundary is the surface itself, and its vertices are the mesh's first, in order;
-    else the surface is first remeshed to `edge_length`. Shells that face inwards, inside the one that faces
-    outwards, are the walls of holes. Raises `InputError` for a surface that is open or cuts itself.
+    Parameters
+    ----------
+    surface : Surface
+        Closed surface in mm. One of its parts faces outwards; parts that face inwards are the walls of holes.
+    edge_length : float
+        Edge length in mm far from the surface.
+    keep_surface : bool
+        Whether the boundary is the surface itself, its vertices the first ones of the mesh, in order. If not,
+        the surface is first remeshed to `edge_length`.
+
+    Returns
+    -------
+    TetMesh
+        Vertices in mm, tets of positive volume.
+
+    Raises
+    ------
+    InputError
+        Where the surface is open, cuts or touches itself, or has not exactly one part that faces outwards.
+    HandpipeError
+        Where gmsh is not installed, cannot load a library, or fails for another reason.
     """
     require_closed(surface, "tetrahedralise")
     if not keep_surface:
@@ -77,7 +95,7 @@ def _run_gmsh(surface: Surface, shell: IntArray, edge_length: float) -> TetMesh:
 
 
 def _explain(log: str) -> None:
-    """Raise the error that says best what a failed run of gmsh was about."""
+    """Raise the error that explains a failed run of gmsh."""
     tail = "\n".join(log.strip().splitlines()[-20:])
     if "OSError" in log and ".so" in log:
         raise HandpipeError(f"gmsh cannot load a library. On Debian: apt-get install {LIBRARIES}\n{tail}")

@@ -17,9 +17,28 @@ Project = Callable[[Array], Array]  # points (n, 3) -> points (n, 3) on the surf
 
 
 def remesh(surface: Surface, edge_length: float, *, iterations: int = 10) -> Surface:
-    """Triangles of about the given edge length in mm on the same closed surface.
+    """The same closed surface with triangles of about one edge length.
 
-    Vertices lie on the input; its sharp edges are not kept. Raises `InputError` where the surface is open.
+    Sharp edges are not kept.
+
+    Parameters
+    ----------
+    surface : Surface
+        Closed surface in mm.
+    edge_length : float
+        Edge length in mm.
+    iterations : int
+        Rounds of splitting, collapsing, flipping and relaxing; halving the longest edge takes further rounds.
+
+    Returns
+    -------
+    Surface
+        Its vertices lie on the input surface.
+
+    Raises
+    ------
+    InputError
+        Where the surface is open.
     """
     distance = Distance(surface)
     free = np.zeros(len(surface.vertices), dtype=bool)
@@ -31,9 +50,30 @@ def remesh(surface: Surface, edge_length: float, *, iterations: int = 10) -> Sur
 def remesh_free(
     surface: Surface, edge_length: float, fixed: BoolArray, project: Project, *, iterations: int = 10
 ) -> Surface:
-    """`remesh` that keeps the vertices `fixed` (n,) and the edges between them, projected by any map.
+    """`remesh` that keeps some vertices and the edges between them, with any projection.
 
-    Fixed vertices come first in the result, in their order.
+    Parameters
+    ----------
+    surface : Surface
+        Closed surface in mm.
+    edge_length : float
+        Edge length in mm.
+    fixed : array (n,) of bool
+        Which vertices stay where they are.
+    project : function
+        Takes points (k, 3) in mm to points (k, 3) on the surface that is kept.
+    iterations : int
+        As in `remesh`.
+
+    Returns
+    -------
+    Surface
+        Fixed vertices come first, in their order.
+
+    Raises
+    ------
+    InputError
+        Where the surface is open.
     """
     require_closed(surface, "remeshing")
     x, corner, twin, out, held = _half_edges(surface, fixed)
@@ -61,7 +101,21 @@ def remesh_free(
 
 
 def relax(surface: Surface, project: Project, iterations: int) -> Surface:
-    """Smooth along the surface and project back: better triangles, same connections, same shape."""
+    """The same triangles with a better shape: vertices move along the surface and are projected back to it.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surface in mm.
+    project : function
+        Takes points (k, 3) in mm to points (k, 3) on the surface that is kept.
+    iterations : int
+        Number of moves.
+
+    Returns
+    -------
+    Surface
+    """
     nothing = np.zeros(len(surface.vertices), dtype=bool)
     x = surface.vertices
     for _ in range(iterations):
@@ -89,7 +143,7 @@ def _half_edges(surface: Surface, fixed: BoolArray):  # type: ignore[no-untyped-
 
 
 def _splits(x: Array, corner: IntArray, edge_length: float) -> int:
-    """Bound of the number of edges that one sweep splits: the long ones, and those that splitting makes."""
+    """Upper bound of the edges that one sweep splits: long edges, and long edges that splitting creates."""
     ends = x[corner.reshape(-1, 3)]
     lengths = np.linalg.norm(np.roll(ends, -1, axis=1) - ends, axis=2)
     return 4 * int((lengths > halfedges.SPLIT * edge_length).sum())

@@ -1,4 +1,4 @@
-"""Repair of surfaces: from what an editor or a scanner left to a closed surface that faces outwards."""
+"""Repair of surfaces: from the export of an editor or a scanner to a closed surface that faces outwards."""
 
 from __future__ import annotations
 
@@ -21,11 +21,27 @@ SMALL = 0.01  # of the largest part's area: smaller parts are dropped
 
 
 def repair(surface: Surface) -> tuple[Surface, list[str]]:
-    """A closed surface that faces outwards, and sentences that say what was mended; vertices are renumbered.
+    """A closed surface that faces outwards, and what was changed.
 
-    Merges duplicate vertices, drops triangles without area and small loose parts, turns triangles alike,
+    Merges duplicate vertices, drops triangles without area and small loose parts, orients triangles alike,
     fills holes with smooth patches, and rebuilds a surface that cuts itself from its winding number.
-    Raises `InputError` where the result is still open.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surface in mm, as an editor or a scanner exported it.
+
+    Returns
+    -------
+    repaired : Surface
+        Closed surface; its vertices are renumbered.
+    changes : list of str
+        A sentence for each kind of change.
+
+    Raises
+    ------
+    InputError
+        Where the result is still open.
     """
     said: list[str] = []
     surface = _merge_vertices(surface, said)
@@ -72,7 +88,7 @@ def _drop_small_parts(surface: Surface, said: list[str]) -> Surface:
 
 
 def _orient(surface: Surface, said: list[str]) -> Surface:
-    """Neighbours turned alike, then each part turned outwards (an open part by where it seems to be)."""
+    """Orient neighbours alike, then each part outwards (an open part by the sign of its volume)."""
     alike, parts = igl.bfs_orient(surface.triangles)
     triangles = np.asarray(alike, dtype=np.int64)
     parts = np.asarray(parts).reshape(-1)
@@ -93,7 +109,7 @@ def _winding(triangles: IntArray) -> BoolArray:
 
 
 def _fill_holes(surface: Surface, said: list[str]) -> Surface:
-    """Every hole closed by a patch that leaves the rim smoothly; the surface itself stays as it is."""
+    """Close every hole by a patch that continues the surface smoothly at its rim; nothing else changes."""
     directed = directed_edges(surface.triangles)
     n = len(surface.vertices)
     forth, back = directed @ [n, 1], directed @ [1, n]
@@ -125,7 +141,7 @@ def _stay(points: Array) -> Array:
 
 
 def _fair(surface: Surface, fixed: BoolArray) -> Surface:
-    """Free vertices where the biharmonic energy is least: the patch continues the slope at its rim."""
+    """Move free vertices to the least biharmonic energy: the patch continues the slope at its rim."""
     stiffness = cotangent_laplacian(surface.vertices, surface.triangles)
     area = mass_lumped(surface.vertices, surface.triangles)
     energy = (stiffness @ diags(1 / np.maximum(area, 1e-12)) @ stiffness).tocsr()

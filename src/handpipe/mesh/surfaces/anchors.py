@@ -14,7 +14,17 @@ from handpipe.mesh.surfaces.surface import Surface
 
 @dataclass(frozen=True)
 class Anchors:
-    """Each point is weights (n, 3) of a triangle's corners (n, 3), heights (n,) mm along its normal."""
+    """Points at a fixed place in a triangle, at a fixed height along its normal.
+
+    Parameters
+    ----------
+    corners : array (n, 3) of int
+        Vertices of each point's triangle.
+    weights : array (n, 3)
+        Barycentric weights of the corners.
+    heights : array (n,)
+        Heights along the triangle's normal in mm.
+    """
 
     corners: IntArray
     weights: Array

@@ -9,7 +9,20 @@ from handpipe.core import Array, IntArray
 
 
 def barycentric_weights(points: Array, corners: Array) -> Array:
-    """Weights (k, 3) of points (k, 3) in the planes of triangles (k, 3, 3)."""
+    """Barycentric weights of points in the planes of triangles, one triangle a point.
+
+    Parameters
+    ----------
+    points : array (k, 3)
+        Points in mm. A point off its triangle's plane has the weights of its projection.
+    corners : array (k, 3, 3)
+        Corners of the triangles in mm, one a row.
+
+    Returns
+    -------
+    array (k, 3)
+        Weights of the corners, which sum to 1; negative beyond an edge.
+    """
     a, b, c = np.moveaxis(corners, 1, 0)
     normal = np.cross(b - a, c - a)
     squared = np.maximum(np.einsum("ni,ni->n", normal, normal), 1e-300)
@@ -19,7 +32,22 @@ def barycentric_weights(points: Array, corners: Array) -> Array:
 
 
 def barycentric_matrix(places: Array, corners: IntArray, vertices: Array) -> sparse.csr_matrix:
-    """Matrix (k, n) by which vertices (n, 3) make up places (k, 3) in triangles of corners (k, 3)."""
+    """The matrix that interpolates a surface's vertices to places in its triangles.
+
+    Parameters
+    ----------
+    places : array (k, 3)
+        Places in mm.
+    corners : array (k, 3) of int
+        Vertices of the triangle in which each place is.
+    vertices : array (n, 3)
+        Vertices in mm.
+
+    Returns
+    -------
+    sparse matrix (k, n)
+        Barycentric weights; its product with `vertices` gives `places`.
+    """
     weights = barycentric_weights(places, vertices[corners])
     starts = 3 * np.arange(len(corners) + 1)
     return sparse.csr_matrix((weights.ravel(), corners.ravel(), starts), shape=(len(corners), len(vertices)))

@@ -9,23 +9,35 @@ from scipy.spatial.distance import cdist
 
 from handpipe.core import Array
 
-CHUNK = 4_000_000  # numbers of a block of distances
+CHUNK = 4_000_000  # distances computed at a time
 
 
 class Biharmonic:
     """f(x) = sum_i w_i |x - s_i| + A x + b, of least bending energy through f(s_i) = t_i.
 
-    The paper's choice (Albrecht 2003 §5.2, after Bookstein). `smoothing` lets f miss its points where that
-    bends it less; 0 interpolates. f commutes with affine maps of the targets and with similarities of the
-    sources. It is smooth but for a kink at each s_i, where `jacobian` leaves the point's own term out.
+    f commutes with affine maps of the targets and with similarities of the sources. It is smooth except for a
+    kink at each s_i, where `jacobian` leaves out the point's own term.
+
+    Parameters
+    ----------
+    source : array (n, 3)
+        Points s in mm.
+    target : array (n, 3)
+        Points t in mm to which f maps them.
+    smoothing : float
+        Weight in mm of the bending energy against the misfit at the points; with 0 f interpolates.
+
+    Raises
+    ------
+    ValueError
+        Where there are fewer than 4 points, all lie in a plane, or two are in one place without smoothing.
+
+    References
+    ----------
+    Albrecht 2003 §5.2, after Bookstein.
     """
 
     def __init__(self, source: Array, target: Array, smoothing: float = 0.0) -> None:
-        """The map from points (n, 3) to points (n, 3).
-
-        Raises `ValueError` for fewer than 4 points, for two in one place without smoothing, and for all in a
-        plane.
-        """
         source, target = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
         self._middle = source.mean(axis=0)
         self._scale = float(np.abs(source - self._middle).max())
@@ -77,9 +89,21 @@ def _padded(values: Array) -> Array:
 
 
 def left_out(source: Array, target: Array) -> Array:
-    """By how much (n, 3) each target is away from where the map of all the others takes its source point.
+    """Leave-one-out residuals of a `Biharmonic` map without smoothing, from one inverse matrix.
 
-    Of the inverse of the system alone (Rippa 1999); the points of `Biharmonic`, without smoothing.
+    Parameters
+    ----------
+    source, target : array (n, 3)
+        Points in mm, as `Biharmonic` takes them.
+
+    Returns
+    -------
+    array (n, 3)
+        Offset in mm of each target from the place to which the map through all other points takes its source.
+
+    References
+    ----------
+    Rippa 1999.
     """
     middle = source.mean(axis=0)
     inverse = np.linalg.inv(system((source - middle) / np.abs(source - middle).max()))

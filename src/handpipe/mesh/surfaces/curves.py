@@ -11,12 +11,34 @@ from handpipe.mesh.surfaces.surface import Surface
 
 
 def arclength(points: Array) -> Array:
-    """Length (n,) in mm along the polyline (n, 3) from its first point to each."""
+    """Length along a polyline from its first point to each point.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points of the polyline in mm.
+
+    Returns
+    -------
+    array (n,)
+        Lengths in mm, the first one 0.
+    """
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
 def tangents(points: Array) -> Array:
-    """Unit tangents (n, 3): of the segment at the ends, of the bisector between."""
+    """Tangents of a polyline: of the segment at the ends, of the bisector between.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points of the polyline in mm, no two neighbours in one place.
+
+    Returns
+    -------
+    array (n, 3)
+        Unit tangents.
+    """
     edges = np.diff(points, axis=0)
     edges /= np.linalg.norm(edges, axis=1, keepdims=True)
     sums = np.concatenate([edges[:1], edges[:-1] + edges[1:], edges[-1:]])
@@ -24,7 +46,22 @@ def tangents(points: Array) -> Array:
 
 
 def resample(points: Array, n: int, *, smooth: bool = False) -> Array:
-    """Points (n, 3) equally spaced in arc length on the polyline, or with `smooth` on its cubic spline."""
+    """Points equally spaced in arc length on a polyline, or on its cubic spline.
+
+    Parameters
+    ----------
+    points : array (m, 3)
+        Points of the polyline in mm.
+    n : int
+        Number of points wanted.
+    smooth : bool
+        Whether points lie on the cubic spline through `points`; it takes at least three.
+
+    Returns
+    -------
+    array (n, 3)
+        Points in mm; the first and the last are those of the polyline.
+    """
     if smooth and len(points) > 2:
         s = arclength(points)
         fine = CubicSpline(s, points)(np.linspace(0, s[-1], 20 * max(n, len(points))))
@@ -50,9 +87,20 @@ def _transport(tangent: Array, first: Array) -> Array:
 
 
 def bishop_frames(points: Array, first_normal: Array) -> Array:
-    """Frames (n, 3, 3) that do not twist about the curve; rows are tangent, normal, binormal.
+    """Frames along a curve that do not twist about it.
 
-    `first_normal` (3,) is made orthogonal to the first tangent; it must not be parallel to it.
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points of the curve in mm.
+    first_normal : array (3,)
+        Normal at the first point, of any length and not parallel to the first tangent; its part along the
+        tangent is removed.
+
+    Returns
+    -------
+    array (n, 3, 3)
+        The rows of each frame are the unit tangent, normal and binormal.
     """
     tangent = tangents(points)
     first = np.asarray(first_normal, dtype=np.float64)
@@ -78,16 +126,49 @@ def _closest(points, polyline):  # type: ignore[no-untyped-def]
 
 
 def closest_on_polyline(points: Array, polyline: Array) -> tuple[IntArray, Array, Array, Array]:
-    """Nearest to points (n, 3): segment (n,), parameter in it from 0 to 1, point (n, 3) and distance (n,)."""
+    """The closest place on a polyline to each of several points.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points in mm.
+    polyline : array (m, 3)
+        Points of the polyline in mm.
+
+    Returns
+    -------
+    segment : array (n,) of int
+        Segment in which the closest place is.
+    parameter : array (n,)
+        Position in the segment, from 0 at its start to 1 at its end.
+    closest : array (n, 3)
+        Closest places in mm.
+    distance : array (n,)
+        Distances to them in mm.
+    """
     queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
     return _closest(queries, np.ascontiguousarray(polyline, dtype=np.float64))
 
 
 def tube(points: Array, frames: Array, radii: Array, sides: int) -> Surface:
-    """Closed tube around a curve (n, 3) with radii (n,) or a number, in mm, capped flat at both ends.
+    """A closed tube around a curve, with flat caps at both ends.
 
-    Vertex `sides * i + j` lies on ring i at the angle 2 pi j / sides from the normal towards the binormal of
-    `frames` (n, 3, 3); the last two vertices are the centres of the caps.
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points of the curve in mm.
+    frames : array (n, 3, 3)
+        Frames along the curve, as `bishop_frames` gives them.
+    radii : array (n,) or float
+        Radii in mm.
+    sides : int
+        Number of vertices in a ring.
+
+    Returns
+    -------
+    Surface
+        Vertex `sides * i + j` lies on ring i at the angle 2 pi j / sides from the normal towards the
+        binormal. The last two vertices are the centres of the caps.
     """
     n = len(points)
     angle = 2 * np.pi * np.arange(sides) / sides

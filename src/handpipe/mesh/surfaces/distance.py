@@ -16,9 +16,14 @@ ON_EDGE = 1e-8  # barycentric coordinates below this lie on an edge or vertex
 class Distance:
     """Distances to one surface, by a tree that is built once.
 
-    by_winding: the sign of a distance tells about which points the surface winds, not which side of the
-    closest triangle they are on. Where a surface cuts itself that side changes far from it, and the distance
-    jumps there; by windings it is continuous.
+    Parameters
+    ----------
+    surface : Surface
+        Surface to which distances are measured.
+    by_winding : bool
+        Whether the winding number decides the sign of a distance, not the side of the closest triangle. For a
+        surface that cuts itself, that side changes far from the surface and the distance jumps there; by the
+        winding number the distance is continuous.
     """
 
     def __init__(self, surface: Surface, *, by_winding: bool = False) -> None:
@@ -28,7 +33,22 @@ class Distance:
         self._normals: tuple[Array, Array, Array] | None = None
 
     def closest(self, points: Array) -> tuple[Array, IntArray, Array]:
-        """Distances (n,) in mm, triangles (n,) and closest points (n, 3) of points (n, 3)."""
+        """The closest places on the surface.
+
+        Parameters
+        ----------
+        points : array (n, 3)
+            Points in mm.
+
+        Returns
+        -------
+        distances : array (n,)
+            Unsigned distances in mm.
+        triangles : array (n,) of int
+            Triangles in which the closest places are.
+        closest : array (n, 3)
+            Closest places in mm.
+        """
         queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         if len(queries) == 0:
             return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
@@ -42,10 +62,26 @@ class Distance:
         )
 
     def signed(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
-        """Signed distances (n,), negative inside; triangles (n,); closest points, unit pseudonormals (n, 3).
+        """Signed distances and the closest places with their pseudonormals.
 
-        Exact for a closed surface that does not cut itself; near the rim of an open one the sign is that of
-        the nearest triangle. By windings pseudonormals point away from the inside, too.
+        The sign is exact for a closed surface that does not cut itself. Near the rim of an open surface it is
+        that of the nearest triangle.
+
+        Parameters
+        ----------
+        points : array (n, 3)
+            Points in mm.
+
+        Returns
+        -------
+        distances : array (n,)
+            Distances in mm, negative inside.
+        triangles : array (n,) of int
+            Triangles in which the closest places are.
+        closest : array (n, 3)
+            Closest places in mm.
+        normals : array (n, 3)
+            Unit pseudonormals there. With `by_winding` they, too, point away from the inside.
         """
         distances, triangles, closest = self.closest(points)
         if self._normals is None:
@@ -64,7 +100,7 @@ class Distance:
     def smooth(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
         """As `signed`, with normals interpolated between those of the vertices.
 
-        Planes through the closest points turn without a jump where these go from facet to facet.
+        A plane through the closest place turns without a jump where that place moves from facet to facet.
         """
         signed, triangles, closest, _ = self.signed(points)
         feet = barycentric_matrix(closest, self.surface.triangles[triangles], self.surface.vertices)
@@ -76,7 +112,22 @@ class Distance:
 
 
 def about(points: Array, surface: Surface, near: float) -> IntArray:
-    """Points (k,) of (n, 3) in a surface's box, grown by `near` mm: no others are closer to it than that."""
+    """Points in the bounding box of a surface, enlarged: no other point is closer to the surface than `near`.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points in mm.
+    surface : Surface
+        Surface whose box is taken.
+    near : float
+        Distance in mm by which the box is enlarged on each side.
+
+    Returns
+    -------
+    array (k,) of int
+        Indices of the points in the box, sorted.
+    """
     low, high = surface.vertices.min(axis=0) - near, surface.vertices.max(axis=0) + near
     return np.flatnonzero(((points > low) & (points < high)).all(axis=1))
 
@@ -117,7 +168,22 @@ def _normals_at(closest, triangles, vertices, corners, normals, tolerance):  # t
 
 
 def sample_points(surface: Surface, count: int, seed: int = 0) -> Array:
-    """Points (count, 3) spread evenly at random over the surface's area."""
+    """Random points on a surface, uniform over its area.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surface to sample.
+    count : int
+        Number of points.
+    seed : int
+        Seed of the random numbers.
+
+    Returns
+    -------
+    array (count, 3)
+        Points in mm.
+    """
     random = np.random.default_rng(seed)
     areas = surface.triangle_areas()
     chosen = random.choice(len(areas), size=count, p=areas / areas.sum())
@@ -127,6 +193,21 @@ def sample_points(surface: Surface, count: int, seed: int = 0) -> Array:
 
 
 def surface_errors(a: Surface, b: Surface, *, samples: int = 0, seed: int = 0) -> Array:
-    """Unsigned distances in mm to b from the vertices of a, or from `samples` points spread over it."""
+    """Unsigned distances from one surface to another.
+
+    Parameters
+    ----------
+    a, b : Surface
+        Surfaces from which and to which distances are measured.
+    samples : int
+        Number of random points on `a` at which to measure; 0 takes the vertices of its triangles.
+    seed : int
+        Seed of the random points.
+
+    Returns
+    -------
+    array (k,)
+        Distances in mm.
+    """
     points = sample_points(a, samples, seed) if samples else a.vertices[np.unique(a.triangles)]
     return Distance(b).closest(points)[0]

@@ -10,7 +10,18 @@ from handpipe.mesh.surfaces.surface import Surface
 
 
 def convex_hull(points: Array) -> Surface:
-    """Closed convex hull of points (n, 3), facing outwards; its vertices keep the order of the points."""
+    """The closed convex hull of points, facing outwards.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points in mm.
+
+    Returns
+    -------
+    Surface
+        Its vertices are the points on the hull, in the order of the points.
+    """
     hull = ConvexHull(points)
     a, b, c = np.moveaxis(points[hull.simplices], 1, 0)
     inwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0

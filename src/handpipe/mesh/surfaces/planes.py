@@ -10,18 +10,35 @@ from handpipe.core import Array, BoolArray, IntArray
 from handpipe.mesh.surfaces.distance import Distance
 
 AGREE = 0.5  # least cosine between a surface's normal and the side from which a point touches it
-LIFTS = (0.5, 1.0, 2.0, 4.0)  # mm that a point inside a body is lifted towards its own side to find it again
+LIFTS = (0.5, 1.0, 2.0, 4.0)  # mm from a point inside a body towards its own side, where the search starts
 
 
 def touching_planes(
     points: Array, sides: Array, body: IntArray, bodies: Sequence[Distance]
 ) -> tuple[Array, Array]:
-    """A plane's place and normal (k, 3) for each point (k, 3) on the surface of its own body (k,).
+    """The plane on which each point touches its own body.
 
-    sides (k, 3): unit vectors out of the body on the side where the point belongs. In a body thinner than
-    twice a point's depth, a tendon say, the closest place is on the far side and would pull the point
-    through: there the place is sought on the point's own side, and a point that finds none is left free.
+    In a body thinner than twice a point's depth, for instance a tendon, the closest place is on the far side
+    and would pull the point through. For such a point the search starts outside, on the point's own side.
     Normals are smooth, as between neighbouring muscles (`tissues.muscles.neighbours.pairs`).
+
+    Parameters
+    ----------
+    points : array (k, 3)
+        Points in mm.
+    sides : array (k, 3)
+        Unit vectors out of the body on the side where each point belongs.
+    body : array (k,) of int
+        Index into `bodies` of each point's own body.
+    bodies : sequence of Distance
+        Distances to the surfaces of the bodies.
+
+    Returns
+    -------
+    places : array (k, 3)
+        A place on each plane in mm; the point itself where the search finds none.
+    normals : array (k, 3)
+        Unit normals of the planes, out of the body; the point's own side where the search finds none.
     """
     places, normals = np.empty_like(points), np.empty_like(points)
     for index, distance in enumerate(bodies):
@@ -32,9 +49,20 @@ def touching_planes(
 
 
 def astray(signed: Array, normals: Array, sides: Array) -> BoolArray:
-    """Which points (k,) at signed distances (k,) are inside a body and closest to a side that is not theirs.
+    """Which points are inside a body and closest to a side where they do not belong.
 
-    normals (k, 3) at the closest places, sides (k, 3): as in `touching_planes`.
+    Parameters
+    ----------
+    signed : array (k,)
+        Distances from the points to the surface in mm, negative inside.
+    normals : array (k, 3)
+        Unit normals at the closest places, out of the body.
+    sides : array (k, 3)
+        Unit vectors out of the body on the side where each point belongs.
+
+    Returns
+    -------
+    array (k,) of bool
     """
     return (signed < 0) & (np.einsum("ni,ni->n", normals, sides) < AGREE)
 

@@ -1,4 +1,4 @@
-"""A scan of the skin as a person gives it: one surface, perhaps with holes, without what lies beside it."""
+"""A scan of the skin as a person gives it: one surface, perhaps with holes, without loose parts."""
 
 from __future__ import annotations
 
@@ -13,19 +13,29 @@ from handpipe.mesh.surfaces.surface import Surface, component_labels, concatenat
 
 log = logging.getLogger(__name__)
 
-DUST = 0.01  # of the largest part's area: smaller parts are left out
+DUST = 0.01  # of the largest part's area: smaller parts are removed
 NAMED = 3  # islands that a message describes
 
 
 def read_scan(path: str | Path) -> Surface:
-    """Read a scan in mm as `read_surface` does, without vertices that no triangle uses and without dust.
+    """Read a scan as `read_surface` does, without unused vertices and without dust.
 
-    Parts below a hundredth of the largest one's area are dust, which the log says.
+    Parts below a hundredth of the largest part's area are dust; the log names them.
+
+    Parameters
+    ----------
+    path : path
+        PLY, OBJ or STL file, in mm.
+
+    Returns
+    -------
+    Surface
+        Vertices in mm, in the file's order.
 
     Raises
     ------
     InputError
-        As `read_surface`, and where a larger part touches no other: an island.
+        As `read_surface`, and where a larger part touches no other part.
     """
     surface = read_surface(path)
     labels = component_labels(surface.triangles)
@@ -48,7 +58,7 @@ def read_scan(path: str | Path) -> Surface:
 
 
 def _islands(parts: list[Surface]) -> list[Surface]:
-    """Parts that do not reach the largest one, directly or through others."""
+    """Parts that do not touch the largest one, directly or through other parts."""
     if len(parts) < 2:
         return []
     reach = float(np.median(np.concatenate([part.edge_lengths() for part in parts])))

@@ -9,7 +9,18 @@ from handpipe.mesh.surfaces.surface import Surface
 
 
 def averaging(surface: Surface) -> sparse.csr_matrix:
-    """Matrix (n, n) that gives each vertex the mean of its neighbours; a vertex without any keeps itself."""
+    """The matrix that gives each vertex the mean of its neighbours.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surface whose edges tell which vertices are neighbours.
+
+    Returns
+    -------
+    sparse matrix (n, n)
+        Its rows sum to 1. A vertex without neighbours keeps its own value.
+    """
     n = len(surface.vertices)
     i, j = surface.triangles.ravel(), np.roll(surface.triangles, -1, axis=1).ravel()
     adjacency = sparse.coo_matrix((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
@@ -31,9 +42,29 @@ def laplacian(surface: Surface, iterations: int, *, step: float = 0.5) -> Surfac
 
 
 def taubin(surface: Surface, iterations: int, *, passband: float = 0.1, step: float = 0.5) -> Surface:
-    """Smoothing that shrinks little: a positive and a negative step in turn (Taubin 1995).
+    """A smoothed surface that shrinks little: positive and negative steps alternate.
 
-    `passband` is the frequency (of the normalised Laplacian, 0 to 2) that is left as it is.
+    A closed surface keeps its volume, by an offset along the vertex normals at the end.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surface to smooth.
+    iterations : int
+        Number of pairs of steps.
+    passband : float
+        Frequency of the normalised Laplacian, from 0 to 2, above which details are damped.
+    step : float
+        Share of the way to the mean of its neighbours that a vertex moves in a positive step.
+
+    Returns
+    -------
+    Surface
+        The same triangles on other vertices.
+
+    References
+    ----------
+    Taubin 1995.
     """
     closed, volume = surface.is_closed(), surface.volume()
     mean = averaging(surface)

@@ -24,13 +24,21 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Vertices (n, 3) in mm and triangles (k, 3), counter-clockwise seen from outside."""
+    """A triangle surface in space.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Positions in mm; kept as contiguous float64.
+    triangles : array (k, 3) of int
+        Vertices of each triangle, counter-clockwise seen from outside; kept as contiguous int64.
+    """
 
     vertices: Array
     triangles: IntArray
 
     def __post_init__(self) -> None:
-        """Stores contiguous float64 vertices (n, 3) and int64 triangles (k, 3)."""
+        """Stores contiguous arrays of the documented types and shapes."""
         object.__setattr__(
             self, "vertices", np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3)
         )
@@ -77,17 +85,39 @@ class Surface:
         return self._vertex_normals
 
     def smooth_normals(self, feet: sparse.csr_matrix) -> Array:
-        """Unit normals (k, 3) interpolated between the vertices' normals.
+        """Normals interpolated between the vertices' normals.
 
-        Their places are those that weights (k, n) of the vertices make up. Along the surface the normals turn
-        without a jump from facet to facet.
+        Along the surface they turn without a jump from facet to facet.
+
+        Parameters
+        ----------
+        feet : sparse matrix (k, n)
+            Weights of the vertices that make up each place, as `barycentric_matrix` gives them.
+
+        Returns
+        -------
+        array (k, 3)
+            Unit normals.
         """
         return _unit(feet @ self.vertex_normals())
 
     def contains(self, points: Array) -> BoolArray:
-        """Which points (n,) of (n, 3) are inside: about which the surface winds by more than a half.
+        """Which points are inside: those with a winding number above one half.
 
-        Holes of an open surface count as closed (Jacobson et al. 2013, Robust inside-outside segmentation).
+        Holes of an open surface count as closed.
+
+        Parameters
+        ----------
+        points : array (p, 3)
+            Points in mm.
+
+        Returns
+        -------
+        array (p,) of bool
+
+        References
+        ----------
+        Jacobson et al. 2013, Robust inside-outside segmentation.
         """
         queries = np.ascontiguousarray(points, dtype=np.float64)
         return np.asarray(self._windings.winding_number(queries) > 0.5)
@@ -163,17 +193,39 @@ def _unit(vectors: Array) -> Array:
 
 
 def component_labels(triangles: IntArray) -> IntArray:
-    """The number (k,), from 0, of the part connected by edges to which each triangle belongs."""
+    """The connected part to which each triangle belongs; parts are connected by edges.
+
+    Parameters
+    ----------
+    triangles : array (k, 3) of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    array (k,) of int
+        Numbers of the parts, from 0.
+    """
     return np.asarray(igl.facet_components(triangles)[1], dtype=np.int64).reshape(-1)
 
 
 def directed_edges(triangles: IntArray) -> IntArray:
-    """Directed edges (3 k, 2) of triangles (k, 3): all first edges, all second ones, all third ones."""
+    """The directed edges of triangles.
+
+    Parameters
+    ----------
+    triangles : array (k, 3) of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    array (3 k, 2) of int
+        Start and end of each edge: first edges of all triangles, then all second edges, then all third ones.
+    """
     return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 
 def sums_at(places: IntArray, vectors: Array, count: int) -> Array:
-    """Sums (count, 3) of the vectors (k, 3) that belong to each of so many places (k,)."""
+    """Sums (count, 3) of vectors (k, 3) by their places (k,), numbers below `count`."""
     return np.stack([np.bincount(places, column, count) for column in vectors.T], axis=1)
 
 
@@ -191,12 +243,36 @@ def corner_angles(vertices: Array, triangles: IntArray) -> Array:
 def each_moved(
     surfaces: Mapping[str, Surface], transforms: Mapping[str, RigidTransform]
 ) -> dict[str, Surface]:
-    """Each surface moved by the transform of its name, as bones are into a pose."""
+    """Each surface moved by the transform of its name, as bones are moved into a pose.
+
+    Parameters
+    ----------
+    surfaces : mapping of str to Surface
+        Surfaces by name.
+    transforms : mapping of str to RigidTransform
+        A transform for each of these names, and perhaps for others.
+
+    Returns
+    -------
+    dict of str to Surface
+        Moved surfaces by name, in the order of `surfaces`.
+    """
     return {name: s.moved(transforms[name](s.vertices)) for name, s in surfaces.items()}
 
 
 def concatenate(surfaces: list[Surface]) -> Surface:
-    """Several surfaces as one, vertices in the order given."""
+    """Several surfaces as one.
+
+    Parameters
+    ----------
+    surfaces : list of Surface
+        At least one surface.
+
+    Returns
+    -------
+    Surface
+        All vertices and all triangles in the order of the surfaces; equal vertices are not merged.
+    """
     starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
     triangles = [s.triangles + start for s, start in zip(surfaces, starts, strict=False)]
     return Surface(np.concatenate([s.vertices for s in surfaces]), np.concatenate(triangles))
@@ -211,17 +287,29 @@ METRES, MICROMETRES = 1.0, 3000.0  # mm; no part of a hand is smaller or larger
 
 
 def read_surface(path: str | Path, *, closed: bool = False) -> Surface:
-    """Read PLY, OBJ or STL in mm; vertices keep their order (STL, which repeats them, is merged).
+    """Read a surface from a PLY, OBJ or STL file.
 
-    Polygons are cut into triangles. Vertices that repeat a place, as along seams of texture, count as one:
-    triangles name the first of them. Both are said in the log, as are triangles left out because they name a
-    vertex twice. With `closed`, the surface must be closed, and each part is turned to face outwards.
+    Polygons are cut into triangles. Several vertices at one place, as along seams of texture, count as one
+    where that closes gaps: triangles name the first of them. Triangles that name a vertex twice are left out.
+    The log says each of these changes.
+
+    Parameters
+    ----------
+    path : path
+        File in mm; its suffix tells the format.
+    closed : bool
+        Whether the surface must be closed; each of its parts is then turned to face outwards.
+
+    Returns
+    -------
+    Surface
+        Vertices in mm, in the file's order; those of STL, which repeats them, are merged and sorted.
 
     Raises
     ------
     InputError
-        Where the file is missing or malformed, has no triangles, has NaN coordinates, is in metres or
-        micrometres, or is open.
+        Where the file is missing or malformed, has no triangles, has NaN coordinates, or looks like metres or
+        micrometres; with `closed`, where the surface is open.
     """
     path = Path(path)
     vertices, polygons = _read(path)
@@ -355,7 +443,15 @@ def require_closed(surface: Surface, source: str | Path) -> None:
 
 
 def write_surface(path: str | Path, surface: Surface) -> None:
-    """Write PLY, OBJ or STL, by suffix, atomically; coordinates in mm."""
+    """Write a surface atomically, with coordinates in mm.
+
+    Parameters
+    ----------
+    path : path
+        File to write; its suffix, .ply, .obj or .stl, tells the format.
+    surface : Surface
+        Surface to write.
+    """
     mesh = meshio.Mesh(surface.vertices, [("triangle", surface.triangles.astype(np.int32))])
     with atomic(path) as temporary:
         if Path(path).suffix.lower() == ".obj":

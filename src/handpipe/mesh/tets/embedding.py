@@ -15,7 +15,13 @@ from handpipe.mesh.tets.tetrahedra import TetMesh
 
 
 class Locator:
-    """Finds the tets around points, by a tree that is built once."""
+    """Finds the tets around points, by a tree that is built once.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+        Mesh in mm.
+    """
 
     def __init__(self, mesh: TetMesh) -> None:
         self.mesh = mesh
@@ -31,7 +37,15 @@ class Locator:
 
 @dataclass(frozen=True, eq=False)
 class Embedding:
-    """Each point is the sum of weights (n, 4) times the vertices cells (n, 4); weights sum to one."""
+    """Points that the vertices of a tetrahedral mesh carry through barycentric weights.
+
+    Parameters
+    ----------
+    cells : array (n, 4) of int
+        Vertices of each point's tet.
+    weights : array (n, 4)
+        Weights of these vertices, which sum to 1; negative for a point outside its tet.
+    """
 
     cells: IntArray
     weights: Array
@@ -58,11 +72,11 @@ class Embedding:
         return Embedding(cells, np.column_stack([1 - last.sum(axis=1), last]))
 
     def chosen(self, ids: IntArray) -> Embedding:
-        """Of some of the points (k,)."""
+        """The embedding of some of the points, by their indices (k,)."""
         return Embedding(self.cells[ids], self.weights[ids])
 
     def drawn_in(self) -> Embedding:
-        """Points outside of their tets drawn in to their borders: no weight is negative."""
+        """The same points, but those outside their tets moved to the border: no weight is negative."""
         weights = np.maximum(self.weights, 0.0)
         return Embedding(self.cells, weights / weights.sum(axis=1, keepdims=True))
 

@@ -19,15 +19,44 @@ def rest_inverses(vertices: Array, tets: IntArray) -> Array:
 
 
 def shape_gradients(vertices: Array, tets: IntArray) -> Array:
-    """Gradients (m, 4, 3) in 1/mm of the four linear shape functions."""
+    """Gradients of the linear shape functions of tets.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Positions in mm.
+    tets : array (m, 4) of int
+        Vertices of each tet.
+
+    Returns
+    -------
+    array (m, 4, 3)
+        Gradients in 1/mm, one for each corner.
+    """
     last = rest_inverses(vertices, tets)
     return np.concatenate([-last.sum(axis=1, keepdims=True), last], axis=1)
 
 
 def dirichlet_matrix(tets: IntArray, gradients: Array, volumes: Array, count: int) -> sparse.csr_matrix:
-    """Matrix (n, n) of the energy 1/2 of |grad u|^2 of fields over cells (m, k) of n = `count` vertices.
+    """The matrix of the Dirichlet energy, one half of the integral of |grad u|^2.
 
-    gradients (m, k, 3): of the shape functions; volumes (m,). Where it has no residual a field is harmonic.
+    A field u is harmonic at the vertices where the product of the matrix and u is zero.
+
+    Parameters
+    ----------
+    tets : array (m, k) of int
+        Vertices of each cell: k is 4 for tets, 3 for triangles.
+    gradients : array (m, k, 3)
+        Gradients of the shape functions in 1/mm.
+    volumes : array (m,)
+        Volumes of the cells in mm^3, or areas in mm^2.
+    count : int
+        Number n of vertices.
+
+    Returns
+    -------
+    sparse matrix (n, n)
+        Symmetric, positive semi-definite, row sums zero; in mm, or without unit for triangles.
     """
     corners = tets.shape[1]
     entries = np.einsum("e,eak,ebk->eab", volumes, gradients, gradients)
@@ -37,7 +66,20 @@ def dirichlet_matrix(tets: IntArray, gradients: Array, volumes: Array, count: in
 
 
 def gradient_operator(vertices: Array, tets: IntArray) -> sparse.csr_matrix:
-    """Matrix (9 m, 3 n) that takes positions x (3 n,) to deformation gradients F = G x, row-major."""
+    """The matrix G that takes positions to deformation gradients, F = G x.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Rest positions in mm.
+    tets : array (m, 4) of int
+        Vertices of each tet.
+
+    Returns
+    -------
+    sparse matrix (9 m, 3 n)
+        Takes flattened positions (3 n,) in mm to the deformation gradients of all tets, each row-major.
+    """
     gradients = shape_gradients(vertices, tets)
     m = len(tets)
     element, row, column, corner = np.meshgrid(np.arange(m), range(3), range(3), range(4), indexing="ij")
@@ -65,7 +107,18 @@ def deformation_gradients(rest_inverse: Array, x: Array, tets: IntArray) -> Arra
 
 
 def tet_neighbours(tets: IntArray) -> IntArray:
-    """Pairs (p, 2) of tets that share a face, each pair once."""
+    """Pairs of tets that share a face.
+
+    Parameters
+    ----------
+    tets : array (m, 4) of int
+        Vertices of each tet.
+
+    Returns
+    -------
+    array (p, 2) of int
+        Indices of the two tets of each pair; each pair once.
+    """
     faces = np.sort(tets[:, FACES].reshape(-1, 3), axis=1)
     order = np.lexsort(faces.T[::-1])
     same = (faces[order[1:]] == faces[order[:-1]]).all(axis=1)
@@ -73,9 +126,21 @@ def tet_neighbours(tets: IntArray) -> IntArray:
 
 
 def tet_laplacian(tets: IntArray) -> sparse.csr_matrix:
-    """Graph Laplacian (m, m) over tets that share a face (Wang 2021 App. A).
+    """The graph Laplacian of tets, of which two are neighbours if they share a face.
 
-    It has the degree on the diagonal and -1 off it.
+    Parameters
+    ----------
+    tets : array (m, 4) of int
+        Vertices of each tet.
+
+    Returns
+    -------
+    sparse matrix (m, m)
+        Number of neighbours on the diagonal, -1 for each pair of neighbours.
+
+    References
+    ----------
+    Wang 2021 App. A.
     """
     m = len(tets)
     i, j = tet_neighbours(tets).T
@@ -87,17 +152,43 @@ def tet_laplacian(tets: IntArray) -> sparse.csr_matrix:
 
 
 def cotangent_laplacian(vertices: Array, triangles: IntArray) -> sparse.csr_matrix:
-    """Cotangent Laplacian (n, n) without mass: symmetric, positive semi-definite, row sums zero."""
+    """The cotangent Laplacian of a surface, not divided by a mass.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Positions in mm.
+    triangles : array (k, 3) of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    sparse matrix (n, n)
+        Symmetric, positive semi-definite, row sums zero; without unit.
+    """
     return (-igl.cotmatrix(vertices, triangles)).tocsr()
 
 
 def mass_lumped(vertices: Array, triangles: IntArray) -> Array:
-    """Area (n,) in mm^2 of each vertex: a third of its triangles."""
+    """The area that belongs to each vertex: a third of that of its triangles.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Positions in mm.
+    triangles : array (k, 3) of int
+        Vertices of each triangle.
+
+    Returns
+    -------
+    array (n,)
+        Areas in mm^2.
+    """
     return _gather(triangles, Surface(vertices, triangles).triangle_areas() / 3, len(vertices))
 
 
 def vertex_volumes(mesh: TetMesh) -> Array:
-    """Volume (n,) in mm^3 of each vertex: a quarter of its tets."""
+    """The volume (n,) in mm^3 that belongs to each vertex: a quarter of that of its tets."""
     return _gather(mesh.tets, mesh.volumes() / 4, len(mesh.vertices))
 
 

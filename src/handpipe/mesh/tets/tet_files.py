@@ -19,9 +19,9 @@ from handpipe.mesh.tets.tetrahedra import FACES, TetMesh
 
 log = logging.getLogger(__name__)
 
-FLAT = ("vertex", "line", "triangle", "quad", "polygon")  # beside tets: boundaries and labels
+FLAT = ("vertex", "line", "triangle", "quad", "polygon")  # boundaries and labels, allowed beside tets
 AGAIN = "Export the mesh again"
-# Counts that a reader would make room for, in text that stands even in binary files.
+# Counts for which a reader would allocate memory; they are text even in binary files.
 COUNTS = re.compile(
     rb"^(?:POINTS|CELLS|CELL_TYPES)[ \t]+(\d+)(?:[ \t]+(\d+))?"
     rb"|^\$(?:Nodes|Elements)\s+(\d+)(?:[ \t]+(\d+))?"
@@ -29,18 +29,31 @@ COUNTS = re.compile(
     rb'|NumberOf(?:Points|Cells)="(\d+)"',
     re.MULTILINE,
 )
-PACKED = 1000  # counts a byte of a compressed file
+PACKED = 1000  # largest plausible count for each byte of a compressed file
 
 
 def read_tets(path: str | Path) -> TetMesh:
-    """Read a tet mesh in mm (VTK, VTU, Gmsh, MEDIT... by its suffix), without vertices that no tet uses.
+    """Read a tetrahedral mesh, without vertices that no tet uses.
+
+    Several vertices at one place are merged, which the log says. If all tets are inverted, the order of their
+    vertices is changed.
+
+    Parameters
+    ----------
+    path : path
+        File in mm: VTK, VTU, Gmsh, MEDIT or another format that meshio reads, by its suffix.
+
+    Returns
+    -------
+    TetMesh
+        Vertices in mm, in the file's order.
 
     Raises
     ------
     InputError
         Where the file is missing or malformed; where it has no tets, quadratic tets, or other solid elements;
         where tets are inverted, flat, or there twice, three share a face, or the mesh is in several parts;
-        where it is in metres or micrometres.
+        where it looks like metres or micrometres.
     """
     path = Path(path)
     mesh = _read(path)
@@ -119,7 +132,7 @@ def _linear_tets(path: Path, mesh: meshio.Mesh) -> IntArray:
 
 
 def _welded(path: Path, mesh: TetMesh) -> TetMesh:
-    """The mesh with one vertex at each place, as where every tet had its own; else as it is."""
+    """The mesh with vertices at one place merged; some formats give every tet its own vertices."""
     _, first, inverse = np.unique(mesh.vertices + 0.0, axis=0, return_index=True, return_inverse=True)
     if len(first) == len(mesh.vertices):
         return mesh

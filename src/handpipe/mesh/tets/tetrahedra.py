@@ -17,13 +17,22 @@ EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 
 @dataclass(frozen=True, eq=False)
 class TetMesh:
-    """Vertices (n, 3) in mm and tets (m, 4) of positive volume."""
+    """A tetrahedral mesh.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Positions in mm; kept as contiguous float64.
+    tets : array (m, 4) of int
+        Vertices of each tet in the order that makes its volume positive (`checked` tests that); kept as
+        contiguous int64.
+    """
 
     vertices: Array
     tets: IntArray
 
     def __post_init__(self) -> None:
-        """Stores contiguous float64 vertices (n, 3) and int64 tets (m, 4)."""
+        """Stores contiguous arrays of the documented types and shapes."""
         object.__setattr__(
             self, "vertices", np.ascontiguousarray(self.vertices, dtype=np.float64).reshape(-1, 3)
         )
@@ -39,7 +48,20 @@ class TetMesh:
         return TetMesh(vertices, self.tets)
 
     def part(self, chosen: IntArray | BoolArray) -> tuple[TetMesh, IntArray]:
-        """Some tets, by number or mask, with their own vertices, and those vertices' numbers (n,) here."""
+        """Some of the tets as a mesh of their own.
+
+        Parameters
+        ----------
+        chosen : array of int, or array (m,) of bool
+            Indices of the tets, or a mask.
+
+        Returns
+        -------
+        part : TetMesh
+            The tets with the vertices that they use.
+        vertices : array (k,) of int
+            Index in this mesh of each vertex of the part.
+        """
         used, tets = np.unique(self.tets[chosen], return_inverse=True)
         return TetMesh(self.vertices[used], tets.reshape(-1, 4)), used
 
@@ -76,9 +98,21 @@ class TetMesh:
         return float(self.dihedral_angles().min())
 
     def checked(self, source: str | Path) -> TetMesh:
-        """The mesh itself.
+        """The mesh itself, if it is valid.
 
-        Raises `InputError` where a vertex is missing or NaN, or a tet is inverted or flat.
+        Parameters
+        ----------
+        source : path
+            File or origin that an error names.
+
+        Returns
+        -------
+        TetMesh
+
+        Raises
+        ------
+        InputError
+            Where a vertex is missing or NaN, there are no tets, or a tet is inverted or flat.
         """
         if not np.isfinite(self.vertices).all():
             raise InputError(source, "vertices", "NaN or infinite coordinates", "Make the mesh again")
