@@ -61,7 +61,13 @@ def exp(strains: Array) -> Array:
 
 
 def log(strains: Array) -> Array:
-    """Matrix logarithm of positive definite strains; raises `InputError` where one is not."""
+    """Matrix logarithm of positive definite strains.
+
+    Raises
+    ------
+    InputError
+        If a strain is not positive definite.
+    """
     values, vectors = np.linalg.eigh(to_matrices(strains))
     if np.any(values <= 0):
         worst = int(np.argmin(values[:, 0]))
@@ -92,9 +98,20 @@ def per_tet_operator(blocks: Array) -> sp.bsr_matrix:
 
 @njit(cache=True)
 def polar(f: Array) -> tuple[Array, Array]:
-    """Rotations R (m, 3, 3) and symmetric S (m, 6) with F = R S, det R = 1.
+    """Polar decomposition F = R S with rotations R and symmetric S.
 
-    Where F is inverted the least principal value of S is negative, so that S is smooth through det F = 0.
+    Parameters
+    ----------
+    f : array (m, 3, 3)
+        Deformation gradients F.
+
+    Returns
+    -------
+    rotations : array (m, 3, 3)
+        R, det R = 1.
+    stretches : array (m, 6)
+        S as xx, xy, xz, yy, yz, zz. Where F is inverted the least principal value of S is negative, so that S
+        is smooth through det F = 0.
     """
     rotations, stretches = np.empty_like(f), np.empty((len(f), 6))
     u, v, sigma = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)

@@ -49,7 +49,13 @@ def _divided_differences(c: Array, logs: Array) -> Array:
 
 
 class StretchField:
-    """log U of every tet as a function of the vertices of a mesh at rest."""
+    """Function from vertex positions to the logarithmic stretch log U of every tet.
+
+    Parameters
+    ----------
+    rest : TetMesh
+        Mesh at rest in mm.
+    """
 
     def __init__(self, rest: TetMesh) -> None:
         self.gradient = gradient_operator(rest.vertices, rest.tets)
