@@ -206,7 +206,7 @@ class Barrier:
         """Exact second derivative (3n, 3n) in mN/mm; with `project`, made semidefinite pair by pair."""
         positions, collisions = self._collisions(x)
         if self._held is not collisions:
-            # Plain and projected matrices have zeros in different places: neither tells the whole pattern.
+            # Plain and projected matrices have zeros in different places: neither shows the whole pattern.
             structure = self._reduce(generic_hessian(self._potential, collisions, self._mesh, positions))
             self._pattern.hold(structure, lambda: self._foreseen(positions))
             self._held = collisions

@@ -21,7 +21,7 @@ from handpipe.mesh.surfaces import Distance
 Operator: TypeAlias = sp.spmatrix | sp.sparray
 Kind = TypeVar("Kind", bound=PointPotential)
 
-ON_SURFACE = 1e-9  # mm; nearer than this the direction to the closest point means nothing
+ON_SURFACE = 1e-9  # mm; nearer than this the direction to the closest point is rounding
 
 
 class Attachment(PointPotential):

@@ -179,8 +179,8 @@ def polar_hessian(f: Array, weights: Array) -> Array:
     In the frame of the SVD, dR = Omega with Omega_ij = (D_ij - D_ji) / (sigma_i + sigma_j). Differentiating
     S = R^T F twice and asking for symmetry gives d2S = T(M), where T is the map of `polar_gradient` and
     M = (O1 O2 + O2 O1) Sigma / 2 - O1 D2 - O2 D1. The adjoint of T takes the weights to N once, so that no
-    third-order array is formed; unlike Wang 2021 Eq. E.5 nothing is divided by a single singular value, which
-    may vanish.
+    third-order array is formed. In contrast to Wang 2021 Eq. E.5 there is no division by a single singular
+    value, which may vanish.
     """
     out = np.empty((len(f), 9, 9))
     u, v, sigma, adjoint = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty((3, 3))

@@ -45,7 +45,7 @@ def rigid_modes(x: Array) -> Array:
 
 
 def rigid_pins(x: Array) -> IntArray:
-    """Six degrees of freedom (6,) whose fixing stops the rigid motions and nothing else.
+    """Six degrees of freedom (6,) whose fixing stops the rigid motions and no deformation.
 
     They are the pivots of a QR factorisation of the modes, hence far from dependent. Since the energy of a
     free body does not change in rigid motion, an equilibrium with these fixed has no reactions: it is a free

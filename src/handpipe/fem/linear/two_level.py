@@ -22,7 +22,7 @@ class TwoLevel:
         """Factor of the coarse matrix, and inverses of the diagonal blocks of the fine one.
 
         `free` is a mask (3n,) of N unknowns, three or none of each node; `prolongation` is (n, c), whose
-        columns have a one each at the first node that they carry most to, and are held where that is.
+        columns have a one each at the first node with their largest entry, and are fixed where that node is.
 
         Raises `NotPositiveDefinite` where the coarse matrix is not, hence neither the fine one.
         """

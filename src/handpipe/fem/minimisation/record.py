@@ -144,7 +144,7 @@ class Record:
         return {"residual": residual, "tangles": float(self.tangles)}
 
     def add(self, part: Record) -> None:
-        """Append what a further solve did; its verdict replaces this one's."""
+        """Append the record of a further solve; its outcome replaces this one's."""
         for item in fields(self):
             mine, other = getattr(self, item.name), getattr(part, item.name)
             if isinstance(other, bool | str):

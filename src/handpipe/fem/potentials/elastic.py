@@ -106,7 +106,7 @@ class Elastic:
 
     def _set_strains(self, strains: Array) -> None:
         self.strains = np.ascontiguousarray(strains, dtype=float)
-        # F Fp^-1 is linear in x with the gradients B Fp^-1: plastic strain costs the kernels nothing.
+        # F Fp^-1 is linear in x with the gradients B Fp^-1: plastic strain adds no work to the kernels.
         gradients, weights = np.empty_like(self.rest_gradients), np.empty(len(self.tets))
         stiff_volumes = self.weights * self.volumes
         worst = _strained(self._order, self.strains, self.rest_gradients, stiff_volumes, gradients, weights)

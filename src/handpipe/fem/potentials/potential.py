@@ -33,7 +33,7 @@ class Potential(Protocol):
         ...
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
-        """Second derivative (3n, 3n) in mN/mm; with `project`, a positive semidefinite stand-in."""
+        """Second derivative (3n, 3n) in mN/mm; with `project`, a positive semidefinite substitute."""
         ...
 
 
@@ -68,7 +68,7 @@ class Sum:
         return total
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
-        """Second derivative (3n, 3n) in mN/mm; with `project`, the sum of semidefinite stand-ins."""
+        """Second derivative (3n, 3n) in mN/mm; with `project`, the sum of semidefinite substitutes."""
         matrices = [p.hessian(x, project) for p in self.potentials]
         if len(matrices) == 1:
             return matrices[0]

@@ -70,7 +70,7 @@ def solve(
     if checkpoint is not None:
         earlier = checkpoint.begin(options.name, x, free, energy.value(x))
         if earlier is not None:
-            log.info("%s: taken up from %s", options.name, checkpoint.path)
+            log.info("%s: continuing from %s", options.name, checkpoint.path)
             x = earlier[2]
     found = minimum(energy, x, free, options, Workspace(x, options.coarse), checkpoint)
     if checkpoint is not None:
@@ -217,10 +217,10 @@ class _Path:
         return found
 
     def _corrected(self, energy: Sum, tangent: Array, t: float, step: float) -> Array:
-        """The tangent's prediction moved by what it missed in the last steps, where that lowers the energy.
+        """The tangent's prediction corrected by its errors in the last steps, where that lowers the energy.
 
-        What it misses grows with the square of the step and changes slowly along the path: linearly, where
-        two misses are known.
+        Its error grows with the square of the step and changes slowly along the path: linearly, where two
+        errors are known.
         """
         if not self.missed:
             return tangent
@@ -246,7 +246,7 @@ class _Path:
         if earlier is None:
             return 0.0, step, x
         t, step, state = earlier
-        log.info("%s: taken up at t = %.4f from %s", self.options.name, t, checkpoint.path)
+        log.info("%s: continuing at t = %.4f from %s", self.options.name, t, checkpoint.path)
         checkpoint.at(t, step)
         found = self._minimise(Sum(self.make_potentials(t)), state, t, 0, checkpoint)
         self.record.add(found.record)

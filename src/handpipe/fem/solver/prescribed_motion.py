@@ -121,5 +121,5 @@ def _follow(
         block = workspace.block(matrix, free)
         step[free] -= workspace.systems.solve(block, load[free], tolerance=TOLERANCE, free=free)
     except (NotPositiveDefinite, SingularMatrix):
-        log.debug("the tangent cannot be factorised: only what is prescribed moves")
+        log.debug("the tangent cannot be factorised: only obstacle and fixed vertices move")
     return step.reshape(x.shape)
