@@ -105,7 +105,7 @@ class Correspondence:
         return self.matrix @ x - self.targets
 
     def distances(self, x: Array) -> Array:
-        """Distances (r,) in mm that count: along the normals for markers."""
+        """Distances (r,) in mm by the metrics: mainly along the normals for markers."""
         errors = self.errors(x)
         if self.metrics is None:
             return np.linalg.norm(errors, axis=1)

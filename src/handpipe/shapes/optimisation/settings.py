@@ -1,4 +1,4 @@
-"""Numbers that decide what a search prefers and when it ends."""
+"""Weights and stopping criteria of searches."""
 
 from __future__ import annotations
 

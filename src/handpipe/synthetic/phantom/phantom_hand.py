@@ -48,7 +48,7 @@ def posture(pose: str, seed: int) -> Posture:
 def generate_pose(dataset: Dataset, pose: str) -> None:
     """Write a pose's volume, truth and label volumes where the dataset names them; `seeds.draw` adds seeds.
 
-    Raises `InputError` for a pose that the phantom does not know, and for what it does not have.
+    Raises `InputError` for an unknown pose, and for parts that the phantom does not have.
     """
     posed_hand.require_bones_alone(dataset, hand().bones)
     posed_hand.write_pose(dataset, pose, hand().posed(posture(pose, dataset.seed)))

@@ -109,7 +109,7 @@ def _row(organ: str, what: str, value: float, unit: str) -> Row:
 
 
 def _source_bones(folder: Path) -> tuple[dict[str, Surface], list[Row]]:
-    """The source's bones as `zanatomy_bones` reads them, and what was mended."""
+    """The source's bones as `zanatomy_bones` reads them, and the repairs."""
     bones, rows = {}, []
     for name, file in zanatomy_bones.FILES.items():
         mesh, said = repair(read_mesh(folder / HAND / f"{file}.ply"))
