@@ -23,7 +23,10 @@ class Generator(Protocol):
     def generate_pose(self, dataset: Dataset, pose: str) -> None:
         """Write a pose's volume, seeds, scan, truth and label volumes where the dataset names them.
 
-        Raises `InputError` for an unknown pose, or where the source data are absent.
+        Raises
+        ------
+        InputError
+            For an unknown pose, or where the source data are absent.
         """
 
     def generate_templates(self, dataset: Dataset) -> None:

@@ -77,7 +77,12 @@ def examine(given: Given, start: Array) -> Doubts:
     """Compare attachments and marks with predictions of the others, from vertices (n, 3) placed rigidly.
 
     Few tets suffice for that (`coarse_template.py`); marks are compared with the template's own surface,
-    which they carry. Raises `ConvergenceError` where no equilibrium is found at the start.
+    which they carry.
+
+    Raises
+    ------
+    ConvergenceError
+        If no equilibrium is found at the start.
     """
     count = 0 if given.held is None else len(given.held.targets)
     doubts = Doubts(np.zeros(count, dtype=bool))

@@ -105,8 +105,12 @@ class Body:
 
     `materials` gives each region's; skin_faces (k, 3) are the triangles of nodes on the outer surface, of a
     quadratic face the four between its nodes; `on_bones` the nodes on each bone; `cells` the tets between
-    nodes, with `cell_labels`; `muscles` the tets of each; `order` 2 or 1. Raises `InputError` where a region
-    has no material or fibres do not fit.
+    nodes, with `cell_labels`; `muscles` the tets of each; `order` 2 or 1.
+
+    Raises
+    ------
+    InputError
+        If a region has no material or fibres do not fit.
     """
 
     def __init__(

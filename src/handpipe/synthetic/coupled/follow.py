@@ -32,8 +32,12 @@ def follow(
     """The equilibrium at motion(1), followed from x (n, 3), that of motion(0), by default the rest shape.
 
     Without contact steps are as long as the solver can take, the first one of `steps`; with contact there are
-    so many, each walked as far as is free of collisions. Raises `ConvergenceError` where no equilibrium is
-    found, or tissue stays inverted.
+    so many, each walked as far as is free of collisions.
+
+    Raises
+    ------
+    ConvergenceError
+        If no equilibrium is found, or tissue stays inverted.
     """
     options = options or Options(name="coupled body")
     start = body.rest if x is None else x

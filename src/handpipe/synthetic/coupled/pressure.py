@@ -56,8 +56,12 @@ def with_volumes_kept(
     """The equilibrium of a pose in which each muscle's volume is within 0.2 % of that at rest.
 
     x (n, 3) is the equilibrium without; right: as of `uninverted`. Pressures, one a muscle, are the volumes'
-    Lagrange multipliers, found by the secant method. Raises `ConvergenceError` where volumes cannot be
-    kept, or tissue stays inverted.
+    Lagrange multipliers, found by the secant method.
+
+    Raises
+    ------
+    ConvergenceError
+        If volumes cannot be kept, or tissue stays inverted.
     """
     options = options or Options(name="volumes")
     tets = list(body.muscles.values())

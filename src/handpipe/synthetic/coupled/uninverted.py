@@ -39,8 +39,12 @@ def uninverted(
     them: the tets between its nodes resist, too. Tissue that is pressed from both sides may stay slightly
     inverted; then the resistance continues further. Inverted elements take many short steps to turn over, so
     they move first, with their surroundings alone. If uninverted positions `right` (n, 3) near the
-    equilibrium are known, the solve starts from these instead. Raises `ConvergenceError` where tissue stays
-    inverted.
+    equilibrium are known, the solve starts from these instead.
+
+    Raises
+    ------
+    ConvergenceError
+        If tissue stays inverted.
     """
     folded, tried, last = np.zeros(len(body.anatomy.mesh.tets), dtype=bool), False, LAST
     while inverted := body.inverted(found.x):

@@ -66,7 +66,10 @@ TEMPLATE_WARP = templates.Warp(
 def opened_hand(template: str | Path, subject: str | Path, motion: Motion) -> Anatomy:
     """The template hand's anatomy as a coupled body, for all poses of its motion.
 
-    Raises `InputError` where a joint opens through the skin.
+    Raises
+    ------
+    InputError
+        If a joint opens through the skin.
     """
     positions = [bones_at(motion, pose, share) for pose in motion.poses for share in PARTS]
     anatomy = open_hand(Template.load(template), SubjectTemplate.load(subject), positions)
@@ -100,7 +103,12 @@ def bones_at(motion: Motion, pose: str, share: float = 1.0, start: str = REST) -
 def settle(hand: HandBody, motion: Motion, pose: str, start: str = REST, x: Array | None = None) -> Array:
     """Equilibrium positions (n, 3) of a pose, followed from the pose `start` at x (n, 3), or from rest.
 
-    Quadratic tets begin where linear ones have come to rest. Raises `ConvergenceError` where there is none.
+    Quadratic tets begin at the equilibrium of linear ones.
+
+    Raises
+    ------
+    ConvergenceError
+        If there is no equilibrium.
     """
     if hand.quadratic:
         return _refined(hand, motion, pose, start, x)

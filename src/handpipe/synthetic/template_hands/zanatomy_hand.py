@@ -64,7 +64,10 @@ class RealHand:
 def build(folder: Path, edges: Mapping[str, float], *, factorise: Factorise = superlu) -> RealHand:
     """The hand of an anatomy folder; `edges` in mm of triangles on "bone" and "skin", and of tets in "fat".
 
-    Raises `InputError` where the source is absent.
+    Raises
+    ------
+    InputError
+        If the source is absent.
     """
     source = zanatomy_bones.subject(folder)
     whole = {name: Surface(*bone) for name, bone in source.hand.bones.items()}
