@@ -1,8 +1,8 @@
 """`python -m handpipe.shapes template.vtk marks.mrk.json`: deform an organ's template to marks in an image.
 
 Coordinates are mm, RAS; .mrk.json files may be LPS, as 3D Slicer says in them. Writes fitted.vtu (with the
-plastic strains), surface.ply, quality.json and fit.h5 into the output folder. Until then that holds
-checkpoint.h5, from which the same command goes on if it was killed.
+plastic strains), surface.ply, quality.json and fit.h5 into the output folder. Until then the folder has
+checkpoint.h5, from which the same command continues after an interruption.
 """
 
 from __future__ import annotations

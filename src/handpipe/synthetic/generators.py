@@ -18,12 +18,15 @@ MODULES = {
 
 
 class Generator(Protocol):
-    """What the module of a generator offers: one pose's files, or the files of the templates."""
+    """Interface of a generator's module: files of one pose, or of the templates."""
 
     def generate_pose(self, dataset: Dataset, pose: str) -> None:
         """Write a pose's volume, seeds, scan, truth and label volumes where the dataset names them.
 
-        Raises `InputError` for a pose that the generator does not know, or where its source data are absent.
+        Raises
+        ------
+        InputError
+            For an unknown pose, or where the source data are absent.
         """
 
     def generate_templates(self, dataset: Dataset) -> None:

@@ -1,4 +1,4 @@
-"""What acts on points of surfaces: attachment, sliding, contact, and barriers that are never crossed."""
+"""Potentials of points on surfaces: attachment, sliding, contact, and barriers that are never crossed."""
 
 from typing import TYPE_CHECKING
 

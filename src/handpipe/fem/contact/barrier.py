@@ -38,7 +38,7 @@ class _Swept:
     candidates: ipctk.Candidates
 
     def contains(self, positions: Array) -> bool:
-        """Whether positions are met by the motion before its free fraction ends."""
+        """Whether the motion passes through these positions before its free fraction ends."""
         change = positions - self.start
         squared = float(np.vdot(self.motion, self.motion))
         along = float(np.vdot(change, self.motion)) / squared if squared > 0 else 0.0
@@ -51,8 +51,15 @@ class _Swept:
 class CollidingPairs:
     """Which parts of a collision surface may collide.
 
-    self_contact: whether the surface collides with itself; allowed: a further filter of pairs of surface and,
-    after them, obstacle vertices; rest (n, 3): positions that tell areas and neighbours, x by default.
+    Parameters
+    ----------
+    self_contact : bool
+        Whether the surface may collide with itself.
+    allowed : CollisionFilter, optional
+        Further filter on pairs of vertices; obstacle vertices are numbered after surface vertices.
+    rest : array (n, 3), optional
+        Vertex positions in mm from which areas and neighbours are computed; by default the positions at the
+        start.
     """
 
     self_contact: bool = True
@@ -61,20 +68,40 @@ class CollidingPairs:
 
 
 class Barrier:
-    """Barrier energy of a collision surface p = W x (k, 3), against itself and against an obstacle.
+    """Barrier energy of a collision surface p = W x, against itself and against an obstacle.
 
     Energy: sum over pairs of A kappa d_hat b((d / d_hat)^2) / 2, b(s) = -(s - 1)^2 ln s, with A the rest area
-    that a pair stands for (Li et al. 2023, Convergent incremental potential contact). The Hessian is exact.
-    Parallel surfaces at distance d press on one another by about kappa `pressure_ratio(d / d_hat)`: from a
-    fifth to four times as much, as their meshes meet. `stiffness` kappa in kPa is well chosen near Young's
-    modulus of the softer body (`barrier_stiffness`): stresses of its size then find a gap of d_hat / 2.
+    that a pair stands for. The Hessian is exact. The value is infinite at intersecting positions; steps are
+    bounded by continuous collision detection. Parallel surfaces at distance d press on one another by about
+    kappa `pressure_ratio(d / d_hat)`: from a fifth to four times as much, depending on how their meshes meet.
 
-    `distance` d_hat in mm: beyond it there is no force; keep it below the edge length. Parts that are
-    nearer than it at rest, and few edges apart, are taken for neighbours and never collide; `pairs` leaves
-    out others. `obstacle`: (vertices (o, 3), triangles) that do not move in a solve; `advance` moves them
-    between solves. Without
-    intersection at the start: `InputError` otherwise. Later the value is infinite at intersecting positions;
-    steps are bounded by continuous collision detection.
+    Parameters
+    ----------
+    operator : sparse matrix (k, n)
+        W, which takes vertex positions (n, 3) to surface vertices (k, 3).
+    triangles : integer array (t, 3)
+        Triangles of the surface vertices.
+    x : array (n, 3)
+        Vertex positions in mm at the start, where no surfaces may intersect.
+    distance : float
+        Activation distance d_hat in mm, below the edge length: beyond it there is no force. Parts that are
+        nearer than it at rest, and few edges apart, count as neighbours and never collide.
+    stiffness : float
+        kappa in kPa, best near Young's modulus of the softer body (`barrier_stiffness`): stresses of its size
+        then lead to a gap of d_hat / 2.
+    obstacle : tuple of array (o, 3) and integer array (s, 3), optional
+        Vertices in mm and triangles that do not move in a solve; `advance` moves them between solves.
+    pairs : CollidingPairs, optional
+        Which further parts never collide; by default none.
+
+    Raises
+    ------
+    InputError
+        If the surfaces intersect at the start.
+
+    References
+    ----------
+    Li et al. 2023, Convergent incremental potential contact.
     """
 
     one_sided = True
@@ -130,7 +157,7 @@ class Barrier:
         return other
 
     def reaching(self, distance: float) -> Barrier:
-        """The same barrier with another activation distance in mm; what never collides stays the same."""
+        """The same barrier with another activation distance in mm; pairs that never collide stay the same."""
         other = self._twin()
         other.distance = distance
         other._potential = ipctk.BarrierPotential(distance, self.stiffness / TIMES_COUNTED, True)
@@ -138,17 +165,17 @@ class Barrier:
         return other
 
     def _twin(self) -> Barrier:
-        """A copy that knows nothing of any positions yet."""
+        """A copy without anything computed at earlier positions."""
         other = copy.copy(self)
         other._swept = other._last = other._held = None
         return other
 
     def intersects(self, x: Array) -> bool:
-        """Whether any triangle that may collide is cut by an edge: the verdict on a finished shape."""
+        """Whether an edge cuts a triangle that may collide: the final check of a finished shape."""
         return self._cuts(self.positions(x))
 
     def gap(self, x: Array) -> float:
-        """Least distance in mm between parts that may collide, where below the barrier's; else infinite."""
+        """Least distance in mm between parts that may collide; infinite beyond the activation distance."""
         positions, collisions = self._collisions(x)
         return float(np.sqrt(collisions.compute_minimum_distance(self._mesh, positions)))
 
@@ -179,16 +206,16 @@ class Barrier:
         """Exact second derivative (3n, 3n) in mN/mm; with `project`, made semidefinite pair by pair."""
         positions, collisions = self._collisions(x)
         if self._held is not collisions:
-            # Plain and projected matrices have zeros in different places: neither tells the whole pattern.
+            # Plain and projected matrices have zeros in different places: neither shows the whole pattern.
             structure = self._reduce(generic_hessian(self._potential, collisions, self._mesh, positions))
             self._pattern.hold(structure, lambda: self._foreseen(positions))
             self._held = collisions
         return self._pattern.fit(self._reduce(self._local_hessian(x, project)))
 
     def convex_hessian(self, x: Array) -> sp.csr_matrix:
-        """The Hessian without negative eigenvalues of a pair's, in a sparsity pattern of its own.
+        """Hessian without each pair's negative eigenvalues, in a sparsity pattern of its own.
 
-        It takes a third of the work where so many contacts come and go that no pattern would last.
+        It takes a third of the work where contacts change so often that no pattern would last.
         """
         return self._reduce(self._local_hessian(x, True))
 
@@ -237,7 +264,7 @@ class Barrier:
         return self._reduce(generic_hessian(potential, collisions, self._mesh, positions))
 
     def _sweep(self, start: Array, motion: Array) -> float:
-        """Free fraction of a motion of all vertices; what was found on the way serves the line search."""
+        """Free fraction of a motion of all vertices; its candidates are kept for the line search."""
         longest = float(np.sqrt((motion**2).sum(axis=1).max(initial=0.0)))
         bound = min(1.0, REACH * self._edge / max(longest, 1e-300))
         end = np.asfortranarray(start + bound * motion)
@@ -252,7 +279,7 @@ class Barrier:
         return fraction
 
     def _is_free(self, positions: Array) -> bool:
-        """Whether nothing intersects: known from the last swept step, or looked up."""
+        """Whether nothing intersects: known from the last swept step, else computed."""
         if self._swept is not None and self._swept.contains(positions):
             return True
         return not self._cuts(positions)

@@ -1,7 +1,7 @@
 """Springs and one-sided penalties on embedded points: fixed, sliding and contact constraints (Zheng 2022 §6).
 
-Stiffnesses are in mN/mm, one for all points or one a point. All Hessians are exact. Where surfaces move,
-`moved` gives the same constraint at the new place; within a solve targets and surfaces stand still.
+All Hessians are exact. Where surfaces move, `moved` gives the same constraint at the new place; within a
+solve targets and surfaces do not move.
 """
 
 from __future__ import annotations
@@ -21,11 +21,30 @@ from handpipe.mesh.surfaces import Distance
 Operator: TypeAlias = sp.spmatrix | sp.sparray
 Kind = TypeVar("Kind", bound=PointPotential)
 
-ON_SURFACE = 1e-9  # mm; nearer than this the direction to the closest point means nothing
+ON_SURFACE = 1e-9  # mm; nearer than this the direction to the closest point is rounding
 
 
 class Attachment(PointPotential):
-    """Fixed constraint: springs k/2 |p - y|^2 to targets y (k, 3) (Wang 2021 Eq. F.3)."""
+    """Fixed constraint: springs s/2 |p - y|^2 from points p to targets y.
+
+    Parameters
+    ----------
+    operator : sparse matrix (k, n)
+        Takes vertex positions (n, 3) to points (k, 3).
+    targets : array (k, 3)
+        Targets y in mm.
+    stiffness : float or array (k,)
+        Stiffness s in mN/mm, zero or more.
+
+    Raises
+    ------
+    InputError
+        If targets are misshapen or not finite, or a stiffness is misshapen, negative or not finite.
+
+    References
+    ----------
+    Wang 2021 Eq. F.3.
+    """
 
     def __init__(self, operator: Operator, targets: Array, stiffness: ArrayLike) -> None:
         super().__init__(operator)
@@ -47,12 +66,33 @@ class Attachment(PointPotential):
         return self.stiffness[:, None] * (points - self.targets)
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
-        """Second derivative (k, 3, 3) in mN/mm: k times the identity."""
+        """Second derivative (k, 3, 3) in mN/mm: the stiffness times the identity."""
         return self.stiffness[:, None, None] * np.eye(3)
 
 
 class Sliding(PointPotential):
-    """Sliding constraint: springs k/2 ((p - q) . n)^2 to planes through q (k, 3) with normals n (k, 3)."""
+    """Sliding constraint: springs s/2 ((p - q) . n)^2 from points p to planes through q with normals n.
+
+    Parameters
+    ----------
+    operator : sparse matrix (k, n)
+        Takes vertex positions (n, 3) to points (k, 3).
+    points : array (k, 3)
+        Points q of the planes in mm.
+    normals : array (k, 3)
+        Normals n of the planes, of any length but zero.
+    stiffness : float or array (k,)
+        Stiffness s in mN/mm, zero or more.
+
+    Raises
+    ------
+    InputError
+        If an array is misshapen or not finite, a normal is zero, or a stiffness is negative.
+
+    References
+    ----------
+    Zheng 2022 §6.
+    """
 
     def __init__(self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike) -> None:
         super().__init__(operator)
@@ -80,14 +120,34 @@ class Sliding(PointPotential):
         return (self.stiffness * self.heights(points))[:, None] * self.normals
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
-        """Second derivative (k, 3, 3) in mN/mm: k n n^T, constant and semidefinite."""
+        """Second derivative (k, 3, 3) in mN/mm: s n n^T, constant and semidefinite."""
         return self.stiffness[:, None, None] * dyads(self.normals)
 
 
 class Contact(Sliding):
     """Contact constraint: points are pushed out of the half-spaces below their planes.
 
-    The penalty rises from zero at the plane over a depth of `onset` mm (see `penalty`) to stiffness k.
+    Parameters
+    ----------
+    operator : sparse matrix (k, n)
+        Takes vertex positions (n, 3) to points (k, 3).
+    points : array (k, 3)
+        Points of the planes in mm.
+    normals : array (k, 3)
+        Normals of the planes out of the obstacle, of any length but zero.
+    stiffness : float or array (k,)
+        Stiffness in mN/mm at depths of `onset` or more, zero or more.
+    onset : float
+        Depth in mm over which the stiffness rises from zero (see `penalty`); zero or less: a sudden rise.
+
+    Raises
+    ------
+    InputError
+        If an array is misshapen or not finite, a normal is zero, or a stiffness is negative.
+
+    References
+    ----------
+    Zheng 2022 §6.
     """
 
     one_sided = True
@@ -113,23 +173,57 @@ class Contact(Sliding):
 
 
 def left_deep(gaps: Array, normals: Array, bite: float) -> Array:
-    """Offsets (k, 3) of contact planes that take at most `bite` mm of depth away from points.
+    """Offsets of contact planes that take a limited depth away from points.
 
-    Gaps (k,) are negative inside. Out of a deep place all at once the planes would push from where the other
-    surface was.
+    Planes that pushed points out of a great depth all at once would push away from where the other surface
+    was.
+
+    Parameters
+    ----------
+    gaps : array (k,)
+        Signed distances of points from the surface in mm, negative inside.
+    normals : array (k, 3)
+        Unit normals of the planes.
+    bite : float
+        Largest depth in mm to take away at once.
+
+    Returns
+    -------
+    array (k, 3)
+        Offsets in mm along the normals, inwards for points deeper than `bite`, else zero.
     """
     return np.minimum(gaps + bite, 0.0)[:, None] * normals
 
 
 class SurfaceContact(PointPotential):
-    """Points are kept `thickness` mm outside a closed surface.
+    """Contact constraint that keeps points outside of a closed surface, by a penalty.
 
-    The signed distance is computed anew at every evaluation, so energy and gradient belong together
-    however far a point has slid. The Hessian is exact for the polyhedron: distance curves where an edge or a
-    vertex is closest (outside of convex, inside of hollow places) and is linear over faces. Within one Newton
-    step no point may move by more than its free distance and `reach` mm, or it could pass through a thin
-    body unnoticed. No more is asked of a point that must be more than `far` mm away, by the surface's box or
-    by how little it has moved since its distance was known.
+    Every evaluation computes the signed distance, so energy and gradient agree however far a point has slid.
+    The Hessian is exact for the polyhedron: the distance has curvature where an edge or a vertex is closest
+    (outside of convex, inside of concave places) and is linear over faces. The distance is not computed for a
+    point that must be more than `far` mm beyond the thickness: the surface's box, or how little the point has
+    moved since its distance was computed, proves that.
+
+    Parameters
+    ----------
+    operator : sparse matrix (k, n)
+        Takes vertex positions (n, 3) to points (k, 3).
+    distance : Distance
+        Signed distances to the closed surface in mm, negative inside.
+    stiffness : float or array (k,)
+        Stiffness in mN/mm at depths of `onset` or more, zero or more.
+    thickness : float
+        Signed distance in mm below which points are pushed outwards.
+    onset : float
+        Depth in mm over which the stiffness rises from zero (see `penalty`); zero or less: a sudden rise.
+    reach : float
+        Length in mm by which a point may move, beyond its free distance, within one Newton step: with longer
+        steps it could pass through a thin body undetected.
+
+    Raises
+    ------
+    InputError
+        If a stiffness is misshapen, negative or not finite.
     """
 
     one_sided = True
@@ -169,7 +263,7 @@ class SurfaceContact(PointPotential):
         return self._last[1:]
 
     def _far(self, points: Array) -> tuple[Array, Array, Array]:
-        """What a query finds of points (k, 3) by the surface's box alone: a bound from below."""
+        """Lower bounds of the distances of points (k, 3) by the surface's box, with zero derivatives."""
         vertices = self.distance.surface.vertices
         beyond = np.maximum(np.maximum(vertices.min(axis=0) - points, points - vertices.max(axis=0)), 0.0)
         return np.linalg.norm(beyond, axis=1), np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
@@ -218,9 +312,26 @@ class SurfaceContact(PointPotential):
 
 
 def penalty(depth: Array, onset: float) -> tuple[Array, Array, Array]:
-    """A one-sided penalty of depth (k,) in mm with its first and second derivative, twice continuous.
+    """Twice continuously differentiable one-sided penalty of depths, with its derivatives.
 
     Zero for depth <= 0, depth^3 / (6 onset) up to `onset`, then quadratic of unit curvature.
+
+    Parameters
+    ----------
+    depth : array (k,)
+        Depths in mm, negative outside.
+    onset : float
+        Depth in mm where the curvature reaches one; zero or less: depth^2 / 2 from the start, whose second
+        derivative jumps.
+
+    Returns
+    -------
+    value : array (k,)
+        Penalty in mm^2; times a stiffness in mN/mm it is an energy in µJ.
+    first : array (k,)
+        First derivative in mm.
+    second : array (k,)
+        Second derivative, 0 to 1.
     """
     d = np.maximum(depth, 0.0)
     if onset <= 0.0:

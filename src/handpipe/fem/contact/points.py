@@ -12,9 +12,14 @@ from handpipe.fem.patterns.assembly import Pattern
 
 
 class PointPotential:
-    """Energy sum_c psi_c(p_c) of points p = W x; W (k, n) sparse takes vertex positions to points.
+    """Base of energies sum_c psi_c(p_c) of points p = W x.
 
     A subclass gives `energies`, `forces` and `stiffnesses` of points (k, 3).
+
+    Parameters
+    ----------
+    operator : sparse matrix (k, n)
+        W, which takes vertex positions (n, 3) to points (k, 3).
     """
 
     def __init__(self, operator: sp.spmatrix | sp.sparray) -> None:
@@ -78,7 +83,27 @@ class PointPotential:
 
 
 def per_point(value: ArrayLike, count: int, name: str) -> Array:
-    """A number or an array (k,) as an array (k,); raises `InputError` where negative or misshapen."""
+    """One value a point, of a number for all or an array.
+
+    Parameters
+    ----------
+    value : float or array (k,)
+        Values of zero or more, in any unit.
+    count : int
+        Number k of points.
+    name : str
+        Name of the values in errors.
+
+    Returns
+    -------
+    array (k,)
+        A copy of the values in the same unit.
+
+    Raises
+    ------
+    InputError
+        If an array has another shape, or a value is negative or not finite.
+    """
     array = np.asarray(value, dtype=float)
     if array.ndim > 0 and array.shape != (count,):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Points that slide on a surface: held to it both ways, free along it."""
+"""Points that slide on a surface: springs resist distance to either side, not motion along it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,36 @@ from handpipe.fem.contact.constraints import SurfaceContact, dyads
 
 
 class SurfaceSliding(SurfaceContact):
-    """Springs k/2 d^2 on the signed distance d in mm of points to a surface.
+    """Sliding constraint: springs s/2 d^2 on the signed distance d of points from a surface.
 
     As for `SurfaceContact` the closest places follow the points, and the Hessian is exact: stiff in all
-    directions where a vertex is closest, across an edge, and along the normal of a face. Zheng 2022 §6 holds
-    a point to a plane instead, which must be taken anew whenever the point has slid.
+    directions where a vertex is closest, across an edge, and along the normal of a face. Zheng 2022 §6 uses
+    planes instead, which must be updated whenever a point has slid.
+
+    Parameters
+    ----------
+    operator : sparse matrix (k, n)
+        Takes vertex positions (n, 3) to points (k, 3).
+    distance : Distance
+        Signed distances to the closed surface in mm, negative inside.
+    stiffness : float or array (k,)
+        Stiffness s in mN/mm, zero or more.
+    thickness : float
+        Signed distance in mm from which the free distance of a Newton step is measured; it does not enter the
+        energy.
+    onset : float
+        Not used.
+    reach : float
+        Length in mm by which a point may move, beyond its free distance, within one Newton step.
+
+    Raises
+    ------
+    InputError
+        If a stiffness is misshapen, negative or not finite.
+
+    References
+    ----------
+    Zheng 2022 §6.
     """
 
     one_sided = False

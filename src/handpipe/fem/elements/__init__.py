@@ -1,4 +1,4 @@
-"""What tets know one by one: materials, plastic strains, compiled kernels, inversion."""
+"""Quantities of single tets: materials, plastic strains, compiled kernels, inversion."""
 
 from typing import TYPE_CHECKING
 

@@ -18,7 +18,7 @@ PERMUTATION[[0, 1, 2], [1, 2, 0], [2, 0, 1]], PERMUTATION[[0, 2, 1], [2, 1, 0], 
 class Crushing:
     """Energy sum of w V0 |Fp| k b(J / 0.1) over tets with J = det(F Fp^-1) < 0.1, in microjoules.
 
-    b(s) = -(s - 1)^2 ln s, and k is the body's own bulk modulus. Below s = `steepest` b goes on as its
+    b(s) = -(s - 1)^2 ln s, and k is the body's own bulk modulus. Below s = `steepest` b continues as its
     parabola there: twice continuous, and finite at inverted positions. With a smaller `steepest` the same
     force leaves more volume; a large one lets inverted tets turn over.
     """

@@ -23,13 +23,31 @@ NEO_HOOKEAN = 0
 
 @dataclass(frozen=True)
 class Material:
-    """Young's modulus in kPa and Poisson's ratio, numbers or one a tet (m,).
+    """Isotropic hyperelastic material of a body, homogeneous or one a tet.
 
     "stable-neo-hookean": Smith et al. 2018 with their logarithm and parameters, shifted to zero energy at
     rest: m/2 (I - 3 - log((I + 1) / 4)) + l/2 (J - 1)^2 - 3/4 m (J - 1) with I = |F|^2, m = 4/3 mu and
-    l = lambda + 5/6 mu, so that rest is stress-free and small strains see the given moduli.
-    "stvk": mu |E|^2 + lambda/2 tr(E)^2 + lambda/2 (J - 1)^2 (Wang 2019 §5.5); the added volume term doubles
-    lambda at small strains.
+    l = lambda + 5/6 mu, so that rest is stress-free and the moduli at small strains are those given.
+    "stvk": mu |E|^2 + lambda/2 tr(E)^2 + lambda/2 (J - 1)^2; the added volume term doubles lambda at small
+    strains.
+
+    Parameters
+    ----------
+    young : float or array (m,)
+        Young's modulus in kPa, above zero.
+    poisson : float or array (m,)
+        Poisson's ratio, zero or more and below 0.5.
+    model : {"stable-neo-hookean", "stvk"}
+        Energy density.
+
+    Raises
+    ------
+    InputError
+        For an unknown model, or if Young's modulus or Poisson's ratio is out of range.
+
+    References
+    ----------
+    Smith et al. 2018; Wang 2019 §5.5.
     """
 
     young: float | ArrayLike
@@ -37,7 +55,7 @@ class Material:
     model: Model = "stable-neo-hookean"
 
     def __post_init__(self) -> None:
-        """Raises `InputError` for an unknown model, or Young's modulus or Poisson's ratio out of range."""
+        """Check model, Young's modulus and Poisson's ratio."""
         if self.model not in MODELS:
             raise InputError("Material", "model", f"is {self.model!r}", f"Use one of {', '.join(MODELS)}")
         young = np.asarray(self.young, dtype=float)
@@ -201,7 +219,22 @@ def projected_eigensystem(model: int, sigma: Array, mu: float, lam: float, out: 
 
 @njit(cache=True)
 def energy_densities(model: int, f: Array, mu: Array, lam: Array) -> Array:
-    """Energy densities (m,) of deformation gradients (m, 3, 3)."""
+    """Energy densities of deformation gradients.
+
+    Parameters
+    ----------
+    model : int
+        Number of the material model in `MODELS`.
+    f : array (m, 3, 3)
+        Deformation gradients.
+    mu, lam : array (m,)
+        Lame parameters in kPa.
+
+    Returns
+    -------
+    array (m,)
+        Energy per rest volume in kPa.
+    """
     out = np.empty(len(f))
     for e in range(len(f)):
         out[e] = energy_density(model, f[e], mu[e], lam[e])
@@ -210,7 +243,22 @@ def energy_densities(model: int, f: Array, mu: Array, lam: Array) -> Array:
 
 @njit(cache=True)
 def piola_stresses(model: int, f: Array, mu: Array, lam: Array) -> Array:
-    """First Piola stresses (m, 3, 3) of deformation gradients (m, 3, 3)."""
+    """First Piola stresses of deformation gradients.
+
+    Parameters
+    ----------
+    model : int
+        Number of the material model in `MODELS`.
+    f : array (m, 3, 3)
+        Deformation gradients.
+    mu, lam : array (m,)
+        Lame parameters in kPa.
+
+    Returns
+    -------
+    array (m, 3, 3)
+        Stresses in kPa.
+    """
     out = np.empty_like(f)
     for e in range(len(f)):
         piola(model, f[e], mu[e], lam[e], out[e])
@@ -219,7 +267,22 @@ def piola_stresses(model: int, f: Array, mu: Array, lam: Array) -> Array:
 
 @njit(cache=True)
 def stiffnesses(model: int, f: Array, mu: Array, lam: Array) -> Array:
-    """Derivatives (m, 9, 9) of first Piola stresses."""
+    """Derivatives of first Piola stresses by deformation gradients.
+
+    Parameters
+    ----------
+    model : int
+        Number of the material model in `MODELS`.
+    f : array (m, 3, 3)
+        Deformation gradients.
+    mu, lam : array (m,)
+        Lame parameters in kPa.
+
+    Returns
+    -------
+    array (m, 9, 9)
+        Symmetric matrices in kPa; entry (3 i + k, 3 j + l) is d P_ik / d F_jl.
+    """
     out, work = np.empty((len(f), 9, 9)), np.empty((3, 3))
     for e in range(len(f)):
         stiffness(model, f[e], mu[e], lam[e], out[e], work)
@@ -228,7 +291,24 @@ def stiffnesses(model: int, f: Array, mu: Array, lam: Array) -> Array:
 
 @njit(cache=True)
 def semidefinite_stiffnesses(model: int, f: Array, mu: Array, lam: Array) -> Array:
-    """The same (m, 9, 9) without the parts of negative eigenvalues, see `projected_eigensystem`."""
+    """Derivatives of first Piola stresses without the parts of negative eigenvalues.
+
+    See `projected_eigensystem`.
+
+    Parameters
+    ----------
+    model : int
+        Number of the material model in `MODELS`.
+    f : array (m, 3, 3)
+        Deformation gradients.
+    mu, lam : array (m,)
+        Lame parameters in kPa.
+
+    Returns
+    -------
+    array (m, 9, 9)
+        Symmetric positive semidefinite matrices in kPa; entries in the order of `stiffnesses`.
+    """
     out, work = np.zeros((len(f), 9, 9)), np.empty((3, 3, 3))
     u, v, sigma = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     system = np.zeros((3, 3, 3))

@@ -61,7 +61,13 @@ def exp(strains: Array) -> Array:
 
 
 def log(strains: Array) -> Array:
-    """Matrix logarithm of positive definite strains; raises `InputError` where one is not."""
+    """Matrix logarithm of positive definite strains.
+
+    Raises
+    ------
+    InputError
+        If a strain is not positive definite.
+    """
     values, vectors = np.linalg.eigh(to_matrices(strains))
     if np.any(values <= 0):
         worst = int(np.argmin(values[:, 0]))
@@ -92,9 +98,20 @@ def per_tet_operator(blocks: Array) -> sp.bsr_matrix:
 
 @njit(cache=True)
 def polar(f: Array) -> tuple[Array, Array]:
-    """Rotations R (m, 3, 3) and symmetric S (m, 6) with F = R S, det R = 1.
+    """Polar decomposition F = R S with rotations R and symmetric S.
 
-    Where F is inverted the least principal value of S is negative, so that S is smooth through det F = 0.
+    Parameters
+    ----------
+    f : array (m, 3, 3)
+        Deformation gradients F.
+
+    Returns
+    -------
+    rotations : array (m, 3, 3)
+        R, det R = 1.
+    stretches : array (m, 6)
+        S as xx, xy, xz, yy, yz, zz. Where F is inverted the least principal value of S is negative, so that S
+        is smooth through det F = 0.
     """
     rotations, stretches = np.empty_like(f), np.empty((len(f), 6))
     u, v, sigma = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
@@ -162,8 +179,8 @@ def polar_hessian(f: Array, weights: Array) -> Array:
     In the frame of the SVD, dR = Omega with Omega_ij = (D_ij - D_ji) / (sigma_i + sigma_j). Differentiating
     S = R^T F twice and asking for symmetry gives d2S = T(M), where T is the map of `polar_gradient` and
     M = (O1 O2 + O2 O1) Sigma / 2 - O1 D2 - O2 D1. The adjoint of T takes the weights to N once, so that no
-    third-order array is formed; unlike Wang 2021 Eq. E.5 nothing is divided by a single singular value, which
-    may vanish.
+    third-order array is formed. In contrast to Wang 2021 Eq. E.5 there is no division by a single singular
+    value, which may vanish.
     """
     out = np.empty((len(f), 9, 9))
     u, v, sigma, adjoint = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty((3, 3))

@@ -1,4 +1,4 @@
-"""Whether a deformed tet mesh is a shape at all: tets inside out, and edges that tets wrap round twice."""
+"""Tangles of a deformed tet mesh: inverted tets, and edges that their tets surround more than once."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ EDGES = np.array([(0, 1, 2, 3), (0, 2, 3, 1), (0, 3, 1, 2), (1, 2, 0, 3), (1, 3,
 
 
 class Tangles:
-    """Counts what is wrong with positions of one mesh, tets (m, 4) of n vertices.
+    """Counts the tangles of one mesh, tets (m, 4) of n vertices.
 
-    With every tet upright, the dihedral angles of the tets round an inner edge sum up to a whole number of
-    turns. Two of them mean that the tets overlap: a knot that neither volumes nor energy tell of, since it
-    may be a minimum.
+    If no tet is inverted, the dihedral angles of the tets around an inner edge sum up to a whole number of
+    turns. Two turns mean that the tets overlap: neither volumes nor energy show such a tangle, since it may
+    be a minimum.
     """
 
     def __init__(self, vertices: Array, tets: IntArray) -> None:
@@ -26,7 +26,7 @@ class Tangles:
         self._inner = np.zeros(0, dtype=bool)
 
     def count(self, x: Array) -> int:
-        """Number of tets without positive volume and of inner edges not turned round once, at x (n, 3)."""
+        """Number of inverted tets and of inner edges that tets do not surround exactly once, at x (n, 3)."""
         if self._edges is None:
             self._find_edges()
         assert self._edges is not None
@@ -77,7 +77,7 @@ def _inverted(x: Array, tets: IntArray) -> int:
 
 @njit(cache=True)
 def _turns(x: Array, tets: IntArray, edges: IntArray, count: int) -> tuple[Array, int]:
-    """Sum of dihedral angles at every edge in turns (count,), and the number of tets inside out."""
+    """Sum of dihedral angles at every edge in turns (count,), and the number of inverted tets."""
     turns, flat = np.zeros(count), 0
     for e in range(len(tets)):
         flat += _is_inverted(x, tets[e])

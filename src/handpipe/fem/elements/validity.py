@@ -1,4 +1,4 @@
-"""Whether a deformed tet mesh may be handed on: the determinants of its deformation gradients."""
+"""Whether a deformed tet mesh is valid: the determinants of its deformation gradients."""
 
 from __future__ import annotations
 
@@ -15,7 +15,19 @@ REMEDY = "Move less from the scanned poses, or refine the mesh there."
 
 @dataclass(frozen=True)
 class Validity:
-    """Number of tets and of inverted ones; the least det F, and where (3,) in mm that tet is."""
+    """Inverted tets of a deformed mesh and its least det F.
+
+    Parameters
+    ----------
+    tets : int
+        Number of tets.
+    inverted : int
+        Number of tets with det F of zero or less, or not finite.
+    least : float
+        Least det F; minus infinity if one is not finite.
+    place : array (3,)
+        Centre of the tet with the least det F in mm.
+    """
 
     tets: int
     inverted: int

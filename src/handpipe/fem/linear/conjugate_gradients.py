@@ -1,4 +1,4 @@
-"""Preconditioned conjugate gradients that give up in time and hand on nothing too loose."""
+"""Preconditioned conjugate gradients that stop early where they converge too slowly."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def conjugate_gradients(
             p, rz = z, dot(r, z)
             continue
         if foretell and count >= max(JUDGED_AFTER, most // 4):
-            # The Euclidean norm may rise at first, that of the preconditioner tells the rate.
+            # The Euclidean norm may rise at first; the preconditioner's norm shows the rate.
             foretold = count * math.log(tolerance) / min(0.5 * math.log(new / first), -1e-3)
             if foretold > SLACK * most:
                 break
@@ -95,7 +95,7 @@ def conjugate_gradients(
 
 @njit(cache=True)
 def dot(a: Array, b: Array) -> float:
-    """Inner product, by one thread: a threaded BLAS waits for cores that the factor's threads hold."""
+    """Inner product, by one thread: a threaded BLAS waits for cores that the factor's threads use."""
     total = 0.0
     for i in range(len(a)):
         total += a[i] * b[i]

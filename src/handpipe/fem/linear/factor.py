@@ -1,4 +1,4 @@
-"""What a factorised symmetric matrix offers, whichever library made it, and how making one may fail."""
+"""Interface of factorised symmetric matrices of any library, and the errors of factorisations."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class FactorTooLarge(HandpipeError):
 
 @dataclass(frozen=True)
 class Work:
-    """What the symbolic analysis predicts, the same in every run.
+    """Predictions of the symbolic analysis, the same in every run.
 
     `flops` of a factorisation and `entries` of the factor as the library counts them, peak memory in bytes,
     and the library's `balance`: the flops that it does in a factorisation while an iteration of conjugate
@@ -62,7 +62,7 @@ class Factor(Protocol):
 
 
 class Pattern:
-    """The pattern of a CSR matrix, to tell whether another one has the same."""
+    """Pattern of a CSR matrix, to check whether another matrix has the same."""
 
     def __init__(self, matrix: sp.csr_matrix) -> None:
         self.indptr, self.indices = matrix.indptr, matrix.indices

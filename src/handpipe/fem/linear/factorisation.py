@@ -70,9 +70,29 @@ if backend == "scipy":
 
 
 def factorise(matrix: sp.csr_matrix, positive: bool = True, memory_limit: float = float("inf")) -> Factor:
-    """Factorise a full symmetric CSR matrix (N, N); `positive` asks for a positive definite one.
+    """Factor of a symmetric matrix.
 
-    Raises `NotPositiveDefinite` where that was asked for and is not so, `SingularMatrix` where there is no
-    factor, `FactorTooLarge` before the work where it would need more than `memory_limit` bytes.
+    Parameters
+    ----------
+    matrix : sparse matrix (N, N)
+        Both triangles of the matrix in CSR form.
+    positive : bool
+        Whether the matrix must be positive definite.
+    memory_limit : float
+        Largest memory in bytes that the factor may need.
+
+    Returns
+    -------
+    Factor
+        Solves systems with the matrix, and refactorises.
+
+    Raises
+    ------
+    NotPositiveDefinite
+        If `positive` is set and the matrix is not positive definite.
+    SingularMatrix
+        If there is no factor.
+    FactorTooLarge
+        Before the factorisation, if the factor is predicted to need more than `memory_limit`.
     """
     return CLASSES[backend](matrix, positive, memory_limit)

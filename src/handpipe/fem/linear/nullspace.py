@@ -1,4 +1,4 @@
-"""Bodies that nothing holds: the six rigid motions, and linear solves modulo them (Wang 2021 §5.5)."""
+"""Unconstrained bodies: the six rigid-body modes, and linear solves modulo them (Wang 2021 §5.5)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,22 @@ from handpipe.fem.linear.factorisation import factorise
 
 
 def unit_twists(x: Array, centre: Array, size: float) -> Array:
-    """Translations and rotations (3n, 6) of positions x (n, 3) about a centre (3,), scaled alike."""
+    """Translations and infinitesimal rotations of positions about a centre, as columns.
+
+    Parameters
+    ----------
+    x : array (n, 3)
+        Positions in mm.
+    centre : array (3,)
+        Point in mm that rotations leave where it is.
+    size : float
+        Length in mm by which rotations are divided, so that they compare with translations.
+
+    Returns
+    -------
+    array (3n, 6)
+        Unit translations along the axes, then rotations about the axes by 1 / size.
+    """
     arms = (x - centre) / size
     modes = np.zeros((len(x), 3, 6))
     for i in range(3):
@@ -30,7 +45,7 @@ def rigid_modes(x: Array) -> Array:
 
 
 def rigid_pins(x: Array) -> IntArray:
-    """Six degrees of freedom (6,) whose fixing stops the rigid motions and nothing else.
+    """Six degrees of freedom (6,) whose fixing stops the rigid motions and no deformation.
 
     They are the pivots of a QR factorisation of the modes, hence far from dependent. Since the energy of a
     free body does not change in rigid motion, an equilibrium with these fixed has no reactions: it is a free
@@ -43,14 +58,31 @@ def rigid_pins(x: Array) -> IntArray:
 class DeflatedFactor:
     """Solutions of K u = b orthogonal to the nullspace of a positive semidefinite K.
 
-    See Wang 2021, Singular Lemma ii. The bordered system of Wang 2021 Eq. 5.15 has dense columns. Here as
-    many degrees of freedom as there are modes are fixed at zero, which leaves a sparse positive definite
-    matrix; for b in the range of K its solution is one of K u = b, and projecting the modes out makes it the
-    wanted one. b is first projected into the range.
+    The bordered system of Wang 2021 Eq. 5.15 has dense columns. Here as many degrees of freedom as there are
+    modes are fixed at zero, which leaves a sparse positive definite matrix; for b in the range of K its
+    solution is one of K u = b, and projecting the modes out makes it the orthogonal one. b is first projected
+    into the range.
+
+    Parameters
+    ----------
+    matrix : sparse matrix (N, N)
+        K.
+    modes : array (N, k)
+        Orthonormal basis of the nullspace of K.
+
+    Raises
+    ------
+    NotPositiveDefinite
+        If K is not positive definite on the remaining degrees of freedom.
+    SingularMatrix
+        If there is no factor.
+
+    References
+    ----------
+    Wang 2021, Singular Lemma ii and Eq. 5.15.
     """
 
     def __init__(self, matrix: sp.csr_matrix, modes: Array) -> None:
-        """K (N, N) and an orthonormal basis (N, k) of its nullspace; raises as `linear.factorise`."""
         self.modes = modes
         pivots = scipy.linalg.qr(modes.T, mode="economic", pivoting=True)[2]
         self.free = np.setdiff1d(np.arange(len(modes)), pivots[: modes.shape[1]])

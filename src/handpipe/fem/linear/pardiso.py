@@ -33,7 +33,7 @@ ERRORS = {  # of the MKL reference
 
 
 def load() -> bool:
-    """Load MKL's library; whether it is there."""
+    """Load MKL's library; False where it is not installed."""
     PardisoFactor.library = PardisoFactor.library or _load()
     return PardisoFactor.library is not None
 
@@ -46,7 +46,7 @@ def _load() -> ctypes.CDLL | None:
     except importlib.metadata.PackageNotFoundError:
         pass
     candidates += sorted((Path(sys.prefix) / "lib").glob("libmkl_rt.so*"))
-    # Idle threads of MKL would spin for a fifth of a second and take the cores from what comes next.
+    # Idle threads of MKL would spin for a fifth of a second and take the cores from later work.
     os.environ.setdefault("KMP_BLOCKTIME", "0")
     for path in candidates:
         try:
@@ -59,7 +59,7 @@ def _load() -> ctypes.CDLL | None:
 class PardisoFactor:
     """Matrix type 2 (positive definite) or -2 (indefinite) of the upper triangle, nested dissection by METIS.
 
-    Threads are as OMP_NUM_THREADS or MKL_NUM_THREADS say. Memory is returned when the factor is deleted.
+    OMP_NUM_THREADS or MKL_NUM_THREADS set the number of threads. Memory is freed when the factor is deleted.
     """
 
     library: ctypes.CDLL | None = None  # see `load`

@@ -21,7 +21,7 @@ class SuperLUFactor:
     def __init__(
         self, matrix: sp.csr_matrix, positive: bool = True, memory_limit: float = float("inf")
     ) -> None:
-        """Raises as `linear.factorise`; SuperLU predicts nothing, so that memory is only estimated.
+        """Raises as `linear.factorise`; memory is only estimated, since SuperLU has no prediction.
 
         Under any finite limit, more than `LARGEST` unknowns are too large as well.
         """
@@ -29,7 +29,7 @@ class SuperLUFactor:
         self.refactorise(matrix)
 
     def refactorise(self, matrix: sp.csr_matrix) -> None:
-        """Factorise another matrix; SuperLU analyses each matrix anew."""
+        """Factorise another matrix; SuperLU repeats the analysis for each matrix."""
         if matrix.shape[0] > LARGEST and self._limit < float("inf"):
             raise FactorTooLarge(f"{matrix.shape[0]} unknowns are too slow for SuperLU")
         estimated = ENTRIES * matrix.shape[0] ** (4 / 3)

@@ -28,7 +28,7 @@ def available() -> bool:
 class SupernodalFactor:
     """Bunch-Kaufman LDL^T, nested dissection; its bits do not depend on the number of threads.
 
-    Threads are as OMP_NUM_THREADS says.
+    OMP_NUM_THREADS sets the number of threads.
     """
 
     def __init__(

@@ -28,12 +28,12 @@ MULTIGRID_MOST = 500  # iterations
 POLISHING = 20  # iterations after a direct solve that is not accurate enough
 LOOSE = 0.1  # a relative residual above is not handed on
 ILL = "the matrix is singular or too badly conditioned"
-MEMORY_SHARE = 0.5  # of what is free
+MEMORY_SHARE = 0.5  # of the free memory
 
 
 @dataclass
 class LinearWork:
-    """What was done: counts, and seconds by kind; `factor_bytes` is the largest predicted peak."""
+    """Work done so far: counts, and seconds by kind; `factor_bytes` is the largest predicted peak."""
 
     factorisations: int = 0
     cg_iterations: int = 0
@@ -78,16 +78,16 @@ class SystemSequence:
     """Solves A_k x = b_k for matrices of the same unknowns, of which each is near the one before.
 
     A factor is kept. While it is cheaper, a later system is solved by conjugate gradients preconditioned by
-    that old factor, to the tolerance asked for; else it is factorised anew. The costs compared are those that
-    the symbolic analysis predicts (flops against entries of the factor, by a ratio measured once), not the
-    clock's: the same systems take the same path in every run, so results can be repeated to the last bit with
-    the same number of threads. The clock would gain little: a wrong ratio costs at most about a factorisation
-    for each one made. `by_clock=True` compares measured seconds instead.
+    that old factor, to the requested tolerance; else its own matrix is factorised. The costs compared are the
+    predictions of the symbolic analysis (flops against entries of the factor, by a ratio measured once), not
+    measured seconds: the same systems take the same path in every run, so results can be repeated to the last
+    bit with the same number of threads. Measured seconds would gain little: a wrong ratio costs at most about
+    a factorisation for each one made. `by_clock=True` compares measured seconds instead.
 
-    Where the factor would exceed `memory_limit` bytes (by default a share of the free memory, the one choice
-    here that a machine's state has a say in: give it where bits matter), multigrid preconditions instead; it
-    needs the rest positions `rest` (n, 3) for their rigid modes. With `coarse` (n, c), the prolongation of
-    `TwoLevel`, that does from the beginning.
+    Where the factor would exceed `memory_limit` bytes, multigrid preconditions instead; it needs the rest
+    positions `rest` (n, 3) for their rigid modes. The default limit is a share of the free memory, the only
+    choice here that depends on the machine's state: set it where results must agree to the last bit. With
+    `coarse` (n, c), the prolongation of `TwoLevel`, two levels precondition from the beginning.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class SystemSequence:
         of the unknowns; by default N = 3n. Raises `NotPositiveDefinite` where a factorisation or a direction
         of negative curvature shows it (conjugate gradients may converge without meeting one: then x is a
         direction of descent all the same), `SingularMatrix` where there is no solution or none to a tenth.
-        With a coarse space, x is what was found before such a direction.
+        With a coarse space, x is the iterate before such a direction.
         """
         self._meet(matrix, free)
         b = np.asarray(b, dtype=float)

@@ -22,7 +22,7 @@ class TwoLevel:
         """Factor of the coarse matrix, and inverses of the diagonal blocks of the fine one.
 
         `free` is a mask (3n,) of N unknowns, three or none of each node; `prolongation` is (n, c), whose
-        columns have a one each at the first node that they carry most to, and are held where that is.
+        columns have a one each at the first node with their largest entry, and are fixed where that node is.
 
         Raises `NotPositiveDefinite` where the coarse matrix is not, hence neither the fine one.
         """
@@ -53,9 +53,21 @@ class TwoLevel:
 
 
 def with_nodes(prolongation: sp.csr_matrix, nodes: IntArray) -> sp.csr_matrix:
-    """The prolongation (n, c) with some nodes (k,) in the coarse space themselves, those that are not in it.
+    """Prolongation with further nodes in the coarse space.
 
-    Where single nodes are held far more stiffly than others, smoothing takes for ever.
+    Smoothing converges too slowly where springs on single nodes are far stiffer than the rest.
+
+    Parameters
+    ----------
+    prolongation : sparse matrix (n, c)
+        Carries fields from c coarse nodes to all n.
+    nodes : integer array (k,)
+        Nodes to add; nodes already in the coarse space are skipped.
+
+    Returns
+    -------
+    sparse matrix (n, c + new)
+        The prolongation with a column more for each new node, one at that node alone.
     """
     new = np.setdiff1d(nodes, _own_nodes(prolongation))
     ones = (np.ones(len(new)), (new, np.arange(len(new))))
@@ -65,7 +77,7 @@ def with_nodes(prolongation: sp.csr_matrix, nodes: IntArray) -> sp.csr_matrix:
 
 
 def _own_nodes(prolongation: sp.csr_matrix) -> IntArray:
-    """The node (c,) that each column carries most to, the first of several."""
+    """The node (c,) with the largest entry of each column, the first of several."""
     return np.asarray(prolongation.tocsc().argmax(axis=0)).ravel()
 
 

@@ -1,8 +1,8 @@
 """Whether the forces of a state balance, judged vertex by vertex.
 
-A single scale for all vertices would let one stiff spring, or one contact that nearly touches, decide what
-counts as a small force everywhere else. Here the unbalanced force on a vertex is compared with the forces on
-that vertex alone.
+With a single scale for all vertices, one stiff spring, or one contact that nearly touches, would decide which
+force is small everywhere else. Here the unbalanced force on a vertex is compared with the forces on that
+vertex alone.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ROUNDINGS = 16.0  # errors of a unit in the last place that a sum of a vertex's 
 
 
 class Balance:
-    """What is a small force on each vertex, for one energy and a relative tolerance.
+    """Limit below which a force on a vertex is small, for one energy and a relative tolerance.
 
     The limit is a share of the largest of: the forces that tets and other elements put on the vertex; those
     of springs, contact and loads; and the force of a small strain there, for bodies that come to rest without
@@ -52,7 +52,7 @@ class Balance:
 
 
 def force_sizes(potential: Potential, x: Array, gradient: Array) -> Array | float:
-    """What a potential says of the sizes (n,) of its forces on vertices, else the largest of them."""
+    """Sizes (n,) of a potential's forces on vertices where it offers them, else the largest of them."""
     if hasattr(potential, "force_sizes"):
         return np.asarray(potential.force_sizes(x))
     return float(lengths(gradient).max(initial=0.0))
@@ -91,7 +91,7 @@ def lengths(vectors: Array) -> Array:
 def _resistance(energy: Sum, stiffness: sp.csr_matrix, x: Array) -> Array:
     """Force (n,) in mN that strains a vertex's elements by one, roughly.
 
-    Penalties do not count. Where no potential knows its resistance, it is that against a move of the mean
+    Penalties do not count. Where no potential offers its resistance, it is that against a move of the mean
     distance of vertices.
     """
     elastic = [p.resistance() for p in energy.potentials if hasattr(p, "resistance")]

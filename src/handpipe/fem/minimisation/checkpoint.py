@@ -1,4 +1,4 @@
-"""States of a long solve kept on disk, so that a killed one goes on where it was."""
+"""States of a long solve on disk, from which an interrupted solve continues."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 class Checkpoint:
     """The last state (load t, step, positions) of one solve, in a file that is replaced as a whole.
 
-    A state is taken up only by the same problem: `begin` gets a fingerprint of it. States are written at most
+    Only the same problem continues from a state: `begin` computes its fingerprint. States are written at most
     every `every` seconds, and removed by `done`.
     """
 

@@ -1,4 +1,4 @@
-"""Newton directions: of the plain Hessian where it is positive definite, else of a convex stand-in."""
+"""Newton directions: of the plain Hessian where it is positive definite, else of a convex substitute."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ SHIFTS = (0.0, 1e-8, 1e-5, 1e-2, 1.0)  # of the mean diagonal
 
 
 class Directions:
-    """Directions for one energy and one set of unknowns, with what was learnt on the way.
+    """Directions for one energy and one set of unknowns.
 
-    `convexified` tells whether the last Hessian was not positive definite.
+    `convexified` is True where the last Hessian was not positive definite.
     """
 
     def __init__(self, energy: Sum, free: BoolArray, workspace: Workspace, record: Record) -> None:
@@ -35,7 +35,7 @@ class Directions:
     def at(self, x: Array, gradient: Array, tolerance: float, anew: bool = False) -> Array | None:
         """Descent direction (3n,) for the gradient (3n,) at x; None where nothing can be factorised.
 
-        Where the plain Hessian was not positive definite it is not tried again at once, but `anew`.
+        Where the plain Hessian was not positive definite, the next call tries it again only with `anew`.
         """
         plain = self._timed("assembly", lambda: self.stiffness(x))
         force = -gradient[self.free]
@@ -69,11 +69,11 @@ class Directions:
     def _by_blend(
         self, plain: sp.csr_matrix, projected: sp.csr_matrix, force: Array, tolerance: float
     ) -> Array | None:
-        """Solution with a share of the projected Hessian, as small as served so far.
+        """Solution with a share of the projected Hessian, near the smallest that worked so far.
 
-        The projected Hessian alone is far too stiff near a saddle: it creeps. It comes first, though, since
-        smaller shares seldom help at first and each costs a factorisation; a quarter of what served is tried
-        next, and four times what did not.
+        The projected Hessian alone is far too stiff near a saddle: steps become tiny. It is tried first,
+        though, since smaller shares seldom help at first and each costs a factorisation. After a share that
+        worked a quarter of it is tried, after one that failed four times as much.
         """
         share = self._share if self._share >= LEAST_BLEND else 1.0
         while share < 1.0:
@@ -121,7 +121,7 @@ def _mean_diagonal(matrix: sp.csr_matrix) -> float:
 
 
 def _add_diagonal(matrix: sp.csr_matrix, shift: float) -> sp.csr_matrix:
-    """Matrix plus a multiple of the identity, in the same pattern (which holds the diagonal)."""
+    """Matrix plus a multiple of the identity, in the same pattern (which contains the diagonal)."""
     shifted = matrix.copy()
     shifted.setdiag(matrix.diagonal() + shift)
     return shifted

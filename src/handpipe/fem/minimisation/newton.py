@@ -22,7 +22,7 @@ from handpipe.fem.potentials.potential import Sum
 log = logging.getLogger(__name__)
 
 ARMIJO = 1e-4  # share of the predicted decrease that a step must bring
-ROUNDING = 1e-13  # of the energy: differences below this say nothing
+ROUNDING = 1e-13  # of the energy: differences below this are rounding
 EPSILON = 1e-16
 RESTING = 5  # steps in a row below the tolerance that make a shape rest
 NEGLIGIBLE = 1e-3  # of a tolerance
@@ -38,7 +38,7 @@ PROGRESS = 10.0  # seconds between two lines of progress
 class Newton:
     """Minimises `energy` from x (n, 3) over the unknowns of the mask `free` (3n,).
 
-    An `impatient` one gives up, with `struggling` set, where energy lets it go less than half a step.
+    An `impatient` one stops, with `struggling` set, where only less than half a step lowers the energy.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Newton:
                 self._value = self.energy.value(self.x)
 
     def _look_at_start(self) -> bool:
-        """Learn what a small force is, and pin the unconstrained rigid-body modes.
+        """Compute the limits of small forces, and pin the unconstrained rigid-body modes.
 
         False where a load acts along one of these: there is no equilibrium.
         """
@@ -156,7 +156,7 @@ class Newton:
         self._set_unknowns(unknowns)
 
     def _released(self, gradient: Array, direction: Array) -> bool:
-        """Look for pins anew where they bear forces: contact has closed since, and resists what was free."""
+        """Choose new pins where pins carry forces: contact has closed, and resists a mode that was free."""
         pinned = self.free & ~self._unknowns
         if not pinned.any() or _largest(direction) > self.options.displacement_tolerance:
             return False
@@ -203,7 +203,7 @@ class Newton:
     def _rests(self, gradient: Array, direction: Array) -> bool:
         """Whether x is an equilibrium, for the gradient (3n,) and the Newton direction (3n,) there.
 
-        Along a mode without stiffness a step has length but nothing more than rounding behind it.
+        Along a mode without stiffness a step may be long although the force along it is rounding.
         """
         residuals, steps = self._unbalanced(gradient), lengths(direction)
         tolerance = self.options.displacement_tolerance
@@ -215,13 +215,13 @@ class Newton:
         within = residuals <= small
         if within.all() or (rounded | within).all() and steps.max() > tolerance:
             return True
-        # Where rounding hides the forces, a step that balances them must be next to nothing.
+        # Where rounding hides the forces, a step that balances them must be negligible.
         left = lengths(np.where(self.free, gradient + stiffness @ direction, 0.0))
         hidden = rounded & (left <= small) & (steps <= NEGLIGIBLE * tolerance)
         return bool((within | hidden).all())
 
     def _oscillates(self) -> bool:
-        """Whether the last steps were small: at a kink of contact Newton's step overshoots for ever."""
+        """Whether the last steps were small: at a kink of contact Newton's method oscillates."""
         recent = self.record.steps[-RESTING:]
         return len(recent) == RESTING and max(recent) <= self.options.displacement_tolerance
 
@@ -251,7 +251,7 @@ class Newton:
         )
 
     def _why(self, problem: str, gradient: Array, length: float) -> str:
-        """What keeps the solve from its end: a body that slides away, rounding, or forces out of balance."""
+        """Why the solve has not converged: a body that slides away, rounding, or unbalanced forces."""
         drift = unheld.drifting(self.energy, self.x, self._start, self.free)
         if drift:
             return f"{drift} ({problem})"
@@ -268,7 +268,7 @@ class Newton:
         return text
 
     def _flown(self) -> bool:
-        """Whether some body has moved away for good, since nothing resists its load."""
+        """Whether some body has moved away for good, since no potential resists its load."""
         if _largest(self.x - self._start) < FLIGHT * self._extent:
             return False
         self.record.reason = unheld.drifting(self.energy, self.x, self._start, self.free)
@@ -291,14 +291,14 @@ class Newton:
             kick *= 0.5
         self.x = self.x + kick
         self._value = self.energy.value(self.x)
-        log.info("%s: stationary without being a minimum, going on from nearby", self.options.name)
+        log.info("%s: a stationary point that is no minimum; continuing nearby", self.options.name)
         return True
 
     def _soft_motion(self, seed: int) -> Array | None:
-        """What random forces do (n, 3), to a tenth of the spacing; None at a minimum.
+        """Displacements (n, 3) under random forces, scaled to a tenth of the spacing; None at a minimum.
 
-        They move what is soft, and small elements as a whole: random motions of vertices would turn those
-        inside out. Where nothing is stiff the forces are taken for motions.
+        Forces move soft parts, and small elements as a whole: random motions of vertices would invert these.
+        Without any stiffness the forces themselves serve as motions.
         """
         forces = np.where(self._unknowns, np.random.default_rng(seed).normal(size=self.x.size), 0.0)
         motion = self._directions.at(self.x, forces, LOOSEST, anew=True)
@@ -350,11 +350,11 @@ class Newton:
         return False
 
     def _rounding(self, length: float) -> float:
-        """Differences of energy, over a step of this length, that say nothing."""
+        """Differences of energy, over a step of this length, that are rounding."""
         return ROUNDING * (abs(self._value) + self._scale * length) + self._energy_noise
 
     def _stretch(self, step: Array, trial: Array, value: float) -> tuple[Array, float, float]:
-        """Double an accepted step while the energy goes on falling: a convexified Hessian is too stiff."""
+        """Double an accepted step while the energy decreases: a convexified Hessian is too stiff."""
         alpha = 1.0
         for _ in range(5):
             if 2 * alpha * _largest(step) > self.options.max_step:

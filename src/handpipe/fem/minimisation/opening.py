@@ -27,7 +27,7 @@ ROUNDS = 30
 def opened(energy: Sum, x: Array, free: BoolArray, name: str) -> Array:
     """Positions (n, 3) near x whose gaps are a thousandth of the barriers' activation distance at least.
 
-    Vertices move along the barrier's forces, as far as contact lets them; fixed degrees of freedom (those not
+    Vertices move along the barrier's forces, as far as contact allows; fixed degrees of freedom (those not
     in the mask `free` (3n,)) stay, and gaps between these with them.
     """
     barriers: list[Any] = [p for p in energy.potentials if hasattr(p, "gap")]

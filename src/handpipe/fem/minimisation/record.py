@@ -1,4 +1,4 @@
-"""What is asked of a solve, and what it says it did."""
+"""Options of a solve, and the record of what it did."""
 
 from __future__ import annotations
 
@@ -12,19 +12,44 @@ from handpipe.core import Array, InputError
 
 @dataclass(frozen=True)
 class Options:
-    """When to stop, and what to do where that fails.
+    """When a solve stops, and what it does where that fails.
 
-    Converged: the next Newton step moves no vertex by more than `displacement_tolerance` mm, and the
-    unbalanced force on every vertex is below `force_tolerance` times the forces on that vertex, as `Balance`
-    measures them. Where rounding hides forces, the Newton step decides (docs/fem.md). `max_step` bounds a
-    vertex's move in one iteration, in mm. `allow_partial`: hand back the best state instead of raising.
-    `untangle`: try other ways where a minimum has tangles; without, the first minimum is taken as it is, as
-    befits bodies that constraints tangle anyway. `barrier`: add a barrier on the volume of tets
-    below a tenth of their elastic volume (`fem.elements.crushing`); a minimum with inverted tets has not
-    converged.
-    `coarse` (n, c) carries fields from c of the vertices to all: with it linear systems are solved by two
-    levels, where a factor of all unknowns would be too large, and a step ends where the energy curves down
-    (Steihaug 1983); then bound `max_step`, too.
+    A solve has converged if the next Newton step and the unbalanced forces are below their tolerances. Where
+    rounding hides forces, the Newton step alone decides (docs/fem.md).
+
+    Parameters
+    ----------
+    displacement_tolerance : float
+        Largest move of a vertex in mm in the next Newton step.
+    force_tolerance : float
+        Largest unbalanced force on a vertex relative to the forces on that vertex, which `Balance` measures.
+    max_iterations : int
+        Newton iterations of one minimisation, zero or more.
+    max_step : float
+        Largest move of a vertex in mm in one iteration.
+    allow_partial : bool
+        Return the best state where a solve does not converge, instead of raising an error.
+    untangle : bool
+        Try other solution methods where a minimum has tangles. Without, the first minimum is returned, which
+        suits bodies that constraints tangle anyway.
+    barrier : bool
+        Add a barrier on the volume of tets below a tenth of their elastic volume (`fem.elements.crushing`);
+        a minimum with inverted tets has not converged.
+    coarse : sparse matrix (n, c), optional
+        Carries fields from c of the vertices to all n. With it linear systems are solved by two levels, where
+        a factor of all unknowns would be too large, and a step ends at negative curvature (Steihaug 1983);
+        then bound `max_step`, too.
+    name : str
+        Name of the solve in log lines and errors.
+
+    Raises
+    ------
+    InputError
+        If a tolerance or a limit is out of range.
+
+    References
+    ----------
+    Steihaug 1983.
     """
 
     displacement_tolerance: float = 1e-4
@@ -38,7 +63,7 @@ class Options:
     name: str = "equilibrium"
 
     def __post_init__(self) -> None:
-        """Raises `InputError` for tolerances or limits out of range."""
+        """Check tolerances and limits."""
         for name in ("displacement_tolerance", "force_tolerance", "max_step"):
             if not getattr(self, name) > 0:
                 problem = f"is {getattr(self, name)}"
@@ -49,7 +74,13 @@ class Options:
 
 
 def finite(x: Array, name: str) -> Array:
-    """A copy of positions (n, 3); raises `InputError` where one is not finite."""
+    """A copy of positions (n, 3).
+
+    Raises
+    ------
+    InputError
+        If a position is not finite.
+    """
     out = np.array(x, dtype=float)
     bad = ~np.isfinite(out).reshape(len(out), -1).all(axis=1)
     if bad.any():
@@ -62,11 +93,34 @@ def finite(x: Array, name: str) -> Array:
 class Record:
     """What a solve did.
 
-    energies (uJ), residuals (largest vertex force, mN) and steps (largest move of a vertex, mm) have one
-    entry an iteration; seconds are split by work. `projections` counts iterations whose Hessian was not
-    positive definite, `escapes` stationary points left because they were no minima, `untangled` iterations
-    spent on a compressible stand-in; `tangles` counts the tets that end inside out and the
-    inner edges that tets do not wrap once.
+    Parameters
+    ----------
+    converged : bool
+        Whether the solve has converged.
+    reason : str
+        Why the solve ended.
+    iterations : int
+        Newton iterations.
+    factorisations : int
+        Factorisations of linear systems.
+    projections : int
+        Iterations whose Hessian was not positive definite.
+    escapes : int
+        Stationary points that the solve left because they were no minima.
+    untangled : int
+        Iterations spent on a compressible substitute of the bodies.
+    tangles : int
+        Inverted tets at the end, and inner edges that their tets do not surround exactly once.
+    cg_iterations : int
+        Iterations of conjugate gradients.
+    energies : list of float
+        Energy in µJ of each iteration.
+    residuals : list of float
+        Largest unbalanced force on a vertex in mN of each iteration.
+    steps : list of float
+        Largest move of a vertex in mm of each iteration.
+    seconds : dict of str to float
+        Seconds of assembly, linear solves and line search.
     """
 
     converged: bool = False
@@ -85,12 +139,12 @@ class Record:
 
     @property
     def figures(self) -> dict[str, float]:
-        """What an artifact keeps of it, by name; the residual is in mN."""
+        """Figures for an artifact, by name; the residual is in mN."""
         residual = self.residuals[-1] if self.residuals else 0.0
         return {"residual": residual, "tangles": float(self.tangles)}
 
     def add(self, part: Record) -> None:
-        """Append what a further solve did; its verdict replaces this one's."""
+        """Append the record of a further solve; its outcome replaces this one's."""
         for item in fields(self):
             mine, other = getattr(self, item.name), getattr(part, item.name)
             if isinstance(other, bool | str):
@@ -108,7 +162,15 @@ class Record:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Positions x (n, 3) in mm and the record of how they were found."""
+    """Positions at the end of a solve and its record.
+
+    Parameters
+    ----------
+    x : array (n, 3)
+        Positions in mm.
+    record : Record
+        What the solve did.
+    """
 
     x: Array
     record: Record

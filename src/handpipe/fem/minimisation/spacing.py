@@ -1,4 +1,4 @@
-"""The length by which a solver tells large steps from small ones."""
+"""The length with which a solver compares its steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Unconstrained rigid-body modes: those that nothing resists are pinned, a load along them is refused.
+"""Unconstrained rigid-body modes: a solve pins them, and refuses a load along them.
 
 The energy of a body does not change in its unconstrained rigid motions, so that fixing as many degrees of
 freedom as there are such motions puts no reaction on it (Wang 2021 §5.5). A constant load along one of them
@@ -18,21 +18,21 @@ from handpipe.fem.linear.nullspace import unit_twists
 from handpipe.fem.minimisation.balance import lengths, loads, vertex_parts
 from handpipe.fem.potentials.potential import Potential, Sum
 
-HELD = 1e-9  # of the largest stiffness: a body softer than this against translation is looked at
+HELD = 1e-9  # of the largest stiffness: a body softer than this against translation is examined
 UNFELT = 1e-8  # of the force's size: forces in equilibrium leave rounding
 SAMPLES = 12
 NOISE = 1e-2  # of the body's size
-FAR = 1.0  # of the scene's size: a body that moved farther than this is looked at
+FAR = 1.0  # of the scene's size: a body that moved farther than this is examined
 FREE = 1e-10  # of a body's contact and spring stiffness: less against translation is rounding
 SHARE = 0.1  # of a body's load: a smaller net force is not what moves it
 
 
 def pins(energy: Sum, matrix: sp.csr_matrix, x: Array, free: BoolArray) -> IntArray:
-    """Unknowns whose fixing stops every rigid motion of x (n, 3) without resistance, and nothing else.
+    """Unknowns whose fixing stops every rigid motion of x (n, 3) without resistance, and no deformation.
 
     `matrix` (3n, 3n) is the Hessian at x; `free` (3n,) masks the unknowns. Each connected part of the matrix
-    is looked at by itself. A motion is unfelt where the forces in a few shapes near x do no work in it; the
-    reactions of the pins then vanish at an equilibrium (Wang 2021, Nullspace Lemma).
+    is examined separately. A motion has no resistance if the forces in a few shapes near x do no work in it;
+    the reactions of the pins then vanish at an equilibrium (Wang 2021, Nullspace Lemma).
     """
     parts = _loose_parts(matrix, x, free)
     rows = _rows(energy.potentials, x, parts, free) if parts else []
@@ -41,9 +41,9 @@ def pins(energy: Sum, matrix: sp.csr_matrix, x: Array, free: BoolArray) -> IntAr
 
 
 def unbalanced(energy: Sum, matrix: sp.csr_matrix, x: Array, free: BoolArray) -> str:
-    """What constant load no potential can ever resist, by body and direction; empty where there is none.
+    """Constant load that no potential can ever resist, by body and direction; empty where there is none.
 
-    A body that contact may reach is not judged here: it may yet come to rest.
+    A body that contact may reach is not judged here: it may still find an equilibrium.
     """
     load = loads(energy, x)
     if load is None:
@@ -104,7 +104,7 @@ def _vector(force: Array) -> str:
 
 
 def _free_shifts(stiffness: sp.csr_matrix, vertices: IntArray) -> Array:
-    """Directions (3, k) in which springs and contact (3n, 3n) let a body move as a whole."""
+    """Directions (3, k) in which springs and contact (3n, 3n) do not resist a body's translation."""
     shifts = np.zeros((stiffness.shape[0] // 3, 3, 3))
     shifts[vertices] = np.eye(3)
     shifts = shifts.reshape(-1, 3)
@@ -146,7 +146,7 @@ def _loose_parts(matrix: sp.csr_matrix, x: Array, free: BoolArray) -> list[IntAr
 def _rows(
     potentials: Sequence[Potential], x: Array, parts: Sequence[IntArray], free: BoolArray
 ) -> list[Array]:
-    """For each part, conditions (r, 6) on the rigid motions that nothing resists.
+    """For each part, conditions (r, 6) on the rigid motions without resistance.
 
     Each potential's forces are compared with themselves alone: those of weak springs are far smaller than
     those of the tets, which resist no rigid motion.
@@ -182,7 +182,7 @@ def _part_pins(rows: Array, x: Array, vertices: IntArray, free: BoolArray) -> In
 
 
 def _nullspace(rows: Array) -> Array:
-    """Directions (d, k) that rows (r, d) do not see; rows of a body that is free are nothing but rounding."""
+    """Null directions (d, k) of rows (r, d); the rows of an unconstrained body are rounding alone."""
     if len(rows) == 0:
         return np.eye(rows.shape[1])
     _, values, directions = np.linalg.svd(rows)

@@ -1,4 +1,4 @@
-"""What the minimisations along a path share, so that it is found once."""
+"""Data that the minimisations along a path share, computed once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from handpipe.fem.potentials.potential import Sum, same_pattern
 class Workspace:
     """Linear systems, the pattern of the unknowns' block, and the last plain Hessian.
 
-    `held` tells that no rigid motion was found to be free.
+    `held` is True once no rigid-body mode was found to be unconstrained.
     """
 
     def __init__(self, rest: Array, coarse: sp.csr_matrix | None = None) -> None:

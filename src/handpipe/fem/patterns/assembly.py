@@ -21,8 +21,21 @@ from handpipe.fem.patterns.buffers import Buffers
 class Pattern:
     """Pattern of the Hessian of cells over n vertices, in CSR form with sorted indices.
 
-    slots (sum of k^2 over cells,): for each cell of k vertices, its k x k entries by rows, where the 3x3
-    block of the vertex pair begins in the data; strides (n,): from one row of such a block to the next.
+    Parameters
+    ----------
+    vertices : int
+        Number n of vertices.
+    indptr : integer array (3n + 1,)
+        Starts of the rows in `indices`.
+    indices : integer array (nonzeros,)
+        Columns, ascending in each row.
+    slots : integer array (sum of k^2 over cells,)
+        Where the 3x3 block of each pair of a cell's vertices begins in the data; a cell of k vertices has
+        k x k pairs, by rows.
+    strides : integer array (n,)
+        Distance in the data from one row of a vertex's blocks to the next.
+    _buffers : Buffers
+        Arrays of values for reuse.
     """
 
     vertices: int
@@ -51,7 +64,7 @@ class Pattern:
         return np.zeros(len(self.indices))
 
     def uninitialised(self) -> Array:
-        """Values to be overwritten: an array used before where no one holds it any more, else a new one.
+        """Values to be overwritten: an earlier array if nobody references it any more, else a new one.
 
         New large arrays cost more than filling them, since the system maps and clears their pages.
         """

@@ -1,4 +1,4 @@
-"""Large arrays that are used again once no one holds them."""
+"""Large arrays that are reused once nobody else references them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Buffers:
         self._arrays: list[Array] = []
 
     def take(self, size: int) -> Array:
-        """An array (size,) of any values that no one else holds."""
+        """An array (size,) of any values that nobody else references."""
         for array in self._arrays:
             if len(array) == size and sys.getrefcount(array) == OWN_REFERENCES:
                 return array

@@ -1,4 +1,4 @@
-"""A sparsity pattern that grows with what it has to hold, so that it stays the same from step to step."""
+"""A sparsity pattern that grows with the matrices it gets, so that it rarely changes between steps."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ EXCESS = 4  # a pattern with so many times the entries that are needed is given 
 class GrowingPattern:
     """Hands matrices out in one pattern, which shares its index arrays for as long as it suffices.
 
-    Contacts come and go at every step; with this pattern the sums and factorisations that hold the
-    Hessian need not be analysed anew each time.
+    Contacts open and close at every step; with this pattern the sums and factorisations that contain the
+    Hessian need no new analysis each time.
     """
 
     def __init__(self) -> None:
@@ -25,7 +25,7 @@ class GrowingPattern:
         self.changes = 0
 
     def hold(self, structure: sp.csr_matrix, foreseen: Callable[[], sp.csr_matrix]) -> None:
-        """Make room for the entries of a matrix; where it has to grow, for those of `foreseen()` too."""
+        """Make room for the entries of a matrix; if the pattern must grow, for those of `foreseen()` too."""
         structure.sort_indices()
         if self._pattern is None or np.any(self._places(structure) < 0):
             self._grow(structure, foreseen())

@@ -74,7 +74,7 @@ def _bisect(
 
 
 def spatial_order(points: Array) -> IntArray:
-    """Order (n,) along a Morton curve through points (n, 3): what is near in space comes soon after."""
+    """Order (n,) along a Morton curve through points (n, 3): points near in space are near in the order."""
     low, size = points.min(axis=0), np.ptp(points, axis=0).max()
     cells = ((points - low) * (1023 / max(size, 1e-300))).astype(np.uint32)
     code = np.zeros(len(points), dtype=np.uint32)

@@ -1,4 +1,4 @@
-"""What has energy: elastic bodies, membranes, pulls, inertia; the interface of all potentials."""
+"""Potentials: elastic bodies, membranes, pulls, inertia, and the interface of all."""
 
 from typing import TYPE_CHECKING
 

@@ -26,9 +26,30 @@ class _Sheet(NamedTuple):
 class Membrane:
     """St. Venant-Kirchhoff membrane in plane stress: energy h A0 (mu |E|^2 + l/2 tr(E)^2).
 
-    l = 2 mu lambda / (lambda + 2 mu), thickness h in mm. vertices (n, 3) in mm are the shape as drawn,
-    triangles (k, 3); the rest shape is `scale` times as large (Zheng 2022 §6: 0.35 to 0.40, so that the cloth
-    is in tension everywhere, where its energy is convex). Raises `InputError` where a triangle has no area.
+    l = 2 mu lambda / (lambda + 2 mu), with rest areas A0 and thickness h.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Positions in mm of the mesh, before its rest shape is scaled.
+    triangles : integer array (k, 3)
+        Triangles of the vertices.
+    material : Material
+        Moduli of all triangles or one a triangle; only the Lame parameters count, not the model.
+    thickness : float
+        Thickness h in mm.
+    scale : float
+        Size of the rest shape relative to the mesh. Zheng 2022 uses 0.35 to 0.40, so that the cloth is in
+        tension everywhere, where its energy is convex.
+
+    Raises
+    ------
+    InputError
+        If a triangle has no area.
+
+    References
+    ----------
+    Zheng 2022 §6.
     """
 
     def __init__(

@@ -22,12 +22,30 @@ PARALLEL_TETS = 30_000  # below, on a busy machine waiting for the other thread 
 
 
 class Elastic:
-    """Energy sum of w V0 |Fp| psi(F Fp^-1) over tets (Wang 2021 Eq. 5.1), in microjoules.
+    """Elastic body under plastic strain: energy sum of w V0 |Fp| psi(F Fp^-1) over tets.
 
-    vertices (n, 3) rest positions in mm, tets (m, 4) of positive volume, strains (m, 6) symmetric plastic
-    strains (none: identity), weights (m,) scale the stiffness, e.g. by the share of a tet that tissue fills.
-    Raises `InputError` where a tet or a plastic strain has no positive volume, where tets are repeated or
-    more than two share a face, and for tets that are not linear.
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Rest positions in mm.
+    tets : integer array (m, 4)
+        Linear tets of positive volume.
+    material : Material
+        Energy density psi.
+    strains : array (m, 6), optional
+        Symmetric positive definite plastic strains Fp as xx, xy, xz, yy, yz, zz; by default the identity.
+    weights : array (m,), optional
+        Factors w of the stiffness, zero or more, e.g. the share of a tet that tissue fills; by default one.
+
+    Raises
+    ------
+    InputError
+        If a tet or a plastic strain has no positive volume, tets are repeated, more than two tets share a
+        face, tets are not linear, an array is misshapen, a position is not finite, or a weight is negative.
+
+    References
+    ----------
+    Wang 2021 Eq. 5.1.
     """
 
     def __init__(
@@ -88,7 +106,7 @@ class Elastic:
 
     def _set_strains(self, strains: Array) -> None:
         self.strains = np.ascontiguousarray(strains, dtype=float)
-        # F Fp^-1 is linear in x with the gradients B Fp^-1: plastic strain costs the kernels nothing.
+        # F Fp^-1 is linear in x with the gradients B Fp^-1: plastic strain adds no work to the kernels.
         gradients, weights = np.empty_like(self.rest_gradients), np.empty(len(self.tets))
         stiff_volumes = self.weights * self.volumes
         worst = _strained(self._order, self.strains, self.rest_gradients, stiff_volumes, gradients, weights)
@@ -164,7 +182,27 @@ def _coordinates(x: Array) -> Array:
 
 
 def shape_gradients(vertices: Array, tets: IntArray) -> tuple[Array, Array]:
-    """Gradients (m, 4, 3) of the linear shape functions, and volumes (m,), of which all must be positive."""
+    """Gradients of the linear shape functions of tets, and their volumes.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Positions in mm.
+    tets : integer array (m, 4)
+        Tets of positive volume.
+
+    Returns
+    -------
+    gradients : array (m, 4, 3)
+        Gradient of the shape function of each corner in 1/mm.
+    volumes : array (m,)
+        Volumes in mm^3.
+
+    Raises
+    ------
+    InputError
+        If a volume is not positive.
+    """
     corners = vertices[tets]
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     volumes = np.linalg.det(edges) / 6

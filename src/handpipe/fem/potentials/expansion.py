@@ -12,13 +12,21 @@ from handpipe.fem.potentials.potential import Potential, Sum
 
 
 class Expansion:
-    """Energy g . d + d . H d / 2 of some nodes' moves d from where they are; all other nodes stay.
+    """Second-order expansion g . d + d . H d / 2 of an energy in the moves d of some nodes.
 
-    It stands for costly energies of a large body where few nodes move, and little.
+    All other nodes stay. It replaces costly energies of a large body where only a few nodes move, by little.
+
+    Parameters
+    ----------
+    potentials : sequence of Potential
+        Their sum is expanded.
+    x : array (n, 3)
+        Positions in mm around which it is expanded.
+    nodes : boolean array (n,)
+        Mask of the k nodes that move; positions (k, 3) of the expansion are in their order.
     """
 
     def __init__(self, potentials: Sequence[Potential], x: Array, nodes: BoolArray) -> None:
-        """At positions x (n, 3), for the moves of the nodes of a mask (n,), in their order."""
         energy, chosen = Sum(potentials), np.repeat(nodes, 3)
         self._start = x[nodes]
         self._gradient = energy.gradient(x)[nodes]

@@ -12,9 +12,25 @@ from handpipe.core import Array, InputError, IntArray
 class Inertia:
     """Energy |x - (x0 + h v0)|_M^2 / (2 h^2): with it, the least energy is the next implicit Euler step.
 
-    M (n, n) in kg (`mass_matrix`), x0 (n, 3) in mm, v0 (n, 3) in mm/s, h in s. kg mm^2 / s^2 is a
-    microjoule, so no factor of units appears. The Hessian M / h^2 is exact and constant. Implicit Euler
-    damps: a mode of frequency omega loses the factor 1 / sqrt(1 + (h omega)^2) a step.
+    The Hessian M / h^2 is exact and constant. kg mm^2 / s^2 is a microjoule, so no factor of units appears.
+    Implicit Euler damps: the amplitude of a mode of frequency omega is multiplied by
+    1 / sqrt(1 + (h omega)^2) in each step.
+
+    Parameters
+    ----------
+    mass : sparse matrix (n, n)
+        Mass M in kg (`mass_matrix`).
+    x : array (n, 3)
+        Positions x0 in mm at the beginning of the step.
+    velocity : array (n, 3)
+        Velocities v0 in mm/s at the beginning of the step.
+    time_step : float
+        Length h of the step in s, above zero.
+
+    Raises
+    ------
+    InputError
+        If the time step is not above zero.
     """
 
     def __init__(self, mass: sp.spmatrix | sp.sparray, x: Array, velocity: Array, time_step: float) -> None:
@@ -54,11 +70,26 @@ class Inertia:
 
 
 def mass_matrix(vertices: Array, tets: IntArray, density: ArrayLike) -> sp.csr_matrix:
-    """Consistent mass (n, n) in kg of linear tets; density in kg/mm^3 (soft tissue 1e-6), one or (m,).
+    """Consistent mass matrix of linear tets.
 
     Consistent, not lumped: kinetic energy is then that of the piecewise linear motion, exact for rigid
     motions too, and an implicit step gains nothing from a diagonal matrix. A tet of mass m has m/10 on the
-    diagonal and m/20 beside it. Scale with the weights of `Elastic` where tissue fills tets in part.
+    diagonal and m/20 off the diagonal.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Rest positions in mm.
+    tets : integer array (m, 4)
+        Tets of the vertices.
+    density : float or array (m,)
+        Density in kg/mm^3, for soft tissue 1e-6. Multiply by the weights of `Elastic` where tissue fills only
+        part of a tet.
+
+    Returns
+    -------
+    sparse matrix (n, n)
+        Masses in kg, the same for each coordinate.
     """
     corners = np.asarray(vertices)[tets]
     volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6

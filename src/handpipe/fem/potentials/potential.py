@@ -20,8 +20,8 @@ class Potential(Protocol):
     """An energy of positions x (n, 3) in mm. Degree of freedom of vertex i, coordinate c is 3 i + c.
 
     A potential may also offer `max_step(x, step) -> float`, the largest fraction in (0, 1] of a displacement
-    that it allows, and `refresh(x) -> None`, called between Newton steps, where it may renew what it holds
-    constant.
+    that it allows, and `refresh(x) -> None`, called between Newton steps, where it may update what it keeps
+    constant within a step.
     """
 
     def value(self, x: Array) -> float:
@@ -33,12 +33,20 @@ class Potential(Protocol):
         ...
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
-        """Second derivative (3n, 3n) in mN/mm; with `project`, a positive semidefinite stand-in."""
+        """Second derivative (3n, 3n) in mN/mm; with `project`, a positive semidefinite substitute."""
         ...
 
 
 class Sum:
-    """The sum of potentials. The union of their patterns is kept for as long as these stay the same."""
+    """Sum of potentials.
+
+    The union of their Hessians' patterns is kept as long as these patterns stay the same.
+
+    Parameters
+    ----------
+    potentials : sequence of Potential
+        Potentials of the same vertices.
+    """
 
     def __init__(self, potentials: Sequence[Potential]) -> None:
         self.potentials = list(potentials)
@@ -60,7 +68,7 @@ class Sum:
         return total
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
-        """Second derivative (3n, 3n) in mN/mm; with `project`, the sum of semidefinite stand-ins."""
+        """Second derivative (3n, 3n) in mN/mm; with `project`, the sum of semidefinite substitutes."""
         matrices = [p.hessian(x, project) for p in self.potentials]
         if len(matrices) == 1:
             return matrices[0]

@@ -9,7 +9,24 @@ from handpipe.core import Array, InputError
 
 
 class Pull:
-    """Energy -sum f . p of constant forces f (k, 3) in mN on points p = W x (Zheng 2022 Eq. 11)."""
+    """Energy -sum f . p of constant forces f on points p = W x.
+
+    Parameters
+    ----------
+    operator : sparse matrix (k, n)
+        W, which takes vertex positions (n, 3) to points (k, 3).
+    forces : array (k, 3)
+        Forces f in mN.
+
+    Raises
+    ------
+    InputError
+        If a force is not finite.
+
+    References
+    ----------
+    Zheng 2022 Eq. 11.
+    """
 
     constant = True
 

@@ -16,9 +16,25 @@ BASIS = plasticity.to_matrices(np.eye(6))  # (6, 3, 3): the change of S with eac
 
 
 def strain_gradient(body: Elastic, x: Array) -> Array:
-    """Derivative (m, 6) of the energy in uJ at positions x (n, 3) by the strains (m, 6).
+    """Derivative of a body's energy by its plastic strains.
 
     de[Y] = w V0 |S| (tr(G Y) psi - P : (A Y G))
+
+    Parameters
+    ----------
+    body : Elastic
+        Body with m tets under plastic strains.
+    x : array (n, 3)
+        Positions in mm.
+
+    Returns
+    -------
+    array (m, 6)
+        Derivatives in µJ by the six numbers of each tet's strain.
+
+    References
+    ----------
+    Wang 2021 Appendix B.
     """
     state = _State(body, x)
     change = state.trace * state.density[:, None] - np.einsum("eij,eaij->ea", state.stress, state.turned)

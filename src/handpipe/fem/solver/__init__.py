@@ -1,4 +1,4 @@
-"""Equilibria of sums of potentials: one, along a load, or with contact planes taken anew."""
+"""Equilibria of sums of potentials: one, along a load, or with contact planes updated."""
 
 from typing import TYPE_CHECKING
 

@@ -97,8 +97,8 @@ class Attempts:
     def _ways(self) -> Iterator[Newton]:
         """Finished minimisations, the quickest way first.
 
-        A stand-in gives way to contact: where steps are bounded it comes after patience, and the rest shape,
-        which may cut through an obstacle, not at all.
+        Contact displaces the compressible substitute: where steps are bounded it comes after a full
+        minimisation, and the rest shape, which may cut through an obstacle, is not tried at all.
         """
         soft = nearly_incompressible(self.energy)
         bounded = any(hasattr(p, "max_step") for p in self.energy.potentials)
@@ -136,7 +136,7 @@ class Attempts:
 
 
 def _worst(energy: Sum, x: Array) -> str:
-    """What is wrong with the body that has the most inverted tets at x (n, 3), and where."""
+    """Inverted tets of the body that has the most of them at x (n, 3), and where."""
     bodies = [Validity.of(p.vertices, p.tets, x) for p in energy.potentials if isinstance(p, Elastic)]
     return str(max(bodies, key=lambda body: body.inverted))
 

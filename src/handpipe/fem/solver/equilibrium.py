@@ -34,12 +34,35 @@ def solve(
     options: Options | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Equilibrium:
-    """Minimise the sum of potentials from x (n, 3); `fixed` degrees of freedom keep their values in x.
+    """Equilibrium that minimises a sum of potentials, near an initial guess.
 
-    `fixed` is a mask (3n,) or (n, 3), or indices of degrees of freedom. Fix vertices where they should end
-    and let `continuation` take large moves in steps. Rigid motions that no potential resists are fixed of
-    themselves. With a `checkpoint`, a killed solve goes on from its last state.
-    Raises `ConvergenceError`, unless `options.allow_partial`, and `InputError` where x is not finite.
+    Rigid-body modes that no potential resists are pinned. Fix vertices at their final positions, and let
+    `continuation` make large moves in steps.
+
+    Parameters
+    ----------
+    potentials : sequence of Potential
+        Potentials whose sum is minimised.
+    x : array (n, 3)
+        Initial guess in mm; fixed degrees of freedom keep their values in it.
+    fixed : boolean array (3n,) or (n, 3), or integer array, optional
+        Mask or indices of the fixed degrees of freedom; by default none.
+    options : Options, optional
+        When to stop, and what to do where that fails.
+    checkpoint : Checkpoint, optional
+        File of states, from which an interrupted solve continues.
+
+    Returns
+    -------
+    Equilibrium
+        Positions in mm and the record of the solve.
+
+    Raises
+    ------
+    ConvergenceError
+        If no minimum is found, unless `options.allow_partial`.
+    InputError
+        If x is not finite, or a mask has another size.
     """
     options = options or Options()
     x, free = finite(x, options.name), _free(fixed, x.size)
@@ -47,7 +70,7 @@ def solve(
     if checkpoint is not None:
         earlier = checkpoint.begin(options.name, x, free, energy.value(x))
         if earlier is not None:
-            log.info("%s: taken up from %s", options.name, checkpoint.path)
+            log.info("%s: continuing from %s", options.name, checkpoint.path)
             x = earlier[2]
     found = minimum(energy, x, free, options, Workspace(x, options.coarse), checkpoint)
     if checkpoint is not None:
@@ -57,10 +80,14 @@ def solve(
 
 @dataclass(frozen=True)
 class Steps:
-    """How the load's way from t = 0 to 1 is walked.
+    """Steps of a load from t = 0 to 1.
 
-    first, smallest, largest: lengths of steps in t; intermediate: options of the states before t = 1, which
-    may be solved less exactly.
+    Parameters
+    ----------
+    first, smallest, largest : float
+        Lengths of steps in t; at failures below `smallest` the continuation ends.
+    intermediate : Options, optional
+        Options of the equilibria before t = 1, which may be less exact; by default those of the last.
     """
 
     first: float = 0.25
@@ -79,12 +106,40 @@ def continuation(
     steps: Steps | None = None,
     checkpoint: Checkpoint | None = None,
 ) -> Equilibrium:
-    """Follow the equilibrium from t = 0 to 1, where x (n, 3) is (near) the equilibrium at t = 0.
+    """Equilibrium at the end of a load, which is followed from t = 0 to 1.
 
-    `make_potentials(t)` gives the potentials; `prescribed(t)` (n, 3) the positions, of which the `fixed`
-    degrees of freedom are taken. Each step starts from a prediction with the tangent at hand; a step that
-    fails is halved, one that converges easily is doubled, within the bounds of `steps`. With a `checkpoint`,
-    a killed run goes on from its last state. Raises `ConvergenceError` below the smallest step.
+    Each step starts from a prediction with the last tangent stiffness; a step that fails is halved, one that
+    converges easily is doubled, within the bounds of `steps`.
+
+    Parameters
+    ----------
+    make_potentials : callable
+        From t to the potentials.
+    x : array (n, 3)
+        Positions in mm at or near the equilibrium at t = 0.
+    fixed : boolean array (3n,) or (n, 3), or integer array, optional
+        Mask or indices of the fixed degrees of freedom; by default none.
+    prescribed : callable, optional
+        From t to positions (n, 3) in mm, whose fixed degrees of freedom apply; by default they stay as in x.
+    options : Options, optional
+        When to stop, and what to do where that fails.
+    steps : Steps, optional
+        Lengths of the steps.
+    checkpoint : Checkpoint, optional
+        File of states, from which an interrupted run continues.
+
+    Returns
+    -------
+    Equilibrium
+        Positions in mm at t = 1, or the last equilibrium reached if `options.allow_partial`; the record of
+        all steps.
+
+    Raises
+    ------
+    ConvergenceError
+        If a step fails below the smallest length, unless `options.allow_partial`.
+    InputError
+        If x is not finite, or a mask has another size.
     """
     options, steps = options or Options(), steps or Steps()
     path = _Path(make_potentials, prescribed, _free(fixed, x.size), options, steps.intermediate or options)
@@ -162,10 +217,10 @@ class _Path:
         return found
 
     def _corrected(self, energy: Sum, tangent: Array, t: float, step: float) -> Array:
-        """The tangent's prediction moved by what it missed in the last steps, where that lowers the energy.
+        """The tangent's prediction corrected by its errors in the last steps, where that lowers the energy.
 
-        What it misses grows with the square of the step and changes slowly along the path: linearly, where
-        two misses are known.
+        Its error grows with the square of the step and changes slowly along the path: linearly, where two
+        errors are known.
         """
         if not self.missed:
             return tangent
@@ -191,7 +246,7 @@ class _Path:
         if earlier is None:
             return 0.0, step, x
         t, step, state = earlier
-        log.info("%s: taken up at t = %.4f from %s", self.options.name, t, checkpoint.path)
+        log.info("%s: continuing at t = %.4f from %s", self.options.name, t, checkpoint.path)
         checkpoint.at(t, step)
         found = self._minimise(Sum(self.make_potentials(t)), state, t, 0, checkpoint)
         self.record.add(found.record)

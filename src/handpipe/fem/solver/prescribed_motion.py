@@ -1,4 +1,4 @@
-"""Moving what is prescribed, obstacles and fixed vertices, to its new place without ever intersecting."""
+"""Moves obstacles and fixed vertices to prescribed places without intersections on the way."""
 
 from __future__ import annotations
 
@@ -35,13 +35,43 @@ def approach(
     target: Array | None = None,
     options: Options | None = None,
 ) -> tuple[Equilibrium, Barrier]:
-    """Equilibrium with the obstacle at `vertices` (o, 3), `fixed` degrees of freedom at `target` (n, 3).
+    """Equilibrium with obstacle and fixed vertices at new places, reached without intersections.
 
-    x (n, 3) is (near) the equilibrium with `barrier` as given, `potentials` are all others, `fixed` a mask
-    (3n,). In each round the body follows the prescribed motion to first order, both move as far as continuous
-    collision detection finds free, and the body relaxes; a few rounds lead through many activation
-    distances, since what is touched is pushed along. Vertices move on straight lines: turn an obstacle in
-    small steps. Returns the equilibrium and the barrier there; raises `ConvergenceError` where nothing moves.
+    In each round the body follows the prescribed motion to first order, both move as far as continuous
+    collision detection allows, and the body relaxes. A few rounds cover many activation distances, since the
+    obstacle pushes along what it touches. Vertices move on straight lines: rotate an obstacle in small steps.
+
+    Parameters
+    ----------
+    potentials : sequence of Potential
+        All potentials but the barrier.
+    barrier : Barrier
+        Barrier with the obstacle at its old place.
+    x : array (n, 3)
+        Positions in mm at or near the equilibrium with that barrier.
+    vertices : array (o, 3)
+        New positions of the obstacle's vertices in mm.
+    fixed : boolean array (3n,), optional
+        Mask of the fixed degrees of freedom; by default none.
+    target : array (n, 3), optional
+        New positions in mm, whose fixed degrees of freedom apply; by default x.
+    options : Options, optional
+        When to stop, and what to do where that fails.
+
+    Returns
+    -------
+    equilibrium : Equilibrium
+        Positions in mm and the record of the last solve.
+    barrier : Barrier
+        Barrier with the obstacle at its new place.
+
+    Raises
+    ------
+    ConvergenceError
+        If obstacle and fixed vertices cannot come nearer to their places without intersections, or the last
+        solve finds no minimum (unless `options.allow_partial`).
+    InputError
+        If x is not finite.
     """
     options = options or Options()
     brief = replace(options, allow_partial=True, max_iterations=RELAXATIONS)
@@ -91,5 +121,5 @@ def _follow(
         block = workspace.block(matrix, free)
         step[free] -= workspace.systems.solve(block, load[free], tolerance=TOLERANCE, free=free)
     except (NotPositiveDefinite, SingularMatrix):
-        log.debug("the tangent cannot be factorised: only what is prescribed moves")
+        log.debug("the tangent cannot be factorised: only obstacle and fixed vertices move")
     return step.reshape(x.shape)

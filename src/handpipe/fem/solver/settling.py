@@ -1,4 +1,4 @@
-"""Equilibria whose contact planes are taken anew until the shape rests."""
+"""Equilibria whose contact planes are updated until the shape no longer moves."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ class Limits:
 class Settled:
     """An equilibrium, and how well its contact planes fit it.
 
-    Attributes
+    Parameters
     ----------
-    x : (n, 3)
-        Positions.
+    x : array (n, 3)
+        Positions in mm.
     renewals : int
-        How often contact planes were taken.
+        Number of times that contact planes were taken.
     motion : float
-        Motion in mm from where the planes of x were taken.
+        Motion in mm of x from the positions where its planes were taken.
     rests : bool
-        Whether that motion is little enough.
+        Whether that motion is below the limit.
     chosen : int
-        The number of the equilibrium that x is, from one.
+        Which of the equilibria x is, counted from one.
     solver : mapping of str to float
-        What the solver said of it, by name.
+        The solver's figures for it, by name.
     """
 
     x: Array
@@ -63,23 +63,45 @@ class Settled:
 
     @property
     def figures(self) -> dict[str, float]:
-        """What an artifact keeps of it, by name; the motion is in mm."""
+        """Figures for an artifact, by name; the motion is in mm."""
         renewals, unsettled = float(self.renewals), float(not self.rests)
         return {"contact_renewals": renewals, "contact_motion": self.motion, "contact_unsettled": unsettled}
 
     @property
     def validity(self) -> dict[str, float]:
-        """Whether a frame's body may be trusted, by name: motion in mm, and what the solver said."""
+        """Figures by which a frame's body is judged, by name: motion in mm, and the solver's own."""
         return {"unsettled": float(not self.rests), "contact_motion": self.motion, **self.solver}
 
 
 def largest(motion: Array) -> float:
-    """The longest vector of a motion (n, 3)."""
+    """Largest length of a motion's vectors.
+
+    Parameters
+    ----------
+    motion : array (n, 3)
+        Displacements, here in mm.
+
+    Returns
+    -------
+    float
+        Length in the same unit.
+    """
     return float(np.linalg.norm(motion, axis=1).max())
 
 
 def root_mean_square(motion: Array) -> float:
-    """Of the lengths of a motion's vectors (n, 3)."""
+    """Root mean square of the lengths of a motion's vectors.
+
+    Parameters
+    ----------
+    motion : array (n, 3)
+        Displacements, here in mm.
+
+    Returns
+    -------
+    float
+        Length in the same unit.
+    """
     return float(np.sqrt((motion**2).sum(axis=1).mean()))
 
 
@@ -91,14 +113,36 @@ def settle(
     measure: Callable[[Array], float] = largest,
     mover: Callable[[Array], str] | None = None,
 ) -> Settled:
-    """The equilibrium (n, 3) whose contact planes were taken where it is itself: a fixed point.
+    """Equilibrium under contact planes that were taken at the equilibrium itself: a fixed point.
 
-    equilibrium: from positions (n, 3) where planes are taken to the equilibrium under them; x: where to
-    begin; measure: mm of a motion (n, 3); mover: names what a motion moves most. Planes that alternate
-    between facets would keep the shape in a cycle: where the motion turns back and does not die away, only a
-    share of it is carried out before planes are taken again; one that goes on is a long way. Of a shape that
-    does not settle a warning is logged, and the equilibrium of least motion is taken. Raises
-    `ConvergenceError` where that is above `limits.gross`.
+    Planes that alternate between facets would keep the shape in a cycle. Where the motion does not decay and
+    reverses, only a share of it is made before planes are taken again; where it goes on, the share grows.
+
+    Parameters
+    ----------
+    equilibrium : callable
+        From positions (n, 3) in mm where planes are taken to the equilibrium (n, 3) in mm under these planes.
+    x : array (n, 3)
+        Positions in mm where the first planes are taken.
+    limits : Limits
+        Number of renewals, and bounds on the motion in mm.
+    name : str
+        Name of the shape in log lines and errors.
+    measure : callable
+        From a motion (n, 3) in mm to its size in mm.
+    mover : callable, optional
+        From a motion (n, 3) to the name of what moves most, for log lines.
+
+    Returns
+    -------
+    Settled
+        The first equilibrium whose motion is below `limits.settled`; else, after a warning, the one of least
+        motion.
+
+    Raises
+    ------
+    ConvergenceError
+        If the least motion is above `limits.gross`.
     """
     share, before, last = 1.0, np.inf, np.zeros_like(x)
     best = Settled(x, 0, np.inf)

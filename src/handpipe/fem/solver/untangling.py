@@ -1,7 +1,7 @@
-"""Ways out of and round tangles: a compressible stand-in of every body, and a start from the rest shape.
+"""Solution methods against tangles: compressible substitutes of bodies, and starts from the rest shape.
 
-Nearly incompressible bodies have many minima that hold knots of inverted tets or of tets wrapped twice round
-an edge, since the way out leads through a change of volume. With a Poisson's ratio of 0.3 there are few.
+Nearly incompressible bodies have many minima with inverted tets or with tets that surround an edge twice,
+since untangling them needs a change of volume. With a Poisson's ratio of 0.3 such minima are few.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ LOOSE_FORCE = 1e-2
 
 
 def tangles(energy: Sum, x: Array) -> int:
-    """Number of tets inside out and of inner edges not wrapped once, over all bodies at x (n, 3)."""
+    """Number of inverted tets and of inner edges not surrounded once, over all bodies at x (n, 3)."""
     return sum(p.tangles.count(x) for p in energy.potentials if isinstance(p, Elastic))
 
 
 def inverted(energy: Sum, x: Array) -> int:
-    """Number of tets inside out, over all bodies at x (n, 3)."""
+    """Number of inverted tets, over all bodies at x (n, 3)."""
     return sum(p.tangles.inverted(x) for p in energy.potentials if isinstance(p, Elastic))
 
 
@@ -50,14 +50,14 @@ def with_barrier(energy: Sum, steepest: float) -> Sum:
 
 
 def nearly_incompressible(energy: Sum) -> bool:
-    """Whether a stand-in would be softer than some body."""
+    """Whether the compressible substitute would be softer than some body."""
     return any(isinstance(p, Elastic) and p.nearly_incompressible() for p in energy.potentials)
 
 
 def by_stand_in(
     energy: Sum, x: Array, free: BoolArray, options: Options, workspace: Workspace
 ) -> Equilibrium:
-    """A shape near equilibrium of the compressible stand-in of every body, from x (n, 3)."""
+    """A shape near equilibrium of the compressible substitute of every body, from x (n, 3)."""
     bodies = [p.compressible() if isinstance(p, Elastic) else p for p in energy.potentials]
     loose = replace(
         options,
@@ -123,5 +123,5 @@ def from_rest(energy: Sum, x: Array, free: BoolArray) -> Array:
 
 
 def _steadied(matrix: sp.csr_matrix) -> sp.csr_matrix:
-    """Matrix with a little added to the diagonal, for parts that nothing is fixed on."""
+    """Matrix with a little added to the diagonal, for parts without fixed degrees of freedom."""
     return sp.csr_matrix(matrix + 1e-10 * float(matrix.diagonal().mean()) * sp.eye(matrix.shape[0]))

@@ -1,4 +1,4 @@
-"""What a fit is given: marks of the boundary, attached points, the template's place and frame."""
+"""Observations for a fit: marks of the boundary, attached points, the template's place and frame."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Points of a body that are held at known places."""
+"""Points of a body that are attached to known places."""
 
 from __future__ import annotations
 
@@ -12,7 +12,15 @@ from handpipe.core import Array, IntArray
 
 @dataclass(frozen=True)
 class Attached:
-    """Points of a tet mesh held at targets: matrix (t, n) of their weights, targets (t, 3) in mm."""
+    """Points of a tet mesh with the targets that they are attached to.
+
+    Parameters
+    ----------
+    matrix : sparse matrix (t, n)
+        Weights of the mesh's vertices for each point.
+    targets : array (t, 3)
+        Targets in mm.
+    """
 
     matrix: sparse.csr_matrix
     targets: Array

@@ -10,7 +10,7 @@ from handpipe.fem.potentials import Potential
 
 
 class Carried:
-    """The energy of points W x; W (k, n) takes vertices x (n, 3) to the points that a potential knows."""
+    """Energy of points W x; W (k, n) takes vertices x (n, 3) to the points that a potential acts on."""
 
     def __init__(self, potential: Potential, carry: sp.csr_matrix) -> None:
         self.potential, self.carry = potential, carry
@@ -25,7 +25,7 @@ class Carried:
         return np.asarray(self.carry.T @ self.potential.gradient(self.carry @ x))
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
-        """Second derivative (3n, 3n) in mN/mm: W^T H W; with `project`, of the potential's stand-in."""
+        """Second derivative (3n, 3n) in mN/mm: W^T H W; with `project`, of the potential's semidefinite H."""
         inner = self.potential.hessian(self.carry @ x, project)
         found = (self._coordinates.T @ inner @ self._coordinates).tocsr()
         found.sort_indices()

@@ -1,4 +1,4 @@
-"""Markers on a body's boundary, and the points of its surface that they are held against."""
+"""Markers on a body's boundary, and the points of its surface that correspond to them."""
 
 from __future__ import annotations
 
@@ -14,10 +14,21 @@ from handpipe.mesh.surfaces import Distance, Surface, barycentric_matrix
 
 @dataclass(frozen=True)
 class Markers:
-    """Places on the boundary of a body: points (r, 3) in mm and weights (r,).
+    """Places on the boundary of a body, with weights.
 
-    vertices (r,): the surface vertices that they were found from; None: each belongs to the closest point of
-    the surface (Wang 2021 Eq. 5.5).
+    Parameters
+    ----------
+    points : array (r, 3)
+        Places in mm.
+    weights : array (r,)
+        Weights of their squared distances from the surface, zero or more.
+    vertices : integer array (r,), optional
+        Surface vertices from which the markers were found and which correspond to them; by default the
+        closest point of the surface corresponds to each.
+
+    References
+    ----------
+    Wang 2021 Eq. 5.5.
     """
 
     points: Array
@@ -27,9 +38,16 @@ class Markers:
 
 @dataclass(frozen=True)
 class Correspondence:
-    """Points of a body, matrix (r, n) of its vertices, held at targets (r, 3).
+    """Points of a body and the targets that correspond to them.
 
-    metrics (r, 3, 3): roots of the quadratic forms that measure each error; None: plain distances.
+    Parameters
+    ----------
+    matrix : sparse matrix (r, n)
+        Weights of the body's vertices for each point.
+    targets : array (r, 3)
+        Targets in mm.
+    metrics : array (r, 3, 3), optional
+        Roots of the quadratic forms that measure each error; None: plain distances.
     """
 
     matrix: sparse.csr_matrix
@@ -45,7 +63,7 @@ class Correspondence:
     def of(
         markers: Markers, surface: Surface, embedding: sparse.csr_matrix, tangential: float
     ) -> Correspondence:
-        """Markers held by the surface at present, which embedding (v, n) carries.
+        """Points of the current surface, which embedding (v, n) carries, that correspond to markers.
 
         Errors count in full along the surface's normal and by the share `tangential` along the surface: a
         marker says where the boundary is, not which of its points is there.
@@ -87,7 +105,7 @@ class Correspondence:
         return self.matrix @ x - self.targets
 
     def distances(self, x: Array) -> Array:
-        """Distances (r,) in mm that count: along the normals for markers."""
+        """Distances (r,) in mm by the metrics: mainly along the normals for markers."""
         errors = self.errors(x)
         if self.metrics is None:
             return np.linalg.norm(errors, axis=1)
@@ -113,6 +131,17 @@ class Correspondence:
 
 
 def fixed_markers(points: Array) -> Callable[[Surface], Markers]:
-    """Markers (r, 3) placed by hand: the same whatever the surface."""
+    """Function that returns markers placed by hand, the same for every surface.
+
+    Parameters
+    ----------
+    points : array (r, 3)
+        Places on the boundary in mm.
+
+    Returns
+    -------
+    callable
+        From a surface to the markers, each of weight one and without a vertex.
+    """
     markers = Markers(points, np.ones(len(points)))
     return lambda surface: markers

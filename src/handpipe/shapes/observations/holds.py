@@ -1,4 +1,4 @@
-"""What holds a body while its shape is sought: points at known places, and ends whose places are sought."""
+"""Attachments of a body in a search for its shape: points at known places, and ends at unknown places."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Holds:
     targets : (t, 3)
         Targets in mm.
     begun : (t, 3)
-        Where the points of loose ends were first, in mm.
+        First places of the points of loose ends, in mm.
     ends : tuple of (k,)
         Numbers (of the t) of the points of each loose end, which moves as a rigid body.
     """
@@ -54,7 +54,7 @@ class Holds:
         return np.asarray(self.matrix @ x - self.targets)
 
     def departures(self) -> Array:
-        """Offsets (t, 3) of loose ends from where they were first; zero for attached points."""
+        """Offsets (t, 3) of loose ends from their first places; zero for attached points."""
         return self.targets - self.begun
 
     def by_motions(self) -> Array:

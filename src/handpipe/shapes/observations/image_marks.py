@@ -1,4 +1,4 @@
-"""Marks found in an image along the normals of the present surface, anew for every step."""
+"""Marks found in an image along the normals of the current surface, in every step."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from handpipe.shapes.observations.correspondence import Correspondence, Markers
 class ImageMarks:
     """Edges of the image near the boundary of a body, with a confidence each.
 
-    An edge is held by the vertex that it was searched from. Where the image shows no edge there is none.
+    An edge corresponds to the vertex from which it was searched. Where the image shows no edge there is none.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class ImageMarks:
         return float(values[order[np.searchsorted(below, 0.5 * below[-1])]])
 
     def __call__(self, x: Array) -> Correspondence:
-        """The edges near the present surface, at vertices x (n, 3)."""
+        """The edges near the current surface, at vertices x (n, 3)."""
         present = self._surface.moved(self._outer @ x)
         found = boundary_markers(self.volume, present, self.settings, muscle_level=self.level(x))
         markers = Markers(found.points, found.confidence, found.vertices)

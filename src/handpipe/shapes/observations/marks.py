@@ -1,4 +1,4 @@
-"""Marks of an organ's boundary: held by the nearest points of the present surface, or left out."""
+"""Marks of an organ's boundary: nearest points of the current surface correspond to them, or none."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from handpipe.shapes.observations.attached import Attached
 from handpipe.shapes.observations.correspondence import Correspondence, Markers
 
 NEIGHBOURS = 3  # of a mark; where marks cover the boundary, none of it is farther from the nearest one
-TUKEY = 4.685  # scales beyond which a mark has no say: 95 % efficient where all are good
+TUKEY = 4.685  # scales beyond which a mark has no weight: 95 % efficient where all are good
 NORMAL = 1.4826  # scale of a normal distribution over its median distance
 
 
@@ -57,9 +57,8 @@ class BoundaryMarks:
     ) -> None:
         """Marks (r, 3) on the boundary of a mesh.
 
-        `robust` is the distance in mm below which a distance is nothing unusual; None: all marks count alike.
-        `covering` tells that the marks are all over the boundary, and no part of the body is far from all of
-        them.
+        `robust` is the distance in mm below which none is unusual; None: all marks have equal weight.
+        `covering`: the marks are all over the boundary, and no part of the body is far from all of them.
         """
         self.surface = mesh.boundary()
         self.points, self.tangential, self.robust = points, tangential, robust
@@ -78,7 +77,7 @@ class BoundaryMarks:
         return Distance(self.surface.moved(x)).closest(self.points)[0]
 
     def weights(self, x: Array) -> Array:
-        """Tukey's biweight (r,) of the distances over their own scale: zero for what is far beyond it."""
+        """Tukey's biweight (r,) of the distances over their own scale: zero for marks far beyond it."""
         if self.robust is None or len(self.points) == 0:
             return np.ones(len(self.points))
         distances = self.distances(x)
@@ -86,7 +85,7 @@ class BoundaryMarks:
         return np.maximum(1 - (distances / (TUKEY * scale)) ** 2, 0.0) ** 2
 
     def __call__(self, x: Array) -> Correspondence:
-        """The marks that count, held by the closest points at present."""
+        """The marks of positive weight, and the closest points of the current surface."""
         if len(self.points) == 0:
             return Correspondence.none(len(x))
         weights = self.weights(x)
@@ -99,7 +98,7 @@ class BoundaryMarks:
         return found.joined(self._astray(present, self.points[keep]))
 
     def _astray(self, present: Surface, points: Array) -> Correspondence:
-        """Boundary vertices far from all marks, drawn to where the nearest one reaches.
+        """Boundary vertices far from all marks, with targets at the nearest mark's reach.
 
         Each has the weight of its area, in squares of the marks' spacing.
         """

@@ -2,7 +2,7 @@
 
 Wang 2021 stabilises an unattached object by its centroid and average rotation and alternates between strains
 and placement. Here the motions are unknowns of the same Gauss-Newton step, and for given strains the
-placement is the best one: energy does not see it, so no equilibrium has to be found anew.
+placement is the best one: the energy does not depend on it, so no new equilibrium is needed.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from handpipe.core import Array, IntArray, RigidTransform, left_jacobian
 from handpipe.fem.linear import unit_twists
 from handpipe.shapes.observations.correspondence import Correspondence
 
-UNFELT = 1e-6  # of what attachments resist most: three on a line leave the turn about it
+UNFELT = 1e-6  # of the largest resistance of attachments: three on a line do not resist rotation about it
 ROUNDS, SETTLED = 20, 1e-7  # of the body's size
 
 
 class LooseMotions:
-    """Twists (6, r), (velocity of the centre, angular velocity times size), that targets do not feel.
+    """Twists (6, r), (velocity of the centre, angular velocity times size), that targets do not resist.
 
-    Springs to targets on one line keep their lengths in a turn of the body about it, wherever their other
-    ends are: it is the targets that decide.
+    If all targets are on one line, springs to them keep their lengths when the body rotates about it,
+    wherever their other ends are: the targets alone decide.
     """
 
     def __init__(self, targets: Array, x: Array) -> None:
@@ -47,7 +47,7 @@ class LooseMotions:
         return unit_twists(x, self.centre, self.size) @ self.twists
 
     def pins(self, x: Array) -> IntArray:
-        """Degrees of freedom (r,) whose fixing stops these motions and nothing else: no reactions at rest."""
+        """Degrees of freedom (r,) whose fixing stops these motions without reactions at equilibrium."""
         if self.count == 0:
             return np.zeros(0, dtype=np.int64)
         pivots = scipy.linalg.qr(self.modes(x).T, mode="economic", pivoting=True)[2]

@@ -1,8 +1,8 @@
-"""Attachments on a line, or so nearly that they do not tell the turn about it.
+"""Attachments so nearly on a line that they do not determine the rotation about it.
 
-Beside a line by less than some of its length, the errors of a few points decide the turn, and springs at so
-short a lever would hold the body to it against all marks. The springs then hold the line alone, and the
-points themselves have the say of landmarks, beside that of the marks.
+If points are off a line by only a small share of its length, their errors decide the rotation about it, and
+springs with such short lever arms would impose it against all marks. The springs then act on the line alone,
+and the points themselves count as landmarks, besides the marks.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ def direction(points: Array) -> tuple[Array, float]:
 
 
 def on_line(points: Array) -> bool:
-    """Whether points (k, 3) leave the turn about a line open."""
+    """Whether points (k, 3) do not determine the rotation about a line."""
     return direction(points)[1] < NEARLY
 
 
 def in_space(points: Array) -> bool:
-    """Whether points (k, 3) are so far from any plane that they tell uniform strains."""
+    """Whether points (k, 3) are so far from any plane that they determine uniform strains."""
     if len(points) < 4:
         return False
     spreads = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
@@ -44,7 +44,7 @@ def loosened(attachments: Pairs | None, landmarks: Pairs | None) -> tuple[Pairs 
         return attachments, landmarks
     if not (on_line(attachments.points) or on_line(attachments.targets)):
         return attachments, landmarks
-    log.info("attachments are on a line, or nearly: marks and landmarks decide the turn about it")
+    log.info("attachments are on a line, or nearly: marks and landmarks decide the rotation about it")
     every = [attachments] if landmarks is None else [attachments, landmarks]
     known = Pairs(np.concatenate([p.points for p in every]), np.concatenate([p.targets for p in every]))
     return Pairs(_projected(attachments.points), _projected(attachments.targets)), known

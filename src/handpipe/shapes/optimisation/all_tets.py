@@ -21,7 +21,7 @@ from handpipe.shapes.strains.strain_frame import StrainFrame
 
 
 class AllTets:
-    """Log-strains (m, 6) of tets (m, 4), smooth as |L S|^2 says.
+    """Log-strains (m, 6) of tets (m, 4), with smoothness |L S|^2.
 
     frame: of the log-strains, where the mesh at rest is not the template.
     """

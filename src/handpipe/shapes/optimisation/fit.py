@@ -1,7 +1,7 @@
 """The shape of a body in one pose, from what the image shows.
 
-Smooth strains near a guess, whose equilibrium meets what the image shows (Wang 2021 chapter 5; Zheng 2022
-§4). The search is coarse to fine: uniform strain first, then more of the smoothest strain fields. Each
+The search finds smooth strains near a guess whose equilibrium matches the image (Wang 2021 chapter 5; Zheng
+2022 §4). It is coarse to fine: uniform strain first, then more of the smoothest strain fields. Each
 Gauss-Newton step costs one factorisation of the stiffness matrix.
 """
 
@@ -28,7 +28,17 @@ FindMarkers = Callable[[Surface], Markers]
 
 @dataclass
 class ShapeFit:
-    """Fitted tet vertices (n, 3), plastic strains (m, 6) whose equilibrium they are, and every step."""
+    """Fitted shape of a body and the plastic strains under which it is the equilibrium.
+
+    Parameters
+    ----------
+    vertices : array (n, 3)
+        Fitted tet vertices in mm.
+    strains : array (m, 6)
+        Plastic strains as xx, xy, xz, yy, yz, zz.
+    record : list of Record
+        Every step of the search.
+    """
 
     vertices: Array
     strains: Array
@@ -41,7 +51,17 @@ class ShapeFit:
 
 @dataclass(frozen=True)
 class EmbeddedSurface:
-    """A body at rest, its surface at rest, and the matrix embedding (v, n) by which the body carries that."""
+    """A body at rest with a surface that it carries.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+        Body at rest with n vertices, in mm.
+    surface : Surface
+        Surface at rest with v vertices, in mm.
+    embedding : sparse matrix (v, n)
+        Takes positions of the body's vertices to those of the surface's.
+    """
 
     mesh: TetMesh
     surface: Surface
@@ -56,13 +76,13 @@ class EmbeddedSurface:
 class KnownPoints:
     """Points of a body whose places are known.
 
-    Attributes
+    Parameters
     ----------
     attached : Attached
         Attached points.
-    loose : sequence of (t_i, n)
-        Matrices of points of ends that are held somewhere, each as a rigid body whose place is searched from
-        the guess's on.
+    loose : sequence of sparse matrix (t_i, n)
+        Weights of the body's vertices for the points of loose ends. Each end is attached to a rigid body of
+        unknown place: the search finds it, from the end's place in the guess.
     landmarks : Attached, optional
         Landmarks, which are used before the markers and with them.
     """
@@ -80,11 +100,34 @@ def fit_shape(
     start: Array | None = None,
     options: ShapeOptions | None = None,
 ) -> ShapeFit:
-    """Fit a body to markers on its boundary.
+    """Shape of a body in one pose, fitted to markers on its boundary.
 
-    find_markers gives the image's boundary points near the present surface and is called before every step;
-    start: vertices (n, 3) of a first guess, whose strains the search begins with. Raises `ConvergenceError`
-    where no equilibrium is found at the start.
+    Parameters
+    ----------
+    body : EmbeddedSurface
+        Body at rest and its surface.
+    known : KnownPoints
+        Attachments, loose ends and landmarks.
+    find_markers : callable
+        From the current surface to the image's boundary points near it; called before every step.
+    start : array (n, 3), optional
+        Vertices of a first guess in mm, from whose strains the search begins; by default the body at rest.
+    options : ShapeOptions, optional
+        Weights and stopping criteria.
+
+    Returns
+    -------
+    ShapeFit
+        Fitted vertices in mm, plastic strains and every step.
+
+    Raises
+    ------
+    ConvergenceError
+        If no equilibrium is found at the start, or the stiffness matrix becomes singular.
+
+    References
+    ----------
+    Wang 2021 chapter 5; Zheng 2022 §4.
     """
     options = options or ShapeOptions()
     mesh = body.mesh

@@ -1,15 +1,15 @@
 """Gauss-Newton steps over the strains of all tets (Wang 2021 Eq. 5.8), by rows or by iteration.
 
-With residuals r of the marks, Z their derivative by the log-strains S and E that by what nothing but marks
-determines (the six means of S and loose rigid motions, q), a step minimises over the new strains T = S + d
+With residuals r of the marks, Z their derivative by the log-strains S and E that by the unknowns q that marks
+alone determine (the six means of S and unconstrained rigid motions), a step minimises over T = S + d
 
     |L T|^2 / 2 + q D q / 2 + |r + Z d + E q|^2 / 2
 
-where D is tiny and only decides what the data leave open. `by_rows` is the Woodbury identity of Wang 2021
-Eq. 5.14, whose small system has one unknown a row (`row_system.py`); constant strains are unknowns beside
-them, in place of the dyads of Wang 2021 Eq. 5.13. `by_iteration` needs products with Z and Z^T alone, each a
-solve with the stiffness and one with L: conjugate gradients on the normal equations, in the variables L T.
-Its cost is linear in the rows.
+where D is tiny and only decides what the data do not determine. `by_rows` is the Woodbury identity of Wang
+2021 Eq. 5.14, whose small system has one unknown a row (`row_system.py`); constant strains are further
+unknowns, in place of the dyads of Wang 2021 Eq. 5.13. `by_iteration` needs products with Z and Z^T alone,
+each a solve with the stiffness and one with L: conjugate gradients on the normal equations, in the variables
+L T. Its cost is linear in the rows.
 """
 
 from __future__ import annotations

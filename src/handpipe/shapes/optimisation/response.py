@@ -33,7 +33,7 @@ class Solver(Protocol):
 class Response:
     """The derivative J (3n, 6m) of the equilibrium x by the log-strains, and the loose rigid motions.
 
-    loose (3n, r): rigid motions that nothing resists. They span the nullspace of the stiffness (Wang 2021
+    loose (3n, r): rigid motions without resistance. They span the nullspace of the stiffness (Wang 2021
     Nullspace Lemma); J is the pseudo-inverse's, and a step adds any of them.
     """
 

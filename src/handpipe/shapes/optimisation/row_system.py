@@ -2,10 +2,10 @@
 
     (G + 1) y + E q = w,   E^T y = D q,
 
-with G = Z B^+ Z^T known by its products alone and E what the constants and the loose motions, q, do. To form
-G takes six solves with L a row, a product with it twelve; a coarse G, which takes none, leaves few products
-to be done. Every iterate satisfies the second equation exactly (Gould, Hribar and Nocedal 2001), for D is so
-small that it must not be eliminated.
+with G = Z B^+ Z^T, available by products only, and E the derivative by the constants and the unconstrained
+rigid motions, q. To form G takes six solves with L a row, a product with it twelve; with a coarse G, which
+takes none, few products are needed. Every iterate satisfies the second equation exactly (Gould, Hribar and
+Nocedal 2001), for D is so small that it must not be eliminated.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 SHORTEST = 0.01  # share of a step below which a stage ends (Wang 2021 §5.4, criterion iii)
 LARGEST = 1.0  # change of a log-strain in one step
 ARMIJO = 0.1
-MET = 1e-8  # of the objective: a mark off by 0.03 micrometres; what is left is rounding
+MET = 1e-8  # of the objective: a mark off by 0.03 micrometres; below is rounding
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ class Record:
 class Search:
     """The objective on a mesh at rest, and steps that lower it.
 
-    loads: further potentials that act on the body, known beforehand. record: every step; hindered: whether
-    tets stood in the way of the last step; near: whether it brought all marks within `enough`.
+    loads: further potentials that act on the body. record: every step; hindered: whether tets shortened the
+    last step; near: whether it brought all marks within `enough`.
     """
 
     def __init__(
@@ -89,13 +89,13 @@ class Search:
         return self.body.with_strains(self.space.plastic(unknowns))
 
     def held(self, holds: Holds) -> list[Potential]:
-        """What acts on the body besides its own elasticity."""
+        """Potentials that act on the body besides its own elasticity."""
         if len(holds.targets) == 0:
             return [*self.loads]
         return [*self.loads, Attachment(holds.matrix, holds.targets, self.settings.spring)]
 
     def objective(self, state: State, marks: Correspondence, weight: float) -> float:
-        """What is minimised: Wang 2021 Eq. 5.3 with halves."""
+        """The objective: Wang 2021 Eq. 5.3 times a half."""
         fit = weight * marks.energy(state.x)
         hold = self.settings.beta * float((state.holds.errors(state.x) ** 2).sum())
         hold += self.settings.loose * float((state.holds.departures() ** 2).sum())
@@ -163,7 +163,7 @@ class Search:
         return self.at(state.unknowns + length * step.strains, holds, predicted)
 
     def note(self, state: State, stage: str, marks: Correspondence, step: tuple[float, float, float]) -> None:
-        """Put a step, or what stands for one, into the record: objective, length and when it began."""
+        """Record a step, or a remeshing as one; step: objective, length and when it began."""
         objective, length, begun = step
         errors = marks.distances(state.x)
         held = np.linalg.norm(state.holds.errors(state.x), axis=1)

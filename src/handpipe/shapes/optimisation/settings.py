@@ -1,4 +1,4 @@
-"""Numbers that decide what a search prefers and when it ends."""
+"""Weights and stopping criteria of searches."""
 
 from __future__ import annotations
 
@@ -35,17 +35,18 @@ class SearchSettings:
     spring : float
         Stiffness of an attached point in mN/mm.
     tangential : float
-        Share of a mark's distance that counts along the surface.
+        Weight of a mark's squared error along the surface, relative to that along its normal.
     iterations : int
-        Iterations at the full weight, at most.
+        Largest number of iterations at the full weight.
     enough : float
         Distance in mm of the farthest mark at which the search ends.
     progress : float
         Relative decrease of the objective below which a stage ends.
     resolution : pair of float, optional
-        Changes in mm of the mean and the largest distance that another step is worth (None: any).
+        Least decreases in mm of the mean and the largest distance of marks in a step; a step with less of
+        both ends the stage (None: no such limit).
     loose : float
-        Weight in 1/mm^2 that keeps loose ends where they are first.
+        Weight in 1/mm^2 of the moves of loose ends from their first places.
     material : Material
         Material of the body.
 
@@ -67,7 +68,7 @@ class SearchSettings:
     material: Material = MUSCLE
 
     def __post_init__(self) -> None:
-        """Raises `InputError` for a number outside `RANGES`."""
+        """Check that every number is within `RANGES`."""
         for name, (lower, upper) in RANGES.items():
             value = getattr(self, name, lower)
             if not (math.isfinite(value) and lower <= value <= upper):
@@ -77,11 +78,43 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class Settings(SearchSettings):
-    """Of an organ whose marks may be few, wrong, or far from the template.
+    """Search settings for an organ whose marks may be few, wrong, or far from the template.
 
-    outliers: give less weight to marks far beyond the others, beyond some times mark_error (mm) at least;
-    covering: the marks are all over the boundary, and no part of the organ is far from all of them;
-    remesh_below: smallest dihedral angle (deg) of a tet below which the organ is meshed anew (0: never).
+    Parameters
+    ----------
+    alpha, beta : float
+        Weights of marks and attachments against smoothness in 1/mm^2 (Wang 2021 Eq. 5.3).
+    spring : float
+        Stiffness of an attached point in mN/mm.
+    tangential : float
+        Weight of a mark's squared error along the surface, relative to that along its normal.
+    iterations : int
+        Largest number of iterations at the full weight.
+    enough : float
+        Distance in mm of the farthest mark at which the search ends.
+    progress : float
+        Relative decrease of the objective below which a stage ends.
+    resolution : pair of float, optional
+        Least decreases in mm of the mean and the largest distance of marks in a step; a step with less of
+        both ends the stage (None: no such limit).
+    loose : float
+        Weight in 1/mm^2 of the moves of loose ends from their first places.
+    material : Material
+        Material of the body.
+    outliers : bool
+        Whether marks much farther from the surface than the others get less weight.
+    mark_error : float
+        Error of a mark in mm that is usual even where other marks are more exact; the least scale by which
+        marks and attachments are judged to be far beyond the others.
+    covering : bool
+        Whether the marks are all over the boundary, so that no part of the organ is far from all of them.
+    remesh_below : float
+        Smallest dihedral angle of a tet in degrees below which the organ is remeshed (0: never).
+
+    Raises
+    ------
+    InputError
+        For a number that is out of `RANGES`.
     """
 
     outliers: bool = False
@@ -92,11 +125,41 @@ class Settings(SearchSettings):
 
 @dataclass(frozen=True)
 class ShapeOptions(SearchSettings):
-    """Of a body whose shape in one pose is sought near a guess, over smooth strain fields.
+    """Search settings for a body whose shape in one pose is near a guess, over smooth strain fields.
 
-    fields: how many strain fields each stage may use; volume: weight of each tet's squared change of volume
-    (log), strain: of its squared departure from the guess's strains, for a body and a guess that are known
-    well.
+    Parameters
+    ----------
+    alpha, beta : float
+        Weights of marks and attachments against smoothness in 1/mm^2 (Wang 2021 Eq. 5.3).
+    spring : float
+        Stiffness of an attached point in mN/mm.
+    tangential : float
+        Weight of a mark's squared error along the surface, relative to that along its normal.
+    iterations : int
+        Largest number of iterations at the full weight.
+    enough : float
+        Distance in mm of the farthest mark at which the search ends.
+    progress : float
+        Relative decrease of the objective below which a stage ends.
+    resolution : pair of float, optional
+        Least decreases in mm of the mean and the largest distance of marks in a step; a step with less of
+        both ends the stage (None: no such limit).
+    loose : float
+        Weight in 1/mm^2 of the moves of loose ends from their first places.
+    material : Material
+        Material of the body.
+    fields : tuple of int
+        Number of the smoothest strain fields that each stage may use.
+    volume : float
+        Weight of the squared logarithmic change of volume against smoothness.
+    strain : float
+        Weight of the squared difference from the guess's log-strains against smoothness, for a body and a
+        guess that are known well.
+
+    Raises
+    ------
+    InputError
+        For a number that is out of `RANGES`.
     """
 
     alpha: float = 0.1

@@ -18,8 +18,8 @@ from handpipe.shapes.optimisation.strain_space import NOTHING, Stage, State, Ste
 from handpipe.shapes.strains.smooth_strains import SmoothStrains
 from handpipe.shapes.strains.stretch import COUNTS, StretchField
 
-SMOOTHEST = 30  # strain fields of a guess that are taken over
-GUESSED = 0.4  # largest log-strain that is taken over from a guess: a blend of bone motions crushes some tets
+SMOOTHEST = 30  # strain fields of a guess that are kept
+GUESSED = 0.4  # largest log-strain that is kept of a guess: a blend of bone motions crushes some tets
 
 
 class SmoothFields:

@@ -1,6 +1,6 @@
-"""What a search for plastic strains chooses among, and what a step of it needs and gives.
+"""Spaces of plastic strains for a search, and its states, stages and steps.
 
-A strain space turns unknowns into the log-strains of all tets, says which of them it prefers, and finds the
+A strain space turns unknowns into the log-strains of all tets, has a prior on them, and computes the
 Gauss-Newton step (Wang 2021 Eq. 5.8) towards marks. There are two: the strains of every tet (`all_tets.py`),
 and combinations of the smoothest strain fields (`smooth_fields.py`).
 """
@@ -30,7 +30,7 @@ class State:
     unknowns : (k, 6)
         Unknowns of a strain space.
     holds : Holds
-        What holds the body: attached points and loose ends.
+        Attached points and loose ends of the body.
     body : Elastic
         The body under the strains.
     x : (n, 3)
@@ -108,9 +108,9 @@ class StrainSpace(Protocol):
         ...
 
     def prior(self, unknowns: Array) -> float:
-        """Twice the energy that prefers some strains to others."""
+        """Twice the prior's part of the objective."""
         ...
 
     def step(self, state: State, held: Sequence[Potential], marks: Correspondence, stage: Stage) -> Step:
-        """The Gauss-Newton step of a stage from a state that `held` potentials hold."""
+        """The Gauss-Newton step of a stage from a state under the `held` potentials and the body's own."""
         ...

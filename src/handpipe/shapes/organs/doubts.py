@@ -1,7 +1,7 @@
 """Attachments that the other points contradict, and marks that contradict each other.
 
-Both show in what points say of each other (`predictions.py`) before the search begins, which would meet them
-all: one wrong attachment by a spike, many wrong marks by strains that ruin tets.
+Predictions of points from the others (`predictions.py`) show both before the search begins, which would
+match all points: one wrong attachment by a spike, many wrong marks by strains that invert tets.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from handpipe.shapes.organs.remeshing import EARLY, Given
 
 log = logging.getLogger(__name__)
 
-SMOOTH = 0.01  # share of the marks' weight in a smooth fit, which shows little of each point's own error
+SMOOTH = 0.01  # share of the marks' weight in a smooth fit, which follows each point's own error little
 SUSPECT = 2.0  # scales beyond which an attachment has no part in it
 SHARES = 10.0 ** -np.arange(5)  # of the marks' weight that are tried
 SAMPLE = 200  # marks that are compared with each other
 GROUP = 50  # attachments that are compared at a time
-CLEARLY = 0.9  # of the marks' error: what a lower weight must bring it to
+CLEARLY = 0.9  # of the marks' error: a lower weight must reduce it to this
 
 
 @dataclass(frozen=True)
 class Doubts:
-    """What the points say of each other.
+    """Attachments and marks that other points contradict.
 
-    attachments (t,): those that the others contradict; scatter: mean distance in mm of marks from what the
-    other points predict; outlying: share of marks that are far beyond the others in this; share: of the
-    weight alpha, by which marks predict each other best.
+    attachments (t,): mask of contradicted attachments; scatter: mean distance in mm of marks from the places
+    that other points predict; outlying: share of marks whose distance is far beyond the others'; share: of
+    the weight alpha, with which marks predict each other best.
     """
 
     attachments: BoolArray
@@ -63,7 +63,7 @@ class Doubts:
         }
 
     def tell(self) -> None:
-        """Warn of what is wrong."""
+        """Log a warning for each doubt."""
         if self.attachments.any():
             which = np.flatnonzero(self.attachments).tolist()
             log.warning("attachments %s are left out: other points contradict them", which)
@@ -74,10 +74,15 @@ class Doubts:
 
 
 def examine(given: Given, start: Array) -> Doubts:
-    """Compare attachments and marks with what the other points predict, from vertices (n, 3) placed rigidly.
+    """Compare attachments and marks with predictions of the others, from vertices (n, 3) placed rigidly.
 
-    Few tets do for that (`coarse_template.py`); marks are held against the template's own surface, which they
-    carry. Raises `ConvergenceError` where no equilibrium is found at the start.
+    Few tets suffice for that (`coarse_template.py`); marks are compared with the template's own surface,
+    which they carry.
+
+    Raises
+    ------
+    ConvergenceError
+        If no equilibrium is found at the start.
     """
     count = 0 if given.held is None else len(given.held.targets)
     doubts = Doubts(np.zeros(count, dtype=bool))
@@ -98,7 +103,7 @@ def examine(given: Given, start: Array) -> Doubts:
 class _Body:
     """The free body that is fitted.
 
-    It has its strains, their search, vertices placed rigidly, empty holds, and points that it carries.
+    It has strains, their search, vertices placed rigidly, no attachments, and points that it carries.
     """
 
     space: AllTets

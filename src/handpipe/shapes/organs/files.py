@@ -25,7 +25,10 @@ def read_template(path: str | Path) -> TetMesh:
 def read_pairs(template: str | Path, image: str | Path) -> Pairs:
     """Pairs of points by label, from two `.mrk.json` files: on the template, and in the image.
 
-    Raises `InputError` where a label of one file is missing in the other.
+    Raises
+    ------
+    InputError
+        If a label of one file is missing in the other.
     """
     points, targets = read_landmarks(template), read_landmarks(image)
     for path, missing in ((image, points.keys() - targets), (template, targets.keys() - points)):

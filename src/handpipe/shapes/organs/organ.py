@@ -29,13 +29,27 @@ from handpipe.shapes.organs.stages import NEW_TETS, Position, follow, plan
 
 @dataclass(frozen=True)
 class OrganFit:
-    """What `fit_organ` found.
+    """Fitted organ, its plastic strains and the quality of the fit.
 
-    mesh: the organ, in mm; rest: the same tets at rest, on the template's vertices or, if the organ was
-    meshed anew, on those of the shape that it had then; strains (m, 6): plastic strains from there on, whose
-    equilibrium it is; carried (n0, 3): where the template's vertices are in it; record: every step; kept
-    (r,): marks that counted at the end; doubtful (t,): attachments that were left out; quality: errors and
-    quality of elements.
+    Parameters
+    ----------
+    mesh : TetMesh
+        Fitted organ in mm.
+    rest : TetMesh
+        The same tets at rest: on the template's vertices or, if the organ was remeshed, on those of its shape
+        at the last remeshing.
+    strains : array (m, 6)
+        Plastic strains from `rest`, under which the fitted organ is the equilibrium.
+    carried : array (n0, 3)
+        Positions in mm of the template's vertices in the fitted organ.
+    record : list of Record
+        Every step.
+    kept : boolean array (r,)
+        Mask of the marks with a weight above zero at the end.
+    doubtful : boolean array (t,)
+        Mask of the attachments that were not used, since other points contradict them.
+    quality : Metrics
+        Errors in mm and the quality of elements.
     """
 
     mesh: TetMesh
@@ -54,11 +68,18 @@ class OrganFit:
 
 @dataclass(frozen=True)
 class Observed:
-    """What is known of an organ in an image.
+    """Observations of an organ in an image; at least one kind is given.
 
-    marks (r, 3): points on its boundary, in mm, without correspondence; attachments: points of the template
-    that other organs hold, and where; landmarks: points of the template whose places in the image are known;
-    volume: an image in which marks are sought along the surface's normals, at the end.
+    Parameters
+    ----------
+    marks : array (r, 3), optional
+        Points on its boundary in mm, without correspondence.
+    attachments : Pairs, optional
+        Points of the template that are attached to other organs, and their places in the image.
+    landmarks : Pairs, optional
+        Points of the template whose places in the image are known.
+    volume : Volume, optional
+        Image that is searched for marks along the surface's normals in the last stage.
     """
 
     marks: Array | None = None
@@ -76,13 +97,43 @@ def fit_organ(
     checkpoint: str | Path | None = None,
     sources: Sources | None = None,
 ) -> OrganFit:
-    """Deform a template tet mesh to the marks of one organ in an image (Wang 2021 chapter 5).
+    """Shape of an organ in an image: a template tet mesh deformed to match marks.
 
-    loads: potentials that act on the organ besides; checkpoint: a file that is written after every step and
-    removed at the end, from which a fit of the same input goes on; sources: what messages call the inputs.
-    An organ without attachments is placed by its landmarks, or else by its marks, or else it is where the
-    template is. Tets that strains ruin are replaced (`remeshing.py`). Raises `InputError` for input that
-    cannot be used, `ConvergenceError` where no equilibrium is found at the start.
+    An organ without attachments is placed by its landmarks, or else by its marks, or else it begins at the
+    template's place. Badly shaped tets are replaced (`remeshing.py`).
+
+    Parameters
+    ----------
+    template : TetMesh
+        Organ at rest in mm.
+    observed : Observed
+        Marks, attachments, landmarks and image.
+    loads : sequence of Potential
+        Further potentials that act on the organ.
+    settings : Settings, optional
+        Weights and stopping criteria.
+    checkpoint : path, optional
+        File that is written after every step and removed at the end; an interrupted fit of the same input
+        continues from it.
+    sources : Sources, optional
+        Names of the inputs in errors.
+
+    Returns
+    -------
+    OrganFit
+        Fitted mesh in mm, plastic strains, every step and the quality of the fit.
+
+    Raises
+    ------
+    InputError
+        If the input is unusable: no observations, misshapen or not finite points, points off the template,
+        another unit, or an organ outside of the image.
+    ConvergenceError
+        If no equilibrium is found at the start.
+
+    References
+    ----------
+    Wang 2021 chapter 5.
     """
     settings = settings or Settings()
     sources = sources or Sources()

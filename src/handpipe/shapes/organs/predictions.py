@@ -1,9 +1,9 @@
-"""What points say of each other: each one's place as all others predict it, without another fit.
+"""Place of each point as all other points predict it, without another fit.
 
 Where smooth strains of a free body explain points to first order, the points' errors y are a Gaussian process
-with a covariance that a Gauss-Newton step knows, and linear terms (Rasmussen and Williams 2006, 2.7). With P
-its precision, the others miss the rows i of one point by P_ii^-1 (P y)_i (the same, 5.4.2). The body is free
-and not on the springs of attachments, which would hold these to any place.
+with the covariance of a Gauss-Newton step, and linear terms (Rasmussen and Williams 2006, 2.7). With P its
+precision, the others' prediction of the rows i of one point has the error P_ii^-1 (P y)_i (the same, 5.4.2).
+The body is free and not on the springs of attachments, which would pull these to any place.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ class Predictions:
     def at(
         space: AllTets, state: State, marks: FindMarks, known: Attached | None, held: Attached | None
     ) -> Predictions:
-        """Of all points, about a state of a body that nothing holds."""
+        """Of all points, about a state of an unconstrained body."""
         points = all_points(marks, known, held)(state.x)
         counts = [0 if pairs is None else len(pairs.targets) for pairs in (known, held)]
         system = space.system(state, (), points, 1.0)
         return Predictions(system, points.count - sum(counts), counts[0])
 
     def errors(self, asked: IntArray, among: IntArray, weight: float) -> Array:
-        """Offsets (k, 3) in mm of points from where other points predict them.
+        """Offsets (k, 3) in mm of points from the places that other points predict.
 
-        `asked` are the points asked for (k,); the others of `among` predict them. Each point counts by
-        `weight`. Offsets are zero where the others are too few to tell.
+        `asked` (k,) are these points; the others of `among` predict them. Each point has the weight `weight`.
+        Offsets are zero where the others are too few for a prediction.
         """
         if 3 * (len(among) - 1) <= self._free.shape[1]:
             return np.zeros((len(asked), 3))

@@ -1,11 +1,11 @@
-"""New tets where strains have ruined the old ones (Wang 2021 §5.10 leaves it open).
+"""Remeshing where strains have degraded tets (Wang 2021 §5.10 leaves it open).
 
-The present shape is meshed anew and becomes the rest shape, free of stress: what the old tets held against
-one another was the misfit of their strains, which would not fit new ones. Under loads there is stress: in a
-tet whose elastic deformation is F_e = V R, the plastic strain V^-1 from the present shape on gives the same
-one at the same place, since the material is isotropic. By what the equilibrium then departs from the present
-shape, for averages and for springs, a few steps towards that shape take it back. The log-strains that the
-search smooths are carried over (`strain_frame.py`).
+The current shape is remeshed and becomes the rest shape, free of stress: the stress of the old tets came from
+the misfit of their strains, which would not fit new tets. Under loads there is stress: in a tet whose elastic
+deformation is F_e = V R, the plastic strain V^-1 from the current shape gives the same stress at the same
+place, since the material is isotropic. Averages over tets and springs move the equilibrium off the current
+shape; a few steps towards that shape bring it back. The log-strains that the search smooths are transferred
+(`strain_frame.py`).
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ from handpipe.shapes.optimisation.strain_space import FindMarks, Stage, State
 from handpipe.shapes.strains.strain_frame import StrainFrame
 
 EARLY = 4  # steps of a stage that another one follows
-WORSE = 0.7  # of the angle at rest: tets that were bad from the start are not strains' doing
-BETTER = 1.5  # times the angle before, without which new tets are not worth it
-HINDERED = 0.25  # length of a step that tets stood in the way of
-FINER = (1.0, 0.7, 0.5)  # edges that are tried: thin parts may need shorter ones
+WORSE = 0.7  # of the angle at rest: strains have not degraded tets that were bad from the start
+BETTER = 1.5  # times the angle before: new tets with less are not used
+HINDERED = 0.25  # length of a step: tets shortened it
+FINER = (1.0, 0.7, 0.5)  # relative edge lengths to try: thin parts may need shorter ones
 PACKED = 4.6  # cube of the edge length that tets are made with, over their mean volume
-KEPT = 200  # points by which the shape is held meanwhile
+KEPT = 200  # points that keep the shape meanwhile
 LOST = 0.1  # of the volume: edges longer than a part is thick lose that part
-STRETCH = 3.0  # elastic stretch, either way, that is carried over
+STRETCH = 3.0  # largest elastic stretch, either way, that is transferred
 
 
 @dataclass(frozen=True)
 class Given:
-    """What a fit is to meet, on the template: marks (r, 3), attached points, landmarks, loads, an image."""
+    """Input of a fit, on the template: marks (r, 3), attached points, landmarks, loads, an image."""
 
     template: TetMesh
     marks: Array
@@ -93,7 +93,7 @@ class OnMesh:
         return OnMesh(given, given.template, None, None, [])
 
     def find(self, uses: str) -> FindMarks:
-        """What gives the marks of a stage that uses "nothing", "landmarks", "marks" or the "image"."""
+        """The function that finds the marks of a stage with "nothing", "landmarks", "marks" or "image"."""
 
         def found(x: Array) -> Correspondence:
             marks = self.marks(x) if uses in ("marks", "image") else Correspondence.none(len(x))
@@ -103,7 +103,7 @@ class OnMesh:
 
 
 def worn(task: OnMesh, state: State) -> bool:
-    """Whether strains have ruined tets: flat or tangled ones, or ones that keep steps from being taken."""
+    """Whether strains have degraded tets: some are flat or tangled, or prevent steps."""
     below = task.given.settings.remesh_below
     smallest = task.mesh.moved(state.x).smallest_dihedral()
     if below == 0.0 or smallest >= WORSE * task.mesh.smallest_dihedral():
@@ -116,7 +116,7 @@ def _stuck(search: Search) -> bool:
 
 
 def remeshed(task: OnMesh, state: State) -> tuple[OnMesh, State]:
-    """The search on new tets of the present shape, about as many as the template's, and the state there.
+    """The search on new tets of the current shape, about as many as the template's, and the state there.
 
     Raises `HandpipeError` where the shape cannot be meshed or new tets would be no better.
     """

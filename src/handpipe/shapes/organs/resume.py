@@ -1,4 +1,4 @@
-"""Fits that were killed go on from their last step."""
+"""Interrupted fits continue from their last step."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ KIND = "organ_checkpoint"
 class FitCheckpoint:
     """The last position of a fit, in a file that is replaced as a whole.
 
-    It is taken up only by a fit that is given the same: the file holds a digest of that.
+    Only a fit of the same input continues from it: the file has a digest of the input.
     """
 
     def __init__(self, path: str | Path, given: Given) -> None:

@@ -25,7 +25,7 @@ UNIFORM = 1  # strain field
 
 @dataclass(frozen=True)
 class Planned:
-    """A stage that uses "nothing" but attachments, "landmarks", "marks" or the "image", on whatever mesh."""
+    """A stage with attachments and "nothing" else, "landmarks", "marks" or the "image", on any mesh."""
 
     name: str
     uses: str
@@ -34,13 +34,13 @@ class Planned:
     most: int
 
     def on(self, task: OnMesh) -> Stage:
-        """The stage on the present mesh."""
+        """The stage on the current mesh."""
         return Stage(self.name, task.find(self.uses), self.weight, self.fields, self.most)
 
 
 @dataclass(frozen=True)
 class Position:
-    """Where a fit is: in which stage, whose record begins with number `first`, after how many new meshes."""
+    """Position of a fit: the stage, whose record begins with number `first`, and the meshes made so far."""
 
     task: OnMesh
     state: State
@@ -52,8 +52,8 @@ class Position:
 def plan(given: Given) -> list[Planned]:
     """Stages of a fit: attachments, landmarks, marks, the image, as far as given.
 
-    Each is used over uniform strains first, then with growing weights. Pairs in a plane would let uniform
-    strains across it go astray: they wait for more.
+    Each is used over uniform strains first, then with growing weights. Pairs in a plane do not determine
+    uniform strains across it: they wait for further observations.
     """
     settings = given.settings
     stages: list[Planned] = []
@@ -86,7 +86,7 @@ def follow(position: Position, stages: Sequence[Planned], save: Callable[[Positi
 
 
 def _advanced(at: Position, stage: Planned) -> Position:
-    """One step, then new tets if it ruined them: with these the stage begins anew."""
+    """One step, then new tets if it degraded them: with new tets the stage begins again."""
     search = at.task.search
     state, ended = search.advance(at.state, stage.on(at.task), at.first)
     at = replace(at, state=state)
@@ -108,6 +108,6 @@ def _advanced(at: Position, stage: Planned) -> Position:
 def _settled(stage: Planned, ended: bool) -> bool:
     """Whether a shape is worth new tets.
 
-    Uniform strains may go far astray before they come to rest, and attachments alone hardly tell them.
+    Uniform strains may be far off before they converge, and attachments alone hardly determine them.
     """
     return stage.fields != UNIFORM or (ended and stage.uses != "nothing")

@@ -1,8 +1,8 @@
-"""Smooth strains spanned by few fields, and what rows say of these alone.
+"""Smooth strains spanned by few fields, and the rows' system among these alone.
 
 Indicator fields of clusters of tets, made smooth by sweeps of Jacobi with the best dampings: the coarse space
 of smoothed aggregation (Vanek, Mandel and Brezina 1996). Smoothness, |L S|^2, is so steep that nearly all
-that marks say of strains is in it.
+that marks determine of strains is in this space.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The plastic strain Laplacian acts on each of the six numbers alone (Wang 2021 Eq. A.2), so one scalar
 eigenproblem serves all six. Its least eigenvectors, from the constant one on, span the fields that the
-smoothness term of Wang 2021 Eq. 5.3 allows: what lies outside is damped by at least the last eigenvalue
+smoothness term of Wang 2021 Eq. 5.3 allows: fields outside of it are damped by at least the last eigenvalue
 squared.
 """
 

@@ -1,10 +1,9 @@
 """Log-strains kept in the frame of the template while tets are at rest in another shape.
 
-A tet at rest in a later shape has behind it a rotation R from the template and log-strains C, both carried to
-it. Of log-strains T (in the template's frame, all that has happened), R (T - C) R^T is what happens from
-the later shape on. T goes on smoothly where tets are replaced, and smoothness acts on T: what the template
-says of the shape is not forgotten. Logarithms of strains that do not commute do not add up exactly; T is what
-is smoothed, the strains from the rest shape on are what mechanics sees.
+A tet at rest in a later shape has undergone a rotation R and log-strains C from the template. Of the total
+log-strains T, in the template's frame, R (T - C) R^T is the part from the later shape. T stays smooth where
+tets are replaced, and smoothness acts on T: the template remains the reference. Logarithms of strains that do
+not commute do not add up exactly; smoothness acts on T, mechanics on the strains from the rest shape.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ UNITS = plasticity.to_matrices(np.eye(6))
 
 @dataclass(frozen=True, eq=False)
 class StrainFrame:
-    """rotations R (m, 3, 3) and log-strains C (m, 6) of tets, before they came to rest where they are."""
+    """Rotations R (m, 3, 3) and log-strains C (m, 6) of tets from the template to their rest shape."""
 
     rotations: Array
     before: Array

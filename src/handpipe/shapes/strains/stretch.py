@@ -1,8 +1,8 @@
 """The logarithm of the stretch of a deformation gradient, and its derivative.
 
 F = R U with U symmetric. Plastic strains are compared, smoothed and interpolated through log U: it does not
-see rotations, it is minus infinity where a tet collapses, and the exponential of any combination is positive
-definite.
+depend on rotations, it is minus infinity where a tet collapses, and the exponential of any combination is
+positive definite.
 """
 
 from __future__ import annotations
@@ -49,7 +49,13 @@ def _divided_differences(c: Array, logs: Array) -> Array:
 
 
 class StretchField:
-    """log U of every tet as a function of the vertices of a mesh at rest."""
+    """Function from vertex positions to the logarithmic stretch log U of every tet.
+
+    Parameters
+    ----------
+    rest : TetMesh
+        Mesh at rest in mm.
+    """
 
     def __init__(self, rest: TetMesh) -> None:
         self.gradient = gradient_operator(rest.vertices, rest.tets)
@@ -63,7 +69,7 @@ class StretchField:
         return (self.gradient @ x.ravel()).reshape(-1, 3, 3)
 
     def inverted(self, x: Array) -> int:
-        """Number of tets that are inside out at vertices (n, 3)."""
+        """Number of inverted tets at vertices (n, 3)."""
         return int((np.linalg.det(self.deformation(x)) <= 0).sum())
 
     def linearise(self, x: Array) -> tuple[Array, sparse.csr_matrix]:

@@ -1,4 +1,4 @@
-"""What a scanner and a person would give: volumes, scans, seeds of a posed subject."""
+"""Acquisition of a posed subject: volumes and scans of a scanner, seeds of a person."""
 
 from typing import TYPE_CHECKING
 

@@ -39,7 +39,7 @@ class Grid:
 
     @staticmethod
     def around(points: Array, margin: float, spacing: float) -> Grid:
-        """The grid that holds points (n, 3) and a margin in mm."""
+        """The grid that contains points (n, 3) and a margin in mm."""
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         nx, ny, nz = (int(n) for n in np.ceil((high - low) / spacing) + 1)
         return Grid((nx, ny, nz), low, spacing)

@@ -57,7 +57,7 @@ def kept_off(
             if len(close):
                 shift[close] += _outwards(shape, (result + shift)[close], distance)
         spread = shift
-        if number < rounds - 2:  # the last rounds push without smoothing, so that the distance holds
+        if number < rounds - 2:  # the last rounds push without smoothing, so that the distance is kept
             for _ in range(3):
                 spread = average @ spread
             larger = np.linalg.norm(spread, axis=1) > np.linalg.norm(shift, axis=1)

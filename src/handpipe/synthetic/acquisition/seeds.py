@@ -73,9 +73,19 @@ def scribble_locally(
 
 
 def draw(dataset: Dataset, pose: str) -> None:
-    """Write a generated pose's seeds where the dataset names them, from its true label volumes.
+    """Write the seeds of a generated pose to the file that the dataset names, from its true label volumes.
 
-    Raises `InputError` where the dataset names no seeds for the pose or has no truth.
+    Parameters
+    ----------
+    dataset : Dataset
+        Generated subject, whose seed makes the strokes reproducible.
+    pose : str
+        Name of the pose.
+
+    Raises
+    ------
+    InputError
+        If the dataset names no seeds for the pose or has no truth.
     """
     path = dataset.poses[pose].seeds
     if path is None or dataset.truth is None:

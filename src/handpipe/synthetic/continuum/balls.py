@@ -1,4 +1,4 @@
-"""Means of a field over small balls: what a tendon of some thickness feels of the tissue around it."""
+"""Means of a field over small balls, by which a thick tendon is coupled to the tissue around it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tissue that resists being crushed to nothing: the volume of no element vanishes."""
+"""Resistance of tissue to crushing, so that no element's volume vanishes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from handpipe.synthetic.continuum.elements import Elements
 
 CRUSHED = 0.3  # of its volume at rest: where the resistance begins
 STEEPEST = 0.02  # of that: below, it grows quadratically, so that a bad start has an energy
-LAST = 2e-3  # the same where that does not hold: small tets at a muscle's end are pressed by over 3 MPa
+LAST = 2e-3  # the same where `STEEPEST` is too weak: over 3 MPa press on small tets at a muscle's end
 
 
 class Crushing(DensityPotential):
     """Energy sum of V k b(J / 0.3) over points with J = det F < 0.3; b(s) = -(s - 1)^2 ln s, k in kPa.
 
-    Below s = `steepest` b goes on as its parabola there: twice continuous, and finite for a start that is
-    inside out, which stable laws alone would let stay so.
+    Below s = `steepest` b continues as its parabola there: twice continuous, and finite for an inverted
+    start, which stable laws alone would leave inverted.
     """
 
     def __init__(self, elements: Elements, stiffness: float, steepest: float = STEEPEST) -> None:
@@ -27,7 +27,7 @@ class Crushing(DensityPotential):
         self.stiffness, self.steepest = stiffness, steepest
 
     def to_the_end(self, last: float = LAST) -> Crushing:
-        """The same resistance, going on as the logarithm until almost nothing is left of an element."""
+        """The same resistance, logarithmic until almost no volume of an element is left."""
         return Crushing(self.elements, self.stiffness, last)
 
     def densities(self, f: Array, points: slice) -> Array:

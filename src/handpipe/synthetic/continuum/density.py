@@ -12,7 +12,7 @@ from numba import njit
 from handpipe.core import Array, BoolArray, Int32Array, IntArray
 from handpipe.synthetic.continuum.elements import Elements
 
-CHUNK = 2_000  # cells whose (9, 9) tangents are held at a time
+CHUNK = 2_000  # cells whose (9, 9) tangents are in memory at a time
 
 
 class DensityPotential:

@@ -49,7 +49,7 @@ class Solid(DensityPotential):
         return np.asarray(np.bincount(e.cells.ravel(), forces.ravel(), len(e.nodes)), dtype=float)
 
     def volume_ratios(self, x: Array) -> Array:
-        """Determinants det F (m, q) at every point, positive where tissue is not inside out."""
+        """Determinants det F (m, q) at every point, positive where tissue is not inverted."""
         return np.linalg.det(self.deformation_gradients(x))
 
     def bulk_moduli(self) -> Array:

@@ -81,8 +81,8 @@ class Strands(PointPotential):
 class Cable(PointPotential):
     """Energy T sum l over segments of length l: a tendon that slides in its sheath under a tension T in mN.
 
-    `operator` and `segments` as of `Strands`. The muscle at its far end gives way or takes up what the tendon
-    slides; where its line bends, it presses on what guides it. Lengths are rounded at BLUNT mm.
+    `operator` and `segments` as of `Strands`. The muscle at its far end lengthens or shortens as the tendon
+    slides; where its line bends, it presses on its guides. Lengths are rounded at BLUNT mm.
     """
 
     def __init__(self, operator: Operator, segments: IntArray, tension: ArrayLike) -> None:

@@ -38,7 +38,10 @@ def outer_faces(mesh: TetMesh, bones: Iterable[IntArray]) -> IntArray:
 def bone_weights(point: Array, mesh: TetMesh, bone: IntArray, count: int) -> sp.lil_matrix:
     """Weights (1, count) of the bone's vertices that give the point (3,) of its surface nearest to a point.
 
-    Raises `InputError` where the point is farther than REACH from the bone.
+    Raises
+    ------
+    InputError
+        If the point is farther than REACH from the bone.
     """
     faces = bone_faces(mesh, bone)
     distance, triangle, closest = Distance(Surface(mesh.vertices, faces)).closest(point[None])

@@ -46,7 +46,7 @@ class Strand:
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """What is simulated, at rest.
+    """Anatomy of a coupled body at rest.
 
     labels (m,) number the `regions` of the tets; `bones` has the mesh's vertices on each bone's surface,
     within which there are no tets; `fibres` the unit directions (f, 3) of the tets of each region that is a
@@ -101,12 +101,16 @@ class Contact:
 
 
 class Body:
-    """The coupled body: quadratic (or linear) elements on an anatomy's mesh, and what acts on them.
+    """The coupled body: quadratic (or linear) elements on an anatomy's mesh, and their potentials.
 
     `materials` gives each region's; skin_faces (k, 3) are the triangles of nodes on the outer surface, of a
     quadratic face the four between its nodes; `on_bones` the nodes on each bone; `cells` the tets between
-    nodes, with `cell_labels`; `muscles` the tets of each; `order` 2 or 1. Raises `InputError` where a region
-    has no material or fibres do not fit.
+    nodes, with `cell_labels`; `muscles` the tets of each; `order` 2 or 1.
+
+    Raises
+    ------
+    InputError
+        If a region has no material or fibres do not fit.
     """
 
     def __init__(
@@ -138,7 +142,7 @@ class Body:
 
     @property
     def fixed(self) -> BoolArray:
-        """Mask (3n,) of the nodes that bones hold."""
+        """Mask (3n,) of the degrees of freedom of nodes on bones, which are fixed."""
         held = np.zeros(len(self.rest), dtype=bool)
         for nodes in self.on_bones.values():
             held[nodes] = True
@@ -179,20 +183,20 @@ class Body:
         return matrix.tocsr()
 
     def inverted(self, x: Array) -> int:
-        """Number of quadrature points, and of tets between nodes, that are inside out at x (n, 3)."""
+        """Number of quadrature points, and of tets between nodes, that are inverted at x (n, 3)."""
         points = int((self.solid.volume_ratios(x) <= 0).sum())
         return points + int((self.cells.moved(x).volumes() <= 0).sum())
 
     def crushed(self, x: Array, left: float = 0.0) -> BoolArray:
-        """Elements (m,) of which a quadrature point has this share left at x (n, 3), or is inside out."""
+        """Elements (m,) with this share of volume or less at a quadrature point, at x (n, 3)."""
         return np.asarray((self.solid.volume_ratios(x) <= left).any(axis=1))
 
     def inside_out(self, x: Array) -> BoolArray:
-        """Elements (m,) that are inside out at a point, or between nodes, at x (n, 3)."""
+        """Elements (m,) that are inverted at a quadrature point, or between nodes, at x (n, 3)."""
         return self.crushed(x) | self.folded(x)
 
     def folded(self, x: Array, left: float = 0.0) -> BoolArray:
-        """Quadratic tets (m,) of which a tet between nodes has this share left at x (n, 3), or folds."""
+        """Quadratic tets (m,) of which a tet between nodes has this share of volume or less at x (n, 3)."""
         count = len(self.elements.cells)
         if self.order == 1:
             return np.zeros(count, dtype=bool)
@@ -200,7 +204,7 @@ class Body:
         return np.asarray(shares.reshape(count, -1).min(axis=1) <= left)
 
     def between_nodes(self, cells: BoolArray, last: float = LAST) -> Crushing:
-        """Resistance to the end, `last`, against the crushing of the tets between the nodes of cells (m,)."""
+        """Resistance to crushing of the tets between the nodes of cells (m,), logarithmic down to `last`."""
         chosen = self.cells.tets[np.repeat(cells, len(self.cells.tets) // len(cells))]
         return Crushing(Elements.linear(TetMesh(self.rest, chosen)), CRUSH_STIFFNESS).to_the_end(last)
 

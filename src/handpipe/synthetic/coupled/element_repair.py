@@ -1,4 +1,4 @@
-"""Repair of inverted elements: nodes about them are taken from a valid shape, bent to fit."""
+"""Repair of inverted elements: a valid shape, deformed to match, replaces the nodes around them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from handpipe.synthetic.coupled.body import Body
 
 log = logging.getLogger(__name__)
 
-RINGS = (2, 3, 4, 6)  # of elements about what is inside out that are taken over: the fewest that will do
-SPREADING = 4  # times that what folds for it is taken over, too
+RINGS = (2, 3, 4, 6)  # of replaced elements around inverted ones: the fewest that suffice
+SPREADING = 4  # times that elements inverted by a repair are replaced, too
 
 
 def repair_elements(body: Body, x: Array, right: Array) -> tuple[Array, BoolArray] | None:
@@ -33,7 +33,7 @@ def repair_elements(body: Body, x: Array, right: Array) -> tuple[Array, BoolArra
             found[taken] = right[taken] + _harmonic(body, away, taken)
             now = body.inside_out(found)
             if not now.any() and (body.barrier is None or not body.barrier.intersects(found)):
-                log.info("%d nodes taken from a shape that is the right way out", taken.sum())
+                log.info("%d nodes replaced by those of an uninverted shape", taken.sum())
                 return found, taken
             if not (now & ~wrong).any():
                 break

@@ -17,7 +17,7 @@ from handpipe.synthetic.coupled.uninverted import uninverted
 log = logging.getLogger(__name__)
 
 REACH = 3.0  # of contact on the way, in activation distances: the skin is pushed along in longer rounds
-PASSING = 8  # iterations for a state on the way, which need not rest
+PASSING = 8  # iterations for an intermediate state, which need not converge
 NO_OBSTACLE = np.zeros((0, 3))
 
 
@@ -32,8 +32,12 @@ def follow(
     """The equilibrium at motion(1), followed from x (n, 3), that of motion(0), by default the rest shape.
 
     Without contact steps are as long as the solver can take, the first one of `steps`; with contact there are
-    so many, each walked as far as is free of collisions. Raises `ConvergenceError` where no equilibrium is
-    found, or tissue ends inside out.
+    so many, each walked as far as is free of collisions.
+
+    Raises
+    ------
+    ConvergenceError
+        If no equilibrium is found, or tissue stays inverted.
     """
     options = options or Options(name="coupled body")
     start = body.rest if x is None else x

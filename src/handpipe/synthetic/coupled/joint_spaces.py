@@ -41,7 +41,7 @@ def gliding(
 def opened(anatomy: Anatomy, passed: BoolArray) -> Anatomy:
     """The anatomy without tets between two bones, and without attachment at the vertices `passed` (n,).
 
-    What hangs on nothing but an edge or a vertex after that is left out, too.
+    Parts that are then connected only by an edge or a vertex are left out, too.
     """
     mesh, owner = anatomy.mesh, np.full(len(anatomy.mesh.vertices), -1)
     for number, on in enumerate(anatomy.bones.values()):

@@ -22,9 +22,9 @@ from handpipe.synthetic.coupled.validation import volume_changes
 
 log = logging.getLogger(__name__)
 
-KEPT = 2e-3  # relative change of a muscle's volume that is left
-ROUNDS = 12  # in which pressures are sought
-COMPLIANCES = (0.1, 1.5)  # of the material's own, between which what surrounds a muscle leaves its
+KEPT = 2e-3  # largest relative change of a muscle's volume that remains
+ROUNDS = 12  # of the search for pressures
+COMPLIANCES = (0.1, 1.5)  # of the material's own: range of a muscle's compliance within its surroundings
 
 
 class Pressure(DensityPotential):
@@ -56,8 +56,12 @@ def with_volumes_kept(
     """The equilibrium of a pose in which each muscle's volume is within 0.2 % of that at rest.
 
     x (n, 3) is the equilibrium without; right: as of `uninverted`. Pressures, one a muscle, are the volumes'
-    Lagrange multipliers, sought by the secant method. Raises `ConvergenceError` where volumes find no
-    room, or tissue stays inside out.
+    Lagrange multipliers, found by the secant method.
+
+    Raises
+    ------
+    ConvergenceError
+        If volumes cannot be kept, or tissue stays inverted.
     """
     options = options or Options(name="volumes")
     tets = list(body.muscles.values())

@@ -25,7 +25,7 @@ CUT = "cut"  # takes the place of a bone's name
 def cut_out(anatomy: Anatomy, chosen: BoolArray) -> tuple[Anatomy, IntArray]:
     """The anatomy of the chosen tets (m,), without strands, and its vertices' (n,) numbers in the whole.
 
-    What holds it to the rest, vertices of faces between chosen and other tets, is like a bone named "cut".
+    The vertices of faces between chosen and other tets are like those of a bone named "cut".
     """
     part, used = anatomy.part(chosen)
     tets, (i, j) = anatomy.mesh.tets, tet_neighbours(anatomy.mesh.tets).T
@@ -57,10 +57,10 @@ def refinement_error(
     x: Array,
     options: Options | None = None,
 ) -> Metrics:
-    """How far linear tets are from quadratic ones on the chosen tets (m,), as `validation.difference` says.
+    """Difference of linear from quadratic tets on the chosen tets (m,), by `validation.difference`.
 
     x (n, 3) are positions of the whole anatomy's vertices in the pose, found with linear tets. Both are
-    solved with the cut where x has it, which takes away what the rest of the body would add.
+    solved with the cut at its positions in x, which excludes differences in the rest of the body.
     """
     part, used = cut_out(anatomy, chosen)
     coarse, fine = (Body(part, materials, order=1), Body(part, materials, order=2))

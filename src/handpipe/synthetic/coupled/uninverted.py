@@ -1,4 +1,4 @@
-"""Equilibria of a body of which nothing is inside out."""
+"""Equilibria of a coupled body without inverted elements."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from handpipe.synthetic.coupled.element_repair import repair_elements
 
 log = logging.getLogger(__name__)
 
-NEARLY = 0.1  # of its volume at rest: a tet between nodes that has less left folds where its neighbours turn
-FURTHER, LEAST = 0.1, 1e-5  # how much further what stays inside out resists, each time, and at most
-RINGS = 2  # of elements about those inside out, which turn before all else moves
+NEARLY = 0.1  # of its volume at rest: a tet between nodes with less inverts when its neighbours turn over
+FURTHER, LEAST = 0.1, 1e-5  # of `last` where elements stay inverted, and its least value
+RINGS = 2  # of elements around inverted ones, which move before all others
 
 
 def uninverted(
@@ -32,14 +32,19 @@ def uninverted(
     options: Options,
     right: Array | None = None,
 ) -> Equilibrium:
-    """An equilibrium of the energies as it is, or, where tissue is inside out, the one beside it that is not.
+    """An equilibrium of the energies as found, or a nearby one without inverted tissue.
 
-    There the resistance against crushing goes on to the end, and the body comes to rest anew. The points of a
-    small quadratic tet do not feel that it folds beside them: the tets between its nodes resist, too. What is
-    pressed from both sides may stay inside out by a hair, and resists further then.
-    What turns takes many short steps, so that it turns first, with its surroundings alone; not at all where
-    positions `right` (n, 3) near the equilibrium are known of which nothing is inside out: there it begins.
-    Raises `ConvergenceError` where tissue stays inside out.
+    Where tissue is inverted, the resistance to crushing becomes logarithmic down to smaller volumes, and the
+    equilibrium is solved again. The quadrature points of a small quadratic tet may miss an inversion beside
+    them: the tets between its nodes resist, too. Tissue that is pressed from both sides may stay slightly
+    inverted; then the resistance continues further. Inverted elements take many short steps to turn over, so
+    they move first, with their surroundings alone. If uninverted positions `right` (n, 3) near the
+    equilibrium are known, the solve starts from these instead.
+
+    Raises
+    ------
+    ConvergenceError
+        If tissue stays inverted.
     """
     folded, tried, last = np.zeros(len(body.anatomy.mesh.tets), dtype=bool), False, LAST
     while inverted := body.inverted(found.x):
@@ -49,7 +54,7 @@ def uninverted(
         if last < LEAST:
             problem = f"{inverted} tets end inside out, {_place(body, found.x)}: refine, or move less"
             raise ConvergenceError(options.name, problem)
-        log.info("%s: %d tets end inside out, resisting more", options.name, inverted)
+        log.info("%s: %d inverted tets; retrying with more resistance to crushing", options.name, inverted)
         known = None if tried or right is None else repair_elements(body, found.x, right)
         folded, tried = more if known is None else more | body.folded(known[0], NEARLY), True
         harder = [p.to_the_end(last) if isinstance(p, Crushing) else p for p in energies]
@@ -58,7 +63,7 @@ def uninverted(
             nodes = np.unique(body.elements.cells[folded])
             options = replace(options, coarse=with_nodes(options.coarse, nodes))
         resisting = [*harder, *between]
-        wrong = folded | body.crushed(found.x, STEEPEST * CRUSHED)  # beyond which the resistance is another
+        wrong = folded | body.crushed(found.x, STEEPEST * CRUSHED)  # where the resistance differs from before
         start = found.x if known is None else known[0]
         moving = _about(body, wrong) if known is None else known[1]
         start = _turned(body, resisting, moving, start, options)
@@ -75,9 +80,9 @@ def uninverted(
 def _turned(
     body: Body, energies: Sequence[Potential], moving: BoolArray, x: Array, options: Options
 ) -> Array:
-    """Positions (n, 3) at which the nodes of a mask (n,) rest, while all others stay.
+    """Positions (n, 3) in equilibrium at the nodes of a mask (n,), while all other nodes stay.
 
-    What is no tissue, contact above all, acts as for small moves from x.
+    Potentials other than tissue's, mainly contact, are expanded to second order at x.
     """
     nodes = body.elements.nodes_of(body.elements.touching(moving))
     tissue: list[Potential] = [p.about(moving, nodes) for p in energies if isinstance(p, DensityPotential)]
@@ -91,7 +96,7 @@ def _turned(
 
 
 def _place(body: Body, x: Array) -> str:
-    """Where the first element is that is inside out at x (n, 3), and in what."""
+    """Place and region of the first inverted element at x (n, 3)."""
     cell = int(np.flatnonzero(body.inside_out(x))[0])
     at = ", ".join(f"{c:.1f}" for c in x[body.elements.cells[cell]].mean(axis=0))
     return f"first at ({at}) in {body.anatomy.regions[body.anatomy.labels[cell]]}"

@@ -1,4 +1,4 @@
-"""What a coupled truth says about itself: patch test, refinement, muscles' volumes, different starts."""
+"""Checks of a coupled truth by itself: patch test, refinement, muscles' volumes, different starts."""
 
 from __future__ import annotations
 
@@ -19,10 +19,20 @@ SHAKEN = 0.1  # of the shortest edge at a node: where inner nodes start the patc
 
 
 def patch_test(body: Body) -> float:
-    """Largest distance in mm of an inner node from an affine map that all outer nodes are given.
+    """Largest distance of an inner node from an affine map that is prescribed on all outer nodes.
 
-    The mesh is taken as of one material, with Poisson's ratio 0.49: then the map is the equilibrium, whatever
-    the mesh. Inner nodes start away from it.
+    The whole mesh gets one material, with Poisson's ratio 0.49: then the map is the equilibrium on any mesh.
+    Inner nodes start away from it.
+
+    Parameters
+    ----------
+    body : Body
+        Coupled body whose elements are tested.
+
+    Returns
+    -------
+    float
+        Distance in mm; zero but for rounding and the solver's tolerances if the elements are right.
     """
     solid = Solid(body.elements, Material(1.0, 0.49))
     wanted = body.rest @ AFFINE.T
@@ -88,7 +98,20 @@ def order_without_reference(coarse: float, fine: float) -> tuple[float, float]:
 
 
 def volume_changes(body: Body, x: Array) -> dict[str, float]:
-    """Change of each muscle's volume in percent at positions x (n, 3)."""
+    """Change of each muscle's volume relative to rest.
+
+    Parameters
+    ----------
+    body : Body
+        Coupled body.
+    x : array (n, 3)
+        Positions of its nodes in mm.
+
+    Returns
+    -------
+    dict of str to float
+        Changes in percent by muscle.
+    """
     return {
         name: 100.0 * (body.volume(name, x) / body.volume(name, body.rest) - 1.0) for name in body.muscles
     }

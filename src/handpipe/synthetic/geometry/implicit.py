@@ -71,7 +71,7 @@ def smooth_union(shapes: list[Implicit], blend: float) -> Implicit:
 def carved(
     shape: Implicit, obstacle: Implicit, gap: float, blend: float = 0.6, depth: float = 3.0
 ) -> Implicit:
-    """The shape without what is closer than `gap` mm to an obstacle, cut at most `depth` mm deep."""
+    """The shape without its parts closer than `gap` mm to an obstacle, cut at most `depth` mm deep."""
 
     def value(x: Array) -> Array:
         result = shape(x)

@@ -104,7 +104,7 @@ def _resample(line: Array, step: float) -> Array:
 
 
 def _smooth(line: Array, width: float) -> Array:
-    """Gaussian smoothing over `width` mm with the ends held (odd reflection about them)."""
+    """Gaussian smoothing over `width` mm with fixed ends (odd reflection about them)."""
     pad = int(4 * width / STEP) + 1
     before = 2.0 * line[0] - line[pad:0:-1]
     after = 2.0 * line[-1] - line[-2 : -pad - 2 : -1]

@@ -14,14 +14,14 @@ from handpipe.mesh.surfaces import Distance
 
 LENGTH = 12.0  # mm over which shapes vary: the standard deviation of the Gaussian that correlates them
 ORGANS, BONES = 0.8, 0.3  # mm, standard deviation of each component
-FADING = 4.0  # mm from bones, within which organs vary less: what lies on a bone lies on it in everybody
+FADING = 4.0  # mm from bones, within which organs vary less: a part on a bone is on it in everybody
 WAVES = 400
 
 
 class Variation:
     """A map of points (n, 3) in mm: moved by a Gaussian field that is smooth over `LENGTH`, one of each name.
 
-    The gradient's components have a standard deviation of sd / LENGTH, far below one, so that nothing folds.
+    The gradient's components have a standard deviation of sd / LENGTH, far below one: no folds.
     sd: mm, of the displacement's components; bones: on these nothing moves, where they are given.
     """
 

@@ -104,8 +104,12 @@ def posture(pose: str, seed: int) -> Posture:
 def generate_pose(dataset: Dataset, pose: str, *, spacing: float = 0.8, margin: float = 6.0) -> None:
     """Write a pose's volume, seeds, scan, truth and label volumes where the dataset names them.
 
-    `spacing` is the voxel size and `margin` the air around the finger, in mm. Raises `InputError` for a pose
-    that the phantom does not know.
+    `spacing` is the voxel size and `margin` the air around the finger, in mm.
+
+    Raises
+    ------
+    InputError
+        For an unknown pose.
     """
     posed = finger().posed(posture(pose, dataset.seed))
     rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 4])

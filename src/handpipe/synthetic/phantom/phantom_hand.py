@@ -48,7 +48,10 @@ def posture(pose: str, seed: int) -> Posture:
 def generate_pose(dataset: Dataset, pose: str) -> None:
     """Write a pose's volume, truth and label volumes where the dataset names them; `seeds.draw` adds seeds.
 
-    Raises `InputError` for a pose that the phantom does not know, and for what it does not have.
+    Raises
+    ------
+    InputError
+        For an unknown pose, and for parts that the phantom does not have.
     """
     posed_hand.require_bones_alone(dataset, hand().bones)
     posed_hand.write_pose(dataset, pose, hand().posed(posture(pose, dataset.seed)))
@@ -57,7 +60,10 @@ def generate_pose(dataset: Dataset, pose: str) -> None:
 def generate_templates(dataset: Dataset) -> None:
     """Write the templates of bones that the dataset names: their own neutral surfaces.
 
-    Raises `InputError` for templates of muscles and others that this phantom does not have.
+    Raises
+    ------
+    InputError
+        For templates of muscles and others that this phantom does not have.
     """
     posed_hand.require_bones_alone(dataset, hand().bones)
     posed_hand.write_templates(dataset, hand().posed(posture("neutral", dataset.seed)))

@@ -115,7 +115,10 @@ class Motion:
     def posture(self, pose: str, seed: int) -> Posture:
         """Posture of a named pose; the root is repositioned by up to 5 degrees and 6 mm in all but neutral.
 
-        Raises `InputError` for a pose that the subject does not have.
+        Raises
+        ------
+        InputError
+            For a pose that the subject does not have.
         """
         if pose not in self.poses:
             known = ", ".join(self.poses)

@@ -37,7 +37,10 @@ def carved(own: Array, at: Array, others: Iterable[tuple[Implicit, RigidTransfor
 def without_handles(surface: Surface, name: str) -> Surface:
     """A closed surface like a ball's: small tunnels through it are closed by moving it out and in again.
 
-    Raises `InputError` where tunnels stay open.
+    Raises
+    ------
+    InputError
+        If tunnels stay open.
     """
     if _like_a_ball(Mesh(*surface)):
         return surface

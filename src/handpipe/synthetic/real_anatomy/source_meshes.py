@@ -1,4 +1,4 @@
-"""Reading source anatomy: its folder, its meshes, and the mending of them."""
+"""Reads source anatomy: its folder, and its meshes with repairs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,23 @@ log = logging.getLogger(__name__)
 
 
 def folder_of(dataset: Dataset) -> Path:
-    """The folder of the dataset's source anatomy; `InputError` where it is absent."""
+    """Folder of a dataset's source anatomy.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Generated subject that is made from real anatomy.
+
+    Returns
+    -------
+    path
+        The existing folder.
+
+    Raises
+    ------
+    InputError
+        If the dataset names no folder or the folder does not exist.
+    """
     if dataset.anatomy is None or not dataset.anatomy.exists():
         problem = "is not given" if dataset.anatomy is None else f"{dataset.anatomy} does not exist"
         raise InputError(dataset.name, "anatomy", problem, "Give the folder of the source anatomy")

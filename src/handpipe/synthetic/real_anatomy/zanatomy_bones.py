@@ -146,7 +146,10 @@ def subject(folder: Path) -> Subject:
 def generate_pose(dataset: Dataset, pose: str) -> None:
     """Write a pose's volume, truth and label volumes where the dataset names them; `seeds.draw` adds seeds.
 
-    Raises `InputError` for a pose or bones that this hand does not have, or where the source is absent.
+    Raises
+    ------
+    InputError
+        For a pose or bones that this hand does not have, or where the source is absent.
     """
     subject(folder_of(dataset)).generate_pose(dataset, pose)
 

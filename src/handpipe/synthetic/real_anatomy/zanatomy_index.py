@@ -300,8 +300,12 @@ def posture(dataset: Dataset, pose: str) -> Posture:
 def generate_pose(dataset: Dataset, pose: str, *, spacing: float = 0.8, margin: float = 6.0) -> None:
     """Write a pose's volume, seeds, scan, truth and label volumes where the dataset names them.
 
-    `spacing` is the voxel size and `margin` the air around the finger, in mm. Raises `InputError` for an
-    unknown pose, or where the source anatomy is absent.
+    `spacing` is the voxel size and `margin` the air around the finger, in mm.
+
+    Raises
+    ------
+    InputError
+        For an unknown pose, or where the source anatomy is absent.
     """
     anatomy = _finger(dataset)
     posed = anatomy.posed(posture(dataset, pose))

@@ -45,8 +45,8 @@ log = logging.getLogger(__name__)
 KIND = "coupled-pose"
 REST = "neutral"  # the pose whose angles are zero
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
-STEP = 6.0  # degrees of the joint that turns most: twice as much at once, and tissue starts inside out
-PATIENCE = 300  # iterations: a clenched fist comes to rest crease by crease
+STEP = 6.0  # degrees of the joint that turns most: with twice as much, tissue starts inverted
+PATIENCE = 300  # iterations: a clenched fist converges crease by crease
 SHORT = 1.0  # mm that a node of quadratic tets moves at most in an iteration
 AT_REST = Options(displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=PATIENCE, untangle=False)
 CLICKS = 10  # points of a tendon that a person clicks
@@ -66,7 +66,10 @@ TEMPLATE_WARP = templates.Warp(
 def opened_hand(template: str | Path, subject: str | Path, motion: Motion) -> Anatomy:
     """The template hand's anatomy as a coupled body, for all poses of its motion.
 
-    Raises `InputError` where a joint opens through the skin.
+    Raises
+    ------
+    InputError
+        If a joint opens through the skin.
     """
     positions = [bones_at(motion, pose, share) for pose in motion.poses for share in PARTS]
     anatomy = open_hand(Template.load(template), SubjectTemplate.load(subject), positions)
@@ -100,7 +103,12 @@ def bones_at(motion: Motion, pose: str, share: float = 1.0, start: str = REST) -
 def settle(hand: HandBody, motion: Motion, pose: str, start: str = REST, x: Array | None = None) -> Array:
     """Equilibrium positions (n, 3) of a pose, followed from the pose `start` at x (n, 3), or from rest.
 
-    Quadratic tets begin where linear ones have come to rest. Raises `ConvergenceError` where there is none.
+    Quadratic tets begin at the equilibrium of linear ones.
+
+    Raises
+    ------
+    ConvergenceError
+        If there is no equilibrium.
     """
     if hand.quadratic:
         return _refined(hand, motion, pose, start, x)
@@ -118,9 +126,9 @@ def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | N
     """Positions (n, 3) of the nodes of quadratic tets, from those of the same hand's linear ones.
 
     Some 345,000 nodes: linear systems are solved by two levels, of which the linear tets' is factorised. Bent
-    skin that linear tets hold smooth wrinkles on the way, so that steps are short. From another pose linear
-    tets come the same way, and what quadratic ones differ by there is added where that folds nothing. (Linear
-    tets between the corners of quadratic ones may be inside out: they cannot go on from there.)
+    skin that stays smooth with linear tets wrinkles on the way, so that steps are short. From another pose
+    linear tets take the same way, and the quadratic tets' difference there is added where it inverts no tet.
+    (Linear tets between the corners of quadratic ones may be inverted: they cannot continue from there.)
     """
     body, linear = hand.body, hand.linear()
     carry = body.elements.prolongation()
@@ -131,14 +139,14 @@ def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | N
     begun = right if x is None else _other_start(body, body.prescribed(at, right + x - carry @ before), right)
     energies = body.energies(at)
     found = solve(energies, begun, fixed=body.fixed, options=options)
-    # Keeping volumes unfolds what it changes: first, since to unfold takes as long as all the rest.
-    # Linear tets, from which these begin, end the right way out.
+    # Keeping volumes also removes inversions where it changes shapes: first, since removing them takes as
+    # long as all the rest. Linear tets, from which quadratic ones begin, end without inversion.
     kept = with_volumes_kept(body, at, found.x, options, right)
     return uninverted(body, energies, kept, options, right).x
 
 
 def _other_start(body: Body, x: Array, right: Array) -> Array:
-    """Positions (n, 3) as x, but as `right` where x is inside out. Raises `ConvergenceError` for none."""
+    """Positions x (n, 3), repaired by `right` where x is inverted; `ConvergenceError` where that fails."""
     if body.inverted(x) == 0:
         return x
     found = repair_elements(body, x, right)
@@ -175,7 +183,7 @@ def refinement_errors(
 ) -> tuple[str, dict[str, Metrics]]:
     """How far linear tets are from quadratic ones in the pose that bends least.
 
-    Of a hand of quadratic tets in the whole. One of linear tets is told ray by ray, each cut out: a finger,
+    For a hand of quadratic tets as a whole; for one of linear tets ray by ray, each cut out: a finger,
     or the thumb with its metacarpal and the muscles there. Returns the pose's name, too.
     """
     [pose, *_], anatomy = _least_bent(motion, found), hand.body.anatomy

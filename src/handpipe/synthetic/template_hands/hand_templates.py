@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 FOREARM = 45.0  # mm of radius and ulna that are kept
 WRIST = 4.0  # mm from the capitate's near end to the middle of the wrist's motion
-ATTACHED = 1.5  # mm from a bone within which a source's muscle is taken as attached
+ATTACHED = 1.5  # mm from a bone within which a source's muscle counts as attached
 MUSCLES = {
     "abductor_digiti_minimi": "Abductor_digiti_minimi_of_hand_r",
     "flexor_digiti_minimi": "Flexor_digiti_minimi_of_hand_r",
@@ -127,13 +127,13 @@ def with_points(
 
 
 def _end(bone: Surface) -> Surface:
-    """What a forearm's bone has in the last mm towards the hand, open where it is cut."""
+    """End of a forearm's bone towards the hand, open where it is cut."""
     near = bone.vertices[:, 0] > bone.vertices[:, 0].max() - FOREARM
     return Surface(bone.vertices, bone.triangles[near[bone.triangles].all(axis=1)]).compact()
 
 
 def _attached(body: Surface, bones: Mapping[str, Surface]) -> dict[str, IntArray]:
-    """The vertices near each bone; none of a muscle that springs from tendons, as lumbricals do."""
+    """The vertices near each bone; none of a muscle that originates from tendons, as lumbricals do."""
     found = {}
     for name, bone in bones.items():
         near = np.flatnonzero(Distance(bone).closest(body.vertices)[0] < ATTACHED)

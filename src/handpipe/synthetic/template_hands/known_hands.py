@@ -1,4 +1,4 @@
-"""What is known of a coupled hand without any soft tissue: its bones with their marrow, and how they move."""
+"""Coupled hands without soft tissue: bones with their marrow, and their motion."""
 
 from __future__ import annotations
 
@@ -15,14 +15,38 @@ from handpipe.synthetic.real_anatomy.source_meshes import folder_of
 
 @dataclass(frozen=True)
 class KnownHand:
-    """A hand's joints and poses, and its bones, which are made when they are asked for."""
+    """A hand's joints and poses, and its bones, which are made on demand.
+
+    Parameters
+    ----------
+    motion : Motion
+        Joints and poses.
+    hand : callable
+        Makes the bones with their marrow.
+    """
 
     motion: Motion
     hand: Callable[[], Hand]
 
 
 def known_hand(dataset: Dataset) -> KnownHand:
-    """The hand of a dataset's generator; `InputError` where its source data are absent."""
+    """Joints, poses and bones of the hand of a dataset's generator.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Generated subject: of the generator "zanatomy-hand", else a phantom hand.
+
+    Returns
+    -------
+    KnownHand
+        Joints and poses, and a function that makes the bones.
+
+    Raises
+    ------
+    InputError
+        If the generator's source data are absent.
+    """
     if dataset.generator == "zanatomy-hand":
         subject = zanatomy_bones.subject(folder_of(dataset))
         return KnownHand(subject.motion, lambda: subject.hand)

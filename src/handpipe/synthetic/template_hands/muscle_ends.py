@@ -16,10 +16,23 @@ FEW, REACH = 10, 2.5  # an end of fewer vertices takes those within so many mm o
 
 
 def marked_ends(template: Template, subject: SubjectTemplate) -> dict[str, dict[str, IntArray]]:
-    """Vertices of each muscle's and ligament's surface by bone, {organ: {bone: ids}}.
+    """Attachments of each muscle and ligament by bone.
 
-    The subject's own attachments are what lies on a bone, a few vertices of an end with fat about it and none
-    of a lumbrical, which springs from tendons. A template that is fitted to images needs both its ends.
+    The subject's own attachments are only those vertices that lie on a bone: a few of an end with fat around
+    it, and none of a lumbrical, which originates from tendons. A template that is fitted to images needs both
+    its ends.
+
+    Parameters
+    ----------
+    template : Template
+        Tet meshes of the organs with their origins and insertions, in mm.
+    subject : SubjectTemplate
+        Names of the muscles and ligaments, and surfaces of the bones in mm.
+
+    Returns
+    -------
+    dict of str to dict of str to integer array
+        By organ and bone, the attached vertices of the organ's surface, numbered among its boundary vertices.
     """
     bones = {name: Distance(surface) for name, surface in subject.bones.items()}
     names = [*subject.muscles, *subject.ligaments]

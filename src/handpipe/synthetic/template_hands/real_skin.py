@@ -1,6 +1,6 @@
 """A skin made around real organs: a few mm beyond all of them, hollows and webs filled, cut at the wrist.
 
-Organs are moved outwards by much and back by less (a closing), which fills what is narrower than that. The
+Organs are moved outwards by much and back by less (a closing), which fills gaps narrower than that. The
 palm and each finger are closed by themselves, so that fingers stay apart.
 """
 
@@ -99,7 +99,7 @@ def _box(low: IntArray, high: IntArray) -> Box:
 
 
 def closed(filled: BoolArray, closing: Closing) -> Array:
-    """About the distance in mm, negative inside, to the closing of what is filled of a grid."""
+    """Approximate distance in mm, negative inside, to the closing of a grid's filled voxels."""
     outside = SPACING * distance_transform_edt(~filled)
     inside = SPACING * distance_transform_edt(outside < closing.outwards)
     return np.where(inside > 0, closing.outwards - closing.thickness - inside, outside - closing.thickness)

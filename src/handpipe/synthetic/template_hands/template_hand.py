@@ -12,7 +12,18 @@ from handpipe.synthetic.template_hands import hand_templates
 
 
 def bare_hand(bone_edge: float, skin_edge: float) -> SubjectTemplate:
-    """The phantom hand in neutral without soft tissue; triangles of about these edge lengths in mm."""
+    """Phantom hand in neutral without soft tissue.
+
+    Parameters
+    ----------
+    bone_edge, skin_edge : float
+        Approximate edge lengths in mm of the triangles of bones and skin.
+
+    Returns
+    -------
+    SubjectTemplate
+        Bones, joints and skin in mm.
+    """
     known = hand_templates.phantom()
     bones = {name: remesh(bone, bone_edge) for name, bone in known.bones.items()}
     return replace(known, bones=bones, skin=skin_surface(phantom_hand.layout(), skin_edge))

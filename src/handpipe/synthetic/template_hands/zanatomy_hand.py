@@ -64,7 +64,10 @@ class RealHand:
 def build(folder: Path, edges: Mapping[str, float], *, factorise: Factorise = superlu) -> RealHand:
     """The hand of an anatomy folder; `edges` in mm of triangles on "bone" and "skin", and of tets in "fat".
 
-    Raises `InputError` where the source is absent.
+    Raises
+    ------
+    InputError
+        If the source is absent.
     """
     source = zanatomy_bones.subject(folder)
     whole = {name: Surface(*bone) for name, bone in source.hand.bones.items()}
@@ -109,7 +112,7 @@ def _row(organ: str, what: str, value: float, unit: str) -> Row:
 
 
 def _source_bones(folder: Path) -> tuple[dict[str, Surface], list[Row]]:
-    """The source's bones as `zanatomy_bones` reads them, and what was mended."""
+    """The source's bones as `zanatomy_bones` reads them, and the repairs."""
     bones, rows = {}, []
     for name, file in zanatomy_bones.FILES.items():
         mesh, said = repair(read_mesh(folder / HAND / f"{file}.ply"))
