@@ -76,10 +76,29 @@ def contour(field: Volume, level: float) -> Surface:
 
 
 def marrow_surface(volume: Volume, bone: BoneProbability) -> Surface:
-    """Closed smooth surface of a bone's marrow, world mm.
+    """Closed smooth surface of a bone's marrow.
 
     Starts from the isosurface 0.5 of the probability, then follows the inner face of the dark layer that
     is fitted along its normals, where the image shows it clearly.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    bone : BoneProbability
+        Probability of the bone's marrow.
+
+    Returns
+    -------
+    Surface
+        Surface that faces outwards, in world mm; flat where the volume's border cuts the marrow.
+
+    Raises
+    ------
+    InputError
+        If the probability never crosses 0.5.
+    ConvergenceError
+        If the smooth displacement does not converge.
     """
     local = volume.crop(bone.offset, bone.offset + bone.probability.shape)
     whole = bridged(_smoothed(bridged(bone.probability, local.values)), local.values)

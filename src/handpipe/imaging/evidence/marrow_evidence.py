@@ -27,10 +27,18 @@ BRIGHTEST = 1.3  # levels; vessels and artefacts beyond it say no more
 
 @dataclass(frozen=True)
 class MarrowEvidence:
-    """A pose's image in units of the local marrow level.
+    """A pose's image in units of the local marrow level, fine and coarse.
 
-    fine: as scanned; bright: coarse means; dark: the darkest that lies within a voxel or two of the coarse
-    grid. Beyond the grid nothing is known.
+    Beyond the grid nothing is known.
+
+    Parameters
+    ----------
+    fine : Volume
+        Image at the resolution of the scan.
+    bright : Volume
+        Means over blocks of about `COARSE_GRID` mm.
+    dark : Volume
+        Lowest value within a voxel or two of the coarse grid.
     """
 
     fine: Volume

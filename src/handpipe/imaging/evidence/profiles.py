@@ -15,7 +15,24 @@ BLUR = 0.5  # voxels: deviation of a voxel's box, 0.29, and of trilinear interpo
 
 
 def sample_profiles(volume: Volume, points: Array, directions: Array, offsets: Array) -> Array:
-    """Values (n, m) at points (n, 3) moved by offsets (m,) in mm along unit directions (n, 3)."""
+    """Intensities of an image along lines.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image.
+    points : array (n, 3)
+        Origin of each line, in world mm.
+    directions : array (n, 3)
+        Unit direction of each line.
+    offsets : array (m,)
+        Distances of the samples from the origins in mm, negative against the direction.
+
+    Returns
+    -------
+    array (n, m)
+        Trilinear values; beyond the grid, the value at its border.
+    """
     return volume.sample(points[:, None] + offsets[:, None] * directions[:, None])
 
 

@@ -92,7 +92,20 @@ def widened_limits(rig: JointTree) -> Limits:
 
 
 def limit_rows(rig: JointTree) -> list[dict[str, str | float]]:
-    """A row an angle, in deg: range seen, range published (absent if it is not), and the limits in use."""
+    """A table of the limits of a rig's angles, one row per angle.
+
+    Parameters
+    ----------
+    rig : JointTree
+        Rig with its scanned poses.
+
+    Returns
+    -------
+    list of dict
+        Rows with `angle` and, in deg, the lower and upper end of the range in the rig's poses (`seen_lower`,
+        `seen_upper`), of the published range (`reference_…`, absent if none is published) and of the limits
+        in use (`limit_…`).
+    """
     rows = []
     for name, angle in angle_ranges(rig).items():
         row: dict[str, str | float] = {"angle": name}

@@ -46,9 +46,20 @@ CROWDED = 4.0  # what a bone wholly inside others loses, in bones that agree
 
 @dataclass(frozen=True)
 class HandModel:
-    """The neutral hand: bodies, the root's first, and the joints between them, parents first.
+    """The neutral hand that is searched for in images.
 
-    probes, marrow, whole: by bone; distances: to whole bones.
+    Parameters
+    ----------
+    bodies : list of Body
+        Groups of bones that move as one, the root's first.
+    links : list of Link
+        Joints between the bodies, parents first.
+    probes : dict of str to Probes
+        Points of each bone at which an image is sampled.
+    marrow : dict of str to Surface
+        Neutral marrow surface of each bone in mm.
+    distances : dict of str to Distance
+        Distances to each whole neutral bone.
     """
 
     bodies: list[Body]
@@ -164,9 +175,21 @@ class Search:
 
 
 def locate(model: HandModel, evidence: MarrowEvidence) -> dict[str, RigidTransform]:
-    """The most likely transform from neutral of every bone in the image of a pose.
+    """The most likely transform of every bone in the image of a pose.
 
-    Every bone has one, however little speaks for it: `location_confidence` says how much.
+    Every bone has one, however weak the evidence for it: `confidences` says how weak.
+
+    Parameters
+    ----------
+    model : HandModel
+        The neutral hand.
+    evidence : MarrowEvidence
+        Image of the pose.
+
+    Returns
+    -------
+    dict of str to RigidTransform
+        Transform from neutral to the pose's frame (mm) by bone.
     """
     search = Search(model, evidence)
     root = search.root()
@@ -179,7 +202,20 @@ def locate(model: HandModel, evidence: MarrowEvidence) -> dict[str, RigidTransfo
 def moved_surfaces(
     surfaces: Mapping[str, Surface], motions: Mapping[str, RigidTransform]
 ) -> dict[str, Surface]:
-    """Neutral surfaces of bones in the pose."""
+    """Neutral surfaces of bones moved into a pose.
+
+    Parameters
+    ----------
+    surfaces : mapping of str to Surface
+        Neutral surfaces in mm by bone.
+    motions : mapping of str to RigidTransform
+        Transforms from neutral by bone.
+
+    Returns
+    -------
+    dict of str to Surface
+        Surface in the pose of each bone in `motions`.
+    """
     return {bone: surfaces[bone].moved(motion(surfaces[bone].vertices)) for bone, motion in motions.items()}
 
 

@@ -21,10 +21,19 @@ MARGIN = 0.15  # either side of it a verdict is no certain one
 class Confidence:
     """What speaks for a bone's place.
 
-    edges: share of the marrow's surface that lies on an edge from bright to dark; seen: share of it inside
-    the image; overlap: share inside another bone; departure: from what the joint to its parent can do (none
-    for bones of the root); carried: what the joints from the root to this bone leave of certainty, since a
-    bone that fits well to one in the wrong place is in the wrong place.
+    Parameters
+    ----------
+    edges : float
+        Share of the marrow's surface that lies on an edge from bright to dark.
+    seen : float
+        Share of the marrow's surface inside the image.
+    overlap : float
+        Share of the marrow's surface inside another bone.
+    carried : float
+        Certainty in [0, 1] that the joints from the root to this bone leave: a bone that fits well to a
+        misplaced one is misplaced.
+    departure : Departure, optional
+        From what the joint to its parent can do; None for bones of the root.
     """
 
     edges: float
@@ -64,7 +73,22 @@ def of_edges(share: float) -> float:
 def confidences(
     model: HandModel, normalised: Volume, found: Mapping[str, RigidTransform]
 ) -> dict[str, Confidence]:
-    """Confidence of every bone; normalised: the image in units of the local marrow level."""
+    """Confidence in the place of every bone.
+
+    Parameters
+    ----------
+    model : HandModel
+        The neutral hand.
+    normalised : Volume
+        Image of the pose in units of the local marrow level.
+    found : mapping of str to RigidTransform
+        Transforms from neutral by bone, as `locate` gives them.
+
+    Returns
+    -------
+    dict of str to Confidence
+        Confidence by bone.
+    """
     motions = [found[body.bones[0]] for body in model.bodies]
     root = agreement(normalised, model.bodies[0].probes, motions[0])
     carried, departures = {0: of_edges(root.share)}, {}
@@ -90,7 +114,19 @@ def write_located(
     sure: Mapping[str, Confidence],
     inputs: Sequence[str | Path],
 ) -> None:
-    """Write where bones were found (kind "located_bones"), and what speaks for it."""
+    """Write where bones were found, and what speaks for it, as an artifact.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+    motions : mapping of str to RigidTransform
+        Transforms from neutral (mm) by bone.
+    sure : mapping of str to Confidence
+        Confidence in each of these bones.
+    inputs : sequence of str or Path
+        Files that the places were computed from; the artifact records their hashes.
+    """
     data = {}
     for bone, motion in motions.items():
         c = sure[bone]
@@ -106,7 +142,25 @@ def write_located(
 
 
 def read_located(path: str | Path) -> tuple[dict[str, RigidTransform], dict[str, Confidence]]:
-    """Transforms from neutral and confidences, by bone."""
+    """Where bones were found, and what speaks for it.
+
+    Parameters
+    ----------
+    path : str or Path
+        Artifact that `write_located` wrote.
+
+    Returns
+    -------
+    motions : dict of str to RigidTransform
+        Transforms from neutral (mm) by bone.
+    sure : dict of str to Confidence
+        Confidence by bone.
+
+    Raises
+    ------
+    InputError
+        As `artifacts.read` does.
+    """
     motions, sure = {}, {}
     for bone, d in artifacts.read(path, KIND).items():
         motions[bone] = RigidTransform(d["rotation"], d["translation"])

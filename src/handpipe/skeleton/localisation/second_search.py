@@ -31,10 +31,28 @@ def search_again(
     motions: Mapping[str, RigidTransform],
     sure: Mapping[str, Confidence],
 ) -> tuple[dict[str, RigidTransform], dict[str, Confidence]]:
-    """Motions and confidences by bone; a marked or doubtful bone may have come to a surer place.
+    """Motions and confidences after a second search for marked and doubtful bones.
 
-    evidence of the pose; motions, sure: what `locate` and `confidences` gave. Parents come before what they
-    carry. A bone stays where it was if nothing surer is found; the root is not sought.
+    Parents come before the bones that they carry. A bone keeps its place if no place with more confidence is
+    found. The root is not searched for again.
+
+    Parameters
+    ----------
+    hand : HandModel
+        The neutral hand.
+    evidence : MarrowEvidence
+        Image of the pose.
+    motions : mapping of str to RigidTransform
+        Transforms from neutral by bone, as `locate` gives them.
+    sure : mapping of str to Confidence
+        Confidence by bone, as `confidences` gives it.
+
+    Returns
+    -------
+    motions : dict of str to RigidTransform
+        Transforms from neutral (mm) by bone.
+    sure : dict of str to Confidence
+        Confidence by bone.
     """
     motions, sure = dict(motions), dict(sure)
     for link in hand.links:

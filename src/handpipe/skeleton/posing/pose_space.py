@@ -73,15 +73,35 @@ def _vector(
 
 @dataclass(frozen=True)
 class PoseSpace:
-    """Example poses as pose vectors, and the weights that interpolate what is known in them.
+    """Example poses as pose vectors, and the weights that interpolate quantities known at the examples.
 
-    bones: controlling bones; reference: the one that the others' motions are relative to; examples
-    (N, d): rotation vectors in rad, d = 3 (len(bones) - 1), or, with `points` (k, 3) in mm of each bone in
-    neutral, what is felt there (`felt_vector`); poses: names of the N examples. `interpolation`:
-    "inverse-distance" (Zheng 2022, Eq. 1) is positive and kinked at the examples; "inverse-square" is
-    positive and smooth, but flat at the examples; "rbf" is linear radial basis functions with a linear
-    part, which follow trends at the price of negative weights, for quantities that may be extrapolated,
-    such as logarithms of strains.
+    Parameters
+    ----------
+    bones : tuple of str
+        Controlling bones.
+    reference : str
+        Bone to which the motions of the others are relative.
+    examples : array (N, d)
+        Pose vectors of the examples: rotation vectors in rad with d = 3 (len(bones) - 1), or, with `points`,
+        their relative motions (`felt_vector`).
+    poses : tuple of str
+        Names of the N examples.
+    interpolation : str
+        "inverse-distance" (Zheng 2022) is positive and has kinks at the examples. "inverse-square" is
+        positive and smooth, but flat at the examples. "rbf" is linear radial basis functions with a linear
+        part, which follow trends at the price of negative weights, for quantities that may be extrapolated,
+        such as logarithms of strains.
+    points : mapping of str to array (k, 3)
+        Points of each bone in neutral, in mm; empty for rotation vectors.
+
+    Raises
+    ------
+    ValueError
+        If the interpolation is unknown.
+
+    References
+    ----------
+    Zheng 2022 §4.3, Eq. 1.
     """
 
     bones: tuple[str, ...]
@@ -92,7 +112,7 @@ class PoseSpace:
     points: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raises `ValueError` for an unknown interpolation."""
+        """Check that the interpolation is known."""
         if self.interpolation not in get_args(Interpolation):
             raise ValueError(f"interpolation {self.interpolation!r} is none of {get_args(Interpolation)}")
 
@@ -104,7 +124,27 @@ class PoseSpace:
         interpolation: Interpolation = "inverse-distance",
         points: Mapping[str, Array] | None = None,
     ) -> PoseSpace:
-        """Pose space of transforms, pose -> bone -> transform from neutral; parents: bone -> parent bone."""
+        """The pose space of given example poses.
+
+        Parameters
+        ----------
+        bones : sequence of str
+            Controlling bones.
+        parents : mapping of str to str
+            Parent of each bone but the root.
+        transforms : mapping of str to mapping of str to RigidTransform
+            Transforms from neutral by pose and bone.
+        interpolation : str
+            As for `PoseSpace`.
+        points : mapping of str to array (k, 3), optional
+            Points of each bone in neutral, in mm, whose motions make the pose vectors; by default rotations
+            do.
+
+        Returns
+        -------
+        PoseSpace
+            Pose space whose reference is the bone with most controlling descendants.
+        """
         reference, points = reference_bone(bones, parents), dict(points or {})
         examples = np.array([_vector(bones, reference, points, t) for t in transforms.values()])
         return PoseSpace(tuple(bones), reference, examples, tuple(transforms), interpolation, points)

@@ -33,9 +33,27 @@ def without_odd_bones(
     surfaces: Mapping[str, Surface],
     fit_poses: Sequence[str],
 ) -> tuple[dict[str, dict[str, RigidTransform]], dict[tuple[str, str], str]]:
-    """The transforms (pose -> bone -> from neutral) without odd bones; (pose, bone) -> why it is left out.
+    """Transforms without bones whose motion disagrees with the other poses.
 
-    Poses that are not to be fitted are judged by those that are.
+    Poses that are not fitted are judged by those that are.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Dataset with the joints.
+    transforms : mapping of str to mapping of str to RigidTransform
+        Transforms from neutral by pose and bone.
+    surfaces : mapping of str to Surface
+        Neutral surfaces in mm by bone.
+    fit_poses : sequence of str
+        Poses that the rig is fitted to.
+
+    Returns
+    -------
+    left : dict of str to dict of str to RigidTransform
+        The remaining transforms by pose and bone.
+    reasons : dict of (str, str) to str
+        Why a bone is left out, by pose and bone.
     """
     merged = moved_as_one(dataset, transforms, surfaces)
     learnt = [p for p in fit_poses if p != dataset.neutral]
