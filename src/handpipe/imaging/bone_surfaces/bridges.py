@@ -16,7 +16,20 @@ DARKNESS = 4.0  # times a bright voxel's length that a dark one counts
 
 
 def bridged(probability: NDArray, values: NDArray) -> NDArray[np.float32]:
-    """Probability (nx, ny, nz) in which all claimed parts hang together; values: intensities (nx, ny, nz)."""
+    """Probability of marrow in which all claimed parts of a bone are connected.
+
+    Parameters
+    ----------
+    probability : array (nx, ny, nz)
+        Probability of the bone's marrow; above 0.5 it claims a voxel.
+    values : array (nx, ny, nz)
+        Intensities of the same voxels.
+
+    Returns
+    -------
+    array (nx, ny, nz) of float32
+        Probability with bridges between parts of at least `FEWEST` voxels.
+    """
     parts, count = ndimage.label(probability > 0.5)
     sizes = np.bincount(parts.ravel())[1:]
     if count < 2 or (sizes >= FEWEST).sum() < 2:

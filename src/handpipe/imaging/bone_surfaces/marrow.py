@@ -144,10 +144,30 @@ def profile_offsets(volume: Volume, reach: float, outwards: float = 2.6) -> Arra
 def cortical_layers(
     volume: Volume, surface: Surface, cortex: Cortex, reach: float, outwards: float = 2.6
 ) -> tuple[DarkLayers, Array]:
-    """Dark layers fitted along the normals (n, 3) at a marrow surface's vertices, up to `outwards` mm.
+    """Dark layers fitted along the normals at a marrow surface's vertices.
 
-    reach: in voxels, of the inner face from the surface. Blur moves the half-intensity surface of a curved
-    edge by half its variance times the summed curvature, as heat flow does; the faces are moved back by that.
+    Blur moves the half-intensity surface of a curved edge by half its variance times the summed curvature, as
+    heat flow does. The faces are moved back by that.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    surface : Surface
+        Marrow surface in world mm.
+    cortex : Cortex
+        How cortical bone shows in the image.
+    reach : float
+        Largest distance of the inner face from the surface, in voxels.
+    outwards : float
+        Distance in mm outwards to which profiles are sampled.
+
+    Returns
+    -------
+    layers : DarkLayers
+        Faces and confidences at each vertex.
+    normals : array (n, 3)
+        Outward unit normals at the vertices.
     """
     normals = surface.vertex_normals()
     voxel = extent_along(volume, normals)

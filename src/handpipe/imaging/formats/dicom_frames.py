@@ -63,9 +63,22 @@ class Frame:
 
 
 def frames_of(path: Path) -> list[Frame]:
-    """Every image in a DICOM file or in all files under a folder; other files are passed over.
+    """Every image in a DICOM file or in all files under a folder.
 
-    Raises `InputError` for a damaged DICOM file.
+    Parameters
+    ----------
+    path : Path
+        File or folder. Files of other formats are skipped.
+
+    Returns
+    -------
+    list of Frame
+        Images with what their headers say.
+
+    Raises
+    ------
+    InputError
+        If a DICOM file is damaged.
     """
     files = [path] if path.is_file() else sorted(f for f in path.rglob("*") if f.is_file())
     found: list[Frame] = []

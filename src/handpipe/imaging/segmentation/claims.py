@@ -1,4 +1,4 @@
-"""What every bone claims of one pose's volume: found, written, read, and held against what bones look like.
+"""What every bone claims of one pose's volume: found, written, read, and compared with what bones look like.
 
 Strokes in the wrong place still give something. It is told from the bone that was meant by its looks: marrow
 is as bright as that of the bones around it, a dark shell encloses it, and it is as large as in neutral.
@@ -192,7 +192,18 @@ class Appearance:
     unclaimed_at: Place = (0.0, 0.0, 0.0)
 
     def doubts(self, neutral: Appearance | None = None) -> list[str]:
-        """What speaks against a bone, in words; nothing where all is well. neutral: how it looks there."""
+        """What speaks against a bone, in words.
+
+        Parameters
+        ----------
+        neutral : Appearance, optional
+            How the bone looks in neutral, if known.
+
+        Returns
+        -------
+        list of str
+            Doubts with what to draw; empty if there are none.
+        """
         doubts = []
         if self.relative_level < LEAST_LEVEL:
             doubts.append(
@@ -343,10 +354,23 @@ def _place(volume: Volume, index: NDArray) -> Place:
 def doubted(
     looks: Mapping[str, Appearance], neutral: Mapping[str, Appearance], corrected: Collection[str] = ()
 ) -> dict[str, str]:
-    """The bones that do not look as they should, with what speaks against them; each is logged.
+    """The bones that do not look as they should, with what speaks against them.
 
-    neutral: how the bones look there, where that is known; corrected: bones whose looks a person has accepted
-    by scribbles: their doubts are logged alone.
+    Each doubt is logged.
+
+    Parameters
+    ----------
+    looks : mapping of str to Appearance
+        Appearance of each bone in the pose.
+    neutral : mapping of str to Appearance
+        Appearance of bones in neutral, where it is known.
+    corrected : collection of str, optional
+        Bones whose appearance a person has accepted by scribbles: their doubts are only logged.
+
+    Returns
+    -------
+    dict of str to str
+        Doubts by bone.
     """
     wrong = {}
     for name, look in looks.items():

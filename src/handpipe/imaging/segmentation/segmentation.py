@@ -199,10 +199,20 @@ def segment_bone(
 
 @dataclass(frozen=True)
 class LocalProblem:
-    """What a bone's walker is given in a box whose first voxel is voxel `offset` (3,).
+    """What a bone's random walker is given in a box.
 
-    values (nx, ny, nz): intensities by the marrow's `level`; marks (nx, ny, nz): the walker's seeds;
-    undecided: volume and middle of the largest part that no stroke decides, as `BoneProbability` has it.
+    Parameters
+    ----------
+    offset : array (3,) of int
+        First voxel of the box in the whole volume.
+    level : float
+        Intensity of the bone's marrow.
+    values : array (nx, ny, nz) of float32
+        Intensities in units of that level.
+    marks : array (nx, ny, nz) of uint8
+        Seeds of the walker: 0 for free voxels, INSIDE or OUTSIDE.
+    undecided : tuple
+        Volume in mm^3 and middle (voxels of the whole volume) of the largest part that no stroke decides.
     """
 
     offset: IntArray
@@ -213,7 +223,23 @@ class LocalProblem:
 
 
 def local_problem(volume: Volume, seeds: Labels, label: int, settings: SegmentationSettings) -> LocalProblem:
-    """The walker's problem in a box around all that a bone's strokes reach. Raises as `segment_bone` does."""
+    """The walker's problem in a box around all that a bone's strokes reach.
+
+    Parameters
+    ----------
+    volume, seeds, label, settings
+        As for `segment_bone`.
+
+    Returns
+    -------
+    LocalProblem
+        Values and marks in the box.
+
+    Raises
+    ------
+    InputError
+        As `segment_bone` does.
+    """
     lower, upper, level = _around_seeds(volume, seeds, label)
     lower, upper = _enlarged(volume, lower, upper, settings.margin)
     level = _risen(_problem(volume, seeds, label, level, lower, upper, settings))
@@ -338,7 +364,7 @@ def bounds(mask: BoolArray) -> tuple[IntArray, IntArray]:
 
 
 def _connected(probability: NDArray, seeds: BoolArray) -> NDArray:
-    """Keep only the claimed voxels that hang together with a seed; holes inside the marrow are filled."""
+    """Keep only the claimed voxels that are connected to a seed; fill holes inside the marrow."""
     parts, _ = ndimage.label(probability > 0.5)
     kept = np.isin(parts, np.setdiff1d(parts[seeds], 0))
     filled = ndimage.binary_fill_holes(kept)

@@ -42,9 +42,25 @@ class LandmarkMap:
 
     @staticmethod
     def of_rig(rig: Rig) -> LandmarkMap:
-        """From bones that are named metacarpal1, proximal1..5, middle2..5, distal1..5; some may be absent.
+        """The bones that carry the landmarks of a rig.
 
-        A landmark lies on the bone that carries its joint. Raises `InputError` where no finger is there.
+        A landmark lies on the bone that carries its joint.
+
+        Parameters
+        ----------
+        rig : Rig
+            Rig with bones that are named metacarpal1, proximal1..5, middle2..5, distal1..5; some may be
+            absent.
+
+        Returns
+        -------
+        LandmarkMap
+            Bones by landmark.
+
+        Raises
+        ------
+        InputError
+            If no bone has the name of a finger's.
         """
         joints, tips, parents = joint_places(rig), bone_tips(rig), rig.parents
         places: dict[str, tuple[str, Array]] = {}
@@ -65,11 +81,28 @@ class LandmarkMap:
 
 
 def read_landmark_angles(path: str | Path, rig: Rig, hand: Hand = "right") -> dict[str, Angles]:
-    """Joint angles in rad, within their limits, of a file of MediaPipe landmarks.
+    """Joint angles of a file of MediaPipe landmarks, within their limits.
 
-    hand: which hand the rig is of; landmarks that their file says are of the other one are mirrored. Raises
-    `InputError` for a wrong file, for a rig with too few fingers to place a palm, and for landmarks whose
-    palm is unlike the rig's.
+    Parameters
+    ----------
+    path : str or Path
+        Landmarks as .json or .csv.
+    rig : Rig
+        Rig that the landmarks move.
+    hand : str
+        "right" or "left": the hand that the rig is of. Landmarks of the other hand, if their file says so,
+        are mirrored.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        Angles in rad by frame and angle name.
+
+    Raises
+    ------
+    InputError
+        If the file is wrong, the rig has too few fingers to place a palm, or the landmarks' palm differs from
+        the rig's.
     """
     return landmark_angles(read_landmarks(path), rig, hand, path)
 

@@ -89,11 +89,27 @@ def quaternions(rotations: Array) -> Array:
 
 
 def fit_axes(rotations: Array, axis_hints: Array, weighing: Weighing | None = None) -> Axes:
-    """Axes that explain rotations (n, 3, 3) best (Eq. 1; Eq. 4 and 5).
+    """Axes that explain rotations best.
 
-    axis_hints (dof, 3): rough axes; they fix the signs, and what the rotations leave undetermined. Which
-    of two axes turns first is a convention in some joints and anatomy in others: the rotations decide.
-    weighing: how the rotations count, and the hints beside them.
+    Which of two axes turns first is a convention in some joints and anatomy in others: the rotations decide.
+
+    Parameters
+    ----------
+    rotations : array (n, 3, 3)
+        Rotations of the child relative to the parent, from neutral.
+    axis_hints : array (dof, 3)
+        Rough axes. They fix the signs, and what the rotations leave undetermined.
+    weighing : Weighing, optional
+        Weights of the rotations and of the hints.
+
+    Returns
+    -------
+    Axes
+        Axes in the order in which they turn.
+
+    References
+    ----------
+    Wang 2019 §4, Eqs. 1, 4 and 5.
     """
     q = quaternions(rotations)
     hints = np.array([h / np.linalg.norm(h) for h in np.asarray(axis_hints, float)])

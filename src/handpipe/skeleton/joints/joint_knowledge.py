@@ -24,10 +24,21 @@ TOLD = np.sqrt(0.5)  # of the prior's deviation: below, poses tell more than the
 class JointKnowledge:
     """Standard deviations of a fitted joint in the direction that is known least.
 
-    poses: how many motions it was fitted to; axes (dof,) in rad: tilt of each axis; axes_told (dof,): whether
-    the poses tell more of it than its hint; centre in mm; centre_told: the same of the centre. What does not
-    change the motion does not count: the centre along a hinge's axis, and a ball joint's axes, which only
-    name its angles.
+    What does not change the motion does not count: the centre along a hinge's axis, and a ball joint's axes,
+    which only name its angles.
+
+    Parameters
+    ----------
+    poses : int
+        Number of motions to which the joint was fitted.
+    axes : array (dof,)
+        Standard deviation of the tilt of each axis in rad.
+    axes_told : array (dof,) of bool
+        Whether the poses tell more of each axis than its hint.
+    centre : float
+        Standard deviation of the centre in mm.
+    centre_told : bool
+        Whether the poses tell more of the centre than the prior.
     """
 
     poses: int
@@ -51,7 +62,18 @@ class JointKnowledge:
         return JointKnowledge(count, axes, told, centre, bool(centre <= TOLD * PRIOR.centre))
 
     def doubts(self, names: Sequence[str]) -> list[str]:
-        """What the poses do not tell, in words; names: of the joint's angles."""
+        """What the poses do not tell of a joint, in words.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of the joint's angles.
+
+        Returns
+        -------
+        list of str
+            Undetermined axes and centre; empty if the poses tell all.
+        """
         found = [
             f"the axis of {name} keeps its hint (deviation {np.degrees(deviation):.0f} deg)"
             for name, told, deviation in zip(names, self.axes_told, self.axes, strict=True)

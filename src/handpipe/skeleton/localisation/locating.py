@@ -36,7 +36,7 @@ CANDIDATES = 24  # trials that are improved
 REFINED = 5  # of them brought onto the edges
 WELL, THOROUGH = 0.75, 4  # share of edges below which a search follows so many times more trials
 GUESSES = 4  # kept for a branch
-BEHIND = 0.6  # of a bone's edges: guesses that far behind the best are given up
+BEHIND = 0.6  # of a bone's edges: guesses that far behind the best are dropped
 NO_DOUBT = 0.9  # of the root's edges: no other start is tried
 SAME = 1.0  # mm (rms) between two motions that count as one
 OVERLAP_DEPTH = 1.0  # mm of marrow inside another whole bone
@@ -220,7 +220,7 @@ def moved_surfaces(
 
 
 def _branches(links: Sequence[Link]) -> list[list[Link]]:
-    """The joints sorted by the child of the root that they hang on."""
+    """The joints grouped by the child of the root that they descend from."""
     branch_of: dict[int, list[Link]] = {}
     found = []
     for link in links:

@@ -18,7 +18,20 @@ LINEAR_SPREAD = 0.1
 
 
 def ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
-    """A bone, its parent, and so on to the root; parents: bone -> parent bone, without the root."""
+    """A bone, its parent, and so on to the root.
+
+    Parameters
+    ----------
+    bone : str
+        The first bone.
+    parents : mapping of str to str
+        Parent of each bone but the root.
+
+    Returns
+    -------
+    list of str
+        The bone and its ancestors.
+    """
     found = [bone]
     while found[-1] in parents:
         found.append(parents[found[-1]])
@@ -26,17 +39,45 @@ def ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
 
 
 def reference_bone(bones: Sequence[str], parents: Mapping[str, str]) -> str:
-    """The controlling bone with most controlling descendants (Zheng 2022, section 4.3); the first of equals.
+    """The controlling bone with most controlling descendants; the first of equals.
 
-    parents: bone -> parent bone, without the root.
+    Parameters
+    ----------
+    bones : sequence of str
+        Controlling bones.
+    parents : mapping of str to str
+        Parent of each bone but the root.
+
+    Returns
+    -------
+    str
+        The reference bone.
+
+    References
+    ----------
+    Zheng 2022 §4.3.
     """
     return max(bones, key=lambda a: sum(a in ancestry(b, parents)[1:] for b in bones))
 
 
 def pose_vector(bones: Sequence[str], reference: str, transforms: Mapping[str, RigidTransform]) -> Array:
-    """Rotation vectors (3 (len(bones) - 1),) in rad of the bones relative to the reference bone.
+    """Rotation vectors of bones relative to the reference bone.
 
-    transforms: bone -> transform from neutral. A common motion of all bones does not change the result.
+    A common motion of all bones does not change the result.
+
+    Parameters
+    ----------
+    bones : sequence of str
+        Controlling bones.
+    reference : str
+        The reference bone.
+    transforms : mapping of str to RigidTransform
+        Transforms from neutral by bone.
+
+    Returns
+    -------
+    array (3 (len(bones) - 1),)
+        Rotation vectors in rad.
     """
     undo = transforms[reference].inverse()
     return np.concatenate(
@@ -47,11 +88,25 @@ def pose_vector(bones: Sequence[str], reference: str, transforms: Mapping[str, R
 def felt_vector(
     points: Mapping[str, Array], reference: str, transforms: Mapping[str, RigidTransform]
 ) -> Array:
-    """How far points (k, 3) of bones move (3 K,) relative to the reference bone, as shares of their spread.
+    """How far points of bones move relative to the reference bone.
 
-    Its norm is the root mean square of all K points: what an organ feels of a pose that is held at them. A
-    rotation counts by its lever, which differs by an order of magnitude between the joints that one muscle
-    passes. A common motion of all bones does not change the result.
+    The norm of the vector is the root mean square of all K points: what an organ that is attached at them
+    feels of a pose. A rotation counts by its lever, which differs by an order of magnitude between the joints
+    that one muscle passes. A common motion of all bones does not change the result.
+
+    Parameters
+    ----------
+    points : mapping of str to array (k, 3)
+        Points of each bone in neutral, mm.
+    reference : str
+        The reference bone.
+    transforms : mapping of str to RigidTransform
+        Transforms from neutral by bone.
+
+    Returns
+    -------
+    array (3 K,)
+        Displacements of the K points as shares of their spread.
     """
     undo = transforms[reference].inverse()
     moved = np.concatenate([(undo @ transforms[b])(p) - p for b, p in points.items()])

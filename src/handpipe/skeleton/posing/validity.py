@@ -73,7 +73,7 @@ class PoseValidity:
     """
 
     def __init__(self, rig: Rig, poses: Sequence[str] | None = None) -> None:
-        """poses: names of the rig's poses that count as seen, all if None; neutral always does."""
+        """Measure the seen poses, and how deep bones lie in one another in neutral."""
         chosen = rig.poses if poses is None else {p: rig.poses[p] for p in poses}
         self.rig = rig
         self.poses: dict[str, Angles] = {p: f.known for p, f in chosen.items() if f.known or not f.angles}

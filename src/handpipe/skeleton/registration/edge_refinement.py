@@ -13,7 +13,7 @@ from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.bones.registration_result import Registration
 from handpipe.skeleton.registration.normal_equations import Rows, covariance, moved, robust_weights, solve
 
-REACH = (1.2, 0.7)  # mm either side of the surface in which the edge is sought, at first and at last
+REACH = (1.2, 0.7)  # mm either side of the surface in which the edge is searched for, at first and at last
 SAMPLES = 17
 ITERATIONS = 12
 

@@ -84,10 +84,23 @@ def without_odd_bones(
 
 
 def odd_motions(rotations: Mapping[str, Array], learnt: Sequence[str], hints: Array) -> dict[str, float]:
-    """Angles in rad by which odd poses are off the axes of all others.
+    """Angles by which odd poses are off the axes of all others.
 
-    rotations: pose -> rotation (3, 3) of the joint; learnt: poses that may tell the axes. One after the
-    other the worst is left out while enough poses remain to tell.
+    The worst pose is left out, one after the other, while enough poses remain to tell the axes.
+
+    Parameters
+    ----------
+    rotations : mapping of str to array (3, 3)
+        Rotation of the joint by pose.
+    learnt : sequence of str
+        Poses that may tell the axes.
+    hints : array (dof, 3)
+        Rough axes of the joint.
+
+    Returns
+    -------
+    dict of str to float
+        Angles in rad by odd pose.
     """
     kept, odd = list(learnt), {}
     while len(kept) > len(hints) + 2:

@@ -106,11 +106,27 @@ def register(
 ) -> Registration:
     """Rigid transform that carries the neutral surface onto the target, of least residual over all starts.
 
-    start: guesses from elsewhere, such as the parent's transform; the principal axes give more. volume: image
-    of the target pose; the result is then refined to the image's edge between bright marrow and dark shell. A
-    target that lacks a part of the bone, or holds more than it, is registered by the rest. The result's
-    `doubt` says why it may be wrong. Raises `ConvergenceError` where the surfaces do not fit one another at
-    all.
+    A target that lacks a part of the bone, or holds more than the bone, is registered by what both have.
+
+    Parameters
+    ----------
+    neutral_marrow, target_marrow : Surface
+        Marrow surfaces of one bone in neutral and in a pose, mm.
+    volume : Volume, optional
+        Image of the pose. With it, the result is refined to the image's edge between bright marrow and dark
+        shell.
+    start : RigidTransform or sequence of RigidTransform, optional
+        Initial guesses, such as the parent's transform; the principal axes give more.
+
+    Returns
+    -------
+    Registration
+        The transform; its `doubt` says why it may be wrong.
+
+    Raises
+    ------
+    ConvergenceError
+        If the surfaces do not fit one another at all.
     """
     pair = _Pair.of(neutral_marrow, target_marrow)
     guesses = [start] if isinstance(start, RigidTransform) else list(start or [])

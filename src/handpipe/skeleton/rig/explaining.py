@@ -31,7 +31,15 @@ TOLERANCES = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-12}
 
 @dataclass(frozen=True)
 class Explained:
-    """Angles in rad of all joints; undetermined: names of those that the bones do not tell."""
+    """Angles that explain registered bones.
+
+    Parameters
+    ----------
+    angles : dict of str to float
+        Angles of all joints in rad.
+    undetermined : frozenset of str
+        Angles that the bones do not tell.
+    """
 
     angles: Angles
     undetermined: frozenset[str]

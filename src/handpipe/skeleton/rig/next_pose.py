@@ -142,7 +142,7 @@ def _before(rig: Rig, joint: RigJoint, knowledge: Knowledge) -> JointUncertainty
 
 
 def _carried(rig: Rig, bone: str) -> list[str]:
-    """A bone and all that hang on it."""
+    """A bone and all its descendants."""
     return [bone, *(b for j in rig.joints if j.parent == bone for b in _carried(rig, j.child))]
 
 
