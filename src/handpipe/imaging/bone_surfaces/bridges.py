@@ -1,4 +1,4 @@
-"""Parts of one bone's marrow joined where the shaft's cortex parts them at the voxel size.
+"""Bridges between parts of one bone's marrow that the shaft's cortex separates at the voxel size.
 
 Each smaller part gets a thin bridge to the largest one along the brightest way. The bone's surfaces are then
 in one piece; the bridge's own volume is that of a canal of one voxel's radius.

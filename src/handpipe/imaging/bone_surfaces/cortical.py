@@ -2,7 +2,8 @@
 
 A watershed finds the shell's outer face and tells where it shows: against bright tissue, not against tendons
 and ligaments, which are as dark as the shell. There the face is measured below the voxel size by the fitted
-dark layer. The shell's thickness varies slowly over the bone and is carried on smoothly where no face shows.
+dark layer. The shell's thickness varies slowly over the bone and is extrapolated smoothly where no face
+shows.
 """
 
 from __future__ import annotations

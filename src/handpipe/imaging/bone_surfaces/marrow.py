@@ -25,7 +25,7 @@ from handpipe.mesh.surfaces import Surface, taubin
 
 SMOOTHING = (0.7, 0.35)  # voxels
 FADED = 0.9  # of the claimed voxels: with less left, smoothing was too much
-WHOLE = 0.98  # of what is left hangs together, or smoothing has cut a waist
+WHOLE = 0.98  # of the remaining voxels are connected, or smoothing has cut a waist
 REACH = 1.25  # voxels that the image may move the walker's surface
 USUAL_THICKNESS = 0.8  # mm, of cortical bone in a finger: where fits start
 STIFFNESS = 1.0
@@ -113,7 +113,7 @@ def marrow_surface(volume: Volume, bone: BoneProbability) -> Surface:
 
 
 def _smoothed(probability: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Probability without the voxels' steps; smoothed less where a bone of few voxels would fade or part."""
+    """Probability without the voxels' steps; smoothed less where a bone of few voxels would fade or split."""
     claimed = (probability > 0.5).sum()
     for deviation in SMOOTHING:
         smooth = ndimage.gaussian_filter(probability, deviation)

@@ -1,7 +1,7 @@
 """Boundary markers of muscles: found along the normals of a guess, or placed by hand (Wang 2021, Sec. 5.1).
 
-A marker is a point of the image through which the muscle's surface must pass; it names no vertex that should
-come there. Where two muscles touch, the image shows no edge and no marker is made.
+A marker is a point of the image through which the muscle's surface must pass; it does not say which vertex
+should lie there. Where two muscles touch, the image shows no edge and no marker is made.
 """
 
 from __future__ import annotations
@@ -274,7 +274,7 @@ def _control_points(path: str | Path, markup: dict[str, Any], number: int) -> li
 
 
 def _is_placed(path: str | Path, field: str, point: dict[str, Any]) -> bool:
-    """Whether a person has placed the point; an old position of one that is not says nothing."""
+    """Whether a person has placed the point; the old position of an unplaced point means nothing."""
     status = point.get("positionStatus", PLACED[0])
     if status not in (*PLACED, *NOT_PLACED):
         known = ", ".join((*PLACED, *NOT_PLACED))

@@ -22,7 +22,7 @@ LEVEL_GRID = 2.0  # mm, of the field of levels
 LEVEL_REACH = 8.0  # mm within which some marrow or fat lies, wherever there is a bone
 COARSE_GRID = 1.0  # mm
 FLOOR = 0.5  # of the usual level: the least local level, so that the noise of air stays small
-BRIGHTEST = 1.3  # levels; vessels and artefacts beyond it say no more
+BRIGHTEST = 1.3  # levels; brighter values, of vessels and artefacts, add no evidence
 
 
 @dataclass(frozen=True)

@@ -57,9 +57,9 @@ def smooth_field(
 ) -> tuple[Array, Array]:
     """Smooth field (n,) near measurements (n,) with confidences (n,) in [0, 1], and the weights kept (n,).
 
-    Minimises sum_i c_i rho(d_i - u_i) + stiffness u^T L u with the Geman-McClure penalty rho of width
-    `scale` by reweighting, so that measurements which disagree with their neighbours lose their say.
-    `upper_scale` is the width for measurements above the field, where errors are one-sided.
+    Minimises sum_i c_i rho(d_i - u_i) + stiffness u^T L u with the Geman-McClure penalty rho of width `scale`
+    by reweighting, so that measurements which disagree with their neighbours lose their weight. `upper_scale`
+    is the width for measurements above the field, where errors are one-sided.
     """
     stiff = (stiffness * laplacian + 1e-6 * sp.identity(len(measured))).tocsr()
     weights = confidence.astype(float)

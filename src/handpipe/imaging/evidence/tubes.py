@@ -197,7 +197,8 @@ def _first_rise(values: Array, offsets: Array, contrast: float) -> tuple[Array, 
 def _fit_circles(edge: Array, confidence: Array, plane: Array, radius: float) -> tuple[Array, Array, Array]:
     """Circles (centre (n, 2), radius (n,)) through edge points on rays, and the share of rays that count.
 
-    Linear in the centre and in r^2 - |centre|^2, reweighted; a weak prior holds where little is seen.
+    Linear in the centre and in r^2 - |centre|^2, reweighted; a weak prior decides where few edges are
+    visible.
     """
     points = edge[..., None] * plane
     system = np.concatenate([2 * points, np.ones((*edge.shape, 1))], axis=2)

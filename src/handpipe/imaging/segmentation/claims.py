@@ -1,7 +1,8 @@
 """What every bone claims of one pose's volume: found, written, read, and compared with what bones look like.
 
-Strokes in the wrong place still give something. It is told from the bone that was meant by its looks: marrow
-is as bright as that of the bones around it, a dark shell encloses it, and it is as large as in neutral.
+Strokes in the wrong place still give a region. Its appearance shows whether it is the intended bone: its
+marrow is as bright as that of the bones around it, a dark shell encloses it, and it is as large as in
+neutral.
 """
 
 from __future__ import annotations
@@ -192,7 +193,7 @@ class Appearance:
     unclaimed_at: Place = (0.0, 0.0, 0.0)
 
     def doubts(self, neutral: Appearance | None = None) -> list[str]:
-        """What speaks against a bone, in words.
+        """Doubts about a bone, in words.
 
         Parameters
         ----------
@@ -354,7 +355,7 @@ def _place(volume: Volume, index: NDArray) -> Place:
 def doubted(
     looks: Mapping[str, Appearance], neutral: Mapping[str, Appearance], corrected: Collection[str] = ()
 ) -> dict[str, str]:
-    """The bones that do not look as they should, with what speaks against them.
+    """The bones that do not look as they should, with the reasons.
 
     Each doubt is logged.
 

@@ -33,7 +33,7 @@ SURROUNDINGS = 5.0  # mm around the marrow that the shell and its neighbourhood 
 
 
 class SegmentationSettings(Model):
-    """`beta` is the random walker's one parameter; the rest says what marrow and a finger look like."""
+    """`beta` is the random walker's one parameter; the others say what marrow and a finger look like."""
 
     beta: float = Field(
         default=100.0, gt=0, description="contrast weight; intensities in units of the bone's marrow level"

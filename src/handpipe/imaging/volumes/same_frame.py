@@ -1,4 +1,4 @@
-"""Whether what a person gives is in the frame and unit that it should be in; if not, the likely cause.
+"""Whether data that a person gives are in the right frame and unit; if not, the likely cause.
 
 One test for scans, marks and templates: how well something fits its reference as it is, and how well it
 would fit after each of the usual mistakes is undone (units, LPS for RAS, mirrored or exchanged axes).

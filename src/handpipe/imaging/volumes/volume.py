@@ -1,6 +1,6 @@
 """A scalar volume on a regular grid in physical space, and its readers and writers.
 
-World coordinates are RAS in mm; `formats` reads each format and converts those that speak LPS.
+World coordinates are RAS in mm; `formats` reads each format and converts coordinates in LPS.
 """
 
 from __future__ import annotations

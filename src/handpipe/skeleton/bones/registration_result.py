@@ -1,4 +1,4 @@
-"""What a registration found, how sure it is of it, and how it is kept in a file."""
+"""The result of a registration: transform, covariance and doubt, and its file."""
 
 from __future__ import annotations
 

@@ -19,8 +19,8 @@ from handpipe.skeleton.rig.rig import Rig
 
 LOG = logging.getLogger(__name__)
 SAME = 1e-2  # mm; a skeleton whose joints are as near to the rig's is in the rig's own frame
-FLAT = 0.02  # a skeleton this thin, beside its length, does not tell its turn about it
-UNLIKE = 0.3  # distance of the joints from the rig's, beside their spread
+FLAT = 0.02  # a skeleton this thin, relative to its length, does not determine its turn about it
+UNLIKE = 0.3  # distance of the joints from the rig's, relative to their spread
 CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 
 

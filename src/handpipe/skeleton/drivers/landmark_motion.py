@@ -1,7 +1,7 @@
-"""Joint angles from 21 hand landmarks a frame: the palm gives frame and scale, inverse kinematics the rest.
+"""Joint angles from 21 hand landmarks a frame: the palm gives frame and scale, inverse kinematics the angles.
 
-People's fingers differ in length from the rig's, and landmarks from joint centres. What carries over are the
-directions from landmark to landmark, on bones of the rig's own length; places of landmarks only lean.
+People's fingers differ in length from the rig's, and landmarks from joint centres. Therefore the directions
+from landmark to landmark are transferred to bones of the rig's own length; places of landmarks count little.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ BONES = {
     },
 }
 ENDS = {"THUMB": ("CMC", "MCP", "IP", "TIP"), **dict.fromkeys(FINGERS, ("MCP", "PIP", "DIP", "TIP"))}
-LEAN = 0.3  # weight of a landmark's place beside the direction of its bone
+LEAN = 0.3  # weight of a landmark's place, where the direction of its bone has one
 FAINT = 0.3  # weight in the palm of landmarks that do not move with the root bone
-PALM_ERROR = 0.35  # distance of the palm's landmarks from the rig's, beside their spread
+PALM_ERROR = 0.35  # distance of the palm's landmarks from the rig's, relative to their spread
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
 """Rotation axes of a joint from relative rotations of its child bone (Wang 2019, Eq. 1, 4 and 5).
 
-For fixed axes the best angles are closed form. One axis: the dot product of a unit quaternion (w, v)
-with a rotation about `a` is at most sqrt(w^2 + (v.a)^2). Two orthogonal axes, columns of a frame in
-which the quaternion reads (w, x, y, z): it is at most the larger singular value of [[w, y], [x, z]],
-whose singular vectors are the cosines and sines of the half angles. What the best dot product s lacks
-to one is written as a square, 2 (1 - s) = |residual|^2, so that least squares maximise Eq. 1 or 4.
+For fixed axes the best angles are closed form. One axis: the dot product of a unit quaternion (w, v) with a
+rotation about `a` is at most sqrt(w^2 + (v.a)^2). Two orthogonal axes, columns of a frame in which the
+quaternion reads (w, x, y, z): it is at most the larger singular value of [[w, y], [x, z]], whose singular
+vectors are the cosines and sines of the half angles. The difference of the best dot product s from one is
+written as a square, 2 (1 - s) = |residual|^2, so that least squares maximise Eq. 1 or 4.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from handpipe.skeleton.joints.prior import Weighing
 
 TOLERANCE = 1e-13
 ORDERS = ((0, 1), (1, 0))
-SAME = 1e-6  # relative, of what two fits lack; 1e-6 rad where they lack nothing
+SAME = 1e-6  # relative difference of two fits' residuals; 1e-6 rad where the residuals vanish
 HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is below 0.01 degrees
 
 
@@ -133,9 +133,9 @@ def fit_oblique_axes(rotations: Array, axis_hints: Array, weighing: Weighing | N
 
 
 def _better(fits: Sequence[tuple[Array, float, tuple[int, int]]], hints: Array) -> Axes:
-    """Of axes (2, 3) as they turn, what they lack, and their order: those that lack less.
+    """Of fits (axes (2, 3) as they turn, residual, order) the axes with the smaller residual.
 
-    Both orders may find one pair of axes under either name: then those nearer to the hints (2, 3).
+    Both orders may find one pair of axes under either name: then the axes nearer to the hints (2, 3).
     """
     least = min(lack for _, lack, _ in fits)
     alike = [(f[np.argsort(o)], o) for f, lack, o in fits if lack <= (1 + SAME) * least + SAME**2]
@@ -178,7 +178,7 @@ def _fit_one_axis(q: Array, hint: Array, weighing: Weighing) -> Array:
 
 
 def _fit_two_axes(q: Array, hints: Array, weighing: Weighing) -> tuple[Array, float]:
-    """Axes (2, 3) in the order in which they turn, and what Eq. 4 lacks to its bound."""
+    """Axes (2, 3) in the order in which they turn, and how far Eq. 4 stays below its bound."""
     principal = _principal(q, hints[0])
     starts = [hints, np.array([principal[:, 2], hints[1]]), np.array([hints[0], principal[:, 2]])]
     fits = [_refine_frame(q, _frame(start), hints, weighing) for start in starts if _spans(start)]
@@ -204,7 +204,7 @@ def _refine_frame(q: Array, start: Array, hints: Array, weighing: Weighing) -> t
 
 
 def _refine_pair(q: Array, start: Array, hints: Array, weighing: Weighing) -> tuple[Array, float]:
-    """Axes (2, 3) in the order in which they turn, each tilted from its start, and what they lack."""
+    """Axes (2, 3) in the order in which they turn, each tilted from its start, and their residual."""
     across = [_complete(axis)[:, 1:] for axis in start]
 
     def pair(tilts: Array) -> Array:
@@ -229,7 +229,7 @@ def _refine_pair(q: Array, start: Array, hints: Array, weighing: Weighing) -> tu
 
 
 def _pull(axes: Array, hints: Array, weighing: Weighing) -> Array:
-    """What axes (k, 3) lack to their hints (k, 3), in half angles as the quaternions' residuals are."""
+    """Residuals of axes (k, 3) against their hints (k, 3), in half angles like the quaternions' residuals."""
     return (weighing.pull / 2 * np.cross(hints, axes)).ravel()
 
 

@@ -1,8 +1,8 @@
-"""How far a joint's axes and centre may be off, and whether its poses tell them or its hints alone do.
+"""How far a joint's axes and centre may be off, and whether its poses determine them or its hints alone do.
 
-A pose tells the tilt of an axis by the part of the motion that no change of the joint's angles makes up for.
-Beside these observations stands the prior of the dataset's hints (`prior.PRIOR`): the posterior's standard
-deviations are stated, and what the poses tell less of than the prior is named.
+A pose determines the tilt of an axis by the part of the motion that no change of the joint's angles explains.
+These observations are combined with the prior of the dataset's hints (`prior.PRIOR`). The posterior's
+standard deviations are given, and parameters that the poses determine less than the prior are named.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from handpipe.core import Array, BoolArray, RigidTransform
 from handpipe.skeleton.joints.joints import JointFit, axes_apart, leftover
 from handpipe.skeleton.joints.prior import PRIOR, MotionNoise, rotation_noise, translation_noise, unexplained
 
-ASSUMED = MotionNoise(float(np.radians(0.3)), 0.1)  # of a motion whose noise nobody states
-TOLD = np.sqrt(0.5)  # of the prior's deviation: below, poses tell more than the hint
+ASSUMED = MotionNoise(float(np.radians(0.3)), 0.1)  # of a motion whose noise is not given
+TOLD = np.sqrt(0.5)  # of the prior's deviation: below, poses determine more than the hint
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class JointKnowledge:
     axes : array (dof,)
         Standard deviation of the tilt of each axis in rad.
     axes_told : array (dof,) of bool
-        Whether the poses tell more of each axis than its hint.
+        Whether the poses determine each axis more than its hint.
     centre : float
         Standard deviation of the centre in mm.
     centre_told : bool
-        Whether the poses tell more of the centre than the prior.
+        Whether the poses determine the centre more than the prior.
     """
 
     poses: int
@@ -62,7 +62,7 @@ class JointKnowledge:
         return JointKnowledge(count, axes, told, centre, bool(centre <= TOLD * PRIOR.centre))
 
     def doubts(self, names: Sequence[str]) -> list[str]:
-        """What the poses do not tell of a joint, in words.
+        """What the poses do not determine of a joint, in words.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class JointKnowledge:
         Returns
         -------
         list of str
-            Undetermined axes and centre; empty if the poses tell all.
+            Undetermined axes and centre; empty if the poses determine all.
         """
         found = [
             f"the axis of {name} keeps its hint (deviation {np.degrees(deviation):.0f} deg)"

@@ -57,7 +57,7 @@ class FittedPose:
     angles : dict of str to float
         Angles in rad by name.
     undetermined : frozenset of str
-        Angles that the pose's bones do not tell; their values are assumed.
+        Angles that the pose's bones do not determine; their values are assumed.
     """
 
     root: RigidTransform
@@ -66,12 +66,12 @@ class FittedPose:
 
     @property
     def known(self) -> Angles:
-        """The angles that the pose's bones tell."""
+        """The angles that the pose's bones determine."""
         return {name: value for name, value in self.angles.items() if name not in self.undetermined}
 
 
 class ScannedBones(dict[str, RigidTransform]):
-    """Bone -> transform in a scanned pose; to ask for a bone that the pose does not tell is an error."""
+    """Bone -> transform in a scanned pose; to ask for a bone that the pose does not determine is an error."""
 
     def __init__(self, pose: str, bones: Bones) -> None:
         super().__init__(bones)
@@ -165,7 +165,8 @@ class JointTree:
         Returns
         -------
         ScannedBones
-            Transforms by bone, without the bones whose place depends on an angle that the pose does not tell.
+            Transforms by bone, without the bones whose place depends on an angle that the pose does not
+            determine.
 
         Raises
         ------

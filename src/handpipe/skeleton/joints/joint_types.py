@@ -1,4 +1,4 @@
-"""Which type of joint the data earn: the simplest that predicts poses it has not seen nearly as well.
+"""Which type of joint the data justify: the simplest that predicts left-out poses nearly as well as any.
 
 One more angle always explains more of a left-out pose, noise included, since its angles are found in that
 pose. A richer type is taken only where it lowers the left-out error by a good share and by more than noise.
@@ -118,7 +118,7 @@ def fit_best(
     point: Array,
     noise: Sequence[MotionNoise] | None = None,
 ) -> JointFit:
-    """The joint of the type that the data earn among those of `dof` degrees of freedom."""
+    """The joint of the type that the data justify among those of `dof` degrees of freedom."""
     types = [t for t in ORDER if DEGREES[t] == dof]
     chosen, _ = choose_type(relative, axis_hints, near=near, point=point, types=types, noise=noise)
     return fit_joint(relative, dof, axis_hints, near=near, joint_type=chosen, noise=noise)

@@ -27,7 +27,7 @@ Errors = tuple[Array, Array]
 T = TypeVar("T")
 DEGREES: dict[JointType, int] = {"rigid": 0, "hinge": 1, "universal": 2, "saddle": 2, "ball": 3}
 DEFAULT_TYPES: dict[int, JointType] = {0: "rigid", 1: "hinge", 2: "universal", 3: "ball"}
-HARDLY_MOVED = 0.035  # about two degrees a pose: what moves less tells no more than the noise of registration
+HARDLY_MOVED = 0.035  # rad, about two degrees a pose: smaller motions are within the noise of registration
 
 
 @dataclass(frozen=True)
@@ -293,7 +293,8 @@ def fit_apart(
 def _determined(system: Array, right: Array, rank: int, weighing: Weighing) -> Array:
     """Least squares of system (3 n, p) for right (3 n,), in the directions of largest motion, `rank` at most.
 
-    Without a prior, directions that the motions hardly tell stay zero: no offset, the centre near the joint.
+    Without a prior, directions that the motions hardly determine stay zero: no offset, the centre near the
+    joint.
     """
     weights = np.repeat(weighing.weights, 3)
     u, values, vt = np.linalg.svd(weights[:, None] * system, full_matrices=False)

@@ -18,7 +18,7 @@ from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.joints.joint_tree import JointTree, RigJoint
 
 Limits = dict[str, tuple[float, float]]
-MARGIN = np.radians(3.0)  # beyond what was seen where nothing is published: the error of a registered angle
+MARGIN = np.radians(3.0)  # beyond the seen range where no range is published: the error of a registered angle
 
 # (joint, ray or None for every finger, motion): degrees, flexion towards the palm positive, zero straight.
 RANGES: dict[tuple[str, int | None, str], tuple[float, float]] = {
@@ -119,7 +119,7 @@ def limit_rows(rig: JointTree) -> list[dict[str, str | float]]:
 
 
 def seen_ranges(poses: Mapping[str, Angles]) -> Limits:
-    """Least and largest value in rad of every angle over poses that tell it; neutral's zero is one."""
+    """Least and largest value in rad of every angle over poses that determine it; neutral's zero is one."""
     names = dict.fromkeys(n for angles in poses.values() for n in angles)
     values = {n: [0.0, *(angles[n] for angles in poses.values() if n in angles)] for n in names}
     return {n: (min(v), max(v)) for n, v in values.items()}

@@ -1,9 +1,9 @@
-"""What is believed of a joint before its poses are seen, and how well each pose's motion is measured.
+"""What is expected of a joint before its poses are known, and how well each pose's motion is measured.
 
 With a handful of poses an axis about which a joint hardly turned is not determined by them. The hint of the
-dataset file then counts, the more the less the data tell: the posterior's mode of normal errors. How much
-motion no fixed axis explains is not known either; it is estimated from the poses themselves, together with
-what is usual.
+dataset file then counts, the more the less the data determine: the estimate is the posterior's mode under
+normal errors. How much motion no fixed axis explains is unknown, too; it is estimated from the poses
+themselves, together with a usual value.
 """
 
 from __future__ import annotations

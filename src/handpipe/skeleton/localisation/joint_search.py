@@ -1,4 +1,4 @@
-"""Motions that a joint may have, before any pose is known: trials for a search, and doubts about a find."""
+"""Motions that a joint may have before any pose is known: trials for a search, and how plausible each is."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ class HandModel:
 
 @dataclass(frozen=True)
 class Guess:
-    """Motions of some bodies, by number, and how much speaks for them."""
+    """Motions of some bodies, by number, and their score."""
 
     motions: dict[int, RigidTransform]
     score: float = 0.0
@@ -108,14 +108,14 @@ class Guess:
 
 @dataclass
 class Search:
-    """One pose's search: the neutral model, the image's evidence, and random trials that repeat."""
+    """One pose's search: the neutral model, the image's evidence, and reproducible random trials."""
 
     model: HandModel
     evidence: MarrowEvidence
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     def root(self) -> RigidTransform:
-        """The motion of the root's body that agrees best: the first that leaves no doubt, else of all."""
+        """The motion of the root's body that agrees best; starts are tried until one leaves no doubt."""
         body = self.model.bodies[0]
         found: list[tuple[RigidTransform, float]] = []
         for starts in root_starts(self.evidence, {b: self.model.marrow[b] for b in body.bones}):
@@ -139,7 +139,7 @@ class Search:
         return guesses
 
     def _children(self, link: Link, guess: Guess) -> list[tuple[RigidTransform, float]]:
-        """Motions of a joint's child, and how much speaks for each: the image, the joint, room to lie in."""
+        """Motions of a joint's child, and their scores from the image, the joint and overlaps."""
         body, parent = self.model.bodies[link.child], guess.motions[link.parent]
         found = []
         for motion, agrees in self._best(body, link.trials.carried(parent), held=True):
@@ -234,7 +234,7 @@ def _branches(links: Sequence[Link]) -> list[list[Link]]:
 
 
 def _without_overlap(model: HandModel, branches: Sequence[Sequence[Guess]]) -> list[Guess]:
-    """One guess of each branch: of all combinations the one for which most speaks, overlaps deducted."""
+    """One guess of each branch: the combination with the highest score, overlaps deducted."""
     shared = {
         (a, i, b, j): _crowd(model, branches[a][i], branches[b][j])
         for a, b in combinations(range(len(branches)), 2)

@@ -1,4 +1,4 @@
-"""How sure it is that a bone is where it was found: from the image's edges, its joints and its neighbours."""
+"""Confidence that a bone is where it was found: from the image's edges, its joints and its neighbours."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from handpipe.skeleton.localisation.locating import HandModel
 
 KIND = "located_bones"
 SURE = 0.5  # below it a person has to look
-MARGIN = 0.15  # either side of it a verdict is no certain one
+MARGIN = 0.15  # from it, within which a verdict is uncertain
 
 
 @dataclass(frozen=True)
 class Confidence:
-    """What speaks for a bone's place.
+    """Evidence for a bone's place.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Confidence:
 
     @property
     def value(self) -> float:
-        """In [0, 1]: the product of what each kind of evidence leaves."""
+        """Confidence in [0, 1]: the product over the kinds of evidence."""
         inside = falling(-self.seen, -0.5, -0.2) * falling(self.overlap, 0.03, 0.15)
         return of_edges(self.edges) * inside * self.carried
 
@@ -66,7 +66,7 @@ class Confidence:
 
 
 def of_edges(share: float) -> float:
-    """What a share of edges that agree leaves of certainty."""
+    """Certainty in [0, 1] for a share of edges that agree."""
     return falling(-share, -0.8, -0.5)
 
 
@@ -114,7 +114,7 @@ def write_located(
     sure: Mapping[str, Confidence],
     inputs: Sequence[str | Path],
 ) -> None:
-    """Write where bones were found, and what speaks for it, as an artifact.
+    """Write where bones were found, and the evidence for it, as an artifact.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def write_located(
 
 
 def read_located(path: str | Path) -> tuple[dict[str, RigidTransform], dict[str, Confidence]]:
-    """Where bones were found, and what speaks for it.
+    """Where bones were found, and the evidence for it.
 
     Parameters
     ----------

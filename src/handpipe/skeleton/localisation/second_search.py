@@ -1,8 +1,8 @@
 """A second search for marked and doubtful bones: each motion that the joint allows, fitted to the edges.
 
-The search that comes first follows the coarse images, in which a marrow of two or three voxels across shows
-less than the fat beside it; it may slip off a trial that lay within a millimetre of the bone. Nor does it
-come back to a bone when a farther one that it carries was missed.
+The first search follows the coarse images, in which a marrow of two or three voxels across shows less than
+the fat beside it. It may leave a trial that lay within a millimetre of the bone. Nor does it return to a bone
+if a bone beyond it was missed.
 """
 
 from __future__ import annotations

@@ -243,7 +243,7 @@ class _Problem:
         bones, gains = self._bones(values), np.zeros(len(values))
         for residual, jacobian in (target.residual(bones) for target in self.targets):
             gains -= np.radians(1) * (residual @ jacobian) / max(float(np.linalg.norm(residual)), 1e-12)
-        free = self.upper > self.lower  # an angle that the caller holds is no limit of the joint
+        free = self.upper > self.lower  # an angle that the caller fixes is not at a limit of the joint
         low = free & (values <= self.lower + AT_LIMIT) & (gains < -NOTABLE)
         high = free & (values >= self.upper - AT_LIMIT) & (gains > NOTABLE)
         return {n: float(values[i]) for i, n in enumerate(self.rig.angle_names) if low[i] or high[i]}

@@ -11,7 +11,7 @@ import numpy as np
 from handpipe.core import Array, RigidTransform
 from handpipe.skeleton.posing.pose_space import Interpolation, PoseSpace, ancestry
 
-REACHES = (1, 2)  # joints from a bone to those whose motions are felt around it: the first that will do
+REACHES = (1, 2)  # joints from a bone to those whose motions are felt around it: the first that suffices
 APART = 0.05  # rad: examples nearer to one another are not told apart
 
 

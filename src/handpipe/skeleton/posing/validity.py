@@ -81,7 +81,7 @@ class PoseValidity:
         if not neutral:
             self.poses = {"neutral": dict.fromkeys(rig.angle_names, 0.0)} | self.poses
         self.ranges: Limits = dict.fromkeys(rig.angle_names, (0.0, 0.0)) | seen_ranges(self.poses)
-        # NaN: an angle that the pose does not tell is no part of the distance to it.
+        # NaN: an angle that the pose does not determine is no part of the distance to it.
         self._seen = np.array([[a.get(n, np.nan) for n in rig.angle_names] for a in self.poses.values()])
         self._distances = {b: Distance(s) for b, s in rig.surfaces.items()}
         self._spheres = {b: _sphere(s.vertices) for b, s in rig.surfaces.items()}

@@ -1,8 +1,8 @@
 """Which of a pose's registered bones are not to be trusted, by what its other bones say.
 
 A bone that was segmented from a neighbour's seeds can fit well: it lies elsewhere. A phalanx that was turned
-about its long axis lies where it should: it is twisted in its joints. Which of a joint's two bones is at
-fault its other joints tell.
+about its long axis lies where it should: it is twisted in its joints. The other joints of an odd joint's two
+bones show which of the two is at fault.
 """
 
 from __future__ import annotations

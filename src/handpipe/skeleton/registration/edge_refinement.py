@@ -22,7 +22,7 @@ def refine_to_edges(neutral: Surface, volume: Volume, found: Registration) -> Re
     """The registration moved so that the neutral marrow surface lies on the image's steepest falls.
 
     The surface may lie off the edges by a common distance, as one at another level of a blurred edge does:
-    that distance is fitted beside the motion. rms in mm is of what remains.
+    that distance is fitted together with the motion. rms in mm is that of the remaining distances.
     """
     middle, normals = neutral.vertices.mean(axis=0), neutral.vertex_normals()
     transform = found.transform

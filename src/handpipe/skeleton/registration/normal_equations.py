@@ -54,7 +54,8 @@ def covariance(rows: Rows, weights: Array, edges: IntArray, points: Array) -> Ar
     The larger, in every direction, of two estimates. One takes the residuals as noise that neighbours share
     (`alike`). The other (`patch_covariance`) takes what whole patches of the surface, by the places of the
     points (n, 3), pull the solution to: errors that are alike over millimetres, as where thick slices or a
-    thin shell move the surface of a segmentation. A direction that no row tells has the deviation `UNTOLD`.
+    thin shell move the surface of a segmentation. A direction that no row determines has the deviation
+    `UNTOLD`.
     """
     matrix, _ = _normal(rows, weights)
     residual = rows.distance * np.sqrt(weights)

@@ -1,4 +1,4 @@
-"""Bones whose motion in one pose disagrees with all other poses: a registration that went wrong unseen.
+"""Bones whose motion in one pose disagrees with all other poses: an undetected wrong registration.
 
 A phalanx that was registered turned about its long axis fits its image nearly as well. The joint's axes, as
 the other poses show them, cannot explain it.

@@ -1,8 +1,8 @@
 """Rigid registration of a neutral marrow surface to the same bone in another pose (Wang 2019, section 3.1).
 
-Iterated closest points with distances to tangent planes, from many starts. Either surface may have parts
-that the other lacks: a bone cut off by the image, or grown together with its neighbour. The result says how
-sure it is, and whether it is to be doubted: by what does not match, and by another place that fits as well.
+Iterated closest points with distances to tangent planes, from many starts. Either surface may have parts that
+the other lacks: a bone cut off by the image, or grown together with its neighbour. The result has a
+covariance, and a doubt if the surfaces do not match or another place fits as well.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ APART = np.radians(15.0)  # turns closer than this are one place
 MATCHED = 0.3  # mm; and five times the residual
 LEAST_COVERED, LEAST_EXPLAINED = 0.45, 0.4
 CERTAIN, OUTLYING = 5.0, 5.0  # standard deviations by which a rival has to fit worse; of an outlier
-LOOSE = 8.0  # deg of uncertainty beyond which a turn is anybody's guess
+LOOSE = 8.0  # deg of uncertainty beyond which a turn is undetermined
 
 
 @dataclass(frozen=True)

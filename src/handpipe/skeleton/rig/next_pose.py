@@ -1,9 +1,9 @@
 """Which pose to scan next: the one that leaves least uncertainty in the rig over the range of motion.
 
 Around the rig as it is, a joint's motion is linear in small changes of its parameters: the tilt of its axes,
-its centre, and the coefficients of its residual motion. A scanned pose measures that motion with the noise
-of registration, but not the joint's angles, which are found with it; what a change of angles can explain
-tells nothing. The posterior covariance of the parameters after a pose does not depend on what the scan will
+its centre, and the coefficients of its residual motion. A scanned pose measures that motion with the noise of
+registration, but not the joint's angles, which are found with it; what a change of angles can explain carries
+no information. The posterior covariance of the parameters after a pose does not depend on what the scan will
 show, so that poses can be ranked before they are scanned (I-optimal design).
 """
 
@@ -96,7 +96,7 @@ class RigUncertainty:
     def after(self, angles: Mapping[str, float]) -> RigUncertainty:
         """The uncertainty once a pose of these angles (rad) has been scanned.
 
-        A joint of which an angle is not among them tells nothing: the pose lacks one of its bones.
+        A joint of which an angle is not among them gains nothing: the pose lacks one of its bones.
         """
         joints = []
         for j in self.joints:
@@ -170,7 +170,7 @@ def _sensitivity(joint: RigJoint, values: Array, point: Array) -> tuple[Array, A
 
 
 def _information(joint: RigJoint, values: Array, point: Array, knowledge: Knowledge) -> Array:
-    """What a scanned pose tells of the parameters (p, p), its angles unknown."""
+    """Information (p, p) of a scanned pose on the parameters, its angles unknown."""
     parameters, angles = _sensitivity(joint, values, point)
     weights = 1 / np.repeat([knowledge.rotation_noise, knowledge.translation_noise], 3)
     return _unexplained(weights[:, None] * parameters, weights[:, None] * angles)

@@ -57,8 +57,8 @@ class Rig(JointTree):
         """Fit every joint to the given poses, then explain all poses.
 
         A joint of which no pose has both bones keeps its hints and the gap of its bones: `RigJoint.knowledge`
-        says what the poses tell, a warning names what they do not. Limits that the dataset does not state are
-        those of `limits.widened_limits`.
+        says what the poses determine, a warning names what they do not. Limits that the dataset does not
+        state are those of `limits.widened_limits`.
 
         Parameters
         ----------
@@ -176,7 +176,7 @@ def outwards(dataset: Dataset) -> list[str]:
 
 
 def _fit_joint(joint: Joint, motions: Motions, near: Array, point: Array) -> JointFit:
-    """A joint of the dataset's type; of the type that its motions earn, where the dataset says so."""
+    """A joint of the dataset's type, or, if that is "best", of the type that its motions justify."""
     hints = np.array(joint.axis_hints, float)
     if joint.type == "best":
         return fit_best(
@@ -188,7 +188,7 @@ def _fit_joint(joint: Joint, motions: Motions, near: Array, point: Array) -> Joi
 
 
 def _warn_of_joint(joint: RigJoint, poses: int) -> None:
-    """A warning of what no pose tells of a joint; poses: how many there are to learn from."""
+    """Warn of what no pose determines of a joint; poses: how many there are to learn from."""
     doubts = joint.knowledge.doubts(joint.angles) if joint.knowledge else []
     if not doubts:
         return

@@ -21,7 +21,7 @@ PREFIXES: tuple[tuple[Model, str], ...] = (("full", ""), ("partial", "partial_")
 Row = dict[str, str | float]
 Columns = dict[str, Array]
 
-# Metric -> column and unit. Places: of the corners of the child's box, which tell turns of all axes alike.
+# Metric -> column and unit. Places: of the corners of the child's box, which show turns about all axes alike.
 NAMES = {f"{prefix}place_error": (f"{prefix}FM_p", "mm") for prefix in ("", "loo_", "heldout_")} | {
     f"{prefix}{model}{kind}_error": (f"{prefix}{short}_{letter}", unit)
     for prefix in ("", "loo_", "heldout_")
