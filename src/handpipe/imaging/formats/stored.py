@@ -25,7 +25,15 @@ EXPORT = "Export it again"
 
 @dataclass(frozen=True)
 class Stored:
-    """values (ni, nj, nk) in the file's order and type; affine (4, 4) from their indices to RAS mm."""
+    """An image as its file stores it.
+
+    Parameters
+    ----------
+    values : array (ni, nj, nk)
+        Values in the order and type of the file.
+    affine : array (4, 4)
+        From indices of the values to RAS mm.
+    """
 
     values: NDArray
     affine: Array

@@ -47,7 +47,17 @@ class BvhJoint:
 
 @dataclass(frozen=True)
 class Bvh:
-    """Joints, parents before children, and values (frames, channels) in file order."""
+    """A skeleton with its frames, as a BVH file has them.
+
+    Parameters
+    ----------
+    joints : tuple of BvhJoint
+        Joints, parents before children.
+    values : array (frames, channels)
+        Values of all joints' channels in the order of the file, rotations in degrees.
+    seconds : float
+        Time of a frame.
+    """
 
     joints: tuple[BvhJoint, ...]
     values: Array

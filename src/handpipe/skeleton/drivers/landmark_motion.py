@@ -35,7 +35,15 @@ PALM_ERROR = 0.35  # distance of the palm's landmarks from the rig's, relative t
 
 @dataclass(frozen=True)
 class LandmarkMap:
-    """Where landmarks are on a rig: name -> bone and neutral point (3,); bone -> its two landmarks."""
+    """Where landmarks are on a rig.
+
+    Parameters
+    ----------
+    places : dict of str to (str, array (3,))
+        Bone and neutral point in mm of each landmark.
+    segments : dict of str to (str, str)
+        The two landmarks of each bone.
+    """
 
     places: dict[str, tuple[str, Array]]
     segments: dict[str, tuple[str, str]]

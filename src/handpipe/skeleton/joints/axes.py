@@ -29,8 +29,18 @@ HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is be
 class Axes:
     """No axis, one, two (orthogonal or not) or three orthogonal ones, fixed in neutral, the parent at rest.
 
-    directions (dof, 3) are unit vectors, one an angle; order (dof,) says which angle turns first: a
-    rotation about the first axis is followed by one about the second, as rotated by the first (Eq. 5).
+    A rotation about the axis that turns first is followed by one about the second, as rotated by the first.
+
+    Parameters
+    ----------
+    directions : array (dof, 3)
+        Unit vectors, one for each angle.
+    order : tuple of int
+        Numbers of the angles in the order in which they turn.
+
+    References
+    ----------
+    Wang 2019 §4, Eq. 5.
     """
 
     directions: Array

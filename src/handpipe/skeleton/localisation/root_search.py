@@ -30,8 +30,14 @@ LONG = 1.8  # length by width of a bone that has a direction
 class Blob:
     """Centre and principal axes of a solid.
 
-    The centre is (3,); the axes (3, 3) are in columns, right-handed, the long one first; the deviations (3,)
-    along them are in mm.
+    Parameters
+    ----------
+    centre : array (3,)
+        Centre in mm.
+    axes : array (3, 3)
+        Principal axes in columns, right-handed, the long one first.
+    lengths : array (3,)
+        Standard deviations along the axes in mm.
     """
 
     centre: Array

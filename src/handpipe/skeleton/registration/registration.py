@@ -50,7 +50,16 @@ LOOSE = 8.0  # deg of uncertainty beyond which a turn is undetermined
 class _Pair:
     """The two surfaces ready for closest-point queries.
 
-    middle (3,): the neutral's mean; size in mm: the root of its area; ratio: the target's area by it.
+    Parameters
+    ----------
+    neutral, target : Distance
+        Distances to the surfaces.
+    middle : array (3,)
+        Mean of the neutral surface's vertices in mm.
+    size : float
+        Square root of the neutral surface's area in mm.
+    ratio : float
+        Area of the target over that of the neutral surface.
     """
 
     neutral: Distance

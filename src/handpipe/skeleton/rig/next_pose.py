@@ -25,11 +25,18 @@ SAMPLES = {1: 9, 2: 5, 3: 4}  # values of each angle over its range
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known before any pose, and how well a pose is measured; standard deviations.
+    """Standard deviations of what is known before any pose, and of a registration.
 
-    rotation_noise in rad and translation_noise in mm: of a bone's registration, at its centroid; tilt of the
-    axes in rad and centre in mm: of a guess from the bones alone; rotation in rad and translation in mm:
-    of the coefficients of the residual motion.
+    Parameters
+    ----------
+    rotation_noise, translation_noise : float
+        Of a bone's registration at its centroid, in rad and mm.
+    tilt : float
+        Of the axes guessed from the bones alone, in rad.
+    centre : float
+        Of the centre guessed from the bones alone, in mm.
+    rotation, translation : float
+        Of the coefficients of the residual motion, in rad and mm.
     """
 
     rotation_noise: float = float(np.radians(0.3))
@@ -42,11 +49,21 @@ class Knowledge:
 
 @dataclass(frozen=True)
 class JointUncertainty:
-    """Precision (p, p) of a joint's parameters, and its matrix of the error over the range of motion.
+    """How well a joint's parameters are known, and what that means for its motion.
 
-    spread (p, p): the mean over the range of motion of the squared displacement in mm^2 of what the joint
-    carries, as a quadratic form of the parameters, each angle at its best; share: of all the rig's bones
-    that the joint carries.
+    Parameters
+    ----------
+    joint : RigJoint
+        The joint.
+    point : array (3,)
+        Neutral point at which its motion is measured, mm.
+    precision : array (p, p)
+        Inverse covariance of the joint's parameters.
+    spread : array (p, p)
+        Mean over the range of motion of the squared displacement, in mm^2, of what the joint carries, as a
+        quadratic form of the parameters, each angle at its best.
+    share : float
+        Share of all the rig's bones that the joint carries.
     """
 
     joint: RigJoint
