@@ -1,4 +1,4 @@
-"""Parts of one bone's marrow joined where the shaft's cortex parts them at the voxel size.
+"""Bridges between parts of one bone's marrow that the shaft's cortex separates at the voxel size.
 
 Each smaller part gets a thin bridge to the largest one along the brightest way. The bone's surfaces are then
 in one piece; the bridge's own volume is that of a canal of one voxel's radius.
@@ -16,7 +16,20 @@ DARKNESS = 4.0  # times a bright voxel's length that a dark one counts
 
 
 def bridged(probability: NDArray, values: NDArray) -> NDArray[np.float32]:
-    """Probability (nx, ny, nz) in which all claimed parts hang together; values: intensities (nx, ny, nz)."""
+    """Probability of marrow in which all claimed parts of a bone are connected.
+
+    Parameters
+    ----------
+    probability : array (nx, ny, nz)
+        Probability of the bone's marrow; above 0.5 it claims a voxel.
+    values : array (nx, ny, nz)
+        Intensities of the same voxels.
+
+    Returns
+    -------
+    array (nx, ny, nz) of float32
+        Probability with bridges between parts of at least `FEWEST` voxels.
+    """
     parts, count = ndimage.label(probability > 0.5)
     sizes = np.bincount(parts.ravel())[1:]
     if count < 2 or (sizes >= FEWEST).sum() < 2:

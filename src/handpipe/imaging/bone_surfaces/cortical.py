@@ -2,7 +2,8 @@
 
 A watershed finds the shell's outer face and tells where it shows: against bright tissue, not against tendons
 and ligaments, which are as dark as the shell. There the face is measured below the voxel size by the fitted
-dark layer. The shell's thickness varies slowly over the bone and is carried on smoothly where no face shows.
+dark layer. The shell's thickness varies slowly over the bone and is extrapolated smoothly where no face
+shows.
 """
 
 from __future__ import annotations
@@ -29,9 +30,28 @@ UNREFINED = 0.1  # confidence in a face of the watershed that no fit refines
 def whole_bone(
     volume: Volume, bone: BoneProbability, marrow: Surface, others: Sequence[Surface] = ()
 ) -> Surface:
-    """Closed smooth surface of marrow and cortical shell, from the marrow's surface, world mm.
+    """Closed smooth surface of a bone's marrow and cortical shell.
 
-    others: the marrow surfaces of the other bones; dark tissue nearer to them is theirs.
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    bone : BoneProbability
+        Probability of the bone's marrow.
+    marrow : Surface
+        Surface of the bone's marrow, in world mm.
+    others : sequence of Surface, optional
+        Marrow surfaces of the other bones. Dark tissue nearer to them belongs to them.
+
+    Returns
+    -------
+    Surface
+        Surface that faces outwards, in world mm; flat where the volume's border cuts the bone.
+
+    Raises
+    ------
+    ConvergenceError
+        If the smooth field of the shell's thickness does not converge.
     """
     thickness = shell_thickness(volume, bone, marrow, others)
     return within(volume, taubin(offset_surface(marrow, thickness, float(volume.spacing.min())), 5))

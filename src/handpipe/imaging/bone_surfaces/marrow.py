@@ -25,7 +25,7 @@ from handpipe.mesh.surfaces import Surface, taubin
 
 SMOOTHING = (0.7, 0.35)  # voxels
 FADED = 0.9  # of the claimed voxels: with less left, smoothing was too much
-WHOLE = 0.98  # of what is left hangs together, or smoothing has cut a waist
+WHOLE = 0.98  # of the remaining voxels are connected, or smoothing has cut a waist
 REACH = 1.25  # voxels that the image may move the walker's surface
 USUAL_THICKNESS = 0.8  # mm, of cortical bone in a finger: where fits start
 STIFFNESS = 1.0
@@ -76,10 +76,29 @@ def contour(field: Volume, level: float) -> Surface:
 
 
 def marrow_surface(volume: Volume, bone: BoneProbability) -> Surface:
-    """Closed smooth surface of a bone's marrow, world mm.
+    """Closed smooth surface of a bone's marrow.
 
     Starts from the isosurface 0.5 of the probability, then follows the inner face of the dark layer that
     is fitted along its normals, where the image shows it clearly.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    bone : BoneProbability
+        Probability of the bone's marrow.
+
+    Returns
+    -------
+    Surface
+        Surface that faces outwards, in world mm; flat where the volume's border cuts the marrow.
+
+    Raises
+    ------
+    InputError
+        If the probability never crosses 0.5.
+    ConvergenceError
+        If the smooth displacement does not converge.
     """
     local = volume.crop(bone.offset, bone.offset + bone.probability.shape)
     whole = bridged(_smoothed(bridged(bone.probability, local.values)), local.values)
@@ -94,7 +113,7 @@ def marrow_surface(volume: Volume, bone: BoneProbability) -> Surface:
 
 
 def _smoothed(probability: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Probability without the voxels' steps; smoothed less where a bone of few voxels would fade or part."""
+    """Probability without the voxels' steps; smoothed less where a bone of few voxels would fade or split."""
     claimed = (probability > 0.5).sum()
     for deviation in SMOOTHING:
         smooth = ndimage.gaussian_filter(probability, deviation)
@@ -125,10 +144,30 @@ def profile_offsets(volume: Volume, reach: float, outwards: float = 2.6) -> Arra
 def cortical_layers(
     volume: Volume, surface: Surface, cortex: Cortex, reach: float, outwards: float = 2.6
 ) -> tuple[DarkLayers, Array]:
-    """Dark layers fitted along the normals (n, 3) at a marrow surface's vertices, up to `outwards` mm.
+    """Dark layers fitted along the normals at a marrow surface's vertices.
 
-    reach: in voxels, of the inner face from the surface. Blur moves the half-intensity surface of a curved
-    edge by half its variance times the summed curvature, as heat flow does; the faces are moved back by that.
+    Blur moves the half-intensity surface of a curved edge by half its variance times the summed curvature, as
+    heat flow does. The faces are moved back by that.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    surface : Surface
+        Marrow surface in world mm.
+    cortex : Cortex
+        How cortical bone shows in the image.
+    reach : float
+        Largest distance of the inner face from the surface, in voxels.
+    outwards : float
+        Distance in mm outwards to which profiles are sampled.
+
+    Returns
+    -------
+    layers : DarkLayers
+        Faces and confidences at each vertex.
+    normals : array (n, 3)
+        Outward unit normals at the vertices.
     """
     normals = surface.vertex_normals()
     voxel = extent_along(volume, normals)

@@ -55,9 +55,23 @@ class OuterFaces(NamedTuple):
 
 
 def shell_basins(volume: Volume, cortex: Cortex, marrow: Surface, others: Sequence[Surface] = ()) -> Volume:
-    """Basins (values of `Basin`) around a bone's marrow surface on a grid finer than the volume's.
+    """Basins around a bone's marrow surface on a grid finer than the volume's.
 
-    others: the marrow surfaces of the bones near it. Voxels that the flood does not need have no basin, 0.
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    cortex : Cortex
+        How cortical bone shows in the image.
+    marrow : Surface
+        The bone's marrow surface in world mm.
+    others : sequence of Surface, optional
+        Marrow surfaces of the bones near it.
+
+    Returns
+    -------
+    Volume
+        Values of `Basin`; 0 in voxels that the flood does not need.
     """
     indices = volume.to_index(marrow.vertices)
     margin = (REACH + 1.0) / volume.spacing + 1
@@ -98,7 +112,12 @@ def outer_faces(basins: Volume, marrow: Surface) -> OuterFaces:
 class FineGrid:
     """A grid over a volume, of cubes `FINER` times as fine as its shortest voxel edge.
 
-    coordinates: along each axis the grid's points in voxels of the volume; affine (4, 4) of the grid.
+    Parameters
+    ----------
+    coordinates : tuple of 3 arrays
+        The grid's points along each axis, in voxels of the volume.
+    affine : array (4, 4)
+        From indices of the grid to world mm.
     """
 
     coordinates: tuple[Array, Array, Array]

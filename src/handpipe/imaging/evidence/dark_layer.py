@@ -20,7 +20,19 @@ SIGNIFICANT = 0.25  # least rise to the outer tissue, of the inner tissue's cont
 
 
 class DarkLayers(NamedTuple):
-    """Per profile (n,): inner face and thickness in mm; confidences in [0, 1]; misfit in noise variances."""
+    """Dark layers fitted to profiles.
+
+    Parameters
+    ----------
+    inner : array (n,)
+        Offset of the inner face in mm.
+    thickness : array (n,)
+        Thickness in mm.
+    inner_confidence, thickness_confidence : array (n,)
+        Confidence in the inner face and in the thickness, in [0, 1].
+    misfit : array (n,)
+        Mean squared residual in variances of the noise.
+    """
 
     inner: Array
     thickness: Array
@@ -46,12 +58,31 @@ def fit_dark_layers(
     reach: float | Array,
     thickness: float,
 ) -> DarkLayers:
-    """Fit the model to profiles (n, m) at offsets (m,) in mm, ascending, the inner tissue first.
+    """Inner face and thickness of the dark layer in each profile.
 
-    The inner face is sought within `reach` of offset 0, the outer face before the last offset. dark: the
-    layer's level; blur: standard deviation of the image's point spread in mm; noise: of the values;
-    thickness: the usual one in mm, where a fit starts. blur and reach are those of all profiles, or of
-    each (n,) where the image is coarser in some directions.
+    Parameters
+    ----------
+    profiles : array (n, m)
+        Intensities, the inner tissue first.
+    offsets : array (m,)
+        Offsets of the samples in mm, ascending.
+    dark : float
+        Intensity of the layer.
+    blur : float or array (n,)
+        Standard deviation of the image's point spread in mm, of all profiles or of each, where the image is
+        coarser in some directions.
+    noise : float
+        Standard deviation of the intensities.
+    reach : float or array (n,)
+        Largest distance of the inner face from offset 0 in mm, of all profiles or of each. The outer face
+        lies before the last offset.
+    thickness : float
+        Usual thickness in mm, where a fit starts.
+
+    Returns
+    -------
+    DarkLayers
+        Faces, confidences and misfits by profile.
     """
     blurs, reaches = (np.broadcast_to(np.asarray(v, float), len(profiles)).copy() for v in (blur, reach))
     fits = _fit(np.ascontiguousarray(profiles), offsets, dark, blurs, noise, reaches, thickness)
@@ -75,7 +106,22 @@ def fit_dark_level(
     reach: float | Array,
     thickness: float,
 ) -> float:
-    """The layer's level among candidates (c,) for which the model explains the profiles best."""
+    """The layer's intensity for which the model explains the profiles best.
+
+    Parameters
+    ----------
+    profiles, offsets
+        As for `fit_dark_layers`.
+    candidates : array (c,)
+        Intensities to choose from.
+    blur, noise, reach, thickness
+        As for `fit_dark_layers`.
+
+    Returns
+    -------
+    float
+        The candidate with the least median misfit.
+    """
     arguments = (blur, noise, reach, thickness)
     misfits = [np.median(fit_dark_layers(profiles, offsets, c, *arguments).misfit) for c in candidates]
     return float(candidates[int(np.argmin(misfits))])

@@ -1,7 +1,7 @@
 """Boundary markers of muscles: found along the normals of a guess, or placed by hand (Wang 2021, Sec. 5.1).
 
-A marker is a point of the image through which the muscle's surface must pass; it names no vertex that should
-come there. Where two muscles touch, the image shows no edge and no marker is made.
+A marker is a point of the image through which the muscle's surface must pass; it does not say which vertex
+should lie there. Where two muscles touch, the image shows no edge and no marker is made.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ STIFFNESS = 2.0
 
 
 class MarkerSettings(Model):
-    """How boundary markers are sought. Thin parts look unlike muscle: they are partly fat."""
+    """How to search for boundary markers. Thin parts of a muscle are partly fat and look different."""
 
     search: float = Field(3.0, gt=0, description="along the normals, either way, mm")
     contrast: float = Field(0.3, gt=0, description="least step at an edge, as a part of the muscle's level")
@@ -49,7 +49,19 @@ class MarkerSettings(Model):
 
 @dataclass(frozen=True)
 class Markers:
-    """points (k, 3) and outward unit normals (k, 3), confidence (k,) in [0, 1], guess's vertex ids (k,)."""
+    """Points of an image through which a muscle's surface must pass.
+
+    Parameters
+    ----------
+    points : array (k, 3)
+        Places in world mm.
+    normals : array (k, 3)
+        Outward unit normals.
+    confidence : array (k,)
+        Confidence in each marker, in [0, 1].
+    vertices : array (k,) of int
+        Vertex of the guess from which each marker was found.
+    """
 
     points: Array
     normals: Array
@@ -64,12 +76,34 @@ def boundary_markers(
     forbid: BoolArray | None = None,
     muscle_level: float | None = None,
 ) -> Markers:
-    """Edges between muscle inside and another tissue outside, near the surface of a guess.
+    """Markers at edges between muscle inside and another tissue outside, near the surface of a guess.
 
-    forbid (n,): vertices where none is sought, as attachments; muscle_level: intensity of muscle, else
-    estimated inside the guess. An edge counts where the inside looks like muscle, the step is clear, the
-    image's gradient runs along the normal, and the neighbours' edges agree. Curved edges, which blur moves
-    inwards, are moved back by half its variance times the summed curvature.
+    An edge counts where the inside looks like muscle, the step is clear, the image's gradient runs along the
+    normal, and the neighbours' edges agree. Curved edges, which blur moves inwards, are moved back by half
+    its variance times the summed curvature.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    surface : Surface
+        Guess of the muscle's surface in the pose, in world mm.
+    settings : MarkerSettings, optional
+        How to search; by default the settings' own defaults.
+    forbid : array (n,) of bool, optional
+        Vertices without a marker, such as attachments.
+    muscle_level : float, optional
+        Intensity of muscle; by default estimated inside the guess.
+
+    Returns
+    -------
+    Markers
+        Markers with a confidence of at least `settings.least_confidence`.
+
+    Raises
+    ------
+    ConvergenceError
+        If the smooth field of edges does not converge.
     """
     settings = settings or MarkerSettings.model_validate({})
     normals = surface.vertex_normals()
@@ -91,7 +125,20 @@ def boundary_markers(
 
 
 def estimate_muscle_level(volume: Volume, surface: Surface) -> float:
-    """The commonest intensity within a guess of a muscle (mode of the values a few mm below its surface)."""
+    """The commonest intensity within a guess of a muscle.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    surface : Surface
+        Guess of the muscle's surface in the pose, in world mm.
+
+    Returns
+    -------
+    float
+        Mode of the intensities 1 to 3.5 mm below the surface.
+    """
     depths = -np.linspace(1.0, 3.5, 6)
     values = sample_profiles(volume, surface.vertices, surface.vertex_normals(), depths).ravel()
     grey = values[(values > 0.2 * volume.bright) & (values < 0.7 * volume.bright)]
@@ -154,14 +201,27 @@ UNITS = ("mm", "[mm]")
 
 
 def read_markers(path: str | Path) -> tuple[Array, list[str]]:
-    """Points (k, 3) in RAS mm and labels of a 3D Slicer `.mrk.json` file, points in file order.
+    """Points of a 3D Slicer `.mrk.json` file, with their labels.
 
-    Points of all markups of the file; those that a person has not placed are skipped, which the log says.
+    Unplaced points are skipped, and the log names them.
+
+    Parameters
+    ----------
+    path : str or Path
+        File with one markup or several; its coordinates may be RAS or LPS.
+
+    Returns
+    -------
+    points : array (k, 3)
+        Points of all markups in the order of the file, RAS mm.
+    labels : list of str
+        Label of each point, empty if it has none.
 
     Raises
     ------
     InputError
-        Where the file is missing or malformed, is not in mm, or has no point that is placed.
+        If the file is missing or malformed, is not in mm, holds areas instead of points, or has no placed
+        point.
     """
     points, labels, skipped = list[Array](), list[str](), list[str]()
     markups = _markups(path)
@@ -214,7 +274,7 @@ def _control_points(path: str | Path, markup: dict[str, Any], number: int) -> li
 
 
 def _is_placed(path: str | Path, field: str, point: dict[str, Any]) -> bool:
-    """Whether a person has placed the point; an old position of one that is not says nothing."""
+    """Whether a person has placed the point; the old position of an unplaced point means nothing."""
     status = point.get("positionStatus", PLACED[0])
     if status not in (*PLACED, *NOT_PLACED):
         known = ", ".join((*PLACED, *NOT_PLACED))
@@ -246,9 +306,22 @@ def _position(path: str | Path, field: str, point: dict[str, Any]) -> Array:
 
 
 def read_landmarks(path: str | Path) -> dict[str, Array]:
-    """Landmarks of a `.mrk.json` file: label -> place (3,) in mm, RAS.
+    """Landmarks of a `.mrk.json` file by their labels.
 
-    Raises `InputError` as `read_markers` does, and where two share a label.
+    Parameters
+    ----------
+    path : str or Path
+        File as `read_markers` takes it.
+
+    Returns
+    -------
+    dict of str to array (3,)
+        Place of each landmark, RAS mm.
+
+    Raises
+    ------
+    InputError
+        As `read_markers` does, and if two landmarks share a label.
     """
     points, labels = read_markers(path)
     for label in labels:
@@ -262,7 +335,19 @@ def read_landmarks(path: str | Path) -> dict[str, Array]:
 def write_markers(
     path: str | Path, points: Array, labels: list[str] | None = None, kind: str = "Fiducial"
 ) -> None:
-    """Write points (k, 3) in RAS mm as one markup of 3D Slicer; kind is Fiducial or Curve."""
+    """Write points as one markup of 3D Slicer.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write, `.mrk.json`.
+    points : array (k, 3)
+        Points in RAS mm.
+    labels : list of str, optional
+        Label of each point; by default its number.
+    kind : str
+        Fiducial or Curve.
+    """
     names = labels or [str(i) for i in range(len(points))]
     controls = [
         {"id": str(i), "label": name, "position": [float(c) for c in point], "positionStatus": "defined"}

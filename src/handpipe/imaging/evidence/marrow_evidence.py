@@ -21,16 +21,24 @@ from handpipe.imaging.volumes.volume import Volume
 LEVEL_GRID = 2.0  # mm, of the field of levels
 LEVEL_REACH = 8.0  # mm within which some marrow or fat lies, wherever there is a bone
 COARSE_GRID = 1.0  # mm
-FLOOR = 0.5  # of the usual level: what air and its noise are held against
-BRIGHTEST = 1.3  # levels; vessels and artefacts beyond it say no more
+FLOOR = 0.5  # of the usual level: the least local level, so that the noise of air stays small
+BRIGHTEST = 1.3  # levels; brighter values, of vessels and artefacts, add no evidence
 
 
 @dataclass(frozen=True)
 class MarrowEvidence:
-    """A pose's image in units of the local marrow level.
+    """A pose's image in units of the local marrow level, fine and coarse.
 
-    fine: as scanned; bright: coarse means; dark: the darkest that lies within a voxel or two of the coarse
-    grid. Beyond the grid nothing is known.
+    Beyond the grid nothing is known.
+
+    Parameters
+    ----------
+    fine : Volume
+        Image at the resolution of the scan.
+    bright : Volume
+        Means over blocks of about `COARSE_GRID` mm.
+    dark : Volume
+        Lowest value within a voxel or two of the coarse grid.
     """
 
     fine: Volume

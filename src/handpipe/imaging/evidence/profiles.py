@@ -15,7 +15,24 @@ BLUR = 0.5  # voxels: deviation of a voxel's box, 0.29, and of trilinear interpo
 
 
 def sample_profiles(volume: Volume, points: Array, directions: Array, offsets: Array) -> Array:
-    """Values (n, m) at points (n, 3) moved by offsets (m,) in mm along unit directions (n, 3)."""
+    """Intensities of an image along lines.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image.
+    points : array (n, 3)
+        Origin of each line, in world mm.
+    directions : array (n, 3)
+        Unit direction of each line.
+    offsets : array (m,)
+        Distances of the samples from the origins in mm, negative against the direction.
+
+    Returns
+    -------
+    array (n, m)
+        Trilinear values; beyond the grid, the value at its border.
+    """
     return volume.sample(points[:, None] + offsets[:, None] * directions[:, None])
 
 
@@ -40,9 +57,9 @@ def smooth_field(
 ) -> tuple[Array, Array]:
     """Smooth field (n,) near measurements (n,) with confidences (n,) in [0, 1], and the weights kept (n,).
 
-    Minimises sum_i c_i rho(d_i - u_i) + stiffness u^T L u with the Geman-McClure penalty rho of width
-    `scale` by reweighting, so that measurements which disagree with their neighbours lose their say.
-    `upper_scale` is the width for measurements above the field, where errors are one-sided.
+    Minimises sum_i c_i rho(d_i - u_i) + stiffness u^T L u with the Geman-McClure penalty rho of width `scale`
+    by reweighting, so that measurements which disagree with their neighbours lose their weight. `upper_scale`
+    is the width for measurements above the field, where errors are one-sided.
     """
     stiff = (stiffness * laplacian + 1e-6 * sp.identity(len(measured))).tocsr()
     weights = confidence.astype(float)

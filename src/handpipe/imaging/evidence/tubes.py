@@ -24,7 +24,17 @@ STIFFNESS = 1.0
 
 @dataclass(frozen=True)
 class Sections:
-    """Centres (n, 3) and radii (n,) in mm of a tube, confidence (n,): the share of its edge that is seen."""
+    """Circular sections of a tube.
+
+    Parameters
+    ----------
+    centres : array (n, 3)
+        Centres in world mm.
+    radii : array (n,)
+        Radii in mm.
+    confidence : array (n,)
+        Share of each section's edge that the image shows.
+    """
 
     centres: Array
     radii: Array
@@ -32,10 +42,28 @@ class Sections:
 
 
 def trace(volume: Volume, points: Array, margin: float = 6.0) -> Array:
-    """Course (m, 3) of a dark structure through clicked points (k, 3), about half a mm between its points.
+    """Course of a dark structure through clicked points.
 
     The path of least summed brightness between successive points, smoothed by a spline.
-    Raises `InputError` where a point lies outside the volume.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    points : array (k, 3)
+        Clicked points in order, in world mm.
+    margin : float
+        Distance in mm from the points' box within which the path stays.
+
+    Returns
+    -------
+    array (m, 3)
+        Points of the course in world mm, about 0.5 mm apart.
+
+    Raises
+    ------
+    InputError
+        If a point lies outside the volume.
     """
     index = volume.to_index(points)
     if (index < -0.5).any() or (index > np.array(volume.shape) - 0.5).any():
@@ -169,7 +197,8 @@ def _first_rise(values: Array, offsets: Array, contrast: float) -> tuple[Array, 
 def _fit_circles(edge: Array, confidence: Array, plane: Array, radius: float) -> tuple[Array, Array, Array]:
     """Circles (centre (n, 2), radius (n,)) through edge points on rays, and the share of rays that count.
 
-    Linear in the centre and in r^2 - |centre|^2, reweighted; a weak prior holds where little is seen.
+    Linear in the centre and in r^2 - |centre|^2, reweighted; a weak prior decides where few edges are
+    visible.
     """
     points = edge[..., None] * plane
     system = np.concatenate([2 * points, np.ones((*edge.shape, 1))], axis=2)
@@ -188,9 +217,31 @@ def _fit_circles(edge: Array, confidence: Array, plane: Array, radius: float) ->
 
 
 def tube_surface(volume: Volume, centreline: Array, radius: float, bones: Distance | None = None) -> Surface:
-    """Closed surface of the dark tube around a centreline (n, 3), ending at bones where they touch it.
+    """Closed surface of the dark tube around a centreline.
 
-    The edge's distance from the centreline is a smooth field of place and angle, held by the edges seen.
+    The edge's distance from the centreline is a smooth function of place and angle, fitted to the visible
+    edges.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image in which the tube is darker than its surroundings.
+    centreline : array (n, 3)
+        Points of the tube's axis in order, in world mm.
+    radius : float
+        Usual radius in mm. The surface stays between 0.3 and 2 radii from the centreline, or nearer at bones.
+    bones : Distance, optional
+        Distances to the bones. The tube is cut back so that it does not enter them.
+
+    Returns
+    -------
+    Surface
+        Tube with its ends closed, in world mm.
+
+    Raises
+    ------
+    ConvergenceError
+        If the smooth distance does not converge.
     """
     frames = parallel_frames(tangents_of(centreline))
     edge, confidence, (_, world), _ = _ray_edges(volume, centreline, frames, radius, bones)

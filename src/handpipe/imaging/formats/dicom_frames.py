@@ -32,14 +32,40 @@ COMPONENTS = {  # of a complex image, as ImageType or ComplexImageComponent name
 
 @dataclass(frozen=True)
 class Frame:
-    """One 2D image; lengths in mm, coordinates in LPS.
+    """What a DICOM header says of one 2D image.
 
-    size (rows, columns); spacing (2,) between rows and between columns; orientation (2, 3): directions
-    along a row and along a column; position (3,) of the first pixel's centre, None where it is not stated.
+    Parameters
+    ----------
+    file : Path
+        File of the image.
+    number : int
+        Number of the image in its file, from 0.
+    uid, series_uid, series_number, description : str
+        Identifiers of the image and of its series, and the series' description.
+    size : tuple of 2 ints
+        Number of rows and of columns.
+    spacing : array (2,)
+        Distances between rows and between columns in mm.
+    orientation : array (2, 3)
+        Unit directions along a row and along a column, in LPS.
+    position : array (3,) or None
+        Centre of the first pixel in mm, LPS; None where the header lacks it.
+    echo_time : float or None
+        Echo time in ms.
+    slope, intercept : float
+        Of the rescaling to the scanner's values.
+    component : str
+        "phase", "real" or "imaginary" part of a complex image, else empty.
+    mosaic : bool
+        Whether the image is a mosaic of slices.
+    photometric : str
+        Photometric interpretation.
+    reference : str
+        UID of the frame of reference.
     """
 
     file: Path
-    number: int  # in its file, from 0
+    number: int
     uid: str
     series_uid: str
     series_number: str
@@ -48,13 +74,13 @@ class Frame:
     spacing: Array
     orientation: Array
     position: Array | None
-    echo_time: float | None  # ms
-    slope: float  # of the rescaling to the scanner's values
+    echo_time: float | None
+    slope: float
     intercept: float
-    component: str  # "phase", "real", "imaginary", else ""
+    component: str
     mosaic: bool
     photometric: str
-    reference: str  # UID of the frame of reference
+    reference: str
 
     @property
     def series(self) -> str:
@@ -63,9 +89,22 @@ class Frame:
 
 
 def frames_of(path: Path) -> list[Frame]:
-    """Every image in a DICOM file or in all files under a folder; other files are passed over.
+    """Every image in a DICOM file or in all files under a folder.
 
-    Raises `InputError` for a damaged DICOM file.
+    Parameters
+    ----------
+    path : Path
+        File or folder. Files of other formats are skipped.
+
+    Returns
+    -------
+    list of Frame
+        Images with what their headers say.
+
+    Raises
+    ------
+    InputError
+        If a DICOM file is damaged.
     """
     files = [path] if path.is_file() else sorted(f for f in path.rglob("*") if f.is_file())
     found: list[Frame] = []

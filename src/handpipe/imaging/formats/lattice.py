@@ -20,8 +20,23 @@ SAME = 1e-2  # voxels: how far two equal grids may be apart
 def to_ras(path: Path, stored: Stored) -> Stored:
     """The same image with its axes in the order and direction closest to RAS, which is right-handed.
 
-    Raises `InputError` where the axes are not finite, independent and at right angles, or where voxels have
-    the size of metres or micrometres.
+    Parameters
+    ----------
+    path : Path
+        File of the image, for messages.
+    stored : Stored
+        Image as its file stores it.
+
+    Returns
+    -------
+    Stored
+        Image with its axes exchanged and turned.
+
+    Raises
+    ------
+    InputError
+        If the axes are not finite, independent and at right angles, or voxels have the size of metres or
+        micrometres.
     """
     _require_grid(path, stored.affine)
     return _reordered(stored, io_orientation(stored.affine))
@@ -63,12 +78,31 @@ def require_finite(path: Path, values: NDArray) -> None:
 def on_grid(
     path: Path, stored: Stored, shape: tuple[int, int, int], affine: Array, part: bool = False
 ) -> NDArray:
-    """The image's values on a grid (shape, affine), whatever order its own axes have.
+    """An image's values on a grid, whatever order its own axes have.
 
-    part: whether it may cover a part of the grid; the rest is 0.
+    Parameters
+    ----------
+    path : Path
+        File of the image, for messages.
+    stored : Stored
+        The image.
+    shape : tuple of 3 ints
+        Number of the grid's voxels along each axis.
+    affine : array (4, 4)
+        From the grid's voxel indices to world mm.
+    part : bool
+        Whether the image may cover a part of the grid only; values beyond it are 0.
 
-    Raises `InputError` where the lattices differ by more than a hundredth of a voxel at any corner, where the
-    extents differ (without `part`), or where a value that is not 0 lies beyond the grid.
+    Returns
+    -------
+    array (nx, ny, nz)
+        Values in the order of the grid's axes.
+
+    Raises
+    ------
+    InputError
+        If the lattices differ by more than a hundredth of a voxel at any corner, the extents differ (without
+        `part`), or a value other than 0 lies beyond the grid.
     """
     to_index = np.linalg.inv(affine) @ stored.affine
     turn = np.rint(to_index[:3, :3])

@@ -30,8 +30,21 @@ BYTES = {"CHAR": 1, "SHORT": 2, "INT": 4, "LONG": 4, "LONG_LONG": 8, "FLOAT": 4,
 def read_meta_image(path: Path) -> Stored:
     """Read a MetaImage, whose world is LPS.
 
-    Raises `InputError` for a damaged file, colours, several volumes, a size that the file cannot hold, and a
-    header without directions or spacing.
+    Parameters
+    ----------
+    path : Path
+        File, .mha or .mhd.
+
+    Returns
+    -------
+    Stored
+        Values and affine.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, holds colours or several volumes, is too short for its size, or its header
+        lacks directions or spacing.
     """
     header, length = _header(path)
     _require_geometry(path, header)

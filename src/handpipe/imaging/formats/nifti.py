@@ -29,8 +29,21 @@ AGREEMENT = 0.1  # voxels: how far sform and qform may place a voxel apart
 def read_nifti(path: Path) -> Stored:
     """Read a NIfTI file, scaled by its slope and intercept.
 
-    Raises `InputError` for a damaged file, colours, complex numbers, several volumes, a size that the file
-    cannot hold, and a header that does not say where the voxels lie.
+    Parameters
+    ----------
+    path : Path
+        File, .nii or .nii.gz.
+
+    Returns
+    -------
+    Stored
+        Values and affine.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, holds colours, complex numbers or several volumes, is too short for its size,
+        or its header does not say where the voxels lie.
     """
     with reading(path, "NIfTI"):
         image: Any = nibabel.load(path)

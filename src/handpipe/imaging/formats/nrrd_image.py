@@ -33,10 +33,23 @@ BYTES_OF_TEXT = 2  # the least that a number takes, with the blank after it
 
 
 def read_nrrd(path: Path) -> Stored:
-    """Read a scalar volume.
+    """Read a scalar volume of NRRD.
 
-    Raises `InputError` for a damaged file, colours or vectors, several volumes, a size that the file cannot
-    hold, and a space that is not made of left-right, posterior-anterior and inferior-superior.
+    Parameters
+    ----------
+    path : Path
+        File, .nrrd or .nhdr.
+
+    Returns
+    -------
+    Stored
+        Values and affine.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, holds colours, vectors or several volumes, is too short for its size, or its
+        space is not made of left-right, posterior-anterior and inferior-superior.
     """
     header = read_header(path)
     spatial, layers = spatial_axes(path, header)

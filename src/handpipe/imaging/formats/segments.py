@@ -34,7 +34,22 @@ def is_segmentation(path: Path) -> bool:
 def read_segments(path: Path, bones: Mapping[str, int]) -> Stored:
     """Labels of the segments that are named as bones are, or `background` (255).
 
-    Raises `InputError` as `read_nrrd` does, for a segment of another name, and for two bones in one voxel.
+    Parameters
+    ----------
+    path : Path
+        Segmentation of 3D Slicer, .seg.nrrd.
+    bones : mapping of str to int
+        Label of each bone by name.
+
+    Returns
+    -------
+    Stored
+        Labels and affine.
+
+    Raises
+    ------
+    InputError
+        As `read_nrrd` does, for a segment of another name, and for two bones in one voxel.
     """
     header = read_header(path)
     spatial, layers = spatial_axes(path, header)

@@ -25,7 +25,15 @@ EXPORT = "Export it again"
 
 @dataclass(frozen=True)
 class Stored:
-    """values (ni, nj, nk) in the file's order and type; affine (4, 4) from their indices to RAS mm."""
+    """An image as its file stores it.
+
+    Parameters
+    ----------
+    values : array (ni, nj, nk)
+        Values in the order and type of the file.
+    affine : array (4, 4)
+        From indices of the values to RAS mm.
+    """
 
     values: NDArray
     affine: Array
@@ -46,7 +54,22 @@ def reading(path: str | Path, format: str) -> Iterator[None]:
 def spatial_shape(path: str | Path, shape: Sequence[int]) -> tuple[int, int, int]:
     """The first three sizes of an image whose further axes have one entry each.
 
-    Raises `InputError` for an image that is not one 3D volume.
+    Parameters
+    ----------
+    path : str or Path
+        File of the image, for messages.
+    shape : sequence of int
+        Sizes of all its axes.
+
+    Returns
+    -------
+    tuple of 3 ints
+        Sizes of the spatial axes.
+
+    Raises
+    ------
+    InputError
+        If the image is not one 3D volume.
     """
     sizes = tuple(int(n) for n in shape)
     if len(sizes) > 3 and max(sizes[3:]) > 1:

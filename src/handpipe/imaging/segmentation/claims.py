@@ -1,7 +1,8 @@
-"""What every bone claims of one pose's volume: found, written, read, and held against what bones look like.
+"""What every bone claims of one pose's volume: found, written, read, and compared with what bones look like.
 
-Strokes in the wrong place still give something. It is told from the bone that was meant by its looks: marrow
-is as bright as that of the bones around it, a dark shell encloses it, and it is as large as in neutral.
+Strokes in the wrong place still give a region. Its appearance shows whether it is the intended bone: its
+marrow is as bright as that of the bones around it, a dark shell encloses it, and it is as large as in
+neutral.
 """
 
 from __future__ import annotations
@@ -45,9 +46,25 @@ SHELL = 1.0  # mm from the marrow's boundary within which the shell is dark
 def segment(
     volume: Volume, seeds: Labels, bones: Mapping[str, int], settings: SegmentationSettings
 ) -> tuple[dict[str, BoneProbability], dict[str, str]]:
-    """The marrow of bones (name -> label) from seeds (nx, ny, nz), each by itself.
+    """The marrow of each bone from seeds, each bone by itself.
 
-    Also what is wrong with the seeds of the bones that are not among them.
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    seeds : array (nx, ny, nz) of uint8
+        Strokes: 0 for none, labels of bones, 255 for the background.
+    bones : mapping of str to int
+        Label of each bone to segment.
+    settings : SegmentationSettings
+        Settings of the random walker and of its region.
+
+    Returns
+    -------
+    found : dict of str to BoneProbability
+        Marrow of the segmented bones.
+    wrong : dict of str to str
+        For each of the other bones what is wrong with its seeds, and what to draw.
     """
     found, wrong = {}, {}
     for number, (name, label) in enumerate(bones.items(), 1):
@@ -68,7 +85,17 @@ def _in_words(error: InputError | ConvergenceError) -> str:
 
 
 def save(path: str | Path, bones: Mapping[str, BoneProbability], inputs: Iterable[str | Path] = ()) -> None:
-    """Write the bones' probabilities as an artifact."""
+    """Write the probabilities of bones as an artifact.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+    bones : mapping of str to BoneProbability
+        Probability of each bone's marrow by name.
+    inputs : iterable of str or Path, optional
+        Files that the probabilities were computed from; the artifact records their hashes.
+    """
     data = {
         name: {
             "offset": b.offset,
@@ -83,9 +110,24 @@ def save(path: str | Path, bones: Mapping[str, BoneProbability], inputs: Iterabl
 
 
 def load(path: str | Path, corrected: Iterable[str | Path] = ()) -> dict[str, BoneProbability]:
-    """Read the bones of an artifact, and in their place those of others that correct some of them.
+    """Read the bones of an artifact, some of them replaced by corrected ones.
 
-    Raises `InputError` as `artifacts.read` does.
+    Parameters
+    ----------
+    path : str or Path
+        Artifact that `save` wrote.
+    corrected : iterable of str or Path, optional
+        Artifacts whose bones replace those of the same name.
+
+    Returns
+    -------
+    dict of str to BoneProbability
+        Probability of each bone's marrow by name.
+
+    Raises
+    ------
+    InputError
+        As `artifacts.read` does.
     """
     found: dict[str, BoneProbability] = {}
     for file in (path, *corrected):
@@ -101,15 +143,38 @@ def _bone(group: Mapping[str, Any]) -> BoneProbability:
 
 @dataclass(frozen=True)
 class Appearance:
-    """How what a bone claims looks in the image.
+    """How the marrow that a bone claims looks in the image.
 
-    volume: of the marrow in mm^3; border: share of it that a layer of `BORDER` voxels at its boundary has;
-    level: its median intensity; relative_level: that over the median of the bones around it; enclosed: share
-    of its boundary with a dark shell; cut_off: whether it reaches the volume's border; spans: whether it
-    reaches two opposite faces of it; open_area: mm^2 of the largest part of its boundary without a shell,
-    open_at: the middle of that part in world mm; open_limit: mm^2 of it that the voxels' steps explain;
-    undecided: mm^3 of the largest bright part that the strokes do not decide, undecided_at: where;
-    unclaimed: mm^3 of the largest bright part within its shell that no bone claims, unclaimed_at: where.
+    Parameters
+    ----------
+    volume : float
+        Volume of the marrow in mm^3.
+    border : float
+        Share of the volume that a layer of `BORDER` voxels at its boundary takes.
+    level : float
+        Median intensity.
+    relative_level : float
+        Median intensity over the median of the bones around it.
+    enclosed : float
+        Share of the boundary that has a dark shell.
+    cut_off : bool
+        Whether the marrow reaches the volume's border.
+    spans : bool
+        Whether the marrow reaches two opposite faces of the volume.
+    open_area : float
+        Area in mm^2 of the largest part of the boundary without a shell.
+    open_at : tuple of 3 floats
+        Middle of that part in world mm.
+    open_limit : float
+        Largest `open_area` in mm^2 that the voxels' steps explain.
+    undecided : float
+        Volume in mm^3 of the largest bright part that the strokes do not decide.
+    undecided_at : tuple of 3 floats
+        Middle of that part in world mm.
+    unclaimed : float
+        Volume in mm^3 of the largest bright part within the bone's shell that no bone claims.
+    unclaimed_at : tuple of 3 floats
+        Middle of that part in world mm.
     """
 
     volume: float
@@ -128,7 +193,18 @@ class Appearance:
     unclaimed_at: Place = (0.0, 0.0, 0.0)
 
     def doubts(self, neutral: Appearance | None = None) -> list[str]:
-        """What speaks against a bone, in words; nothing where all is well. neutral: how it looks there."""
+        """Doubts about a bone, in words.
+
+        Parameters
+        ----------
+        neutral : Appearance, optional
+            How the bone looks in neutral, if known.
+
+        Returns
+        -------
+        list of str
+            Doubts with what to draw; empty if there are none.
+        """
         doubts = []
         if self.relative_level < LEAST_LEVEL:
             doubts.append(
@@ -279,10 +355,23 @@ def _place(volume: Volume, index: NDArray) -> Place:
 def doubted(
     looks: Mapping[str, Appearance], neutral: Mapping[str, Appearance], corrected: Collection[str] = ()
 ) -> dict[str, str]:
-    """The bones that do not look as they should, with what speaks against them; each is logged.
+    """The bones that do not look as they should, with the reasons.
 
-    neutral: how the bones look there, where that is known; corrected: bones whose looks a person has accepted
-    by scribbles: their doubts are logged alone.
+    Each doubt is logged.
+
+    Parameters
+    ----------
+    looks : mapping of str to Appearance
+        Appearance of each bone in the pose.
+    neutral : mapping of str to Appearance
+        Appearance of bones in neutral, where it is known.
+    corrected : collection of str, optional
+        Bones whose appearance a person has accepted by scribbles: their doubts are only logged.
+
+    Returns
+    -------
+    dict of str to str
+        Doubts by bone.
     """
     wrong = {}
     for name, look in looks.items():
@@ -309,7 +398,20 @@ def write_looks(path: str | Path, looks: Mapping[str, Appearance], left_out: Map
 
 
 def read_looks(path: str | Path) -> tuple[dict[str, Appearance], dict[str, str]]:
-    """Read what `write_looks` wrote."""
+    """How the bones of a pose look, and why bones are left out.
+
+    Parameters
+    ----------
+    path : str or Path
+        JSON file that `write_looks` wrote.
+
+    Returns
+    -------
+    looks : dict of str to Appearance
+        Appearance of each bone by name.
+    left_out : dict of str to str
+        Why each of the other bones is left out.
+    """
     data = json.loads(Path(path).read_text(encoding="utf-8"))
     places = ("open_at", "undecided_at", "unclaimed_at")
     for fields in data["bones"].values():

@@ -31,9 +31,23 @@ NOWHERE = Patch(0.0, np.zeros(3))
 
 
 def open_patch(values: NDArray, claimed: BoolArray, spacing: NDArray) -> Patch:
-    """The largest open patch of a claim (nx, ny, nz); values: intensities in units of the marrow's level.
+    """The largest open patch of a claim's boundary.
 
-    Beyond the borders of the arrays nothing is seen: faces there are not open.
+    Beyond the borders of the arrays nothing is known: faces there are not open.
+
+    Parameters
+    ----------
+    values : array (nx, ny, nz)
+        Intensities in units of the marrow's level.
+    claimed : array (nx, ny, nz) of bool
+        Voxels that the bone claims.
+    spacing : array (3,)
+        Size of a voxel in mm.
+
+    Returns
+    -------
+    Patch
+        Area in mm^2 and middle voxel; `NOWHERE` if the boundary is closed.
     """
     area = np.zeros(claimed.shape)
     for axis in range(3):

@@ -27,11 +27,22 @@ def propose(
     whole: Mapping[int, Surface],
     unsure: Collection[int] = (),
 ) -> Labels:
-    """Seeds (nx, ny, nz): each bone's label deep in its marrow, 255 around the bones, else 0.
+    """Seeds of a pose from bones that were moved into it.
 
-    normalised: the image in units of the local marrow level; marrow, whole: closed surfaces of the bones in
-    the pose, by label; unsure: labels whose place may be wrong. These get no seeds, and as nobody knows
-    where they are no bright place is background.
+    Parameters
+    ----------
+    normalised : Volume
+        Image of the pose in units of the local marrow level.
+    marrow, whole : mapping of int to Surface
+        Closed surfaces of the marrow and of the whole bone in the pose, world mm, by label.
+    unsure : collection of int, optional
+        Labels of bones whose place may be wrong. They get no seeds, and since their place is unknown no
+        bright voxel is background.
+
+    Returns
+    -------
+    array (nx, ny, nz) of uint8
+        Each bone's label deep in its marrow, 255 around the bones, 0 elsewhere.
     """
     around = _around(normalised, whole)
     if unsure:
@@ -65,10 +76,22 @@ def _step(volume: Volume) -> IntArray:
 
 
 def marrow_core(volume: Volume, marrow: Surface) -> IntArray:
-    """Voxels (n, 3) deep inside a marrow surface; the deepest ones where it is thin.
+    """Voxels deep inside a marrow surface, or its deepest ones where it is thin.
 
-    Between its ends the deepest of every slice across its long axis are among them: a walk from one end
-    seldom passes a waist of few voxels.
+    Between the bone's ends, the deepest voxels of every slice across its long axis are included: a random
+    walk from one end seldom passes a waist of few voxels.
+
+    Parameters
+    ----------
+    volume : Volume
+        Volume whose grid is used.
+    marrow : Surface
+        Closed surface of the marrow, in world mm.
+
+    Returns
+    -------
+    array (n, 3) of int
+        Voxel indices; none if no voxel centre lies inside the surface.
     """
     corners = volume.to_index(marrow.vertices)
     lower = np.clip(np.floor(corners.min(axis=0)).astype(np.int64), 0, volume.shape)
@@ -95,7 +118,22 @@ def _slices(places: Array, thickness: float) -> IntArray:
 
 
 def share_outside(voxels: IntArray, truth: Labels, label: int) -> float:
-    """Share of a bone's voxels (n, 3) that lie outside its true marrow; one where there are none."""
+    """Share of a bone's voxels that lie outside its true marrow.
+
+    Parameters
+    ----------
+    voxels : array (n, 3) of int
+        Voxel indices.
+    truth : array (nx, ny, nz) of uint8
+        True labels.
+    label : int
+        Label of the bone.
+
+    Returns
+    -------
+    float
+        Share in [0, 1]; 1 if there are no voxels.
+    """
     return float((truth[tuple(voxels.T)] != label).mean()) if len(voxels) else 1.0
 
 

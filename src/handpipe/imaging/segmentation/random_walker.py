@@ -19,18 +19,25 @@ from numpy.typing import NDArray
 from handpipe.core import Array, ConvergenceError
 
 INSIDE, OUTSIDE = 1, 2
-MINIMUM_WEIGHT = 1e-6  # holds pockets behind strong edges: below it iterations stall on them
+MINIMUM_WEIGHT = 1e-6  # of an edge: with less, iterations stall in pockets behind strong edges
 OVERCORRECTION = 0.55  # constant aggregates are nearly twice too stiff (Braess 1995)
 COARSEST = 64  # voxels
 SWEEPS_COARSEST = 12
 
 
 class Stop(NamedTuple):
-    """When a solution is near enough: tolerance of the probability, most iterations, voxels in doubt.
+    """When a solution is near enough.
 
-    undecided: the solution may stop short of the tolerance once the error's estimate leaves so few voxels in
-    doubt of their side of 0.5, as a share of those above it. Pockets behind strong edges converge last, and
-    far from any doubt.
+    Parameters
+    ----------
+    tolerance : float
+        Largest error of the probability, as the preconditioned residual estimates it.
+    max_iterations : int
+        Most iterations.
+    undecided : float
+        The solution may stop short of the tolerance once the error's estimate leaves so few voxels in doubt
+        of their side of 0.5, as a share of the voxels above 0.5. Pockets behind strong edges converge last,
+        and far from any doubt.
     """
 
     tolerance: float = 1e-3
@@ -53,13 +60,35 @@ def random_walker(
     spacing: NDArray | None = None,
     stop: Stop | None = None,
 ) -> Array:
-    """Probability (nx, ny, nz) that a walk from a voxel reaches an inside seed first.
+    """Probability that a walk from a voxel reaches an inside seed first.
 
-    values (nx, ny, nz): intensities in units of a tissue contrast, so that `beta` has no unit;
-    seeds (nx, ny, nz): 0 free, INSIDE or OUTSIDE; start: a first guess; spacing (3,): a voxel's size, cubes
-    where it is not given. The contrast of a sharp edge does not depend on the distance of the samples on
-    either side, so that lengths weigh the edges and not the contrasts. stop: when a solution is near enough.
-    Raises `ConvergenceError` where the iterations do not suffice.
+    The contrast of a sharp edge does not depend on the distance of the samples on either side. Therefore
+    lengths weigh the edges and not the contrasts.
+
+    Parameters
+    ----------
+    values : array (nx, ny, nz)
+        Intensities in units of a tissue contrast, so that `beta` has no unit.
+    seeds : array (nx, ny, nz)
+        0 for free voxels, INSIDE or OUTSIDE.
+    beta : float
+        Weight of the contrast.
+    start : array (nx, ny, nz), optional
+        Initial guess.
+    spacing : array (3,), optional
+        Size of a voxel; by default voxels are cubes.
+    stop : Stop, optional
+        When a solution is near enough.
+
+    Returns
+    -------
+    array (nx, ny, nz)
+        Probability of each voxel.
+
+    Raises
+    ------
+    ConvergenceError
+        If the iterations do not suffice.
     """
     free = seeds == 0
     size = np.ones(3) if spacing is None else np.asarray(spacing, float)

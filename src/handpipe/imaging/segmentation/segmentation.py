@@ -33,7 +33,7 @@ SURROUNDINGS = 5.0  # mm around the marrow that the shell and its neighbourhood 
 
 
 class SegmentationSettings(Model):
-    """`beta` is the random walker's one parameter; the rest says what marrow and a finger look like."""
+    """`beta` is the random walker's one parameter; the others say what marrow and a finger look like."""
 
     beta: float = Field(
         default=100.0, gt=0, description="contrast weight; intensities in units of the bone's marrow level"
@@ -46,10 +46,18 @@ class SegmentationSettings(Model):
 
 @dataclass(frozen=True)
 class BoneProbability:
-    """Probability (nx, ny, nz) of marrow in a local region, whose first voxel is voxel `offset` (3,).
+    """Probability of one bone's marrow in a local region.
 
-    undecided: mm^3 of the largest bright part that the strokes do not decide; undecided_at (3,): its middle,
-    in voxels of the whole volume.
+    Parameters
+    ----------
+    offset : array (3,) of int
+        First voxel of the region in the whole volume.
+    probability : array (nx, ny, nz) of float32
+        Probability of marrow at each voxel of the region.
+    undecided : float
+        Volume in mm^3 of the largest bright part that the strokes do not decide.
+    undecided_at : tuple of 3 floats
+        Middle of that part, in voxels of the whole volume.
     """
 
     offset: IntArray
@@ -87,10 +95,25 @@ def check_seeds(
     scribbled: Collection[str] = (),
     others: Mapping[str, int] | None = None,
 ) -> None:
-    """Raise `InputError` where seeds (nx, ny, nz) lack a bone or the background, or hold unknown labels.
+    """Check that seeds cover all bones and the background, and hold no unknown label.
 
-    scribbled: bones that may have none: their scribbles are all the seeds they have; others: labels of
-    further bones, which seeds may hold and need not.
+    Parameters
+    ----------
+    source : str or Path
+        File of the seeds, for messages.
+    seeds : array (nx, ny, nz) of uint8
+        Strokes: 0 for none, labels of bones, 255 for the background.
+    bones : mapping of str to int
+        Label of each bone that needs seeds.
+    scribbled : collection of str, optional
+        Bones that may have no seeds, since they have scribbles instead.
+    others : mapping of str to int, optional
+        Labels of further bones, for which seeds are optional.
+
+    Raises
+    ------
+    InputError
+        If a bone or the background has no seeds, or a label is unknown.
     """
     present = set(np.unique(seeds).tolist())
     for name, label in bones.items():
@@ -108,7 +131,20 @@ def check_seeds(
 
 
 def add_scribbles(seeds: Labels, scribbles: Labels, label: int | None = None) -> Labels:
-    """Seeds (nx, ny, nz) overruled by extra scribbles on the same grid, or by those of one label alone."""
+    """Seeds overruled by extra scribbles.
+
+    Parameters
+    ----------
+    seeds, scribbles : array (nx, ny, nz) of uint8
+        Labels of strokes on the same grid, 0 for none.
+    label : int, optional
+        The only label whose scribbles count; by default all count.
+
+    Returns
+    -------
+    array (nx, ny, nz) of uint8
+        The scribble of a voxel if it has one, else its seed.
+    """
     drawn = scribbles > 0 if label is None else scribbles == label
     return np.where(drawn, scribbles, seeds)
 
@@ -118,10 +154,32 @@ def segment_bone(
 ) -> BoneProbability:
     """Probability of one bone's marrow against everything else, in a box around the marrow.
 
-    seeds (nx, ny, nz): 0 none, bone labels, 255 background. Seeds that disagree with the marrow's
-    intensity are dropped; the box grows until the marrow ends inside it or at the volume's border.
-    Raises `InputError` where the bone has no seeds, where they lie in darkness, and where what they lie in
-    goes on for longer than any bone of a hand.
+    Seeds that disagree with the marrow's intensity are dropped. The box grows until the marrow ends inside it
+    or at the volume's border.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    seeds : array (nx, ny, nz) of uint8
+        Strokes: 0 for none, labels of bones, 255 for the background.
+    label : int
+        Label of the bone.
+    settings : SegmentationSettings
+        Settings of the random walker and of its region.
+
+    Returns
+    -------
+    BoneProbability
+        Probability in a box that holds the marrow and `SURROUNDINGS` mm around it.
+
+    Raises
+    ------
+    InputError
+        If the bone has no seeds, if they lie in darkness, or if the marrow that they lie in is longer than
+        any bone of a hand.
+    ConvergenceError
+        If the random walker does not converge.
     """
     problem = local_problem(volume, seeds, label, settings)
     start = None
@@ -141,10 +199,20 @@ def segment_bone(
 
 @dataclass(frozen=True)
 class LocalProblem:
-    """What a bone's walker is given in a box whose first voxel is voxel `offset` (3,).
+    """What a bone's random walker is given in a box.
 
-    values (nx, ny, nz): intensities by the marrow's `level`; marks (nx, ny, nz): the walker's seeds;
-    undecided: volume and middle of the largest part that no stroke decides, as `BoneProbability` has it.
+    Parameters
+    ----------
+    offset : array (3,) of int
+        First voxel of the box in the whole volume.
+    level : float
+        Intensity of the bone's marrow.
+    values : array (nx, ny, nz) of float32
+        Intensities in units of that level.
+    marks : array (nx, ny, nz) of uint8
+        Seeds of the walker: 0 for free voxels, INSIDE or OUTSIDE.
+    undecided : tuple
+        Volume in mm^3 and middle (voxels of the whole volume) of the largest part that no stroke decides.
     """
 
     offset: IntArray
@@ -155,7 +223,23 @@ class LocalProblem:
 
 
 def local_problem(volume: Volume, seeds: Labels, label: int, settings: SegmentationSettings) -> LocalProblem:
-    """The walker's problem in a box around all that a bone's strokes reach. Raises as `segment_bone` does."""
+    """The walker's problem in a box around all that a bone's strokes reach.
+
+    Parameters
+    ----------
+    volume, seeds, label, settings
+        As for `segment_bone`.
+
+    Returns
+    -------
+    LocalProblem
+        Values and marks in the box.
+
+    Raises
+    ------
+    InputError
+        As `segment_bone` does.
+    """
     lower, upper, level = _around_seeds(volume, seeds, label)
     lower, upper = _enlarged(volume, lower, upper, settings.margin)
     level = _risen(_problem(volume, seeds, label, level, lower, upper, settings))
@@ -280,7 +364,7 @@ def bounds(mask: BoolArray) -> tuple[IntArray, IntArray]:
 
 
 def _connected(probability: NDArray, seeds: BoolArray) -> NDArray:
-    """Keep only the claimed voxels that hang together with a seed; holes inside the marrow are filled."""
+    """Keep only the claimed voxels that are connected to a seed; fill holes inside the marrow."""
     parts, _ = ndimage.label(probability > 0.5)
     kept = np.isin(parts, np.setdiff1d(parts[seeds], 0))
     filled = ndimage.binary_fill_holes(kept)
@@ -304,10 +388,37 @@ def merge(
     seeds: Labels,
     settings: SegmentationSettings,
 ) -> tuple[Labels, dict[int, BoneProbability]]:
-    """Labels (nx, ny, nz) of all bones, and the probabilities with conflicts resolved.
+    """Labels of all bones, and their probabilities with conflicts resolved.
 
-    bones: by label. Voxels claimed by two bones become unlabelled, and each conflict is solved again in
-    a local region with the sure voxels around it as seeds (Wang 2019, Sec. 3.1).
+    Voxels claimed by two bones become unlabelled. Each conflict is then solved again in a local region, with
+    the sure voxels around it as seeds.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose.
+    bones : mapping of int to BoneProbability
+        Probability of each bone's marrow by label; left unchanged.
+    seeds : array (nx, ny, nz) of uint8
+        Strokes: 0 for none, labels of bones, 255 for the background.
+    settings : SegmentationSettings
+        Settings of the random walker.
+
+    Returns
+    -------
+    labels : array (nx, ny, nz) of uint8
+        Label of each voxel, 0 for no bone.
+    resolved : dict of int to BoneProbability
+        Probabilities by label; at most one bone has more than 0.5 in a voxel of a conflict.
+
+    Raises
+    ------
+    ConvergenceError
+        If the random walker does not converge.
+
+    References
+    ----------
+    Wang 2019 §3.1.
     """
     claims = np.zeros(volume.shape, np.uint8)
     labels = np.zeros(volume.shape, np.uint8)

@@ -1,9 +1,9 @@
 """Marks of the random walker where a few strokes leave no doubt.
 
 The walker finds a boundary well between dense marks, and badly far from sparse ones: the probability fades
-along a canal and leaks through the many voxels of a blurred boundary. Two minimax floods, from the strokes
-in the bone and from all others, tell for most voxels which stroke reaches them with the smaller change of
-intensity. Where the difference is clear they become marks; the walker decides the rest.
+along a canal and leaks through the many voxels of a blurred boundary. Two minimax floods, from the strokes in
+the bone and from all others, show for most voxels which stroke reaches them with the smaller change of
+intensity. Where the difference is clear, voxels become marks; the walker decides the others.
 """
 
 from __future__ import annotations

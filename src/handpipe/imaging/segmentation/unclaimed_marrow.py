@@ -1,7 +1,7 @@
 """Marrow in a bone's own dark shell that the bone does not claim.
 
-Where a canal is thinner than a voxel or the cortex parts the marrow, strokes in one end find that end
-alone. A dark shell closes it all around, and nothing looks wrong. What is left over does: bright tissue that
+Where a canal is thinner than a voxel or the cortex separates the marrow, strokes in one end find that end
+alone. A dark shell closes it all around, and nothing looks wrong. The missing end shows as bright tissue that
 the same dark shell encloses, and that no other bone claims.
 """
 

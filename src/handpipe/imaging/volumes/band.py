@@ -36,9 +36,23 @@ class DistanceBand:
 
     @staticmethod
     def around(surface: Surface, grid: Volume, reach: float, inwards: float | None = None) -> DistanceBand:
-        """The band of `reach` mm, longer than the surface's edges, on a volume's grid.
+        """The band around a surface on a volume's grid.
 
-        inwards: its reach inside the surface, where that is less.
+        Parameters
+        ----------
+        surface : Surface
+            Closed surface in world mm.
+        grid : Volume
+            Volume whose grid is used.
+        reach : float
+            Distance in mm to which the band reaches; longer than the surface's edges.
+        inwards : float, optional
+            Distance in mm to which it reaches inside the surface, if less.
+
+        Returns
+        -------
+        DistanceBand
+            Signed distances and the voxels of the band.
         """
         points, within = grid.to_index(surface.vertices), inside(grid, surface)
         near = _around_points(points, reach / grid.spacing, grid.shape)

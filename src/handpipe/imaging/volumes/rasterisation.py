@@ -14,7 +14,20 @@ from handpipe.mesh.surfaces import Surface
 
 
 def rasterise(volume: Volume, surfaces: Mapping[int, Surface]) -> NDArray[np.uint8]:
-    """Labels (nx, ny, nz) of the voxels with centres inside closed surfaces; the last wins an overlap."""
+    """Labels of the voxels whose centres lie inside closed surfaces.
+
+    Parameters
+    ----------
+    volume : Volume
+        Volume whose grid is labelled.
+    surfaces : mapping of int to Surface
+        Closed surfaces that face outwards, in world mm, by label. Where two overlap, the later one wins.
+
+    Returns
+    -------
+    array (nx, ny, nz) of uint8
+        Label of each voxel, 0 outside all surfaces.
+    """
     labels = np.zeros(volume.shape, np.uint8)
     for label, surface in surfaces.items():
         corners = volume.to_index(surface.vertices)

@@ -1,4 +1,4 @@
-"""Whether what a person gives is in the frame and unit that it should be in; if not, the likely cause.
+"""Whether data that a person gives are in the right frame and unit; if not, the likely cause.
 
 One test for scans, marks and templates: how well something fits its reference as it is, and how well it
 would fit after each of the usual mistakes is undone (units, LPS for RAS, mirrored or exchanged axes).
@@ -56,16 +56,39 @@ CAUSES: dict[str, Array] = {
 
 
 def likely_cause(fit: Fit, least: float) -> str | None:
-    """The mistake that fits best once its matrix (3, 3) mends it; None if none fits at least so well."""
+    """The mistake in frame or unit that explains a bad fit best.
+
+    Parameters
+    ----------
+    fit : callable
+        How well something fits its reference after a matrix (3, 3) is applied to it; more is better.
+    least : float
+        Smallest fit that explains anything.
+
+    Returns
+    -------
+    str or None
+        One of the keys of `CAUSES`. None if no matrix of `CAUSES` gives a fit of at least `least`.
+    """
     fits = {cause: fit(matrix) for cause, matrix in CAUSES.items()}
     best = max(fits, key=lambda cause: fits[cause])
     return best if fits[best] >= least else None
 
 
 def unit_of(ratio: float, size: float) -> str | None:
-    """The unit in which something is given that is so many times as large as it should be.
+    """The unit in which something is probably given that is too large or too small.
 
-    size: what it measures in mm as it stands; in the unit it must be a size of organs.
+    Parameters
+    ----------
+    ratio : float
+        Its size over the size that it should have.
+    size : float
+        Its size as it stands, read as mm. After conversion it must be the size of an organ.
+
+    Returns
+    -------
+    str or None
+        The unit and the factor that converts it to mm. None if no unit explains the ratio.
     """
     for unit, factor in UNITS.items():
         if 0.6 < ratio * factor < 1.7 and ORGANS[0] < size * factor < ORGANS[1]:
@@ -75,7 +98,15 @@ def unit_of(ratio: float, size: float) -> str | None:
 
 @dataclass(frozen=True)
 class Foreground:
-    """Places (n, 3) of an image in mm and which of them are in the body (n,)."""
+    """Which places of an image are in the body.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Places in the image, in world mm.
+    body : array (n,) of bool
+        Whether each place is in the body.
+    """
 
     points: Array
     body: BoolArray
@@ -117,13 +148,27 @@ def require_scan_in_image(
 ) -> float:
     """The agreement of a scan with the image of its pose.
 
-    others: images of other poses, made only where the scan fits its own badly.
+    Parameters
+    ----------
+    path : str or Path
+        File of the scan, for messages.
+    scan : Surface
+        Closed surface of the skin in mm. It may face inwards.
+    image : Foreground
+        Body in the image of the scan's pose.
+    others : mapping of str to callable
+        Makes the foreground of each other pose. Called only if the scan fits its own image badly.
+
+    Returns
+    -------
+    float
+        Dice coefficient of the scan's inside and the body in the image.
 
     Raises
     ------
     InputError
-        Where the scan does not fit the image, or fits clearly better after one of `CAUSES` is mended, or
-        with the image of another pose: with what is likely.
+        If the scan does not fit the image, or fits clearly better after one of `CAUSES` is mended, or with
+        the image of another pose. The message names the likely cause.
     """
     scan = scan if scan.volume() > 0 else scan.flipped()
     own = image.agreement(scan)
@@ -152,7 +197,26 @@ def require_scan_in_image(
 def require_points_in_image(
     path: str | Path, points: Array, labels: list[str], image: Foreground, where: str
 ) -> None:
-    """Raise `InputError` for points (k, 3) that are not in the body in an image, with the likely cause."""
+    """Check that points lie in or near the body in an image.
+
+    Parameters
+    ----------
+    path : str or Path
+        File of the points, for messages.
+    points : array (k, 3)
+        Points in mm.
+    labels : list of str
+        Label of each point; a point with an empty label is named by its number.
+    image : Foreground
+        Body in the image.
+    where : str
+        Name of the image, for messages.
+
+    Raises
+    ------
+    InputError
+        If a point is more than `BEYOND` mm from the body. The message names the likely cause.
+    """
     distances = image.distances(points)
     bad = np.flatnonzero(distances > BEYOND)
     if len(bad) == 0:

@@ -1,6 +1,6 @@
 """A scalar volume on a regular grid in physical space, and its readers and writers.
 
-World coordinates are RAS in mm; `formats` reads each format and converts those that speak LPS.
+World coordinates are RAS in mm; `formats` reads each format and converts coordinates in LPS.
 """
 
 from __future__ import annotations
@@ -34,7 +34,15 @@ ROUNDING = 1e-3  # of a label: how far from a whole number a scaled one may be
 
 @dataclass(frozen=True)
 class Volume:
-    """values (nx, ny, nz) float32; affine (4, 4) from voxel indices (centres) to world mm, right-handed."""
+    """A scalar volume on a regular grid in physical space.
+
+    Parameters
+    ----------
+    values : array (nx, ny, nz) of float32
+        Intensity of each voxel.
+    affine : array (4, 4)
+        From voxel indices, whole at voxel centres, to world mm (RAS); right-handed.
+    """
 
     values: NDArray[np.float32]
     affine: Array
@@ -133,6 +141,11 @@ def read_volume(path: str | Path, series: int | str | None = None, echo: int | N
     echo : int, optional
         Of several echoes of a DICOM series: from 1, in the order of echo times.
 
+    Returns
+    -------
+    Volume
+        Intensities as float32 on a right-handed grid.
+
     Raises
     ------
     InputError
@@ -146,7 +159,25 @@ def read_volume(path: str | Path, series: int | str | None = None, echo: int | N
 
 
 def pose_volume(dataset: Dataset, pose: str) -> Volume:
-    """The volume of a pose, in the series and echo that the dataset chooses."""
+    """The volume of a pose, in the series and echo that the dataset chooses.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Dataset of the subject.
+    pose : str
+        Name of one of its poses.
+
+    Returns
+    -------
+    Volume
+        Image of the pose, RAS mm.
+
+    Raises
+    ------
+    InputError
+        As `read_volume` does.
+    """
     chosen = dataset.poses[pose]
     return read_volume(dataset.path(chosen.volume), chosen.series, chosen.echo)
 
@@ -189,7 +220,7 @@ def _write_nifti(path: str | Path, values: NDArray, affine: Array) -> None:
 def read_labels(
     path: str | Path, like: Volume | None = None, bones: Mapping[str, int] | None = None
 ) -> Labels:
-    """Read a label volume of integers 0 to 255, on the grid of `like` where that is given.
+    """Read a label volume of integers 0 to 255.
 
     Parameters
     ----------
@@ -197,9 +228,14 @@ def read_labels(
         A label volume in any order of axes, or a segmentation of 3D Slicer (.seg.nrrd), which may cover a
         part of the grid.
     like : Volume, optional
-        The volume that the labels were drawn on.
-    bones : Mapping, optional
+        The volume that the labels were drawn on. Without it the labels keep their own grid.
+    bones : mapping of str to int, optional
         Label of each bone by name; needed for a segmentation, whose segments are taken by their names.
+
+    Returns
+    -------
+    array (nx, ny, nz) of uint8
+        Label of each voxel, on the grid of `like` if given.
 
     Raises
     ------
@@ -242,7 +278,19 @@ def table_path(path: str | Path) -> Path:
 def write_labels(
     path: str | Path, labels: Labels, affine: Array, table: Mapping[str, int] | None = None
 ) -> None:
-    """Write labels (nx, ny, nz) as NIfTI and, where given, their table {name: label} as JSON beside it."""
+    """Write labels as NIfTI, with their table as JSON beside it.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write; the table gets the same name with .json.
+    labels : array (nx, ny, nz) of uint8
+        Label of each voxel.
+    affine : array (4, 4)
+        From voxel indices to world mm (RAS).
+    table : mapping of str to int, optional
+        Label by name. Without it no table is written.
+    """
     _write_nifti(path, np.asarray(labels, np.uint8), affine)
     if table is not None:
         write_text(table_path(path), json.dumps(dict(table), indent=2) + "\n")

@@ -1,4 +1,4 @@
-"""What a registration found, how sure it is of it, and how it is kept in a file."""
+"""The result of a registration: transform, covariance and doubt, and its file."""
 
 from __future__ import annotations
 
@@ -16,14 +16,25 @@ ALONG = 0.9  # cosine of the angle up to which an axis is a bone's long one
 
 @dataclass(frozen=True)
 class Registration:
-    """transform from neutral to the pose; rms in mm of the robust distances that it leaves.
+    """The rigid transform of one bone from neutral to a pose, and how well it is known.
 
-    covariance (6, 6) of (omega, t) in rad and mm: the true transform is the found one followed by a
-    rotation by omega about its image of the neutral vertices' mean and a translation by t. It knows the
-    noise of the target, also where neighbours or a patch of some millimetres share it, not what both
-    surfaces have wrong alike.
-    covered, explained: shares of the neutral surface that lie on the target and of the target that lie on
-    the neutral surface; doubt: why the result is not to be trusted, empty if it is.
+    Parameters
+    ----------
+    transform : RigidTransform
+        From neutral to the pose's frame, mm.
+    rms : float
+        Root mean square in mm of the robust distances that it leaves.
+    covariance : array (6, 6)
+        Covariance of (omega, t) in rad and mm: the true transform is the found one followed by a rotation by
+        omega about its image of the neutral vertices' mean and a translation by t. It includes the noise of
+        the target, also where neighbours or a patch of some millimetres share it, but not errors that both
+        surfaces have in common.
+    covered : float
+        Share of the neutral surface that lies on the target.
+    explained : float
+        Share of the target that lies on the neutral surface.
+    doubt : str
+        Why the result is not to be trusted, empty if it is.
     """
 
     transform: RigidTransform
@@ -44,9 +55,17 @@ class Registration:
         return float(np.sqrt(np.trace(self.covariance[3:, 3:])))
 
     def deviation_at(self, arm: Array) -> float:
-        """Root mean square distance in mm that a point is off which lies `arm` (3,) from the bone's middle.
+        """Root mean square distance in mm by which a point of the bone is expected to be off.
 
-        arm is that of the pose, not of neutral.
+        Parameters
+        ----------
+        arm : array (3,)
+            From the bone's middle to the point in mm, in the pose and not in neutral.
+
+        Returns
+        -------
+        float
+            Distance in mm.
         """
         across = -np.cross(np.eye(3), arm)  # across @ omega is the cross product of omega and arm
         moved = np.hstack([across, np.eye(3)])
@@ -60,7 +79,20 @@ def rotation_uncertainty(registration: Registration) -> Array:
 
 
 def loosest_turn(registration: Registration, neutral: Surface) -> str:
-    """The turn that is known least, in words, with its standard deviation; neutral: the bone's surface."""
+    """The turn that is known least, in words, with its standard deviation.
+
+    Parameters
+    ----------
+    registration : Registration
+        Registration of a bone.
+    neutral : Surface
+        Neutral surface of the bone.
+
+    Returns
+    -------
+    str
+        Whether the turn is about the bone's long axis, and its standard deviation in deg.
+    """
     _, axes = np.linalg.eigh(np.cov(neutral.vertices.T))
     _, turns = np.linalg.eigh(registration.covariance[:3, :3])
     along = abs(float(turns[:, 2] @ registration.transform.rotation @ axes[:, 2]))
@@ -72,7 +104,17 @@ def loosest_turn(registration: Registration, neutral: Surface) -> str:
 def write_registrations(
     path: str | Path, found: Mapping[str, Registration], inputs: Sequence[str | Path] = ()
 ) -> None:
-    """Write a pose's registrations by bone as an artifact (kind "registration")."""
+    """Write a pose's registrations as an artifact.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+    found : mapping of str to Registration
+        Registrations by bone.
+    inputs : sequence of str or Path, optional
+        Files that the registrations were computed from; the artifact records their hashes.
+    """
     data = {
         bone: {
             "rotation": r.transform.rotation,
@@ -100,7 +142,23 @@ def write_registrations(
 
 
 def read_registrations(path: str | Path) -> dict[str, Registration]:
-    """A pose's registrations by bone; those in doubt are among them."""
+    """A pose's registrations, with their figures.
+
+    Parameters
+    ----------
+    path : str or Path
+        Artifact that `write_registrations` wrote.
+
+    Returns
+    -------
+    dict of str to Registration
+        Registrations by bone, including those in doubt.
+
+    Raises
+    ------
+    InputError
+        As `artifacts.read` does.
+    """
     return {
         bone: Registration(
             RigidTransform(d["rotation"], d["translation"]),

@@ -22,7 +22,21 @@ ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
 
 @dataclass(frozen=True)
 class BvhJoint:
-    """offset (3,) from the parent; end: offset (3,) of an `End Site`, if it has one."""
+    """A joint in the hierarchy of a BVH file.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    parent : str or None
+        Name of its parent, None for the root.
+    offset : array (3,)
+        Offset from the parent in units of the file.
+    channels : tuple of str
+        Names of its channels in the order of the file.
+    end : array (3,), optional
+        Offset of its `End Site`, if it has one.
+    """
 
     name: str
     parent: str | None
@@ -33,7 +47,17 @@ class BvhJoint:
 
 @dataclass(frozen=True)
 class Bvh:
-    """Joints, parents before children, and values (frames, channels) in file order."""
+    """A skeleton with its frames, as a BVH file has them.
+
+    Parameters
+    ----------
+    joints : tuple of BvhJoint
+        Joints, parents before children.
+    values : array (frames, channels)
+        Values of all joints' channels in the order of the file, rotations in degrees.
+    seconds : float
+        Time of a frame.
+    """
 
     joints: tuple[BvhJoint, ...]
     values: Array

@@ -19,8 +19,8 @@ from handpipe.skeleton.rig.rig import Rig
 
 LOG = logging.getLogger(__name__)
 SAME = 1e-2  # mm; a skeleton whose joints are as near to the rig's is in the rig's own frame
-FLAT = 0.02  # a skeleton this thin, beside its length, does not tell its turn about it
-UNLIKE = 0.3  # distance of the joints from the rig's, beside their spread
+FLAT = 0.02  # a skeleton this thin, relative to its length, does not determine its turn about it
+UNLIKE = 0.3  # distance of the joints from the rig's, relative to their spread
 CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
 
 
@@ -29,7 +29,24 @@ def bvh_frame_names(
 ) -> list[str]:
     """Names of a BVH file's frames, which have none of their own: frame1, frame2, ...
 
-    bones: the rig's, its root first; without them the joints' names are not checked.
+    Parameters
+    ----------
+    path : str or Path
+        BVH file.
+    bones : sequence of str, optional
+        Bones of the rig, its root first. Without them the joints' names are not checked.
+    names : mapping of str to str, optional
+        Joint of the BVH file by bone, where their names differ.
+
+    Returns
+    -------
+    list of str
+        Names in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If the file is wrong, or its joints have none of the bones' names.
     """
     bvh = read_bvh(path)
     if bones:
@@ -38,13 +55,30 @@ def bvh_frame_names(
 
 
 def read_bvh_angles(path: str | Path, rig: Rig, names: Mapping[str, str] | None = None) -> dict[str, Angles]:
-    """Joint angles in rad, within their limits, of a BVH file's frames.
+    """Joint angles of a BVH file's frames, within their limits.
 
-    names: the rig's bone -> joint of the BVH file that turns it; bones that are not in it go by their own
-    name, and those that the file lacks stay at rest. The file's axes and scale are found from its joints'
-    places at rest; where its bones point elsewhere at rest than the rig's, directions of bones are carried
-    over and not rotations. Raises `InputError` for a file without any of the bones, and for a skeleton
-    whose shape is not that of the rig.
+    The file's axes and scale are found from its joints' places at rest. Where its bones point elsewhere at
+    rest than the rig's, directions of bones are carried over and not rotations.
+
+    Parameters
+    ----------
+    path : str or Path
+        BVH file.
+    rig : Rig
+        Rig that the frames move.
+    names : mapping of str to str, optional
+        Joint of the BVH file that turns a bone, by bone, where their names differ. Bones that the file lacks
+        stay at rest.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        Angles in rad by frame and angle name.
+
+    Raises
+    ------
+    InputError
+        If the file has none of the bones, or its skeleton does not have the rig's shape.
     """
     bvh = read_bvh(path)
     joints = _matching(path, bvh, [rig.root, *(b for b in rig.bones if b != rig.root)], names or {})

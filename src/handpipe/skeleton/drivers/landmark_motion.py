@@ -1,7 +1,7 @@
-"""Joint angles from 21 hand landmarks a frame: the palm gives frame and scale, inverse kinematics the rest.
+"""Joint angles from 21 hand landmarks a frame: the palm gives frame and scale, inverse kinematics the angles.
 
-People's fingers differ in length from the rig's, and landmarks from joint centres. What carries over are the
-directions from landmark to landmark, on bones of the rig's own length; places of landmarks only lean.
+People's fingers differ in length from the rig's, and landmarks from joint centres. Therefore the directions
+from landmark to landmark are transferred to bones of the rig's own length; places of landmarks count little.
 """
 
 from __future__ import annotations
@@ -28,23 +28,47 @@ BONES = {
     },
 }
 ENDS = {"THUMB": ("CMC", "MCP", "IP", "TIP"), **dict.fromkeys(FINGERS, ("MCP", "PIP", "DIP", "TIP"))}
-LEAN = 0.3  # weight of a landmark's place beside the direction of its bone
+LEAN = 0.3  # weight of a landmark's place, where the direction of its bone has one
 FAINT = 0.3  # weight in the palm of landmarks that do not move with the root bone
-PALM_ERROR = 0.35  # distance of the palm's landmarks from the rig's, beside their spread
+PALM_ERROR = 0.35  # distance of the palm's landmarks from the rig's, relative to their spread
 
 
 @dataclass(frozen=True)
 class LandmarkMap:
-    """Where landmarks are on a rig: name -> bone and neutral point (3,); bone -> its two landmarks."""
+    """Where landmarks are on a rig.
+
+    Parameters
+    ----------
+    places : dict of str to (str, array (3,))
+        Bone and neutral point in mm of each landmark.
+    segments : dict of str to (str, str)
+        The two landmarks of each bone.
+    """
 
     places: dict[str, tuple[str, Array]]
     segments: dict[str, tuple[str, str]]
 
     @staticmethod
     def of_rig(rig: Rig) -> LandmarkMap:
-        """From bones that are named metacarpal1, proximal1..5, middle2..5, distal1..5; some may be absent.
+        """The bones that carry the landmarks of a rig.
 
-        A landmark lies on the bone that carries its joint. Raises `InputError` where no finger is there.
+        A landmark lies on the bone that carries its joint.
+
+        Parameters
+        ----------
+        rig : Rig
+            Rig with bones that are named metacarpal1, proximal1..5, middle2..5, distal1..5; some may be
+            absent.
+
+        Returns
+        -------
+        LandmarkMap
+            Bones by landmark.
+
+        Raises
+        ------
+        InputError
+            If no bone has the name of a finger's.
         """
         joints, tips, parents = joint_places(rig), bone_tips(rig), rig.parents
         places: dict[str, tuple[str, Array]] = {}
@@ -65,11 +89,28 @@ class LandmarkMap:
 
 
 def read_landmark_angles(path: str | Path, rig: Rig, hand: Hand = "right") -> dict[str, Angles]:
-    """Joint angles in rad, within their limits, of a file of MediaPipe landmarks.
+    """Joint angles of a file of MediaPipe landmarks, within their limits.
 
-    hand: which hand the rig is of; landmarks that their file says are of the other one are mirrored. Raises
-    `InputError` for a wrong file, for a rig with too few fingers to place a palm, and for landmarks whose
-    palm is unlike the rig's.
+    Parameters
+    ----------
+    path : str or Path
+        Landmarks as .json or .csv.
+    rig : Rig
+        Rig that the landmarks move.
+    hand : str
+        "right" or "left": the hand that the rig is of. Landmarks of the other hand, if their file says so,
+        are mirrored.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        Angles in rad by frame and angle name.
+
+    Raises
+    ------
+    InputError
+        If the file is wrong, the rig has too few fingers to place a palm, or the landmarks' palm differs from
+        the rig's.
     """
     return landmark_angles(read_landmarks(path), rig, hand, path)
 

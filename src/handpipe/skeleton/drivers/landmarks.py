@@ -30,10 +30,17 @@ REMEDY_UNITS = "Give m, mm or px; points from 0 to 1 of an image times its width
 
 @dataclass(frozen=True)
 class HandLandmarks:
-    """names of the frames; points (frames, 21, 3) in units of their own: only their shape counts.
+    """Landmarks of a hand in several frames.
 
-    Axes are right-handed: x to the right of the image, y down, z away from the camera. hand: which hand
-    the points are of, where the file says so.
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the frames.
+    points : array (frames, 21, 3)
+        Landmarks in units of their own: only their shape counts. Axes are right-handed: x to the right of the
+        image, y down, z away from the camera.
+    hand : str or None
+        "right" or "left": the hand that the points show; None if the file does not say.
     """
 
     names: tuple[str, ...]

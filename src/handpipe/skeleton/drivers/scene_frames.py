@@ -15,10 +15,28 @@ from handpipe.skeleton.rig.rig import Rig
 def frame_names(
     path: str | Path, limits: Limits, bones: Sequence[str] = (), joints: Mapping[str, str] | None = None
 ) -> list[str]:
-    """Names of the frames, in file order, known without a rig.
+    """Names of the frames in a file, known without a rig.
 
-    bones: the rig's, its root first, and joints: a bone's joint in a BVH file, for the check of their names.
-    Raises `InputError` for all that is wrong with the file itself: joint angles beyond limits (rad) too.
+    Parameters
+    ----------
+    path : str or Path
+        Table of joint angles, BVH file, or landmarks as JSON or CSV.
+    limits : mapping of str to (float, float)
+        Lower and upper limit of every angle in rad.
+    bones : sequence of str, optional
+        Bones of the rig, the root first; a BVH file's joints are checked against them.
+    joints : mapping of str to str, optional
+        Joint in the BVH file by bone, where their names differ.
+
+    Returns
+    -------
+    list of str
+        Names in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If the file itself is wrong, which includes joint angles beyond limits.
     """
     kind = _kind(path)
     if kind == "bvh":
@@ -31,10 +49,28 @@ def frame_names(
 def read_frames(
     path: str | Path, rig: Rig, *, hand: Hand = "right", bones: Mapping[str, str] | None = None
 ) -> dict[str, Angles]:
-    """Frame name -> angle name -> rad, within limits, in file order.
+    """Joint angles of the frames in a file.
 
-    hand: which hand the rig is of; bones: the rig's bone -> its joint's name in a BVH file, where they
-    differ. Raises `InputError` for a wrong file, and for one that does not suit the rig.
+    Parameters
+    ----------
+    path : str or Path
+        Table of joint angles, BVH file, or landmarks as JSON or CSV.
+    rig : Rig
+        Rig that the frames move.
+    hand : str
+        "right" or "left": the hand that the rig is of. Landmarks of the other hand are mirrored.
+    bones : mapping of str to str, optional
+        Joint in the BVH file by bone of the rig, where their names differ.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        Angles in rad within their limits, by frame and angle name, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If the file is wrong, or does not suit the rig.
     """
     kind = _kind(path)
     if kind == "bvh":

@@ -22,9 +22,23 @@ SLACK = np.radians(1e-6)
 
 
 def check_angles(angles: Mapping[str, float], limits: Limits, source: str | Path, row: str = "") -> None:
-    """Raise `InputError` for an angle that is unknown, missing, not a number or beyond its limits.
+    """Check that angles are complete, known and within their limits.
 
-    `angles` and `limits` in rad; `row` says where in `source` the angles stand.
+    Parameters
+    ----------
+    angles : mapping of str to float
+        Angles in rad by name.
+    limits : mapping of str to (float, float)
+        Lower and upper limit of every angle in rad.
+    source : str or Path
+        Where the angles come from, for messages.
+    row : str
+        Place of the angles in the source, for messages.
+
+    Raises
+    ------
+    InputError
+        If an angle is unknown, missing, not a number or beyond its limits.
     """
     where = f"{row}, " if row else ""
     known = ", ".join(limits)
@@ -50,11 +64,27 @@ def check_angles(angles: Mapping[str, float], limits: Limits, source: str | Path
 
 
 def read_angles(path: str | Path, limits: Limits) -> dict[str, Angles]:
-    """Frames of a CSV file: frame name -> angle name -> rad, in file order.
+    """Joint angles of the frames in a CSV file.
 
-    Cells are parted by commas, semicolons or tabs; with the latter two, numbers may have a decimal comma.
-    Raises `InputError` naming row and column for a file without frames, an unknown or missing column, a
-    repeated frame, a value that is not a number, and an angle beyond its limits (rad).
+    Cells are separated by commas, semicolons or tabs; with the latter two, numbers may have a decimal comma.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV file with angles in degrees.
+    limits : mapping of str to (float, float)
+        Lower and upper limit of every angle in rad.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        Angles in rad by frame and angle name, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If there are no frames, a column is unknown or missing, a frame is repeated, a value is not a number,
+        or an angle is beyond its limits. The message names row and column.
     """
     header, lines, decimal_comma = read_table(path)
     columns = _columns(path, header, limits)

@@ -1,10 +1,10 @@
 """Rotation axes of a joint from relative rotations of its child bone (Wang 2019, Eq. 1, 4 and 5).
 
-For fixed axes the best angles are closed form. One axis: the dot product of a unit quaternion (w, v)
-with a rotation about `a` is at most sqrt(w^2 + (v.a)^2). Two orthogonal axes, columns of a frame in
-which the quaternion reads (w, x, y, z): it is at most the larger singular value of [[w, y], [x, z]],
-whose singular vectors are the cosines and sines of the half angles. What the best dot product s lacks
-to one is written as a square, 2 (1 - s) = |residual|^2, so that least squares maximise Eq. 1 or 4.
+For fixed axes the best angles are closed form. One axis: the dot product of a unit quaternion (w, v) with a
+rotation about `a` is at most sqrt(w^2 + (v.a)^2). Two orthogonal axes, columns of a frame in which the
+quaternion reads (w, x, y, z): it is at most the larger singular value of [[w, y], [x, z]], whose singular
+vectors are the cosines and sines of the half angles. The difference of the best dot product s from one is
+written as a square, 2 (1 - s) = |residual|^2, so that least squares maximise Eq. 1 or 4.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from handpipe.skeleton.joints.prior import Weighing
 
 TOLERANCE = 1e-13
 ORDERS = ((0, 1), (1, 0))
-SAME = 1e-6  # relative, of what two fits lack; 1e-6 rad where they lack nothing
+SAME = 1e-6  # relative difference of two fits' residuals; 1e-6 rad where the residuals vanish
 HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is below 0.01 degrees
 
 
@@ -29,8 +29,18 @@ HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is be
 class Axes:
     """No axis, one, two (orthogonal or not) or three orthogonal ones, fixed in neutral, the parent at rest.
 
-    directions (dof, 3) are unit vectors, one an angle; order (dof,) says which angle turns first: a
-    rotation about the first axis is followed by one about the second, as rotated by the first (Eq. 5).
+    A rotation about the axis that turns first is followed by one about the second, as rotated by the first.
+
+    Parameters
+    ----------
+    directions : array (dof, 3)
+        Unit vectors, one for each angle.
+    order : tuple of int
+        Numbers of the angles in the order in which they turn.
+
+    References
+    ----------
+    Wang 2019 §4, Eq. 5.
     """
 
     directions: Array
@@ -89,11 +99,27 @@ def quaternions(rotations: Array) -> Array:
 
 
 def fit_axes(rotations: Array, axis_hints: Array, weighing: Weighing | None = None) -> Axes:
-    """Axes that explain rotations (n, 3, 3) best (Eq. 1; Eq. 4 and 5).
+    """Axes that explain rotations best.
 
-    axis_hints (dof, 3): rough axes; they fix the signs, and what the rotations leave undetermined. Which
-    of two axes turns first is a convention in some joints and anatomy in others: the rotations decide.
-    weighing: how the rotations count, and the hints beside them.
+    Which of two axes turns first is a convention in some joints and anatomy in others: the rotations decide.
+
+    Parameters
+    ----------
+    rotations : array (n, 3, 3)
+        Rotations of the child relative to the parent, from neutral.
+    axis_hints : array (dof, 3)
+        Rough axes. They fix the signs, and what the rotations leave undetermined.
+    weighing : Weighing, optional
+        Weights of the rotations and of the hints.
+
+    Returns
+    -------
+    Axes
+        Axes in the order in which they turn.
+
+    References
+    ----------
+    Wang 2019 §4, Eqs. 1, 4 and 5.
     """
     q = quaternions(rotations)
     hints = np.array([h / np.linalg.norm(h) for h in np.asarray(axis_hints, float)])
@@ -117,9 +143,9 @@ def fit_oblique_axes(rotations: Array, axis_hints: Array, weighing: Weighing | N
 
 
 def _better(fits: Sequence[tuple[Array, float, tuple[int, int]]], hints: Array) -> Axes:
-    """Of axes (2, 3) as they turn, what they lack, and their order: those that lack less.
+    """Of fits (axes (2, 3) as they turn, residual, order) the axes with the smaller residual.
 
-    Both orders may find one pair of axes under either name: then those nearer to the hints (2, 3).
+    Both orders may find one pair of axes under either name: then the axes nearer to the hints (2, 3).
     """
     least = min(lack for _, lack, _ in fits)
     alike = [(f[np.argsort(o)], o) for f, lack, o in fits if lack <= (1 + SAME) * least + SAME**2]
@@ -162,7 +188,7 @@ def _fit_one_axis(q: Array, hint: Array, weighing: Weighing) -> Array:
 
 
 def _fit_two_axes(q: Array, hints: Array, weighing: Weighing) -> tuple[Array, float]:
-    """Axes (2, 3) in the order in which they turn, and what Eq. 4 lacks to its bound."""
+    """Axes (2, 3) in the order in which they turn, and how far Eq. 4 stays below its bound."""
     principal = _principal(q, hints[0])
     starts = [hints, np.array([principal[:, 2], hints[1]]), np.array([hints[0], principal[:, 2]])]
     fits = [_refine_frame(q, _frame(start), hints, weighing) for start in starts if _spans(start)]
@@ -188,7 +214,7 @@ def _refine_frame(q: Array, start: Array, hints: Array, weighing: Weighing) -> t
 
 
 def _refine_pair(q: Array, start: Array, hints: Array, weighing: Weighing) -> tuple[Array, float]:
-    """Axes (2, 3) in the order in which they turn, each tilted from its start, and what they lack."""
+    """Axes (2, 3) in the order in which they turn, each tilted from its start, and their residual."""
     across = [_complete(axis)[:, 1:] for axis in start]
 
     def pair(tilts: Array) -> Array:
@@ -213,7 +239,7 @@ def _refine_pair(q: Array, start: Array, hints: Array, weighing: Weighing) -> tu
 
 
 def _pull(axes: Array, hints: Array, weighing: Weighing) -> Array:
-    """What axes (k, 3) lack to their hints (k, 3), in half angles as the quaternions' residuals are."""
+    """Residuals of axes (k, 3) against their hints (k, 3), in half angles like the quaternions' residuals."""
     return (weighing.pull / 2 * np.cross(hints, axes)).ravel()
 
 

@@ -17,10 +17,28 @@ Line = tuple[int, list[str]]  # its number in the file, and its cells
 
 
 def read_table(path: str | Path) -> tuple[list[str], list[Line], bool]:
-    """Header, lines that are not empty, and whether numbers may have a decimal comma.
+    """Header and lines of a table of frames.
 
-    The header tells what stands between cells: its first cell is `frame`. Raises `InputError` for a file
-    that is no text or no CSV.
+    The header tells what separates cells: its first cell is `frame`.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV file.
+
+    Returns
+    -------
+    header : list of str
+        Names of the columns.
+    lines : list of Line
+        Lines that are not empty.
+    decimal_comma : bool
+        Whether numbers may have a decimal comma.
+
+    Raises
+    ------
+    InputError
+        If the file is no text or no CSV.
     """
     text = read_text(path)
     delimiter = delimiter_of(text.partition("\n")[0])

@@ -1,8 +1,8 @@
-"""How far a joint's axes and centre may be off, and whether its poses tell them or its hints alone do.
+"""How far a joint's axes and centre may be off, and whether its poses determine them or its hints alone do.
 
-A pose tells the tilt of an axis by the part of the motion that no change of the joint's angles makes up for.
-Beside these observations stands the prior of the dataset's hints (`prior.PRIOR`): the posterior's standard
-deviations are stated, and what the poses tell less of than the prior is named.
+A pose determines the tilt of an axis by the part of the motion that no change of the joint's angles explains.
+These observations are combined with the prior of the dataset's hints (`prior.PRIOR`). The posterior's
+standard deviations are given, and parameters that the poses determine less than the prior are named.
 """
 
 from __future__ import annotations
@@ -16,18 +16,29 @@ from handpipe.core import Array, BoolArray, RigidTransform
 from handpipe.skeleton.joints.joints import JointFit, axes_apart, leftover
 from handpipe.skeleton.joints.prior import PRIOR, MotionNoise, rotation_noise, translation_noise, unexplained
 
-ASSUMED = MotionNoise(float(np.radians(0.3)), 0.1)  # of a motion whose noise nobody states
-TOLD = np.sqrt(0.5)  # of the prior's deviation: below, poses tell more than the hint
+ASSUMED = MotionNoise(float(np.radians(0.3)), 0.1)  # of a motion whose noise is not given
+TOLD = np.sqrt(0.5)  # of the prior's deviation: below, poses determine more than the hint
 
 
 @dataclass(frozen=True)
 class JointKnowledge:
     """Standard deviations of a fitted joint in the direction that is known least.
 
-    poses: how many motions it was fitted to; axes (dof,) in rad: tilt of each axis; axes_told (dof,): whether
-    the poses tell more of it than its hint; centre in mm; centre_told: the same of the centre. What does not
-    change the motion does not count: the centre along a hinge's axis, and a ball joint's axes, which only
-    name its angles.
+    What does not change the motion does not count: the centre along a hinge's axis, and a ball joint's axes,
+    which only name its angles.
+
+    Parameters
+    ----------
+    poses : int
+        Number of motions to which the joint was fitted.
+    axes : array (dof,)
+        Standard deviation of the tilt of each axis in rad.
+    axes_told : array (dof,) of bool
+        Whether the poses determine each axis more than its hint.
+    centre : float
+        Standard deviation of the centre in mm.
+    centre_told : bool
+        Whether the poses determine the centre more than the prior.
     """
 
     poses: int
@@ -51,7 +62,18 @@ class JointKnowledge:
         return JointKnowledge(count, axes, told, centre, bool(centre <= TOLD * PRIOR.centre))
 
     def doubts(self, names: Sequence[str]) -> list[str]:
-        """What the poses do not tell, in words; names: of the joint's angles."""
+        """What the poses do not determine of a joint, in words.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of the joint's angles.
+
+        Returns
+        -------
+        list of str
+            Undetermined axes and centre; empty if the poses determine all.
+        """
         found = [
             f"the axis of {name} keeps its hint (deviation {np.degrees(deviation):.0f} deg)"
             for name, told, deviation in zip(names, self.axes_told, self.axes, strict=True)

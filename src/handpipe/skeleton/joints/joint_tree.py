@@ -19,7 +19,23 @@ Bones = Mapping[str, RigidTransform]
 
 @dataclass(frozen=True)
 class RigJoint:
-    """A fitted joint in the tree: names of its angles, and their limits (dof, 2) in rad."""
+    """A fitted joint in the tree.
+
+    Parameters
+    ----------
+    name : str
+        Name of the joint.
+    parent, child : str
+        Bones that it connects.
+    angles : tuple of str
+        Names of its angles.
+    limits : array (dof, 2)
+        Lower and upper limit of each angle in rad.
+    fit : JointFit
+        Motion of the child at given angles.
+    knowledge : JointKnowledge, optional
+        How well the joint is known; None if it was not fitted to poses.
+    """
 
     name: str
     parent: str
@@ -32,9 +48,16 @@ class RigJoint:
 
 @dataclass(frozen=True)
 class FittedPose:
-    """A scanned pose as the rig explains it: the root bone's registered transform, and the angles in rad.
+    """A scanned pose as the rig explains it.
 
-    undetermined: names of angles that the pose's bones do not tell; their values are assumed.
+    Parameters
+    ----------
+    root : RigidTransform
+        Registered transform of the root bone from neutral, mm.
+    angles : dict of str to float
+        Angles in rad by name.
+    undetermined : frozenset of str
+        Angles that the pose's bones do not determine; their values are assumed.
     """
 
     root: RigidTransform
@@ -43,19 +66,19 @@ class FittedPose:
 
     @property
     def known(self) -> Angles:
-        """The angles that the pose's bones tell."""
+        """The angles that the pose's bones determine."""
         return {name: value for name, value in self.angles.items() if name not in self.undetermined}
 
 
 class ScannedBones(dict[str, RigidTransform]):
-    """Bone -> transform in a scanned pose; to ask for a bone that the pose does not tell is an error."""
+    """Bone -> transform in a scanned pose; to ask for a bone that the pose does not determine is an error."""
 
     def __init__(self, pose: str, bones: Bones) -> None:
         super().__init__(bones)
         self.pose = pose
 
     def __missing__(self, bone: str) -> RigidTransform:
-        """Raises `InputError`: the pose's scan does not determine the bone's transform."""
+        """Raise `InputError`: the pose's scan does not determine the bone's transform."""
         raise InputError(
             "rig",
             f"poses.{self.pose}",
@@ -105,9 +128,25 @@ class JointTree:
     def bone_transforms(
         self, angles: Mapping[str, float], root: RigidTransform | None = None, model: Model = "full"
     ) -> dict[str, RigidTransform]:
-        """Transforms from neutral of all bones at the given angles in rad (Wang 2019, Eq. 2).
+        """Transforms of all bones from neutral at given angles.
 
-        root: the root bone's transform, at rest if None; model "partial" leaves the residual motions out.
+        Parameters
+        ----------
+        angles : mapping of str to float
+            All angles in rad by name.
+        root : RigidTransform, optional
+            Transform of the root bone from neutral, by default the identity.
+        model : str
+            "full", or "partial" without the residual motions.
+
+        Returns
+        -------
+        dict of str to RigidTransform
+            Transforms by bone, mm.
+
+        References
+        ----------
+        Wang 2019 §4, Eq. 2.
         """
         transforms = {self.root: RigidTransform.identity() if root is None else root}
         for joint in self.joints:
@@ -116,10 +155,23 @@ class JointTree:
         return transforms
 
     def scanned_bones(self, pose: str) -> ScannedBones:
-        """Transforms from neutral of a scanned pose's bones, the root at rest, as the rig explains them.
+        """Transforms of a scanned pose's bones from neutral as the rig explains them, with the root at rest.
 
-        A bone that hangs on an angle that the pose does not tell is not among them. Raises `InputError` for
-        a pose that the rig does not explain.
+        Parameters
+        ----------
+        pose : str
+            Name of the pose.
+
+        Returns
+        -------
+        ScannedBones
+            Transforms by bone, without the bones whose place depends on an angle that the pose does not
+            determine.
+
+        Raises
+        ------
+        InputError
+            If the rig does not explain the pose.
         """
         if pose not in self.poses:
             problem = f"its root bone {self.root} is missing or in doubt"

@@ -1,4 +1,4 @@
-"""Which type of joint the data earn: the simplest that predicts poses it has not seen nearly as well.
+"""Which type of joint the data justify: the simplest that predicts left-out poses nearly as well as any.
 
 One more angle always explains more of a left-out pose, noise included, since its angles are found in that
 pose. A richer type is taken only where it lowers the left-out error by a good share and by more than noise.
@@ -30,11 +30,29 @@ def left_out_error(
     lever: float = LEVER,
     noise: Sequence[MotionNoise] | None = None,
 ) -> float:
-    """Root mean square over poses in mm, each left out of the fit in turn, its angles then at their best.
+    """Error of a type of joint on poses left out of the fit one by one, each with its best angles.
 
-    axis_hints (3, 3) or more rows than the type has angles; near, point (3,) in mm: rough centre, and the
-    point of the child whose place counts; rotations count at the lever in mm; noise as for `fit_joint`.
-    Infinite where the poses are too few for the type.
+    Parameters
+    ----------
+    relative : sequence of RigidTransform
+        Motions of the child relative to the parent, from neutral.
+    joint_type : str
+        Type of the joint.
+    axis_hints : array (3, 3)
+        Rough axes; rows beyond the type's angles are ignored.
+    near : array (3,)
+        Rough centre in mm.
+    point : array (3,)
+        Point of the child whose place counts, in mm.
+    lever : float
+        Distance in mm at which rotations count.
+    noise : sequence of MotionNoise, optional
+        As for `fit_joint`.
+
+    Returns
+    -------
+    float
+        Root mean square over the poses in mm; infinite if the poses are too few for the type.
     """
     dof = DEGREES[joint_type]
     hints = np.asarray(axis_hints, float)[:dof]
@@ -59,9 +77,25 @@ def choose_type(
     gain: float = NOISE,
     noise: Sequence[MotionNoise] | None = None,
 ) -> tuple[JointType, dict[JointType, float]]:
-    """The type that the data earn, and every type's left-out error in mm; arguments as `left_out_error`.
+    """The type of joint that the data justify, and the left-out error of every type.
 
-    types: those to choose from, simpler ones first. gain in mm: one below it is not believed.
+    Parameters
+    ----------
+    relative, axis_hints, near, point
+        As for `left_out_error`.
+    types : sequence of str
+        Types to choose from, simpler ones first.
+    gain : float
+        Least decrease of the error in mm for which a richer type is taken.
+    noise : sequence of MotionNoise, optional
+        As for `fit_joint`.
+
+    Returns
+    -------
+    joint_type : str
+        The chosen type.
+    errors : dict of str to float
+        Left-out error in mm by type.
     """
     hints = complete_hints(axis_hints)
     errors: dict[JointType, float] = {
@@ -84,7 +118,7 @@ def fit_best(
     point: Array,
     noise: Sequence[MotionNoise] | None = None,
 ) -> JointFit:
-    """The joint of the type that the data earn among those of `dof` degrees of freedom."""
+    """The joint of the type that the data justify among those of `dof` degrees of freedom."""
     types = [t for t in ORDER if DEGREES[t] == dof]
     chosen, _ = choose_type(relative, axis_hints, near=near, point=point, types=types, noise=noise)
     return fit_joint(relative, dof, axis_hints, near=near, joint_type=chosen, noise=noise)

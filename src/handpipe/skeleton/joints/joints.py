@@ -27,16 +27,34 @@ Errors = tuple[Array, Array]
 T = TypeVar("T")
 DEGREES: dict[JointType, int] = {"rigid": 0, "hinge": 1, "universal": 2, "saddle": 2, "ball": 3}
 DEFAULT_TYPES: dict[int, JointType] = {0: "rigid", 1: "hinge", 2: "universal", 3: "ball"}
-HARDLY_MOVED = 0.035  # about two degrees a pose: what moves less tells no more than the noise of registration
+HARDLY_MOVED = 0.035  # rad, about two degrees a pose: smaller motions are within the noise of registration
 
 
 @dataclass(frozen=True)
 class JointFit:
-    """X -> R^(phi) R(phi) (X - C) + C + x^(phi) (Wang 2019, Eq. 2), in the neutral frame, parent at rest.
+    """A fitted joint: the motion of its child at given angles.
 
-    centre C (3,) in mm; rotation_residual gives the rotation vector of R^ in rad, translation_residual x^
-    in mm; angles (n, dof) in rad: the fitted angles of the poses it was fitted to. offset (3,) in mm: from C
-    on the axis that turns first to a point of the axis that turns second, where the two do not meet (saddle).
+    The motion is X -> R^(phi) R(phi) (X - C) + C + x^(phi), in the neutral frame with the parent at rest.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes of R(phi).
+    centre : array (3,)
+        Centre C in mm.
+    rotation_residual : Residual
+        Rotation vector of R^ in rad as a function of the angles.
+    translation_residual : Residual
+        x^ in mm as a function of the angles.
+    angles : array (n, dof)
+        Angles in rad of the poses to which the joint was fitted.
+    offset : array (3,)
+        From C, on the axis that turns first, to a point of the axis that turns second, in mm. Zero unless the
+        two do not meet (saddle).
+
+    References
+    ----------
+    Wang 2019 §4, Eq. 2.
     """
 
     axes: Axes
@@ -122,15 +140,38 @@ def fit_joint(
     joint_type: JointType | None = None,
     noise: Sequence[MotionNoise] | None = None,
 ) -> JointFit:
-    """Fit a joint to motions of the child relative to the parent, from neutral, in the neutral frame.
+    """A joint fitted to motions of the child relative to the parent.
 
-    dof: 0 to 3; without a degree of freedom the bones move as one. axis_hints (dof, 3): rough axes that
-    fix the signs. near (3,): a point near the joint; it fixes the centre where the motions leave it
-    undetermined, along the axis of a one-axis joint. joint_type: one of that many degrees of freedom, by
-    default `DEFAULT_TYPES`. noise: how well each motion is known; with it, motions count accordingly, and
-    hints and `near` as far as the motions leave doubt (`prior.PRIOR`); without, motions alone decide.
-    Neutral need not be among `relative`: it is the zero of every function. Without any motion the joint has
+    Neutral need not be among the motions: it is the zero of every function. Without any motion the joint has
     the axes of its hints, its centre at `near`, and no residual motion.
+
+    Parameters
+    ----------
+    relative : sequence of RigidTransform
+        Motions from neutral, one a pose, in the neutral frame (mm).
+    dof : int
+        Number of degrees of freedom, 0 to 3. With 0 the bones move as one.
+    axis_hints : array (dof, 3)
+        Rough axes, which fix the signs.
+    near : array (3,), optional
+        Point near the joint in mm, by default the origin. It fixes the centre where the motions leave it
+        undetermined, as along the axis of a one-axis joint.
+    joint_type : str, optional
+        Type with `dof` degrees of freedom, by default that of `DEFAULT_TYPES`.
+    noise : sequence of MotionNoise, optional
+        Standard deviations of each motion. With them, motions are weighted accordingly, and the hints and
+        `near` count as far as the motions leave doubt (`prior.PRIOR`). Without them, the motions alone
+        decide.
+
+    Returns
+    -------
+    JointFit
+        Axes, centre and residual motions.
+
+    Raises
+    ------
+    ValueError
+        If the hints or the type do not agree with `dof`.
     """
     hints = np.asarray(axis_hints, float).reshape(-1, 3)
     joint_type = joint_type or DEFAULT_TYPES[dof]
@@ -252,7 +293,8 @@ def fit_apart(
 def _determined(system: Array, right: Array, rank: int, weighing: Weighing) -> Array:
     """Least squares of system (3 n, p) for right (3 n,), in the directions of largest motion, `rank` at most.
 
-    Without a prior, directions that the motions hardly tell stay zero: no offset, the centre near the joint.
+    Without a prior, directions that the motions hardly determine stay zero: no offset, the centre near the
+    joint.
     """
     weights = np.repeat(weighing.weights, 3)
     u, values, vt = np.linalg.svd(weights[:, None] * system, full_matrices=False)

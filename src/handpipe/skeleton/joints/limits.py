@@ -18,7 +18,7 @@ from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.joints.joint_tree import JointTree, RigJoint
 
 Limits = dict[str, tuple[float, float]]
-MARGIN = np.radians(3.0)  # beyond what was seen where nothing is published: the error of a registered angle
+MARGIN = np.radians(3.0)  # beyond the seen range where no range is published: the error of a registered angle
 
 # (joint, ray or None for every finger, motion): degrees, flexion towards the palm positive, zero straight.
 RANGES: dict[tuple[str, int | None, str], tuple[float, float]] = {
@@ -92,7 +92,20 @@ def widened_limits(rig: JointTree) -> Limits:
 
 
 def limit_rows(rig: JointTree) -> list[dict[str, str | float]]:
-    """A row an angle, in deg: range seen, range published (absent if it is not), and the limits in use."""
+    """A table of the limits of a rig's angles, one row per angle.
+
+    Parameters
+    ----------
+    rig : JointTree
+        Rig with its scanned poses.
+
+    Returns
+    -------
+    list of dict
+        Rows with `angle` and, in deg, the lower and upper end of the range in the rig's poses (`seen_lower`,
+        `seen_upper`), of the published range (`reference_…`, absent if none is published) and of the limits
+        in use (`limit_…`).
+    """
     rows = []
     for name, angle in angle_ranges(rig).items():
         row: dict[str, str | float] = {"angle": name}
@@ -106,7 +119,7 @@ def limit_rows(rig: JointTree) -> list[dict[str, str | float]]:
 
 
 def seen_ranges(poses: Mapping[str, Angles]) -> Limits:
-    """Least and largest value in rad of every angle over poses that tell it; neutral's zero is one."""
+    """Least and largest value in rad of every angle over poses that determine it; neutral's zero is one."""
     names = dict.fromkeys(n for angles in poses.values() for n in angles)
     values = {n: [0.0, *(angles[n] for angles in poses.values() if n in angles)] for n in names}
     return {n: (min(v), max(v)) for n, v in values.items()}

@@ -1,9 +1,9 @@
-"""What is believed of a joint before its poses are seen, and how well each pose's motion is measured.
+"""What is expected of a joint before its poses are known, and how well each pose's motion is measured.
 
 With a handful of poses an axis about which a joint hardly turned is not determined by them. The hint of the
-dataset file then counts, the more the less the data tell: the posterior's mode of normal errors. How much
-motion no fixed axis explains is not known either; it is estimated from the poses themselves, together with
-what is usual.
+dataset file then counts, the more the less the data determine: the estimate is the posterior's mode under
+normal errors. How much motion no fixed axis explains is unknown, too; it is estimated from the poses
+themselves, together with a usual value.
 """
 
 from __future__ import annotations
@@ -26,11 +26,18 @@ class MotionNoise(NamedTuple):
 
 @dataclass(frozen=True)
 class Prior:
-    """Standard deviations, by component.
+    """Standard deviations, by component, of what is expected of a joint before its poses are known.
 
-    tilt in rad: of a hinted axis, which a person draws 30 deg off at worst; centre in mm: of the gap between
-    the bones from the joint's centre; rotation in rad and translation in mm: of motions that no fixed axis
-    explains, by pose; poses: how many poses this guess of them counts as.
+    Parameters
+    ----------
+    tilt : float
+        Of a hinted axis in rad; a person draws it 30 deg off at worst.
+    centre : float
+        Of the gap between the bones from the joint's centre, in mm.
+    rotation, translation : float
+        Of the motions in a pose that no fixed axis explains, in rad and mm.
+    poses : float
+        Number of poses that this guess of unexplained motions counts as.
     """
 
     tilt: float = float(np.radians(15.0))
@@ -45,9 +52,14 @@ PRIOR = Prior()
 
 @dataclass(frozen=True)
 class Weighing:
-    """Weights (n,) of the poses, of mean square one, and the strength of the prior beside them.
+    """Weights of poses and of the prior in a fit.
 
-    pull: deviation of a pose's typical error by that of the prior, so that squares of both add up.
+    Parameters
+    ----------
+    weights : array (n,)
+        Weights of the poses, of mean square one.
+    pull : float
+        Deviation of a pose's typical error over that of the prior, so that squares of both add up.
     """
 
     weights: Array
@@ -67,10 +79,25 @@ class Weighing:
 
 
 def unexplained(leftover: Array, noise: Array, parameters: int, guess: float, poses: float) -> float:
-    """Deviation by component of motions that a fit left over.
+    """Standard deviation, by component, of motions that no fixed axis explains.
 
-    leftover (n, k): what a fit of so many parameters left of each pose; noise (n,): deviations that
-    measurement alone explains; guess: the deviation expected beforehand, which counts as so many poses.
+    Parameters
+    ----------
+    leftover : array (n, k)
+        Residual of each pose.
+    noise : array (n,)
+        Standard deviations that measurement alone explains.
+    parameters : int
+        Number of parameters of the fit.
+    guess : float
+        Deviation expected beforehand.
+    poses : float
+        Number of poses that this guess counts as.
+
+    Returns
+    -------
+    float
+        Deviation in the unit of the residuals.
     """
     count, k = leftover.shape
     squares = max(float((leftover**2).sum() - k * (noise**2).sum()), 0.0)

@@ -40,7 +40,15 @@ SHRINKAGE = (0.0, 0.3, 1.0, 3.0)  # in units of one pose of typical size
 
 @dataclass(frozen=True)
 class Residual:
-    """coefficients (k, 3) of `features`; lower, upper (dof,) in rad: range of the samples and neutral."""
+    """A function of joint angles with three components.
+
+    Parameters
+    ----------
+    coefficients : array (k, 3)
+        Coefficients of `features`.
+    lower, upper : array (dof,)
+        Range in rad of the samples and neutral.
+    """
 
     coefficients: Array
     lower: Array
@@ -88,9 +96,21 @@ def feature_rates(angles: Array, lower: Array, upper: Array) -> Array:
 
 
 def fit_residual(angles: Array, samples: Array, weights: Array | None = None) -> Residual:
-    """Function that predicts residuals best, from samples (n, 3) at angles (n, dof) in rad.
+    """The function that predicts left-out residuals best.
 
-    weights (n,): inverse deviations of the samples, up to a factor.
+    Parameters
+    ----------
+    angles : array (n, dof)
+        Angles in rad of the samples.
+    samples : array (n, 3)
+        Residuals.
+    weights : array (n,), optional
+        Inverse deviations of the samples, up to a factor.
+
+    Returns
+    -------
+    Residual
+        Function of the angles.
     """
     counts = np.ones(len(samples)) if weights is None else weights
     most = max(len(samples) - SPARE, 1)

@@ -72,7 +72,19 @@ def _inside(marrow: Surface, points: Array, normals: Array) -> Array:
 
 @dataclass(frozen=True)
 class Body:
-    """Bones that move as one, and their probes together; size in mm is the greatest reach from the middle."""
+    """Bones that move as one, and their probes together.
+
+    Parameters
+    ----------
+    bones : tuple of str
+        Names of the bones.
+    probes : Probes
+        Probes of all of them.
+    middle : array (3,)
+        Mean of the probes' points in neutral, mm.
+    size : float
+        Greatest distance of these points from their mean, mm.
+    """
 
     bones: tuple[str, ...]
     probes: Probes

@@ -14,7 +14,16 @@ from handpipe.skeleton.localisation.bone_probes import Body, Probes
 from handpipe.skeleton.registration.edge_refinement import steepest_falls
 from handpipe.skeleton.registration.normal_equations import Rows, moved, robust_weights, solve
 
-REACHES = (1.4, 1.4, 1.4, 1.0, 1.0, 1.0, 0.8, 0.8)  # mm either side in which edges are sought, by iteration
+REACHES = (
+    1.4,
+    1.4,
+    1.4,
+    1.0,
+    1.0,
+    1.0,
+    0.8,
+    0.8,
+)  # mm either side in which edges are searched for, by iteration
 EDGE_NOISE = 0.2  # mm, of an edge
 INDEPENDENT = 60  # edges that tell something of their own; neighbours share their errors
 PRIOR = (0.07, 1.0)  # rad and mm by which a bone may depart from where the search found it
@@ -60,9 +69,23 @@ def agreement(image: Volume, probes: Probes, transform: RigidTransform) -> Agree
 
 
 def onto_edges(image: Volume, body: Body, start: RigidTransform, *, held: bool) -> RigidTransform:
-    """The start moved by a free rigid motion so that the marrow lies on the image's steepest falls.
+    """A motion of a body that brings its marrow onto the image's steepest falls.
 
-    held: whether the start has a say, as a joint's prediction has where edges leave a rotation open.
+    Parameters
+    ----------
+    image : Volume
+        Image of the pose in units of the local marrow level.
+    body : Body
+        Bones that move as one.
+    start : RigidTransform
+        Initial guess.
+    held : bool
+        Whether the start counts, as a joint's prediction does where edges leave a rotation undetermined.
+
+    Returns
+    -------
+    RigidTransform
+        Transform from neutral, mm.
     """
     probes, transform = body.probes, start
     for reach in REACHES:
@@ -83,7 +106,7 @@ def onto_edges(image: Volume, body: Body, start: RigidTransform, *, held: bool) 
 
 
 def _pull(start: RigidTransform, transform: RigidTransform, body: Body, count: float) -> Rows:
-    """Rows that hold a motion near its start with the say of the prior beside `count` edges."""
+    """Rows that draw a motion to its start, with the weight of the prior against `count` edges."""
     turn = Rotation.from_matrix(start.rotation @ transform.rotation.T).as_rotvec()
     shift = start(body.middle) - transform(body.middle)
     strength = EDGE_NOISE * np.sqrt(max(count / INDEPENDENT, 1e-6)) / np.repeat(PRIOR, 3)

@@ -1,4 +1,4 @@
-"""Motions that a joint may have, before any pose is known: trials for a search, and doubts about a find."""
+"""Motions that a joint may have before any pose is known: trials for a search, and how plausible each is."""
 
 from __future__ import annotations
 
@@ -30,11 +30,26 @@ CONTACT = 300  # vertices of the child that may touch the parent
 
 @dataclass(frozen=True)
 class Link:
-    """A joint between two bodies, by their numbers, with what its search needs.
+    """A joint between two bodies, with what its search needs.
 
-    axes: the hints; limits (dof, 2) in rad; trials: motions of the child with the parent at rest; near
-    (n, 3): the child's outer vertices; parent_surface: distances to the whole parent bone; neutral_gap: mm
-    between the two bones in neutral.
+    Parameters
+    ----------
+    name : str
+        Name of the joint.
+    parent, child : int
+        Numbers of the bodies.
+    axes : Axes
+        Axes of the dataset's hints.
+    limits : array (dof, 2)
+        Limits of the angles in rad.
+    trials : Motions
+        Motions of the child with the parent at rest.
+    near : array (n, 3)
+        Outer vertices of the child in mm.
+    parent_surface : Distance
+        Distances to the whole parent bone.
+    neutral_gap : float
+        Distance between the two bones in neutral, mm.
     """
 
     name: str

@@ -36,7 +36,7 @@ CANDIDATES = 24  # trials that are improved
 REFINED = 5  # of them brought onto the edges
 WELL, THOROUGH = 0.75, 4  # share of edges below which a search follows so many times more trials
 GUESSES = 4  # kept for a branch
-BEHIND = 0.6  # of a bone's edges: guesses that far behind the best are given up
+BEHIND = 0.6  # of a bone's edges: guesses that far behind the best are dropped
 NO_DOUBT = 0.9  # of the root's edges: no other start is tried
 SAME = 1.0  # mm (rms) between two motions that count as one
 OVERLAP_DEPTH = 1.0  # mm of marrow inside another whole bone
@@ -46,9 +46,20 @@ CROWDED = 4.0  # what a bone wholly inside others loses, in bones that agree
 
 @dataclass(frozen=True)
 class HandModel:
-    """The neutral hand: bodies, the root's first, and the joints between them, parents first.
+    """The neutral hand that is searched for in images.
 
-    probes, marrow, whole: by bone; distances: to whole bones.
+    Parameters
+    ----------
+    bodies : list of Body
+        Groups of bones that move as one, the root's first.
+    links : list of Link
+        Joints between the bodies, parents first.
+    probes : dict of str to Probes
+        Points of each bone at which an image is sampled.
+    marrow : dict of str to Surface
+        Neutral marrow surface of each bone in mm.
+    distances : dict of str to Distance
+        Distances to each whole neutral bone.
     """
 
     bodies: list[Body]
@@ -85,7 +96,7 @@ class HandModel:
 
 @dataclass(frozen=True)
 class Guess:
-    """Motions of some bodies, by number, and how much speaks for them."""
+    """Motions of some bodies, by number, and their score."""
 
     motions: dict[int, RigidTransform]
     score: float = 0.0
@@ -97,14 +108,14 @@ class Guess:
 
 @dataclass
 class Search:
-    """One pose's search: the neutral model, the image's evidence, and random trials that repeat."""
+    """One pose's search: the neutral model, the image's evidence, and reproducible random trials."""
 
     model: HandModel
     evidence: MarrowEvidence
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     def root(self) -> RigidTransform:
-        """The motion of the root's body that agrees best: the first that leaves no doubt, else of all."""
+        """The motion of the root's body that agrees best; starts are tried until one leaves no doubt."""
         body = self.model.bodies[0]
         found: list[tuple[RigidTransform, float]] = []
         for starts in root_starts(self.evidence, {b: self.model.marrow[b] for b in body.bones}):
@@ -128,7 +139,7 @@ class Search:
         return guesses
 
     def _children(self, link: Link, guess: Guess) -> list[tuple[RigidTransform, float]]:
-        """Motions of a joint's child, and how much speaks for each: the image, the joint, room to lie in."""
+        """Motions of a joint's child, and their scores from the image, the joint and overlaps."""
         body, parent = self.model.bodies[link.child], guess.motions[link.parent]
         found = []
         for motion, agrees in self._best(body, link.trials.carried(parent), held=True):
@@ -164,9 +175,21 @@ class Search:
 
 
 def locate(model: HandModel, evidence: MarrowEvidence) -> dict[str, RigidTransform]:
-    """The most likely transform from neutral of every bone in the image of a pose.
+    """The most likely transform of every bone in the image of a pose.
 
-    Every bone has one, however little speaks for it: `location_confidence` says how much.
+    Every bone has one, however weak the evidence for it: `confidences` says how weak.
+
+    Parameters
+    ----------
+    model : HandModel
+        The neutral hand.
+    evidence : MarrowEvidence
+        Image of the pose.
+
+    Returns
+    -------
+    dict of str to RigidTransform
+        Transform from neutral to the pose's frame (mm) by bone.
     """
     search = Search(model, evidence)
     root = search.root()
@@ -179,12 +202,25 @@ def locate(model: HandModel, evidence: MarrowEvidence) -> dict[str, RigidTransfo
 def moved_surfaces(
     surfaces: Mapping[str, Surface], motions: Mapping[str, RigidTransform]
 ) -> dict[str, Surface]:
-    """Neutral surfaces of bones in the pose."""
+    """Neutral surfaces of bones moved into a pose.
+
+    Parameters
+    ----------
+    surfaces : mapping of str to Surface
+        Neutral surfaces in mm by bone.
+    motions : mapping of str to RigidTransform
+        Transforms from neutral by bone.
+
+    Returns
+    -------
+    dict of str to Surface
+        Surface in the pose of each bone in `motions`.
+    """
     return {bone: surfaces[bone].moved(motion(surfaces[bone].vertices)) for bone, motion in motions.items()}
 
 
 def _branches(links: Sequence[Link]) -> list[list[Link]]:
-    """The joints sorted by the child of the root that they hang on."""
+    """The joints grouped by the child of the root that they descend from."""
     branch_of: dict[int, list[Link]] = {}
     found = []
     for link in links:
@@ -198,7 +234,7 @@ def _branches(links: Sequence[Link]) -> list[list[Link]]:
 
 
 def _without_overlap(model: HandModel, branches: Sequence[Sequence[Guess]]) -> list[Guess]:
-    """One guess of each branch: of all combinations the one for which most speaks, overlaps deducted."""
+    """One guess of each branch: the combination with the highest score, overlaps deducted."""
     shared = {
         (a, i, b, j): _crowd(model, branches[a][i], branches[b][j])
         for a, b in combinations(range(len(branches)), 2)

@@ -1,4 +1,4 @@
-"""How sure it is that a bone is where it was found: from the image's edges, its joints and its neighbours."""
+"""Confidence that a bone is where it was found: from the image's edges, its joints and its neighbours."""
 
 from __future__ import annotations
 
@@ -14,17 +14,26 @@ from handpipe.skeleton.localisation.locating import HandModel
 
 KIND = "located_bones"
 SURE = 0.5  # below it a person has to look
-MARGIN = 0.15  # either side of it a verdict is no certain one
+MARGIN = 0.15  # from it, within which a verdict is uncertain
 
 
 @dataclass(frozen=True)
 class Confidence:
-    """What speaks for a bone's place.
+    """Evidence for a bone's place.
 
-    edges: share of the marrow's surface that lies on an edge from bright to dark; seen: share of it inside
-    the image; overlap: share inside another bone; departure: from what the joint to its parent can do (none
-    for bones of the root); carried: what the joints from the root to this bone leave of certainty, since a
-    bone that fits well to one in the wrong place is in the wrong place.
+    Parameters
+    ----------
+    edges : float
+        Share of the marrow's surface that lies on an edge from bright to dark.
+    seen : float
+        Share of the marrow's surface inside the image.
+    overlap : float
+        Share of the marrow's surface inside another bone.
+    carried : float
+        Certainty in [0, 1] that the joints from the root to this bone leave: a bone that fits well to a
+        misplaced one is misplaced.
+    departure : Departure, optional
+        From what the joint to its parent can do; None for bones of the root.
     """
 
     edges: float
@@ -35,7 +44,7 @@ class Confidence:
 
     @property
     def value(self) -> float:
-        """In [0, 1]: the product of what each kind of evidence leaves."""
+        """Confidence in [0, 1]: the product over the kinds of evidence."""
         inside = falling(-self.seen, -0.5, -0.2) * falling(self.overlap, 0.03, 0.15)
         return of_edges(self.edges) * inside * self.carried
 
@@ -57,14 +66,29 @@ class Confidence:
 
 
 def of_edges(share: float) -> float:
-    """What a share of edges that agree leaves of certainty."""
+    """Certainty in [0, 1] for a share of edges that agree."""
     return falling(-share, -0.8, -0.5)
 
 
 def confidences(
     model: HandModel, normalised: Volume, found: Mapping[str, RigidTransform]
 ) -> dict[str, Confidence]:
-    """Confidence of every bone; normalised: the image in units of the local marrow level."""
+    """Confidence in the place of every bone.
+
+    Parameters
+    ----------
+    model : HandModel
+        The neutral hand.
+    normalised : Volume
+        Image of the pose in units of the local marrow level.
+    found : mapping of str to RigidTransform
+        Transforms from neutral by bone, as `locate` gives them.
+
+    Returns
+    -------
+    dict of str to Confidence
+        Confidence by bone.
+    """
     motions = [found[body.bones[0]] for body in model.bodies]
     root = agreement(normalised, model.bodies[0].probes, motions[0])
     carried, departures = {0: of_edges(root.share)}, {}
@@ -90,7 +114,19 @@ def write_located(
     sure: Mapping[str, Confidence],
     inputs: Sequence[str | Path],
 ) -> None:
-    """Write where bones were found (kind "located_bones"), and what speaks for it."""
+    """Write where bones were found, and the evidence for it, as an artifact.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+    motions : mapping of str to RigidTransform
+        Transforms from neutral (mm) by bone.
+    sure : mapping of str to Confidence
+        Confidence in each of these bones.
+    inputs : sequence of str or Path
+        Files that the places were computed from; the artifact records their hashes.
+    """
     data = {}
     for bone, motion in motions.items():
         c = sure[bone]
@@ -106,7 +142,25 @@ def write_located(
 
 
 def read_located(path: str | Path) -> tuple[dict[str, RigidTransform], dict[str, Confidence]]:
-    """Transforms from neutral and confidences, by bone."""
+    """Where bones were found, and the evidence for it.
+
+    Parameters
+    ----------
+    path : str or Path
+        Artifact that `write_located` wrote.
+
+    Returns
+    -------
+    motions : dict of str to RigidTransform
+        Transforms from neutral (mm) by bone.
+    sure : dict of str to Confidence
+        Confidence by bone.
+
+    Raises
+    ------
+    InputError
+        As `artifacts.read` does.
+    """
     motions, sure = {}, {}
     for bone, d in artifacts.read(path, KIND).items():
         motions[bone] = RigidTransform(d["rotation"], d["translation"])

@@ -24,7 +24,15 @@ REACHES = (2.5, 1.8, 1.2, 0.8, 0.5)  # mm, deviation of the far end of a bone in
 
 @dataclass(frozen=True)
 class Motions:
-    """Rigid motions, many at once: rotations (h, 3, 3), translations (h, 3) in mm."""
+    """Rigid motions, many at once.
+
+    Parameters
+    ----------
+    rotations : array (h, 3, 3)
+        Rotation matrices.
+    translations : array (h, 3)
+        Translations after the rotations, mm.
+    """
 
     rotations: Array
     translations: Array

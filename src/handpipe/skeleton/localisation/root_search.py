@@ -19,7 +19,7 @@ from handpipe.skeleton.localisation.motion_search import Motions
 
 LOG = logging.getLogger(__name__)
 
-THRESHOLDS = (0.55, 0.7)  # levels: marrow is above; where shells are thin a higher one parts it from others
+THRESHOLDS = (0.55, 0.7)  # levels: marrow is above; where shells are thin a higher one separates marrows
 ROLLS = 36
 SHIFTS = (-3.0, 0.0, 3.0)  # mm along the bone: a blob may lack an end, or have a neighbour's
 ALIKE = (0.25, 0.45, 0.45)  # logarithm of the ratio of lengths, along the three axes
@@ -30,8 +30,14 @@ LONG = 1.8  # length by width of a bone that has a direction
 class Blob:
     """Centre and principal axes of a solid.
 
-    The centre is (3,); the axes (3, 3) are in columns, right-handed, the long one first; the deviations (3,)
-    along them are in mm.
+    Parameters
+    ----------
+    centre : array (3,)
+        Centre in mm.
+    axes : array (3, 3)
+        Principal axes in columns, right-handed, the long one first.
+    lengths : array (3,)
+        Standard deviations along the axes in mm.
     """
 
     centre: Array

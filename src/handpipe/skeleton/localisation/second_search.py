@@ -1,8 +1,8 @@
 """A second search for marked and doubtful bones: each motion that the joint allows, fitted to the edges.
 
-The search that comes first follows the coarse images, in which a marrow of two or three voxels across shows
-less than the fat beside it; it may slip off a trial that lay within a millimetre of the bone. Nor does it
-come back to a bone when a farther one that it carries was missed.
+The first search follows the coarse images, in which a marrow of two or three voxels across shows less than
+the fat beside it. It may leave a trial that lay within a millimetre of the bone. Nor does it return to a bone
+if a bone beyond it was missed.
 """
 
 from __future__ import annotations
@@ -31,10 +31,28 @@ def search_again(
     motions: Mapping[str, RigidTransform],
     sure: Mapping[str, Confidence],
 ) -> tuple[dict[str, RigidTransform], dict[str, Confidence]]:
-    """Motions and confidences by bone; a marked or doubtful bone may have come to a surer place.
+    """Motions and confidences after a second search for marked and doubtful bones.
 
-    evidence of the pose; motions, sure: what `locate` and `confidences` gave. Parents come before what they
-    carry. A bone stays where it was if nothing surer is found; the root is not sought.
+    Parents come before the bones that they carry. A bone keeps its place if no place with more confidence is
+    found. The root is not searched for again.
+
+    Parameters
+    ----------
+    hand : HandModel
+        The neutral hand.
+    evidence : MarrowEvidence
+        Image of the pose.
+    motions : mapping of str to RigidTransform
+        Transforms from neutral by bone, as `locate` gives them.
+    sure : mapping of str to Confidence
+        Confidence by bone, as `confidences` gives it.
+
+    Returns
+    -------
+    motions : dict of str to RigidTransform
+        Transforms from neutral (mm) by bone.
+    sure : dict of str to Confidence
+        Confidence by bone.
     """
     motions, sure = dict(motions), dict(sure)
     for link in hand.links:

@@ -20,17 +20,24 @@ Limits = Mapping[str, tuple[float, float]]
 STEPS = 200
 STEP_TOLERANCE = 1e-9  # rad
 SLOW, SMALL = 1e-4, 1e-2  # mm^2 and rad: a step that gains and moves less is the last
-AT_LIMIT = 1e-4  # rad; as near to a limit an angle counts as held by it
+AT_LIMIT = 1e-4  # rad; so near to a limit an angle counts as at it
 NOTABLE = 0.05  # mm; widening a limit by one degree has to bring this much to be named
 
 
 @dataclass(frozen=True)
 class Reach:
-    """What inverse kinematics found.
+    """Angles that inverse kinematics found, and how near they bring the targets.
 
-    angles in rad, within the limits; distances (one a target, in their order) in mm that are left, where
-    orientations count by their lever; held: angles at a limit that, widened, would bring the targets
-    nearer, with that limit in rad; tolerance in mm.
+    Parameters
+    ----------
+    angles : dict of str to float
+        Angles in rad by name, within their limits.
+    distances : tuple of float
+        Remaining distance of each target in mm; orientations count by their lever.
+    held : dict of str to float
+        Limits in rad, by angle, that keep the targets from coming nearer.
+    tolerance : float
+        Distance in mm within which a target is met.
     """
 
     angles: Angles
@@ -57,10 +64,18 @@ class Reach:
 
 @dataclass(frozen=True)
 class Options:
-    """rest_weight: mm that a departure of one rad from rest counts as; it decides what targets leave free.
+    """How inverse kinematics searches.
 
-    tolerance: mm within which a target counts as met; model: "full" or "partial" (no residual motions);
-    restarts: begin anew where targets are unmet, not wanted where targets are noisy and the start is near.
+    Parameters
+    ----------
+    rest_weight : float
+        Distance in mm that a departure of one rad from rest counts as. It decides what targets leave free.
+    tolerance : float
+        Distance in mm within which a target is met.
+    model : str
+        "full", or "partial" without residual motions.
+    restarts : bool
+        Whether to restart if targets are unmet. Not useful where targets are noisy and the start is near.
     """
 
     rest_weight: float = 0.1
@@ -81,11 +96,36 @@ def solve(
 ) -> Reach:
     """Angles of least squared distances from all targets and, weakly, from the rest pose, within limits.
 
-    start: angles in rad, neutral if None; rest: neutral if None; limits in rad: angles whose limits differ
-    from the rig's; equal ones hold an angle. Where targets are left unmet from `start`, the search begins
-    anew, for the angles that move them, from the middle of the limits and from the rig's scanned poses, and
-    the best end stands: a straight finger may bend the wrong way first. Raises `InputError` for a target of
-    an unknown bone and for limits the wrong way round.
+    If targets are unmet from `start`, the search restarts, for the angles that move them, from the middle of
+    the limits and from the rig's scanned poses, and the best result is taken: a straight finger may bend the
+    wrong way first.
+
+    Parameters
+    ----------
+    rig : Rig
+        Rig that is posed.
+    targets : sequence of Target
+        Where points or orientations of bones are to be.
+    start : mapping of str to float, optional
+        Initial angles in rad, by default neutral.
+    rest : mapping of str to float, optional
+        Angles of the rest pose in rad, by default neutral.
+    limits : mapping of str to (float, float), optional
+        Limits in rad of the angles whose limits differ from the rig's; equal ones fix an angle.
+    root : RigidTransform, optional
+        Transform of the root bone from neutral, by default the identity.
+    options : Options, optional
+        How to search.
+
+    Returns
+    -------
+    Reach
+        Angles, and the remaining distances.
+
+    Raises
+    ------
+    InputError
+        If a target names an unknown bone, or a lower limit is above its upper one.
     """
     options = options or Options()
     problem = _Problem.build(rig, targets, rest or {}, limits or {}, root, options)
@@ -203,7 +243,7 @@ class _Problem:
         bones, gains = self._bones(values), np.zeros(len(values))
         for residual, jacobian in (target.residual(bones) for target in self.targets):
             gains -= np.radians(1) * (residual @ jacobian) / max(float(np.linalg.norm(residual)), 1e-12)
-        free = self.upper > self.lower  # an angle that the caller holds is no limit of the joint
+        free = self.upper > self.lower  # an angle that the caller fixes is not at a limit of the joint
         low = free & (values <= self.lower + AT_LIMIT) & (gains < -NOTABLE)
         high = free & (values >= self.upper - AT_LIMIT) & (gains > NOTABLE)
         return {n: float(values[i]) for i, n in enumerate(self.rig.angle_names) if low[i] or high[i]}

@@ -14,10 +14,30 @@ from handpipe.mesh.surfaces import Distance, Surface, about
 def bone_regions(
     points: Array, bones: Mapping[str, Surface], joint_radius: float, tolerance: float
 ) -> IntArray:
-    """Fixed on the bodies of bones, contact at heads and joints: (n,).
+    """Regions of points on bones: fixed on the bodies of bones, contact at heads and joints.
 
-    A point is fixed where it lies on a bone (within tolerance, mm) and no other bone is within joint_radius
-    (mm): what the papers paint by hand (Zheng 2022 §6) or sweep over the range of motion (Wang 2019 §5.4).
+    A point is fixed if it lies on a bone and no other bone is near. The papers paint these regions by hand
+    (Zheng 2022) or sweep the bones over the range of motion (Wang 2019).
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points in the neutral frame, mm.
+    bones : mapping of str to Surface
+        Neutral bone surfaces, mm.
+    joint_radius : float
+        Distance in mm to a second bone up to which a point is in contact.
+    tolerance : float
+        Distance in mm up to which a point lies on a bone.
+
+    Returns
+    -------
+    array (n,) of int
+        `Region.fixed` or `Region.contact`.
+
+    References
+    ----------
+    Zheng 2022 §6; Wang 2019 §5.4.
     """
     gaps = np.full((len(points), len(bones) + 1), np.inf)
     for column, bone in enumerate(bones.values()):
@@ -29,7 +49,15 @@ def bone_regions(
 
 
 class BoneLayer:
-    """Neutral bone surfaces, moved rigidly."""
+    """The layer of the bones: neutral surfaces, moved rigidly.
+
+    Parameters
+    ----------
+    bones : mapping of str to Surface
+        Neutral bone surfaces in mm.
+    joint_radius : float
+        Distance in mm to a second bone up to which a vertex is in the region of contact.
+    """
 
     name = "bones"
     needs = LAYERS[name].needs
@@ -42,7 +70,20 @@ class BoneLayer:
         self.regions = dict(zip(bones, regions, strict=True))
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """Each bone's surface at its transform."""
+        """Each bone's surface at its transform in a frame.
+
+        Parameters
+        ----------
+        frame : Frame
+            Frame with the transforms of all bones from neutral.
+        below : mapping of str to Shapes
+            Unused: the bones need no other layer.
+
+        Returns
+        -------
+        Shapes
+            Neutral and moved vertices (mm) by bone, with the region of each vertex.
+        """
         return {
             name: Shape(
                 s.vertices, frame.bones[name](s.vertices), s.triangles, {"region": self.regions[name]}

@@ -11,16 +11,21 @@ import numpy as np
 from handpipe.core import Array, RigidTransform
 from handpipe.skeleton.posing.pose_space import Interpolation, PoseSpace, ancestry
 
-REACHES = (1, 2)  # joints from a bone to those whose motions are felt around it: the first that will do
+REACHES = (1, 2)  # joints from a bone to those whose motions are felt around it: the first that suffices
 APART = 0.05  # rad: examples nearer to one another are not told apart
 
 
 @dataclass(frozen=True)
 class LocalPoseSpaces:
-    """One pose space a bone, all of the same example poses.
+    """One pose space for each bone, all of the same example poses.
 
     With one space of all bones, an example that opposes the thumb would change the little finger in every
     pose that opposes it, whatever the little finger does.
+
+    Parameters
+    ----------
+    spaces : mapping of str to PoseSpace
+        Pose space of each bone and its neighbours at joints.
     """
 
     spaces: Mapping[str, PoseSpace]
@@ -35,7 +40,16 @@ class LocalPoseSpaces:
         """Spaces of each bone and its neighbours at joints.
 
         A space includes the bones two joints away where the neighbours alone do not tell the examples apart.
-        Arguments are those of `PoseSpace.build`.
+
+        Parameters
+        ----------
+        bones, parents, transforms, interpolation
+            As for `PoseSpace.build`.
+
+        Returns
+        -------
+        LocalPoseSpaces
+            One space for each of the bones.
         """
 
         def space(bone: str) -> PoseSpace:
@@ -51,9 +65,21 @@ class LocalPoseSpaces:
     def interpolate(
         self, values: Array, near: Mapping[str, Array], bones: Mapping[str, RigidTransform]
     ) -> Array:
-        """Values (m, ...) in a pose, interpolated from those (N, m, ...) at the examples.
+        """Values in a pose, interpolated from those at the examples.
 
-        near: the share (m,) of each bone in a place; shares sum to one.
+        Parameters
+        ----------
+        values : array (N, m, ...)
+            Values of m places at the N examples.
+        near : mapping of str to array (m,)
+            Share of each bone in a place; the shares of a place sum to one.
+        bones : mapping of str to RigidTransform
+            Transforms of the pose from neutral.
+
+        Returns
+        -------
+        array (m, ...)
+            Values in the pose.
         """
         weights = sum(np.outer(share, self.spaces[b].weights(bones)) for b, share in near.items())
         return np.einsum("mn,nm...->m...", weights, values)

@@ -18,7 +18,20 @@ LINEAR_SPREAD = 0.1
 
 
 def ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
-    """A bone, its parent, and so on to the root; parents: bone -> parent bone, without the root."""
+    """A bone, its parent, and so on to the root.
+
+    Parameters
+    ----------
+    bone : str
+        The first bone.
+    parents : mapping of str to str
+        Parent of each bone but the root.
+
+    Returns
+    -------
+    list of str
+        The bone and its ancestors.
+    """
     found = [bone]
     while found[-1] in parents:
         found.append(parents[found[-1]])
@@ -26,17 +39,45 @@ def ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
 
 
 def reference_bone(bones: Sequence[str], parents: Mapping[str, str]) -> str:
-    """The controlling bone with most controlling descendants (Zheng 2022, section 4.3); the first of equals.
+    """The controlling bone with most controlling descendants; the first of equals.
 
-    parents: bone -> parent bone, without the root.
+    Parameters
+    ----------
+    bones : sequence of str
+        Controlling bones.
+    parents : mapping of str to str
+        Parent of each bone but the root.
+
+    Returns
+    -------
+    str
+        The reference bone.
+
+    References
+    ----------
+    Zheng 2022 §4.3.
     """
     return max(bones, key=lambda a: sum(a in ancestry(b, parents)[1:] for b in bones))
 
 
 def pose_vector(bones: Sequence[str], reference: str, transforms: Mapping[str, RigidTransform]) -> Array:
-    """Rotation vectors (3 (len(bones) - 1),) in rad of the bones relative to the reference bone.
+    """Rotation vectors of bones relative to the reference bone.
 
-    transforms: bone -> transform from neutral. A common motion of all bones does not change the result.
+    A common motion of all bones does not change the result.
+
+    Parameters
+    ----------
+    bones : sequence of str
+        Controlling bones.
+    reference : str
+        The reference bone.
+    transforms : mapping of str to RigidTransform
+        Transforms from neutral by bone.
+
+    Returns
+    -------
+    array (3 (len(bones) - 1),)
+        Rotation vectors in rad.
     """
     undo = transforms[reference].inverse()
     return np.concatenate(
@@ -47,11 +88,25 @@ def pose_vector(bones: Sequence[str], reference: str, transforms: Mapping[str, R
 def felt_vector(
     points: Mapping[str, Array], reference: str, transforms: Mapping[str, RigidTransform]
 ) -> Array:
-    """How far points (k, 3) of bones move (3 K,) relative to the reference bone, as shares of their spread.
+    """How far points of bones move relative to the reference bone.
 
-    Its norm is the root mean square of all K points: what an organ feels of a pose that is held at them. A
-    rotation counts by its lever, which differs by an order of magnitude between the joints that one muscle
-    passes. A common motion of all bones does not change the result.
+    The norm of the vector is the root mean square of all K points: what an organ that is attached at them
+    feels of a pose. A rotation counts by its lever, which differs by an order of magnitude between the joints
+    that one muscle passes. A common motion of all bones does not change the result.
+
+    Parameters
+    ----------
+    points : mapping of str to array (k, 3)
+        Points of each bone in neutral, mm.
+    reference : str
+        The reference bone.
+    transforms : mapping of str to RigidTransform
+        Transforms from neutral by bone.
+
+    Returns
+    -------
+    array (3 K,)
+        Displacements of the K points as shares of their spread.
     """
     undo = transforms[reference].inverse()
     moved = np.concatenate([(undo @ transforms[b])(p) - p for b, p in points.items()])
@@ -73,15 +128,35 @@ def _vector(
 
 @dataclass(frozen=True)
 class PoseSpace:
-    """Example poses as pose vectors, and the weights that interpolate what is known in them.
+    """Example poses as pose vectors, and the weights that interpolate quantities known at the examples.
 
-    bones: controlling bones; reference: the one that the others' motions are relative to; examples
-    (N, d): rotation vectors in rad, d = 3 (len(bones) - 1), or, with `points` (k, 3) in mm of each bone in
-    neutral, what is felt there (`felt_vector`); poses: names of the N examples. `interpolation`:
-    "inverse-distance" (Zheng 2022, Eq. 1) is positive and kinked at the examples; "inverse-square" is
-    positive and smooth, but flat at the examples; "rbf" is linear radial basis functions with a linear
-    part, which follow trends at the price of negative weights, for quantities that may be extrapolated,
-    such as logarithms of strains.
+    Parameters
+    ----------
+    bones : tuple of str
+        Controlling bones.
+    reference : str
+        Bone to which the motions of the others are relative.
+    examples : array (N, d)
+        Pose vectors of the examples: rotation vectors in rad with d = 3 (len(bones) - 1), or, with `points`,
+        their relative motions (`felt_vector`).
+    poses : tuple of str
+        Names of the N examples.
+    interpolation : str
+        "inverse-distance" (Zheng 2022) is positive and has kinks at the examples. "inverse-square" is
+        positive and smooth, but flat at the examples. "rbf" is linear radial basis functions with a linear
+        part, which follow trends at the price of negative weights, for quantities that may be extrapolated,
+        such as logarithms of strains.
+    points : mapping of str to array (k, 3)
+        Points of each bone in neutral, in mm; empty for rotation vectors.
+
+    Raises
+    ------
+    ValueError
+        If the interpolation is unknown.
+
+    References
+    ----------
+    Zheng 2022 §4.3, Eq. 1.
     """
 
     bones: tuple[str, ...]
@@ -92,7 +167,7 @@ class PoseSpace:
     points: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raises `ValueError` for an unknown interpolation."""
+        """Check that the interpolation is known."""
         if self.interpolation not in get_args(Interpolation):
             raise ValueError(f"interpolation {self.interpolation!r} is none of {get_args(Interpolation)}")
 
@@ -104,7 +179,27 @@ class PoseSpace:
         interpolation: Interpolation = "inverse-distance",
         points: Mapping[str, Array] | None = None,
     ) -> PoseSpace:
-        """Pose space of transforms, pose -> bone -> transform from neutral; parents: bone -> parent bone."""
+        """The pose space of given example poses.
+
+        Parameters
+        ----------
+        bones : sequence of str
+            Controlling bones.
+        parents : mapping of str to str
+            Parent of each bone but the root.
+        transforms : mapping of str to mapping of str to RigidTransform
+            Transforms from neutral by pose and bone.
+        interpolation : str
+            As for `PoseSpace`.
+        points : mapping of str to array (k, 3), optional
+            Points of each bone in neutral, in mm, whose motions make the pose vectors; by default rotations
+            do.
+
+        Returns
+        -------
+        PoseSpace
+            Pose space whose reference is the bone with most controlling descendants.
+        """
         reference, points = reference_bone(bones, parents), dict(points or {})
         examples = np.array([_vector(bones, reference, points, t) for t in transforms.values()])
         return PoseSpace(tuple(bones), reference, examples, tuple(transforms), interpolation, points)

@@ -15,9 +15,23 @@ from handpipe.mesh.tets import TetMesh
 
 
 def bone_weights(points: Array, bones: Mapping[str, Surface], power: float = 3.0) -> Array:
-    """Weights (n, n_bones), rows summing to one, by inverse powers of the distance to each bone.
+    """Weights of points by inverse powers of their distance to each bone.
 
     The distance has 1 mm added, so that weights stay smooth across a bone's surface.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points in the neutral frame, mm.
+    bones : mapping of str to Surface
+        Neutral bone surfaces, mm.
+    power : float
+        Exponent of the distance.
+
+    Returns
+    -------
+    array (n, n_bones)
+        Weights in the order of `bones`; rows sum to one.
     """
     distances = np.stack([np.maximum(Distance(s).signed(points)[0], 0.0) for s in bones.values()], axis=1)
     weights = (distances + 1.0) ** -power
@@ -25,9 +39,21 @@ def bone_weights(points: Array, bones: Mapping[str, Surface], power: float = 3.0
 
 
 def smoothed_weights(mesh: TetMesh, bones: Mapping[str, Surface], reach: float = 10.0) -> Array:
-    """Bone weights (n, n_bones) at a mesh's vertices, diffused so that blends of bent joints invert no tet.
+    """Bone weights at a mesh's vertices, diffused so that blends of bent joints invert no tet.
 
-    reach: steps of diffusion along edges, roughly squared.
+    Parameters
+    ----------
+    mesh : TetMesh
+        Neutral mesh, mm.
+    bones : mapping of str to Surface
+        Neutral bone surfaces, mm.
+    reach : float
+        Strength of the diffusion: roughly the square of its length in edges.
+
+    Returns
+    -------
+    array (n, n_bones)
+        Weights in the order of `bones`; rows sum to one.
     """
     n = len(mesh.vertices)
     corners = [(a, b) for a in range(4) for b in range(a)]
@@ -49,17 +75,50 @@ def _dual_quaternion(transform: RigidTransform) -> tuple[Array, Array]:
 
 
 def blend(points: Array, weights: Array, transforms: Mapping[str, RigidTransform]) -> Array:
-    """Points (n, 3) moved by blends of transforms, weights (n, n_transforms)."""
+    """Points moved by blends of transforms.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Neutral points, mm.
+    weights : array (n, n_transforms)
+        Weight of each transform at each point.
+    transforms : mapping of str to RigidTransform
+        Transforms in the order of the weights' columns.
+
+    Returns
+    -------
+    array (n, 3)
+        Moved points, mm.
+    """
     turns, translation = blended(weights, transforms)
     return turns.apply(points) + translation
 
 
 def blended(weights: Array, transforms: Mapping[str, RigidTransform]) -> tuple[Rotation, Array]:
-    """The n rotations and translations (n, 3) of dual-quaternion blends, weights (n, n_transforms).
+    """Rotations and translations of dual-quaternion blends.
 
-    Dual quaternions turn about joints without the collapse of linear blends (Kavan et al. 2008). Of the two
-    that mean one motion, each point takes those on the side of its own bone's: a finger's joints together
-    turn by more than half a turn, the joint next to the point does not.
+    Dual quaternions turn about joints without the collapse of linear blends. Each motion has two dual
+    quaternions of opposite sign. Each point takes those on the side of its own bone's: a finger's joints
+    together turn by more than half a turn, the joint next to the point does not.
+
+    Parameters
+    ----------
+    weights : array (n, n_transforms)
+        Weight of each transform at each point.
+    transforms : mapping of str to RigidTransform
+        Transforms in the order of the weights' columns.
+
+    Returns
+    -------
+    rotations : Rotation
+        The n rotations.
+    translations : array (n, 3)
+        Translations after the rotations, mm.
+
+    References
+    ----------
+    Kavan et al. 2008.
     """
     parts = [_dual_quaternion(t) for t in transforms.values()]
     real, dual = (np.stack(p) for p in zip(*parts, strict=True))

@@ -20,12 +20,20 @@ TOUCH = 0.3  # mm that bones may lie deeper in one another than in neutral: the 
 
 @dataclass(frozen=True)
 class Validity:
-    """What is known of a pose.
+    """How far a pose is from the seen ones, and which bones collide in it.
 
-    beyond: angle name -> rad by which it leaves the seen range, positive above, negative below; nearest: the
-    seen pose of least root mean square difference of angles, and that `distance` in rad; spacing: the
-    largest such distance in rad from one seen pose to its nearest; collisions: pairs of bones -> depth in
-    mm beyond neutral's.
+    Parameters
+    ----------
+    beyond : dict of str to float
+        Angle in rad by which a joint angle leaves its seen range, positive above and negative below.
+    nearest : str
+        Seen pose of least root mean square difference of angles.
+    distance : float
+        That difference in rad.
+    spacing : float
+        Largest such difference in rad from one seen pose to its nearest.
+    collisions : dict of (str, str) to float
+        Depth of penetration in mm beyond that in neutral, by pair of bones.
     """
 
     beyond: dict[str, float]
@@ -54,10 +62,18 @@ class Validity:
 
 
 class PoseValidity:
-    """A rig's seen poses and bone surfaces, prepared for many checks."""
+    """A rig's seen poses and bone surfaces, prepared for many checks of poses.
+
+    Parameters
+    ----------
+    rig : Rig
+        Rig with scanned poses.
+    poses : sequence of str, optional
+        Names of the rig's poses that count as seen, by default all. Neutral always counts.
+    """
 
     def __init__(self, rig: Rig, poses: Sequence[str] | None = None) -> None:
-        """poses: names of the rig's poses that count as seen, all if None; neutral always does."""
+        """Measure the seen poses, and how deep bones lie in one another in neutral."""
         chosen = rig.poses if poses is None else {p: rig.poses[p] for p in poses}
         self.rig = rig
         self.poses: dict[str, Angles] = {p: f.known for p, f in chosen.items() if f.known or not f.angles}
@@ -65,7 +81,7 @@ class PoseValidity:
         if not neutral:
             self.poses = {"neutral": dict.fromkeys(rig.angle_names, 0.0)} | self.poses
         self.ranges: Limits = dict.fromkeys(rig.angle_names, (0.0, 0.0)) | seen_ranges(self.poses)
-        # NaN: an angle that the pose does not tell is no part of the distance to it.
+        # NaN: an angle that the pose does not determine is no part of the distance to it.
         self._seen = np.array([[a.get(n, np.nan) for n in rig.angle_names] for a in self.poses.values()])
         self._distances = {b: Distance(s) for b, s in rig.surfaces.items()}
         self._spheres = {b: _sphere(s.vertices) for b, s in rig.surfaces.items()}
@@ -73,7 +89,18 @@ class PoseValidity:
         self._neutral = depths(rig, rig.bone_transforms(zero), self._distances, self._spheres)
 
     def check(self, angles: Mapping[str, float]) -> Validity:
-        """What is known of a pose of angles in rad."""
+        """How far a pose is from the seen ones, and which bones collide in it.
+
+        Parameters
+        ----------
+        angles : mapping of str to float
+            All angles of the rig in rad.
+
+        Returns
+        -------
+        Validity
+            What is known of the pose.
+        """
         beyond = {}
         for name, (lower, upper) in self.ranges.items():
             excess = max(angles[name] - upper, 0.0) + min(angles[name] - lower, 0.0)
@@ -141,10 +168,22 @@ def _sphere(points: Array) -> tuple[Array, float]:
 def validity_table(
     validity: PoseValidity, frames: Mapping[str, Mapping[str, float]]
 ) -> tuple[list[dict[str, str | float]], Metrics]:
-    """A row a frame (angles in rad), and what they come to.
+    """A table of the validity of frames, and its figures.
 
-    Rows: `frame`, `beyond` in deg with the `angle` that is farthest beyond, `distance` in deg from the
-    `nearest` seen pose, `depth` in mm with the `bones` that lie deepest in one another.
+    Parameters
+    ----------
+    validity : PoseValidity
+        Seen poses of the rig.
+    frames : mapping of str to mapping of str to float
+        Angles in rad by frame and angle name.
+
+    Returns
+    -------
+    rows : list of dict
+        One row per frame: `frame`, `beyond` in deg with the `angle` that is farthest beyond its seen range,
+        `distance` in deg from the `nearest` seen pose, `depth` in mm with the `bones` that penetrate deepest.
+    metrics : Metrics
+        Numbers of unseen and of colliding frames, the largest `beyond` and the largest `depth`.
     """
     rows: list[dict[str, str | float]] = []
     found = [(name, validity.check(angles)) for name, angles in frames.items()]

@@ -1,8 +1,8 @@
 """Which of a pose's registered bones are not to be trusted, by what its other bones say.
 
 A bone that was segmented from a neighbour's seeds can fit well: it lies elsewhere. A phalanx that was turned
-about its long axis lies where it should: it is twisted in its joints. Which of a joint's two bones is at
-fault its other joints tell.
+about its long axis lies where it should: it is twisted in its joints. The other joints of an odd joint's two
+bones show which of the two is at fault.
 """
 
 from __future__ import annotations
@@ -28,9 +28,21 @@ STIFF = 8.0  # deg between bones that move as one
 def doubted(
     found: Mapping[str, Registration], neutral: Mapping[str, Surface], joints: Mapping[str, Joint]
 ) -> dict[str, Registration]:
-    """The registrations of one pose, by bone, those in doubt with their reasons.
+    """The registrations of one pose, with the reasons of those in doubt.
 
-    neutral: the surfaces (marrow) that were registered; joints: of the dataset.
+    Parameters
+    ----------
+    found : mapping of str to Registration
+        Registrations by bone.
+    neutral : mapping of str to Surface
+        Neutral marrow surfaces that were registered, mm.
+    joints : mapping of str to Joint
+        Joints of the dataset.
+
+    Returns
+    -------
+    dict of str to Registration
+        The same registrations; `doubt` is empty for those that are trusted.
     """
     reasons = odd_residuals(found) | {b: r.doubt for b, r in found.items() if r.doubt}
     trusted = {b: r for b, r in found.items() if b not in reasons}
@@ -88,10 +100,22 @@ def off_axes(parent: Registration, child: Registration, joint: Joint) -> float:
 
 
 def blame(odd: Iterable[str], joints: Mapping[str, tuple[str, str]]) -> dict[str, str]:
-    """Bone at fault -> one of its odd joints, so few that they explain all odd joints.
+    """The bones at fault for odd joints, as few as explain all of them.
 
-    joints: name -> parent and child, of all that were judged. The bone of which the largest share of joints
-    is odd comes first; of equals, the one with more odd joints, and a child before its parent.
+    The bone of which the largest share of joints is odd comes first; of equals, the one with more odd joints,
+    and a child before its parent.
+
+    Parameters
+    ----------
+    odd : iterable of str
+        Names of the odd joints.
+    joints : mapping of str to (str, str)
+        Parent and child of all joints that were judged.
+
+    Returns
+    -------
+    dict of str to str
+        One odd joint of each bone at fault.
     """
     left, blamed = set(odd), {}
     bones = list(dict.fromkeys(b for pair in joints.values() for b in reversed(pair)))

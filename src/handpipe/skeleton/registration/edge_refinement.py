@@ -13,7 +13,7 @@ from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.bones.registration_result import Registration
 from handpipe.skeleton.registration.normal_equations import Rows, covariance, moved, robust_weights, solve
 
-REACH = (1.2, 0.7)  # mm either side of the surface in which the edge is sought, at first and at last
+REACH = (1.2, 0.7)  # mm either side of the surface in which the edge is searched for, at first and at last
 SAMPLES = 17
 ITERATIONS = 12
 
@@ -22,7 +22,7 @@ def refine_to_edges(neutral: Surface, volume: Volume, found: Registration) -> Re
     """The registration moved so that the neutral marrow surface lies on the image's steepest falls.
 
     The surface may lie off the edges by a common distance, as one at another level of a blurred edge does:
-    that distance is fitted beside the motion. rms in mm is of what remains.
+    that distance is fitted together with the motion. rms in mm is that of the remaining distances.
     """
     middle, normals = neutral.vertices.mean(axis=0), neutral.vertex_normals()
     transform = found.transform

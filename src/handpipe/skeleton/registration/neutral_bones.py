@@ -33,16 +33,20 @@ GAP = 5.0  # mm between the marrows of bones that meet: two thin shells and cart
 
 
 def neutral_doubts(marrows: Mapping[str, Surface], joints: Mapping[str, Joint]) -> dict[str, str]:
-    """Bones (name -> reason, with what to draw) that look cut short or too long in the neutral pose.
+    """Bones that look cut short or too long in the neutral pose.
 
     Parameters
     ----------
-    marrows
-        Closed marrow surfaces of the neutral bones in mm. Lengths are judged of the bones that have the
-        names of `LENGTHS`.
-    joints
-        Of the dataset; both bones of a joint that gapes are doubted, or the one that is too short for the
-        hand.
+    marrows : mapping of str to Surface
+        Closed marrow surfaces of the neutral bones in mm. Only lengths of bones with the names of `LENGTHS`
+        are judged.
+    joints : mapping of str to Joint
+        Joints of the dataset. If a joint gapes, the bone that is too short for the hand is doubted, or both.
+
+    Returns
+    -------
+    dict of str to str
+        Reasons by bone, with what to draw.
     """
     sizes = relative_lengths(marrows)
     reasons: dict[str, list[str]] = {}

@@ -54,7 +54,8 @@ def covariance(rows: Rows, weights: Array, edges: IntArray, points: Array) -> Ar
     The larger, in every direction, of two estimates. One takes the residuals as noise that neighbours share
     (`alike`). The other (`patch_covariance`) takes what whole patches of the surface, by the places of the
     points (n, 3), pull the solution to: errors that are alike over millimetres, as where thick slices or a
-    thin shell move the surface of a segmentation. A direction that no row tells has the deviation `UNTOLD`.
+    thin shell move the surface of a segmentation. A direction that no row determines has the deviation
+    `UNTOLD`.
     """
     matrix, _ = _normal(rows, weights)
     residual = rows.distance * np.sqrt(weights)
@@ -67,10 +68,30 @@ def covariance(rows: Rows, weights: Array, edges: IntArray, points: Array) -> Ar
 
 
 def patch_covariance(rows: Rows, weights: Array, points: Array, inverse: Array) -> Array:
-    """Covariance (6, 6) from the spread of patches' pulls; inverse (6, 6): of the normal matrix.
+    """Covariance from the spread of patches' pulls.
 
-    The estimate is robust to any correlation within a patch (Liang and Zeger 1986; cluster-robust). Zero
-    where a mesh is too coarse for patches.
+    The estimate is robust to any correlation within a patch (cluster-robust). It is zero where a mesh is too
+    coarse for patches.
+
+    Parameters
+    ----------
+    rows : Rows
+        The equations.
+    weights : array (n,)
+        Their weights.
+    points : array (n, 3)
+        Places of the rows, which decide their patches, mm.
+    inverse : array (6, 6)
+        Inverse of the normal matrix.
+
+    Returns
+    -------
+    array (6, 6)
+        Covariance of (omega, t) in rad and mm.
+
+    References
+    ----------
+    Liang and Zeger 1986.
     """
     count = min(PATCHES, len(points) // LEAST_PATCH)
     if count <= 2 * len(inverse):

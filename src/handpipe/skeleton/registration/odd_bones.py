@@ -1,4 +1,4 @@
-"""Bones whose motion in one pose disagrees with all other poses: a registration that went wrong unseen.
+"""Bones whose motion in one pose disagrees with all other poses: an undetected wrong registration.
 
 A phalanx that was registered turned about its long axis fits its image nearly as well. The joint's axes, as
 the other poses show them, cannot explain it.
@@ -33,9 +33,27 @@ def without_odd_bones(
     surfaces: Mapping[str, Surface],
     fit_poses: Sequence[str],
 ) -> tuple[dict[str, dict[str, RigidTransform]], dict[tuple[str, str], str]]:
-    """The transforms (pose -> bone -> from neutral) without odd bones; (pose, bone) -> why it is left out.
+    """Transforms without bones whose motion disagrees with the other poses.
 
-    Poses that are not to be fitted are judged by those that are.
+    Poses that are not fitted are judged by those that are.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Dataset with the joints.
+    transforms : mapping of str to mapping of str to RigidTransform
+        Transforms from neutral by pose and bone.
+    surfaces : mapping of str to Surface
+        Neutral surfaces in mm by bone.
+    fit_poses : sequence of str
+        Poses that the rig is fitted to.
+
+    Returns
+    -------
+    left : dict of str to dict of str to RigidTransform
+        The remaining transforms by pose and bone.
+    reasons : dict of (str, str) to str
+        Why a bone is left out, by pose and bone.
     """
     merged = moved_as_one(dataset, transforms, surfaces)
     learnt = [p for p in fit_poses if p != dataset.neutral]
@@ -66,10 +84,23 @@ def without_odd_bones(
 
 
 def odd_motions(rotations: Mapping[str, Array], learnt: Sequence[str], hints: Array) -> dict[str, float]:
-    """Angles in rad by which odd poses are off the axes of all others.
+    """Angles by which odd poses are off the axes of all others.
 
-    rotations: pose -> rotation (3, 3) of the joint; learnt: poses that may tell the axes. One after the
-    other the worst is left out while enough poses remain to tell.
+    The worst pose is left out, one after the other, while enough poses remain to tell the axes.
+
+    Parameters
+    ----------
+    rotations : mapping of str to array (3, 3)
+        Rotation of the joint by pose.
+    learnt : sequence of str
+        Poses that may tell the axes.
+    hints : array (dof, 3)
+        Rough axes of the joint.
+
+    Returns
+    -------
+    dict of str to float
+        Angles in rad by odd pose.
     """
     kept, odd = list(learnt), {}
     while len(kept) > len(hints) + 2:

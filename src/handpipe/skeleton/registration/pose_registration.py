@@ -22,10 +22,30 @@ UNSURE = 2.0  # deg of deviation that a warning names; the rig gives such a bone
 def register_pose(
     dataset: Dataset, neutral: Mapping[str, Surface], target: Mapping[str, Surface]
 ) -> dict[str, Registration]:
-    """Registrations by bone of neutral marrow surfaces to those of another pose.
+    """Registrations of a pose's bones, from the root outwards.
 
-    A bone starts from the nearest bone before it that was found. Bones that the pose lacks, or that fit
-    nowhere, are left out with a warning; those in doubt (`doubts.doubted`) are kept and say so.
+    A bone starts from the transform of its nearest ancestor that was found. Bones that the pose lacks, or
+    that fit nowhere, are left out with a warning. Those in doubt (`doubts.doubted`) are kept, with the
+    reason.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Dataset with bones and joints.
+    neutral : mapping of str to Surface
+        Neutral marrow surfaces in mm by bone.
+    target : mapping of str to Surface
+        Marrow surfaces in the pose in mm by bone.
+
+    Returns
+    -------
+    dict of str to Registration
+        Registrations by bone.
+
+    Raises
+    ------
+    ConvergenceError
+        If no bone of the pose fits.
     """
     parents = {j.child: j.parent for j in dataset.joints.values()}
     found: dict[str, Registration] = {}
@@ -60,5 +80,16 @@ def register_pose(
 
 
 def unmoved(bones: Mapping[str, Surface]) -> dict[str, Registration]:
-    """The neutral pose's registrations: every bone is where it is."""
+    """The neutral pose's registrations, in which every bone stays in its place.
+
+    Parameters
+    ----------
+    bones : mapping of str to Surface
+        Neutral surfaces by bone.
+
+    Returns
+    -------
+    dict of str to Registration
+        The identity without error, by bone.
+    """
     return dict.fromkeys(bones, Registration(RigidTransform.identity(), 0.0, np.zeros((6, 6))))

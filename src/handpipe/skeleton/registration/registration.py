@@ -1,8 +1,8 @@
 """Rigid registration of a neutral marrow surface to the same bone in another pose (Wang 2019, section 3.1).
 
-Iterated closest points with distances to tangent planes, from many starts. Either surface may have parts
-that the other lacks: a bone cut off by the image, or grown together with its neighbour. The result says how
-sure it is, and whether it is to be doubted: by what does not match, and by another place that fits as well.
+Iterated closest points with distances to tangent planes, from many starts. Either surface may have parts that
+the other lacks: a bone cut off by the image, or grown together with its neighbour. The result has a
+covariance, and a doubt if the surfaces do not match or another place fits as well.
 """
 
 from __future__ import annotations
@@ -43,14 +43,23 @@ APART = np.radians(15.0)  # turns closer than this are one place
 MATCHED = 0.3  # mm; and five times the residual
 LEAST_COVERED, LEAST_EXPLAINED = 0.45, 0.4
 CERTAIN, OUTLYING = 5.0, 5.0  # standard deviations by which a rival has to fit worse; of an outlier
-LOOSE = 8.0  # deg of uncertainty beyond which a turn is anybody's guess
+LOOSE = 8.0  # deg of uncertainty beyond which a turn is undetermined
 
 
 @dataclass(frozen=True)
 class _Pair:
     """The two surfaces ready for closest-point queries.
 
-    middle (3,): the neutral's mean; size in mm: the root of its area; ratio: the target's area by it.
+    Parameters
+    ----------
+    neutral, target : Distance
+        Distances to the surfaces.
+    middle : array (3,)
+        Mean of the neutral surface's vertices in mm.
+    size : float
+        Square root of the neutral surface's area in mm.
+    ratio : float
+        Area of the target over that of the neutral surface.
     """
 
     neutral: Distance
@@ -106,11 +115,27 @@ def register(
 ) -> Registration:
     """Rigid transform that carries the neutral surface onto the target, of least residual over all starts.
 
-    start: guesses from elsewhere, such as the parent's transform; the principal axes give more. volume: image
-    of the target pose; the result is then refined to the image's edge between bright marrow and dark shell. A
-    target that lacks a part of the bone, or holds more than it, is registered by the rest. The result's
-    `doubt` says why it may be wrong. Raises `ConvergenceError` where the surfaces do not fit one another at
-    all.
+    A target that lacks a part of the bone, or holds more than the bone, is registered by what both have.
+
+    Parameters
+    ----------
+    neutral_marrow, target_marrow : Surface
+        Marrow surfaces of one bone in neutral and in a pose, mm.
+    volume : Volume, optional
+        Image of the pose. With it, the result is refined to the image's edge between bright marrow and dark
+        shell.
+    start : RigidTransform or sequence of RigidTransform, optional
+        Initial guesses, such as the parent's transform; the principal axes give more.
+
+    Returns
+    -------
+    Registration
+        The transform; its `doubt` says why it may be wrong.
+
+    Raises
+    ------
+    ConvergenceError
+        If the surfaces do not fit one another at all.
     """
     pair = _Pair.of(neutral_marrow, target_marrow)
     guesses = [start] if isinstance(start, RigidTransform) else list(start or [])

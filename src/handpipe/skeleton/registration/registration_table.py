@@ -10,14 +10,27 @@ from handpipe.core import Metrics, metrics
 from handpipe.skeleton.bones.registration_result import Registration
 
 Row = dict[str, str | float]
-Errors = Mapping[
-    str, tuple[float, float]
-]  # bone -> true errors, of the rotation in deg, of the centroid in mm
+Errors = Mapping[str, tuple[float, float]]
 UNITS = {"rotation": "deg", "translation": "mm"}
 
 
 def registration_rows(pose: str, found: Mapping[str, Registration], errors: Errors) -> list[Row]:
-    """A row a bone of one pose; `errors` is empty where there is no truth."""
+    """A table of a pose's registered bones, one row per bone.
+
+    Parameters
+    ----------
+    pose : str
+        Name of the pose.
+    found : mapping of str to Registration
+        Registrations by bone.
+    errors : mapping of str to (float, float)
+        True errors by bone, of the rotation in deg and of the centroid in mm; empty where there is no truth.
+
+    Returns
+    -------
+    list of dict
+        Rows with `pose`, `bone`, the registration's figures (deg, mm, shares) and, if known, its true errors.
+    """
     return [
         {
             "pose": pose,
@@ -35,11 +48,21 @@ def registration_rows(pose: str, found: Mapping[str, Registration], errors: Erro
 
 
 def registration_figures(rows: Sequence[Row], missing: Sequence[tuple[str, str]]) -> Metrics:
-    """Figures of all poses' rows and of what is missing, (pose, bone).
+    """Figures of the registrations of all poses.
 
-    Each bone's deviations; errors and deviations of bones that are not in doubt; how well the deviations
-    tell the errors: the root mean square of their ratio, which is to be one, and the share of errors within
-    two deviations.
+    Parameters
+    ----------
+    rows : sequence of dict
+        Rows of all poses, as `registration_rows` gives them.
+    missing : sequence of (str, str)
+        Pose and bone of each missing registration.
+
+    Returns
+    -------
+    Metrics
+        Numbers of doubtful and missing bones; each bone's deviations in deg and mm; largest deviations and
+        errors of the bones that are not in doubt; and how well the deviations predict the errors: the root
+        mean square of their ratio, ideally one, and the share of errors within two deviations.
     """
     trusted = [row for row in rows if not row["doubt"]]
     doubtful = [(str(row["pose"]), str(row["bone"])) for row in rows if row["doubt"]]

@@ -1,4 +1,4 @@
-"""Where a registration starts: rotations that bring the principal axes together, and what lies on what.
+"""Initial guesses of a registration: rotations that align principal axes, and translations of middles.
 
 A phalanx is nearly a solid of revolution, and only its condyles tell the rotation about its long axis. A
 carpal, or a stump of a phalanx, has no long axis at all: there rotations of all directions are tried.

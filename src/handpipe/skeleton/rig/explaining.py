@@ -1,8 +1,8 @@
-"""The joint angles that explain a pose's bones best, and which of them the bones do not tell.
+"""The joint angles that explain a pose's bones best, and which of them the bones do not determine.
 
-A joint tells its angles where the pose has both of its bones. Over a missing bone two joints share one
-motion: then the search stays within reach of the limits, and an angle that is still open keeps the place
-nearest to neutral and is named.
+A joint's angles are determined if the pose has both of its bones. Across a missing bone two joints share one
+motion: then the search stays near the limits, and an angle that is still undetermined takes the value nearest
+to neutral and is named.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from handpipe.skeleton.rig.twists import moving_bones
 
 Bones = Mapping[str, RigidTransform]
 AROUND = np.pi / 2  # rad from where the joint's own motion puts an angle
-BEYOND = np.radians(30.0)  # beyond its limits, of an angle that no motion of its own tells
+BEYOND = np.radians(30.0)  # beyond its limits, of an angle that no motion of its own joint determines
 NOISE = 0.1  # mm, of each of the numbers that say where a bone is
 UNSURE = np.radians(10.0)  # deviation of an angle that is not determined
 NEUTRAL = np.radians(30.0)  # deviation from neutral that is expected of such an angle
@@ -31,7 +31,15 @@ TOLERANCES = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-12}
 
 @dataclass(frozen=True)
 class Explained:
-    """Angles in rad of all joints; undetermined: names of those that the bones do not tell."""
+    """Angles that explain registered bones.
+
+    Parameters
+    ----------
+    angles : dict of str to float
+        Angles of all joints in rad.
+    undetermined : frozenset of str
+        Angles that the bones do not determine.
+    """
 
     angles: Angles
     undetermined: frozenset[str]
@@ -78,7 +86,7 @@ class _Problem:
         return np.array([of_joints[j.name] for j in self.rig.joints for _ in j.angles], bool)
 
     def solve(self) -> tuple[Array, BoolArray]:
-        """Angles (n,) in rad and which of them the bones tell; from the best of all starts."""
+        """Angles (n,) in rad and which of them the bones determine; from the best of all starts."""
         nothing = np.zeros(len(self.free))
         solutions = [self._minimise(start, nothing) for start in self._starts()]
         best, cost = min(solutions, key=lambda found: found[1])
@@ -118,7 +126,7 @@ class _Problem:
         return np.where(self.own, start - AROUND, lowest), np.where(self.own, start + AROUND, highest)
 
     def _told(self, values: Array, cost: float) -> BoolArray:
-        """Whether the bones tell each angle (n,): its deviation is small and no bound keeps it."""
+        """Whether the bones determine each angle (n,): its deviation is small and it is at no bound."""
         rates = self._rates(values)[:, self.free]
         spare = max(len(rates) - rates.shape[1], 1)
         noise = max(NOISE, float(np.sqrt(2 * cost / spare)))

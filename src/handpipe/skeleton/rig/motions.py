@@ -87,9 +87,25 @@ def joint_motions(
     point: Array,
     noise: BoneNoise | None = None,
 ) -> Motions:
-    """Motions of the child with the parent's undone, in the poses that have both.
+    """Motions of a joint's child relative to its parent, in the poses that have both.
 
-    transforms: pose -> bone -> transform from neutral; point (3,): where the joint is.
+    Parameters
+    ----------
+    transforms : mapping of str to mapping of str to RigidTransform
+        Transforms from neutral by pose and bone.
+    parent, child : str
+        Bones of the joint.
+    poses : sequence of str
+        Poses to use.
+    point : array (3,)
+        Place of the joint in neutral, mm.
+    noise : BoneNoise, optional
+        How well each pose's bones are known.
+
+    Returns
+    -------
+    Motions
+        Relative motions, and their noise if it is given.
     """
     there = tuple(p for p in poses if parent in transforms[p] and child in transforms[p])
     relative = tuple(transforms[p][parent].inverse() @ transforms[p][child] for p in there)

@@ -1,9 +1,9 @@
 """Which pose to scan next: the one that leaves least uncertainty in the rig over the range of motion.
 
 Around the rig as it is, a joint's motion is linear in small changes of its parameters: the tilt of its axes,
-its centre, and the coefficients of its residual motion. A scanned pose measures that motion with the noise
-of registration, but not the joint's angles, which are found with it; what a change of angles can explain
-tells nothing. The posterior covariance of the parameters after a pose does not depend on what the scan will
+its centre, and the coefficients of its residual motion. A scanned pose measures that motion with the noise of
+registration, but not the joint's angles, which are found with it; what a change of angles can explain carries
+no information. The posterior covariance of the parameters after a pose does not depend on what the scan will
 show, so that poses can be ranked before they are scanned (I-optimal design).
 """
 
@@ -25,11 +25,18 @@ SAMPLES = {1: 9, 2: 5, 3: 4}  # values of each angle over its range
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known before any pose, and how well a pose is measured; standard deviations.
+    """Standard deviations of what is known before any pose, and of a registration.
 
-    rotation_noise in rad and translation_noise in mm: of a bone's registration, at its centroid; tilt of the
-    axes in rad and centre in mm: of a guess from the bones alone; rotation in rad and translation in mm:
-    of the coefficients of the residual motion.
+    Parameters
+    ----------
+    rotation_noise, translation_noise : float
+        Of a bone's registration at its centroid, in rad and mm.
+    tilt : float
+        Of the axes guessed from the bones alone, in rad.
+    centre : float
+        Of the centre guessed from the bones alone, in mm.
+    rotation, translation : float
+        Of the coefficients of the residual motion, in rad and mm.
     """
 
     rotation_noise: float = float(np.radians(0.3))
@@ -42,11 +49,21 @@ class Knowledge:
 
 @dataclass(frozen=True)
 class JointUncertainty:
-    """Precision (p, p) of a joint's parameters, and its matrix of the error over the range of motion.
+    """How well a joint's parameters are known, and what that means for its motion.
 
-    spread (p, p): the mean over the range of motion of the squared displacement in mm^2 of what the joint
-    carries, as a quadratic form of the parameters, each angle at its best; share: of all the rig's bones
-    that the joint carries.
+    Parameters
+    ----------
+    joint : RigJoint
+        The joint.
+    point : array (3,)
+        Neutral point at which its motion is measured, mm.
+    precision : array (p, p)
+        Inverse covariance of the joint's parameters.
+    spread : array (p, p)
+        Mean over the range of motion of the squared displacement, in mm^2, of what the joint carries, as a
+        quadratic form of the parameters, each angle at its best.
+    share : float
+        Share of all the rig's bones that the joint carries.
     """
 
     joint: RigJoint
@@ -96,7 +113,7 @@ class RigUncertainty:
     def after(self, angles: Mapping[str, float]) -> RigUncertainty:
         """The uncertainty once a pose of these angles (rad) has been scanned.
 
-        A joint of which an angle is not among them tells nothing: the pose lacks one of its bones.
+        A joint of which an angle is not among them gains nothing: the pose lacks one of its bones.
         """
         joints = []
         for j in self.joints:
@@ -142,7 +159,7 @@ def _before(rig: Rig, joint: RigJoint, knowledge: Knowledge) -> JointUncertainty
 
 
 def _carried(rig: Rig, bone: str) -> list[str]:
-    """A bone and all that hang on it."""
+    """A bone and all its descendants."""
     return [bone, *(b for j in rig.joints if j.parent == bone for b in _carried(rig, j.child))]
 
 
@@ -170,7 +187,7 @@ def _sensitivity(joint: RigJoint, values: Array, point: Array) -> tuple[Array, A
 
 
 def _information(joint: RigJoint, values: Array, point: Array, knowledge: Knowledge) -> Array:
-    """What a scanned pose tells of the parameters (p, p), its angles unknown."""
+    """Information (p, p) of a scanned pose on the parameters, its angles unknown."""
     parameters, angles = _sensitivity(joint, values, point)
     weights = 1 / np.repeat([knowledge.rotation_noise, knowledge.translation_noise], 3)
     return _unexplained(weights[:, None] * parameters, weights[:, None] * angles)

@@ -32,7 +32,19 @@ ANY_ANGLE = ((-180.0, 180.0),)
 
 @dataclass(frozen=True)
 class Rig(JointTree):
-    """A tree of joints that is fitted to scanned poses, and kept in a file."""
+    """A tree of joints that is fitted to scanned poses, and kept in a file.
+
+    Parameters
+    ----------
+    root : str
+        Bone from which the tree starts.
+    joints : tuple of RigJoint
+        Fitted joints, from the root outwards.
+    surfaces : dict of str to Surface
+        Neutral bone surfaces, mm.
+    poses : dict of str to FittedPose
+        Scanned poses as the rig explains them.
+    """
 
     @staticmethod
     def fit(
@@ -45,14 +57,34 @@ class Rig(JointTree):
         """Fit every joint to the given poses, then explain all poses.
 
         A joint of which no pose has both bones keeps its hints and the gap of its bones: `RigJoint.knowledge`
-        says what the poses tell, a warning names what they do not.
+        says what the poses determine, a warning names what they do not. Limits that the dataset does not
+        state are those of `limits.widened_limits`.
 
-        transforms: pose -> bone -> transform from neutral in the pose's scanner frame; a pose that lacks a
-        bone is left out for that bone's joints; bones that no degree of freedom parts are moved as one.
-        surfaces: neutral bones. fit_poses: poses to learn from; the other poses in `transforms` are only
-        explained. registrations: how well each transform is known; with them, motions count accordingly, and
-        the dataset's hints where motions tell little. Limits that the dataset does not state are those of
-        `limits.widened_limits`. Raises `InputError` where neutral lacks a bone.
+        Parameters
+        ----------
+        dataset : Dataset
+            Dataset with bones and joints.
+        transforms : mapping of str to mapping of str to RigidTransform
+            Transforms from neutral in the pose's scanner frame (mm), by pose and bone. A pose that lacks a
+            bone is left out for that bone's joints. Bones without a degree of freedom between them are moved
+            as one.
+        surfaces : mapping of str to Surface
+            Neutral bone surfaces, mm.
+        fit_poses : sequence of str
+            Poses to learn from. The other poses in `transforms` are only explained.
+        registrations : mapping of str to mapping of str to Registration, optional
+            How well each transform is known, by pose and bone. With them, motions are weighted accordingly,
+            and the dataset's hints count where motions tell little.
+
+        Returns
+        -------
+        Rig
+            The fitted rig.
+
+        Raises
+        ------
+        InputError
+            If neutral lacks a bone.
         """
         for bone in dataset.bones:
             if bone not in surfaces:
@@ -144,7 +176,7 @@ def outwards(dataset: Dataset) -> list[str]:
 
 
 def _fit_joint(joint: Joint, motions: Motions, near: Array, point: Array) -> JointFit:
-    """A joint of the dataset's type; of the type that its motions earn, where the dataset says so."""
+    """A joint of the dataset's type, or, if that is "best", of the type that its motions justify."""
     hints = np.array(joint.axis_hints, float)
     if joint.type == "best":
         return fit_best(
@@ -156,7 +188,7 @@ def _fit_joint(joint: Joint, motions: Motions, near: Array, point: Array) -> Joi
 
 
 def _warn_of_joint(joint: RigJoint, poses: int) -> None:
-    """A warning of what no pose tells of a joint; poses: how many there are to learn from."""
+    """Warn of what no pose determines of a joint; poses: how many there are to learn from."""
     doubts = joint.knowledge.doubts(joint.angles) if joint.knowledge else []
     if not doubts:
         return

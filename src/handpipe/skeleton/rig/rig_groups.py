@@ -17,7 +17,7 @@ from handpipe.skeleton.joints.limits import angle_ranges
 def rig_groups(rig: JointTree) -> dict[str, Any]:
     """Nested data of a rig: joints, neutral bones and explained poses.
 
-    A pose's `angles` are NaN where its bones do not tell them; `assumed` then holds the values in use.
+    A pose's `angles` are NaN where its bones do not determine them; `assumed` then holds the values in use.
     """
     ranges = angle_ranges(rig)
     return {
@@ -81,7 +81,7 @@ def knowledge_of_group(group: Mapping[str, Any]) -> JointKnowledge:
 def angles_of_group(
     names: Sequence[str], angles: Array, assumed: Array | None
 ) -> tuple[Angles, frozenset[str]]:
-    """A pose's angles and the names of those that are assumed: NaN among the angles that the pose tells."""
+    """A pose's angles and the names of those that are assumed: NaN among the given angles."""
     values = angles if assumed is None else np.where(np.isnan(angles), assumed, angles)
     found = {n: float(v) for n, v in zip(names, values, strict=True)}
     return found, frozenset(n for n, a in zip(names, angles, strict=True) if np.isnan(a))

@@ -21,7 +21,7 @@ PREFIXES: tuple[tuple[Model, str], ...] = (("full", ""), ("partial", "partial_")
 Row = dict[str, str | float]
 Columns = dict[str, Array]
 
-# Metric -> column and unit. Places: of the corners of the child's box, which tell turns of all axes alike.
+# Metric -> column and unit. Places: of the corners of the child's box, which show turns about all axes alike.
 NAMES = {f"{prefix}place_error": (f"{prefix}FM_p", "mm") for prefix in ("", "loo_", "heldout_")} | {
     f"{prefix}{model}{kind}_error": (f"{prefix}{short}_{letter}", unit)
     for prefix in ("", "loo_", "heldout_")
@@ -64,13 +64,31 @@ def joint_table(
     fit_poses: Sequence[str],
     registrations: Registrations | None = None,
 ) -> JointTable:
-    """Errors of a rig fitted to `fit_poses`; the other poses of `transforms`, but neutral, are held out.
+    """Errors of a rig joint by joint, on fitted and on held-out poses.
 
-    Rotation errors are angles of R_found^T R_true of the child relative to its parent; translation errors
-    are distances of the child's centroid from its true place; place errors, of the full model, are root mean
+    Rotation errors are angles of R_found^T R_true of the child relative to its parent. Translation errors are
+    distances of the child's centroid from its true place. Place errors, of the full model, are root mean
     square distances of the corners of the child's box. A ball joint follows every rotation: it has no
     rotation errors. Neutral, without error, does not count. A joint that no pose shows has no errors.
-    registrations: as the rig was fitted with.
+
+    Parameters
+    ----------
+    rig : Rig
+        Rig that was fitted to `fit_poses`.
+    dataset : Dataset
+        Dataset with the joints.
+    transforms : mapping of str to mapping of str to RigidTransform
+        Registered transforms from neutral by pose and bone. Poses other than `fit_poses` and neutral are held
+        out.
+    fit_poses : sequence of str
+        Poses that the rig was fitted to.
+    registrations : mapping of str to mapping of str to Registration, optional
+        Registrations with which the rig was fitted, by pose and bone.
+
+    Returns
+    -------
+    JointTable
+        Rows by joint, and their means.
     """
     noise = None if registrations is None else BoneNoise(dataset, registrations, rig.surfaces)
     transforms = moved_as_one(dataset, transforms, rig.surfaces)

@@ -16,8 +16,16 @@ from handpipe.skeleton.joints.joints import Model
 class MovingBone:
     """A bone's transform from neutral, and its twists for a unit rate of each of the rig's angles.
 
-    angular (n, 3) in 1, linear (n, 3) in mm per rad, in the order of `angle_names`: a point of the bone
-    at x moves with angular x x + linear (cross product).
+    A point of the bone at x moves with angular x x + linear (cross product).
+
+    Parameters
+    ----------
+    transform : RigidTransform
+        Transform from neutral, mm.
+    angular : array (n, 3)
+        Angular velocities, without unit (rad per rad), in the order of `angle_names`.
+    linear : array (n, 3)
+        Velocities at the origin in mm per rad.
     """
 
     transform: RigidTransform
