@@ -26,7 +26,18 @@ log = logging.getLogger(__name__)
 
 
 def named_files(dataset: Dataset) -> dict[str, Path]:
-    """The resolved path of every file that a dataset names, by its field, e.g. "poses.fist.volume"."""
+    """Path of every file that a dataset names.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The subject.
+
+    Returns
+    -------
+    mapping of str to Path
+        Resolved path by field, e.g. "poses.fist.volume".
+    """
     found: dict[str, Path | None] = {}
     for name, pose in dataset.poses.items():
         found |= {f"poses.{name}.{part}": getattr(pose, part) for part in ("volume", "seeds", "scan")}
@@ -50,7 +61,20 @@ def _organs(dataset: Dataset) -> dict[str, Muscle]:
 
 
 def require_files(source: str | Path, dataset: Dataset) -> None:
-    """Raise `InputError` for the first file that the dataset file `source` names and that cannot be used."""
+    """Check that every file that a dataset names exists and has a name that the workflow can use.
+
+    Parameters
+    ----------
+    source : path
+        The file of the dataset, for messages.
+    dataset : Dataset
+        The subject.
+
+    Raises
+    ------
+    InputError
+        For the first file that cannot be used.
+    """
     for field, path in named_files(dataset).items():
         require_plain(source, field, path)
         if not path.exists():
@@ -59,16 +83,50 @@ def require_files(source: str | Path, dataset: Dataset) -> None:
 
 
 def require_plain(source: str | Path, field: str, path: Path) -> None:
-    """Raise `InputError` for a path with braces, which the workflow would take for a wildcard."""
+    """Check that a path has no braces, which the workflow would take for a wildcard.
+
+    Parameters
+    ----------
+    source : path
+        The file that names the path, for messages.
+    field : str
+        The field that names the path, for messages.
+    path : Path
+        Path that is checked.
+
+    Raises
+    ------
+    InputError
+        For a path with braces.
+    """
     if "{" in str(path) or "}" in str(path):
         remedy = "Rename the file or folder; blanks, brackets and accents are no obstacle"
         raise InputError(source, field, f"{path} has braces in its name", remedy)
 
 
 def require_scan(source: str | Path, dataset: Dataset, pose: str, layer: str) -> Path:
-    """The skin scan of a pose, of which a layer is made.
+    """Path of the skin scan of a pose, which a layer needs.
 
-    Raises `InputError` where the dataset file `source` names none.
+    Parameters
+    ----------
+    source : path
+        The file of the dataset, for messages.
+    dataset : Dataset
+        The subject.
+    pose : str
+        Name of the pose.
+    layer : str
+        Name of the layer that is made of the scan, for messages.
+
+    Returns
+    -------
+    Path
+        Resolved path of the scan.
+
+    Raises
+    ------
+    InputError
+        Where the dataset names no scan of the pose.
     """
     scan = dataset.poses[pose].scan
     if scan is None:
@@ -80,6 +138,11 @@ def require_scan(source: str | Path, dataset: Dataset, pose: str, layer: str) ->
 
 def check_surfaces(dataset: Dataset) -> None:
     """Read every scan, template, attachment, nail and file of marks of a dataset.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The subject.
 
     Raises
     ------
@@ -120,6 +183,11 @@ def check_surfaces(dataset: Dataset) -> None:
 def check_frames(dataset: Dataset) -> None:
     """Compare every scan and every file of marks with the image of its pose.
 
+    Parameters
+    ----------
+    dataset : Dataset
+        The subject.
+
     Raises
     ------
     InputError
@@ -158,8 +226,16 @@ def _require_in_image(path: Path, image: Foreground, where: str) -> None:
 def check_images(dataset: Dataset) -> None:
     """Read every volume, and the seeds and scribbles that were drawn on it.
 
-    Raises `InputError` for an image that cannot be read, is no volume or lies on another grid, for labels of
-    no bone, and for a bone or a background of neutral without seeds.
+    Parameters
+    ----------
+    dataset : Dataset
+        The subject.
+
+    Raises
+    ------
+    InputError
+        For an image that cannot be read, is no volume or lies on another grid, for labels of no bone, and
+        for a bone or a background of neutral without seeds.
     """
     for name, pose in dataset.poses.items():
         volume = pose_volume(dataset, name)
@@ -175,7 +251,18 @@ def check_images(dataset: Dataset) -> None:
 
 
 def joint_limits(dataset: Dataset) -> dict[str, tuple[float, float]]:
-    """Lower and upper limit in rad of every angle, as the dataset states them, else half a turn."""
+    """Lower and upper limit of every joint angle.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The subject; an angle without limits gets half a turn in both directions.
+
+    Returns
+    -------
+    mapping of str to tuple of float
+        Lower and upper limit in rad by angle.
+    """
     limits = {}
     for joint in dataset.joints.values():
         stated = joint.limits_deg or ((-180.0, 180.0),) * len(joint.angles)
