@@ -64,7 +64,7 @@ class Faces:
             used = np.unique(self.corners[mine])
             before = free[used]
             limit = turn * np.linalg.eigvalsh(against[used])[:, -1:, None]
-            # What is not free already stays exactly so: it has eigenvalues of its own, far above the limit.
+            # A fixed direction stays fixed exactly: its eigenvalues are far above the limit.
             sums = before @ against[used] @ before / limit + 1e9 * (np.eye(3) - before)
             values, axes = np.linalg.eigh(sums)
             free[used] = (axes * (values <= 1)[:, None]) @ np.swapaxes(axes, 1, 2)
@@ -76,7 +76,7 @@ def improve_vertices(
 ) -> int:
     """Move the chosen vertices, in place, to where the worst of their tets is best; returns how many moved.
 
-    Trial moves are projected by `free` (n, 3, 3); vertices held (n,) stay.
+    Trial moves are projected by `free` (n, 3, 3); the vertices marked in `held` (n,) stay.
     """
     return int(_improve(x, tets, stars, free, chosen, held))
 

@@ -21,10 +21,29 @@ WRIST = 15.0  # mm at the end of radius and ulna that are looked at
 def bony_feature_points(
     bones: Mapping[str, Surface], joints: Sequence[TemplateJoint], scale: float = 1.0
 ) -> dict[str, Array]:
-    """Feature points (3,) as far as the bones have them; `scale`: the hand's size, which its skin shares.
+    """Feature points of a hand of bones and joints, as they would lie on its skin.
 
     Knuckles: from a joint's centre to the back of the head of its parent, through the skin. Wrist: the ends
-    of radius and ulna, and the back of the ulna's head. Raises `InputError` where a knuckle is not found.
+    of radius and ulna, and the back of the ulna's head.
+
+    Parameters
+    ----------
+    bones : mapping of str to Surface
+        Neutral surfaces in mm by bone.
+    joints : sequence of TemplateJoint
+        Joints of the hand.
+    scale : float
+        Size of the hand over that of a median adult; it scales the thickness of the skin.
+
+    Returns
+    -------
+    mapping of str to array (3,)
+        Points in mm by name, those for which the bones exist.
+
+    Raises
+    ------
+    InputError
+        Where a knuckle is not found.
     """
     of = {joint.name: joint for joint in joints}
     found: dict[str, Array] = {}
