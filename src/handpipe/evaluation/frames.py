@@ -1,4 +1,4 @@
-"""What solvers say of frames and of fits to scans: figures by frame and layer, warnings in plain words."""
+"""Figures of solvers by frame and layer, and warnings in plain words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a segmentation says of itself: bones that do not look like bones, or are not of one size."""
+"""Figures of a segmentation without truth: bones that look unusual, or differ in size between poses."""
 
 from __future__ import annotations
 

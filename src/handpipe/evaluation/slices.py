@@ -17,7 +17,7 @@ from handpipe.mesh.surfaces import Surface
 
 Sample = Callable[[Array], NDArray]  # points (n, 3) in mm -> values (n,), NaN outside of the volume
 
-STRAIGHT = 2.0  # mm: bones nearer to one line than this do not turn the sagittal plane
+STRAIGHT = 2.0  # mm: bones closer to a line than this hardly affect the sagittal plane
 
 
 @dataclass(frozen=True)

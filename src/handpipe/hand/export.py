@@ -1,6 +1,7 @@
 """Views of simulated frames for other programs: VTU with .pvd (ParaView), OBJ sequence, animated glTF.
 
-VTU holds every body; OBJ and glTF, made for looking, leave out the fat's tetrahedra where there is a skin.
+VTU holds every body; OBJ and glTF, which are for viewing, leave out the fat's tetrahedra where there is a
+skin.
 """
 
 from __future__ import annotations
@@ -153,7 +154,7 @@ def write_glb(
 
     One mesh per body: surface triangles (of tetrahedra: their boundary) or lines in neutral, one morph target
     per frame, and weights that show frame i at i / fps seconds. Bodies absent from a frame are neutral there.
-    Linear blending is for looking: nobody simulated what lies between frames.
+    Linear blending is for viewing: shapes between frames are not simulated.
 
     Parameters
     ----------

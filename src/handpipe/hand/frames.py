@@ -1,4 +1,4 @@
-"""The artifact of simulated frames: every layer's shapes, what does not move stored once."""
+"""The artifact of simulated frames: every layer's shapes; rest shapes and cells are stored once."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class Part:
     left_out: Mapping[str, Mapping[str, tuple[str, ...]]]
 
     def __str__(self) -> str:
-        """What is left out and why, e.g. "tendons: flexor2 (capitate), flexor3 (capitate)"."""
+        """Omitted organs with missing bones, e.g. "tendons: flexor2 (capitate), flexor3 (capitate)"."""
         return "; ".join(
             f"{kind}: {', '.join(f'{name} ({_words(bones)})' for name, bones in organs.items())}"
             for kind, organs in self.left_out.items()

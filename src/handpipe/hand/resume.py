@@ -1,4 +1,4 @@
-"""What simulated frames were made of, so that only frames of the same input and code are used again."""
+"""Digest of inputs and code, so that a resumed run reuses only frames of the same inputs and code."""
 
 from __future__ import annotations
 

@@ -103,7 +103,27 @@ def require_enough(points: Mapping[str, object], source: str | Path) -> None:
 
 
 def matched(source: Points, target: Points, origin: str | Path) -> tuple[tuple[str, ...], Array, Array]:
-    """Names, and source and target points (n, 3), of what both have; `InputError` as `require_enough`."""
+    """Feature points that both hands have.
+
+    Parameters
+    ----------
+    source, target : mapping of str to array (3,)
+        Feature points in mm by name.
+    origin : path
+        The file of the points, for messages.
+
+    Returns
+    -------
+    names : tuple of str
+        Names in the order of `NAMES`.
+    source, target : array (n, 3)
+        Points in mm.
+
+    Raises
+    ------
+    InputError
+        For too few points, see `require_enough`.
+    """
     both = [name for name in NAMES if name in source and name in target]
     require_enough(dict.fromkeys(both), origin)
     return tuple(both), np.array([source[n] for n in both]), np.array([target[n] for n in both])

@@ -19,8 +19,8 @@ Pixel = tuple[float, float]
 
 log = logging.getLogger(__name__)
 
-SIZES = (0.3, 2.0)  # of a hand against the template: outside, the ruler is what is wrong
-RESIDUAL = 0.25  # of the hand's own spread, from which on points do not look like a hand
+SIZES = (0.3, 2.0)  # of a hand over the template: outside of them, the ruler is wrong
+RESIDUAL = 0.25  # share of the hand's own spread above which points do not look like a hand
 
 
 class Photograph(Model):

@@ -25,7 +25,7 @@ from handpipe.tissues.muscles.fitting import Warp, fit_similarity
 
 log = logging.getLogger(__name__)
 
-MIRRORED = 0.6  # share of the distance by which the other hand's mirror image must be nearer to be believed
+MIRRORED = 0.6  # largest residual of the mirror image, over the template's, that indicates the other hand
 
 
 @dataclass(frozen=True)

@@ -229,7 +229,31 @@ class _Places:
 def locate(
     places: Sequence[Place], bones: Mapping[str, Surface], distal: Vector, source: str | Path, field: str
 ) -> Array:
-    """Points (n, 3) in mm where places are on given bones; `InputError` names `source` and field if not."""
+    """Points of places on given bones.
+
+    Parameters
+    ----------
+    places : sequence of Place
+        Coordinates, or places on bones.
+    bones : mapping of str to Surface
+        Surfaces in mm by bone.
+    distal : sequence of float
+        Rough direction (3,) of the bones' distal ends.
+    source : path
+        The file of the places, for messages.
+    field : str
+        The field of the places, for messages.
+
+    Returns
+    -------
+    array (n, 3)
+        Points in mm.
+
+    Raises
+    ------
+    InputError
+        For a bone that does not exist, or that the direction of a place misses.
+    """
     finder = _Places(bones, np.array(distal), source, field)
     return np.array([finder.find(p, f"points.{i}") for i, p in enumerate(places)])
 

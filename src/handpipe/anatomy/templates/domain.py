@@ -15,7 +15,7 @@ from handpipe.mesh.surfaces import Surface, concatenate
 from handpipe.mesh.tets import EDGES, TetMesh
 
 TOO_LONG = 1.4  # largest length of an edge, over its wanted size
-GROWTH = 0.6  # of sizes per distance from the points with finer tets
+GROWTH = 0.6  # of sizes, per mm of distance from the points that are refined
 MOST_HALVINGS = 40
 
 

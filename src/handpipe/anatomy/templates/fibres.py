@@ -28,10 +28,10 @@ from handpipe.mesh.surfaces import closest_on_polyline
 from handpipe.mesh.tets import Locator, TetMesh, shape_gradients
 
 ALIGNMENT = 5.0  # alpha of Eq. 17, with both terms weighted by volume
-TINY = 1e-9  # of a matrix's mean diagonal, against parts that nothing holds
-STILL = 1e-6  # of the fastest flow, below which there is none
+TINY = 1e-9  # of a matrix's mean diagonal, for parts without attachments
+STILL = 1e-6  # share of the fastest flow below which there is no flow
 LEAKAGE = 0.02  # conductivity across the curves' directions over that along them
-FEWEST = 3  # vertices that hold an end from turning
+FEWEST = 3  # vertices that prevent a rotation of an end
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ def _potential(
     potential[insertion] = 1.0
     free = np.setdiff1d(np.arange(len(potential)), np.concatenate([origin, insertion]))
     block = matrix[free][:, free].tocsr()
-    # A loose part that is not attached has any constant for a solution: the least is taken.
+    # In a part without attachments every constant is a solution: take the smallest.
     block = block + TINY * block.diagonal().mean() * sparse.eye(len(free), format="csr")
     potential[free] = factorise(block).solve(-(matrix @ potential)[free])
     return potential

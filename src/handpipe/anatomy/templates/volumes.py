@@ -13,10 +13,10 @@ log = logging.getLogger(__name__)
 
 TOLERANCE = 0.01
 ROUNDS = 25
-FIRST_POWER = 1.5  # volume goes like this power of the scale, to begin with
+FIRST_POWER = 1.5  # initial guess: volume is proportional to this power of the scale
 POWERS = (0.3, 12.0)
 LONGEST_STEP = 0.5  # of the logarithm of a scale
-DECIMALS = 6  # of scales: beyond them machines differ, and each cut of the mesh makes more of it
+DECIMALS = 6  # of scales: beyond them machines differ, and each cut of the mesh amplifies the difference
 
 
 def meet_volumes(
