@@ -15,9 +15,20 @@ MIB_PER_GIB = 1024.0
 
 @dataclass(frozen=True)
 class Job:
-    """One job: seconds by the clock and of processors, peak memory in GiB, end in s since the epoch.
+    """One job of a build.
 
-    name: what its rule's wildcards say of it, as "fist" or "fist/distal2".
+    Parameters
+    ----------
+    rule : str
+        Name of its rule.
+    seconds, cpu_seconds : float
+        Duration by the clock, and time of processors, in s.
+    peak_memory : float
+        Largest memory in GiB.
+    end : float
+        End in s since the epoch.
+    name : str
+        What its rule's wildcards say of it, as "fist" or "fist/distal2".
     """
 
     rule: str
@@ -29,10 +40,21 @@ class Job:
 
 
 def read_jobs(folder: str | Path, rule: str | None = None) -> list[Job]:
-    """The jobs, of all rules or of one, with files `folder`/{rule}/….tsv or `folder`/{rule}.tsv.
+    """Jobs of a build, from the benchmark files of Snakemake.
 
-    The file's own time is taken as the job's end. A file of several repetitions counts each. Figures that
-    Snakemake could not take ("NA", "-") count as 0.
+    A file of several repetitions counts each. Figures that Snakemake could not take ("NA", "-") count as 0.
+
+    Parameters
+    ----------
+    folder : path
+        Folder with the files `{rule}/….tsv` or `{rule}.tsv`. A file's own time is taken as its job's end.
+    rule : str, optional
+        Rule whose folder `{rule}` is read; by default all rules.
+
+    Returns
+    -------
+    list of Job
+        Jobs in the order of the files' paths.
     """
     folder = Path(folder)
     jobs = []
@@ -49,9 +71,21 @@ def read_jobs(folder: str | Path, rule: str | None = None) -> list[Job]:
 def build_metrics(jobs: Sequence[Job], start: float | None = None, end: float | None = None) -> Metrics:
     """Figures of a build for build.json.
 
-    `wall_seconds` runs from the first start to the last end, or between the times given in s since the epoch;
-    `busy_seconds` leaves out the times when no job ran (a build resumed the next day); `cpu_seconds` and
-    `job_seconds` sum over jobs; `peak_memory` is the largest of one job. `{rule}.…` holds the same by rule.
+    `wall_seconds` runs from `start` to `end`; `busy_seconds` leaves out the times when no job ran (a build
+    resumed the next day); `cpu_seconds` and `job_seconds` sum over jobs; `peak_memory` is the largest of one
+    job. `{rule}.…` holds the same by rule.
+
+    Parameters
+    ----------
+    jobs : sequence of Job
+        Jobs of the build.
+    start, end : float, optional
+        Times in s since the epoch; by default the first start and the last end of a job.
+
+    Returns
+    -------
+    Metrics
+        Value and unit by name; without jobs only their number.
     """
     if not jobs:
         return {"jobs": (0, "1")}
@@ -65,7 +99,7 @@ def build_metrics(jobs: Sequence[Job], start: float | None = None, end: float | 
 
 
 def cost_table(jobs: Sequence[Job]) -> Table | None:
-    """Jobs, time and peak memory by rule, the costliest first; None without jobs."""
+    """Jobs, time and peak memory by rule, in descending order of time; None without jobs."""
     if not jobs:
         return None
     rules = {rule: _totals("", [j for j in jobs if j.rule == rule]) for rule in {j.rule for j in jobs}}

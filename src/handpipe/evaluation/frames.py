@@ -1,4 +1,4 @@
-"""What solvers say of frames and of fits to scans: figures by frame and layer, warnings in plain words."""
+"""Figures of solvers by frame and layer, and warnings in plain words."""
 
 from __future__ import annotations
 
@@ -12,19 +12,42 @@ from handpipe.hand import UNITS as ARTIFACT_UNITS
 from handpipe.hand import Failure, SimulatedFrame
 
 UNITS = ARTIFACT_UNITS | {"inverted_tets": "tets"}
-LEAST = ("least_det",)  # figures of which the least is the worst
-OVERLAP = 0.01  # mm; a smaller overlap of the skin is not told
+LEAST = ("least_det",)  # figures whose smallest value is the worst
+OVERLAP = 0.01  # mm; the report omits a smaller overlap of the skin
 INNER_OVERLAP = 0.5  # mm; half a voxel of a usual scan: less is within the error of the bodies' surfaces
-COMPRESSION = 0.01  # of a tendon's pull; a smaller one is not told
+COMPRESSION = 0.01  # of a tendon's pull; the report omits a smaller compression
 
 
 def worst_figures(layers: Mapping[str, Shapes]) -> dict[str, float]:
-    """The worst of each figure over the bodies of each layer, by `{layer}_{figure}`."""
+    """Worst value of each figure over the bodies of each layer.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of a frame by layer and body.
+
+    Returns
+    -------
+    mapping of str to float
+        Worst value by `{layer}_{figure}`, see `worst_of`.
+    """
     return worst_of({layer: [s.figures for s in shapes.values()] for layer, shapes in layers.items()})
 
 
 def worst_of(figures: Mapping[str, Iterable[Mapping[str, float]]]) -> dict[str, float]:
-    """The worst of each figure of what was solved in each stage, by `{stage}_{figure}`."""
+    """Worst value of each figure over the solutions of each stage.
+
+    Parameters
+    ----------
+    figures : mapping of str to iterable of mapping of str to float
+        Figures by stage, and in a stage one mapping of names to values per solution.
+
+    Returns
+    -------
+    mapping of str to float
+        Worst value by `{stage}_{figure}`: the smallest of `least_det`, else the largest; NaN if any
+        value is NaN.
+    """
     found: dict[str, list[float]] = {}
     for stage, solved in figures.items():
         for each in solved:
@@ -34,27 +57,66 @@ def worst_of(figures: Mapping[str, Iterable[Mapping[str, float]]]) -> dict[str, 
 
 
 def _worst(name: str, values: Iterable[float]) -> float:
-    """The worst value; a value that is not a number is worse than any."""
+    """The worst value; NaN is worse than any other."""
     return float(np.min([*values]) if name.endswith(LEAST) else np.max([*values]))
 
 
 def with_figures(
     rows: Sequence[Row], frames: Iterable[SimulatedFrame], failures: Iterable[Failure]
 ) -> list[Row]:
-    """Rows of `validity_table` with the frames' figures, or the layer that failed and its reason."""
+    """Rows of `validity_table` with the frames' figures, or the layer that failed and its reason.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Rows with the frame's name in `frame`.
+    frames : iterable of SimulatedFrame
+        Simulated frames with their shapes.
+    failures : iterable of Failure
+        Failed frames; their rows get `failed`, the layer, and `reason`.
+
+    Returns
+    -------
+    list of Row
+        The rows in their order, figures named as by `worst_figures`.
+    """
     figures = {frame.name: worst_figures(layers) for frame, layers in frames}
     failed = {f.frame: {"failed": f.layer, "reason": f.reason} for f in failures}
     return [{**row, **figures.get(_name(row), {}), **failed.get(_name(row), {})} for row in rows]
 
 
 def figure_metrics(rows: Sequence[Row], names: Iterable[str]) -> Metrics:
-    """How many frames failed, and the worst of each figure over the frames that did not."""
+    """Number of failed frames, and the worst of each figure over the other frames.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Rows of `with_figures`.
+    names : iterable of str
+        Figures that are taken from the rows.
+
+    Returns
+    -------
+    Metrics
+        `frames_failed`, and value and unit by figure.
+    """
     failed = float(sum("failed" in row for row in rows))
     return {"frames_failed": (failed, "frames"), **_worst_metrics(rows, names)}
 
 
 def pose_metrics(rows: Sequence[Row]) -> Metrics:
-    """The worst of each figure over the poses, and each pose's own as `{figure}_{pose}`."""
+    """Worst value of each figure over the poses, and each pose's own as `{figure}_{pose}`.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        A row for each pose: its name in `frame`, and its figures.
+
+    Returns
+    -------
+    Metrics
+        Value and unit by name.
+    """
     metrics = _worst_metrics(rows, figure_names(rows, ["frame"]))
     for row in rows:
         own = _worst_metrics([row], figure_names([row], ["frame"]))
@@ -74,18 +136,55 @@ def _unit(name: str) -> str:
 
 
 def figure_names(rows: Sequence[Row], plain: Iterable[str]) -> list[str]:
-    """Columns of rows that hold figures of solvers: all but the `plain` ones and those of failures."""
+    """Columns of rows that hold figures of solvers: all but the plain ones and those of failures.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Rows of `with_figures`.
+    plain : iterable of str
+        Columns that are no figures.
+
+    Returns
+    -------
+    list of str
+        Names, each once, in the order of their first row.
+    """
     known = {*plain, "failed", "reason"}
     return list(dict.fromkeys(name for row in rows for name in row if name not in known))
 
 
 def frame_warnings(scene: str, rows: Sequence[Row]) -> list[str]:
-    """What is wrong or doubtful in a scene's frames, a sentence for each kind, with the frames' names."""
+    """Sentences on what is wrong or doubtful in a scene's frames.
+
+    Parameters
+    ----------
+    scene : str
+        Name of the scene.
+    rows : sequence of Row
+        Rows of `with_figures`.
+
+    Returns
+    -------
+    list of str
+        A sentence for each kind of doubt, with the frames' names.
+    """
     return _warnings(f"Scene {scene}", rows)
 
 
 def pose_warnings(rows: Sequence[Row]) -> list[str]:
-    """The same of fits and simulations in scanned poses."""
+    """Sentences on what is wrong or doubtful in fits and simulations of scanned poses.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        A row for each pose: its name in `frame`, and its figures.
+
+    Returns
+    -------
+    list of str
+        A sentence for each kind of doubt, with the poses' names.
+    """
     return _warnings("Scanned poses", rows)
 
 
@@ -125,7 +224,7 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
 
 
 def _depth(row: Row, name: str, figure: str) -> str:
-    """The layer and the depth that a figure tells."""
+    """The layer and the depth in mm that a figure gives."""
     return f"{name.removesuffix(figure)}: {_number(row, name):.2f} mm"
 
 
@@ -134,7 +233,7 @@ def _has(row: Row, layer: str) -> bool:
 
 
 def _positive(row: Row, name: str, limit: float = 0.0) -> bool:
-    """Whether a figure is above a limit; one that is not a number counts as above."""
+    """Whether a figure is above a limit; NaN counts as above."""
     return not _number(row, name) <= limit
 
 

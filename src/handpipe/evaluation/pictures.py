@@ -39,7 +39,20 @@ def body_surface(shape: Shape) -> Surface:
 
 
 def bodies(layers: Mapping[str, Shapes], *, skin_opacity: float | None = None) -> list[Body]:
-    """What is drawn of a frame; `skin_opacity` None leaves the skin out."""
+    """Bodies of a frame to be drawn, in the colours of their tissues.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of the frame by layer and body.
+    skin_opacity : float, optional
+        Opacity of the skin in 0..1; None leaves the skin out.
+
+    Returns
+    -------
+    list of Body
+        Surfaces in mm with colour and opacity, without the fat beneath a skin.
+    """
     drawn = []
     for layer, body, shape in shown(layers):
         look = tissue(layer, body)

@@ -22,7 +22,17 @@ TILE = 1 << 18  # rays in flight: bounds the memory of a large picture
 
 @dataclass(frozen=True)
 class Body:
-    """A surface to be drawn; `rgb` in 0..1 is (3,) or, for a colour map over its vertices, (n, 3)."""
+    """A surface to be drawn.
+
+    Parameters
+    ----------
+    surface : Surface
+        Triangles in mm.
+    rgb : array (3,) or (n, 3)
+        Colour in 0..1, of the whole body or of each of its n vertices.
+    opacity : float
+        Opacity in 0..1.
+    """
 
     surface: Surface
     rgb: Array | tuple[float, float, float]
@@ -31,7 +41,19 @@ class Body:
 
 @dataclass(frozen=True)
 class Camera:
-    """Parallel projection along `direction`: `height` mm of the plane through `centre` fill the picture."""
+    """Parallel projection.
+
+    Parameters
+    ----------
+    centre : array (3,)
+        Point in mm in the middle of the picture.
+    direction : array (3,)
+        Direction in which the camera looks.
+    up : array (3,)
+        Direction that points upwards in the picture as far as `direction` allows.
+    height : float
+        Height in mm of the picture.
+    """
 
     centre: Array
     direction: Array
@@ -42,7 +64,24 @@ class Camera:
     def fit(
         bodies: Sequence[Body], direction: Array, up: Array, size: tuple[int, int], margin: float = 1.06
     ) -> Camera:
-        """The camera that just sees all bodies in a picture of `size` = (width, height) pixels."""
+        """The smallest camera that sees all bodies.
+
+        Parameters
+        ----------
+        bodies : sequence of Body
+            Bodies to be seen.
+        direction, up : array (3,)
+            As in `Camera`.
+        size : tuple of int
+            Width and height of the picture in pixels.
+        margin : float
+            Height of the picture over the least height.
+
+        Returns
+        -------
+        Camera
+            Its centre is that of the bodies' extent.
+        """
         axes = _axes(np.asarray(direction, float), np.asarray(up, float))
         seen = np.concatenate([body.surface.vertices for body in bodies]) @ axes.T
         low, high = seen.min(axis=0), seen.max(axis=0)
@@ -67,10 +106,14 @@ class Camera:
 
 @dataclass(frozen=True)
 class Cut:
-    """Removes what lies on one side of a plane.
+    """Removes what lies on one side of a plane; closed surfaces are capped with their flat colour.
 
-    That is the side of the plane through `point` that `normal` points to. Closed surfaces are capped with
-    their flat colour.
+    Parameters
+    ----------
+    point : array (3,)
+        Point in mm on the plane.
+    normal : array (3,)
+        Normal of the plane, which points to the removed side.
     """
 
     point: Array
@@ -80,10 +123,25 @@ class Cut:
 def render(
     bodies: Sequence[Body], camera: Camera, size: tuple[int, int] = (640, 480), cut: Cut | None = None
 ) -> Image:
-    """Picture (height, width, 4) in RGBA, transparent where no surface is seen.
+    """Picture of bodies in RGBA.
 
-    `size` is (width, height) in pixels. Of each transparent body only its foremost sheet is drawn; opaque
-    bodies hide each other.
+    Of each transparent body only its foremost sheet is drawn; opaque bodies hide each other.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+        Bodies to be drawn, at least one.
+    camera : Camera
+        Projection.
+    size : tuple of int
+        Width and height in pixels.
+    cut : Cut, optional
+        Plane that removes one side.
+
+    Returns
+    -------
+    array (height, width, 4)
+        Colours and opacities in 0..255, transparent where the camera sees no surface.
     """
     fine = (size[0] * SUPERSAMPLING, size[1] * SUPERSAMPLING)
     corners = np.concatenate([body.surface.vertices for body in bodies])
@@ -101,7 +159,20 @@ def render(
 
 
 def on_background(image: Image, rgb: tuple[float, float, float] = (1, 1, 1)) -> Image:
-    """A picture (h, w, 4) laid over a plain colour, (h, w, 3)."""
+    """A picture laid over a plain colour.
+
+    Parameters
+    ----------
+    image : array (h, w, 4)
+        Picture of `render`.
+    rgb : tuple of float
+        Colour in 0..1.
+
+    Returns
+    -------
+    array (h, w, 3)
+        Colours in 0..255.
+    """
     alpha = image[..., 3:] / 255.0
     return np.round(image[..., :3] * alpha + 255 * np.asarray(rgb) * (1 - alpha)).astype(np.uint8)
 

@@ -37,8 +37,22 @@ VIEW = ACROSS - 0.25 * ALONG - 0.35 * DORSAL  # from the ulnar side, somewhat fr
 class PoseView:
     """One pose: what was simulated, and what it is compared with, all in the frame of the root bone at rest.
 
-    `sample` gives the volume's grey values at points (n, 3) in mm; `truth` the true surfaces by tissue
-    ("skin", "muscles", ...). A pose's images have a frame of their own: see `from_scanner`.
+    A pose's images have a frame of their own: see `from_scanner`.
+
+    Parameters
+    ----------
+    frame : Frame
+        The pose.
+    layers : mapping of str to Shapes
+        Simulated shapes by layer and body.
+    role : str
+        Role of the pose in the fit.
+    sample : callable, optional
+        Grey values (n,) of the volume at points (n, 3) in mm, NaN outside of it.
+    scan : Surface, optional
+        Scanned skin in mm.
+    truth : mapping of str to sequence of Surface
+        True surfaces in mm by tissue ("skin", "muscles", ...).
     """
 
     frame: Frame
@@ -60,7 +74,19 @@ class PoseView:
     ) -> PoseView:
         """A pose with volume, scan and truth in the scanner's frame.
 
-        `root`, the root bone's registered transform, carries the simulation's frame into it.
+        Parameters
+        ----------
+        frame, layers, role
+            As in `PoseView`, in the frame of the root bone at rest.
+        root : RigidTransform
+            The root bone's registered transform, which carries the simulation's frame into the scanner's.
+        sample, scan, truth
+            As in `PoseView`, in the scanner's frame.
+
+        Returns
+        -------
+        PoseView
+            All of the pose in the frame of the root bone at rest.
         """
         back = root.inverse()
         return PoseView(
@@ -75,13 +101,36 @@ class PoseView:
 
 @dataclass
 class ReportInput:
-    """All that a report shows; what is empty is left out of it.
+    """All that a report shows; it leaves out what is empty.
 
-    `skin_rows` of `table.skin_rows`, `muscle_rows` of `muscles.error_rows`, `rig_rows` of
-    `skeleton.rig.joint_table`; `metrics` by stage, in the order shown; `benchmarks` the figures of
-    `snakemake benchmark_fem`; `scenes` frames for the 3D view by scene; `finger` the bones, from proximal to
-    distal, whose planes cut the slices (by default all); `settings` what a person chose, by name; `limits`
-    and `warnings` sentences, the warnings shown first.
+    Parameters
+    ----------
+    dataset : Dataset
+        The subject.
+    poses : sequence of PoseView
+        Scanned poses with pictures.
+    skin_rows : sequence of Row
+        Errors of skin, of `table.skin_rows`.
+    muscle_rows : sequence of Row
+        Errors of muscles, of `muscles.error_rows`.
+    rig_rows : sequence of Row
+        Errors of joints, of `skeleton.rig.joint_table`.
+    metrics : mapping of str to Metrics
+        Figures by stage, in the order shown.
+    scenes : mapping of str to sequence of SimulatedFrame
+        Frames of the 3D view by scene.
+    jobs : sequence of Job
+        Jobs of the build.
+    benchmarks : Figures
+        Figures of `snakemake benchmark_fem`.
+    settings : mapping of str to str
+        What a person chose, by name.
+    limits : sequence of str
+        Sentences on the limits of the method.
+    warnings : sequence of str
+        Sentences that the report shows first.
+    finger : sequence of str
+        Bones, from proximal to distal, whose planes cut the slices; by default all.
     """
 
     dataset: Dataset
@@ -110,7 +159,15 @@ class Picture:
 
 
 def write_report(path: str | Path, report: ReportInput) -> None:
-    """Write the report as one HTML file without links to anything outside of it."""
+    """Write the report as one HTML file without links to anything outside of it.
+
+    Parameters
+    ----------
+    path : path
+        File to be written.
+    report : ReportInput
+        What it shows.
+    """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("handpipe.evaluation", "."),
         autoescape=True,

@@ -1,4 +1,4 @@
-"""What a segmentation says of itself: bones that do not look like bones, or are not of one size."""
+"""Figures of a segmentation without truth: bones that look unusual, or differ in size between poses."""
 
 from __future__ import annotations
 
@@ -11,11 +11,25 @@ from handpipe.imaging.segmentation import Appearance
 def looks_figures(
     looks: Mapping[str, Mapping[str, Appearance]], left_out: Mapping[str, Mapping[str, str]], neutral: str
 ) -> Metrics:
-    """Figures of the bones by pose and bone, and of why bones are left out.
+    """Figures of segmented bones, and the number of omitted bones.
 
-    `left_out_bones`: whose seeds are missing or wrong; of the others `cut_off_bones`, that reach the volume's
-    border, `enclosed_min`, the least share of a boundary with a dark shell, and `volume_change_max`, the
-    largest relative difference of a marrow's volume from neutral.
+    `left_out_bones` counts bones whose seeds are missing or wrong. Of the other bones, `cut_off_bones` counts
+    those that reach the volume's border, `enclosed_min` is the least share of a boundary with a dark shell,
+    and `volume_change_max` is the largest relative difference of a marrow's volume from neutral.
+
+    Parameters
+    ----------
+    looks : mapping of str to mapping of str to Appearance
+        Appearance in the image by pose and bone.
+    left_out : mapping of str to mapping of str to str
+        Reason by pose and omitted bone.
+    neutral : str
+        Name of the neutral pose.
+
+    Returns
+    -------
+    Metrics
+        The four figures, all dimensionless.
     """
     kept = [
         (name, look)

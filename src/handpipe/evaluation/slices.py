@@ -17,12 +17,20 @@ from handpipe.mesh.surfaces import Surface
 
 Sample = Callable[[Array], NDArray]  # points (n, 3) in mm -> values (n,), NaN outside of the volume
 
-STRAIGHT = 2.0  # mm: bones nearer to one line than this do not turn the sagittal plane
+STRAIGHT = 2.0  # mm: bones closer to a line than this hardly affect the sagittal plane
 
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane with orthonormal axes: its point (s, t) is origin + s right + t up, in mm."""
+    """A plane with orthonormal axes: its point (s, t) is origin + s right + t up, in mm.
+
+    Parameters
+    ----------
+    origin : array (3,)
+        Point in mm.
+    right, up : array (3,)
+        Unit vectors, perpendicular to each other.
+    """
 
     origin: Array
     right: Array
@@ -43,10 +51,23 @@ class Plane:
 
 
 def sagittal_plane(centroids: Array, across: Array, along: Array) -> Plane:
-    """The plane through a posed finger's bone centroids (b, 3), b >= 2.
+    """The plane through a posed finger's bone centroids.
 
-    Its normal is as near to `across` as the centroids allow: a straight finger leaves the plane free to
-    turn about its axis, a bent one fixes the plane by itself. `along` (distal) points to the right.
+    A straight finger leaves the plane free to turn about its axis; a bent one fixes the plane by itself.
+
+    Parameters
+    ----------
+    centroids : array (b, 3)
+        Centroids in mm, b >= 2.
+    across : array (3,)
+        Direction of the normal, as far as the centroids allow.
+    along : array (3,)
+        Distal direction, which points to the right.
+
+    Returns
+    -------
+    Plane
+        Its origin is the mean of the centroids.
     """
     centre = centroids.mean(axis=0)
     scatter = (centroids - centre).T @ (centroids - centre)
@@ -55,9 +76,21 @@ def sagittal_plane(centroids: Array, across: Array, along: Array) -> Plane:
 
 
 def transversal_plane(bone: Array, up: Array, place: float = 0.5) -> Plane:
-    """The plane square to a bone's long axis at a fraction `place` of its length; bone vertices (n, 3).
+    """The plane perpendicular to a bone's long axis.
 
-    `up` (dorsal) points upwards in the slice as far as the plane allows.
+    Parameters
+    ----------
+    bone : array (n, 3)
+        Vertices in mm.
+    up : array (3,)
+        Dorsal direction, which points upwards in the slice as far as the plane allows.
+    place : float
+        Place of the plane as a fraction of the bone's length.
+
+    Returns
+    -------
+    Plane
+        Its origin is on the long axis.
     """
     centre = bone.mean(axis=0)
     _, _, axes = np.linalg.svd(bone - centre, full_matrices=False)
@@ -84,7 +117,19 @@ def section(surface: Surface, plane: Plane) -> Array:
 
 @dataclass(frozen=True)
 class Contours:
-    """Surfaces drawn in one colour under one name, e.g. all muscles."""
+    """Surfaces drawn in one colour under one name, e.g. all muscles.
+
+    Parameters
+    ----------
+    name : str
+        Name in the legend.
+    surfaces : sequence of Surface
+        Surfaces in mm.
+    colour : str or tuple of float
+        Colour of matplotlib.
+    style : "-" or ":"
+        Full or dotted lines.
+    """
 
     name: str
     surfaces: Sequence[Surface]
@@ -102,10 +147,29 @@ def draw_slice(
     margin: float = 4.0,
     grey: tuple[float, float] | None = None,
 ) -> Mapping[str, Array]:
-    """Draw grey values and contours into matplotlib axes in mm; return the segments drawn, by name.
+    """Draw grey values and contours into matplotlib axes in mm.
 
-    The extent is that of the contours and `margin` mm around them. `sample` None leaves the grey values out;
-    `grey` is the range of grey values, by default the 1st to the 99.5th percentile of the slice.
+    Parameters
+    ----------
+    axes : Axes
+        Axes to be drawn into.
+    sample : callable, optional
+        Grey values (n,) at points (n, 3) in mm; None leaves them out.
+    plane : Plane
+        Plane of the slice.
+    contours : sequence of Contours
+        Surfaces to be cut.
+    spacing : float
+        Size in mm of a pixel of grey values.
+    margin : float
+        Space in mm around the contours.
+    grey : tuple of float, optional
+        Range of grey values, by default the 1st to the 99.5th percentile of the slice.
+
+    Returns
+    -------
+    mapping of str to array (k, 2, 2)
+        Drawn segments in plane coordinates, mm, by name.
     """
     drawn = {c.name: np.concatenate([section(s, plane) for s in c.surfaces]) for c in contours if c.surfaces}
     points = np.concatenate([s.reshape(-1, 2) for s in drawn.values()]) if drawn else np.zeros((0, 2))

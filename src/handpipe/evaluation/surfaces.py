@@ -11,9 +11,25 @@ from handpipe.mesh.surfaces import Distance, Surface
 
 
 def surface_distance(points: Array, surface: Surface) -> Array:
-    """Unsigned distance (n,) in mm of each point (n, 3) to its closest point on the surface.
+    """Unsigned distance of each point to its closest point on a surface.
 
-    With the points of a scanned skin and the simulated skin this is the error of Zheng 2022, Table 4.
+    With the points of a scanned skin and the simulated skin this is the error of Zheng 2022.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points in mm.
+    surface : Surface
+        Surface in mm.
+
+    Returns
+    -------
+    array (n,)
+        Distances in mm.
+
+    References
+    ----------
+    Zheng 2022, Table 4.
     """
     return Distance(surface).closest(points)[0]
 
@@ -44,7 +60,20 @@ def curve_to_curve_distance(a: Array, b: Array) -> Array:
 
 
 def dice(labels: NDArray[np.integer], truth: NDArray[np.integer], label: int) -> float:
-    """Dice overlap 2|A∩B| / (|A| + |B|) of one label in two volumes of one shape; 1 where both lack it."""
+    """Dice overlap 2|A∩B| / (|A| + |B|) of one label in two volumes.
+
+    Parameters
+    ----------
+    labels, truth : array of int
+        Labels of two volumes of one shape.
+    label : int
+        Label that is compared.
+
+    Returns
+    -------
+    float
+        Overlap in 0..1; 1 where both volumes lack the label.
+    """
     a, b = labels == label, truth == label
     total = int(a.sum()) + int(b.sum())
     return 2.0 * int((a & b).sum()) / total if total else 1.0

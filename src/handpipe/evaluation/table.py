@@ -31,7 +31,21 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under column heads; numbers show `digits` decimals, None is an empty cell."""
+    """Rows under column heads.
+
+    Parameters
+    ----------
+    title : str
+        Caption.
+    columns : sequence of str
+        Column heads.
+    rows : sequence of sequence of Cell
+        Cells; None is an empty cell.
+    note : str
+        Smaller text in the caption.
+    digits : int
+        Decimals of numbers.
+    """
 
     title: str
     columns: Sequence[str]
@@ -58,11 +72,26 @@ class Table:
 
 
 def skin_rows(distances: Mapping[str, Mapping[str, Array]], roles: Mapping[str, str]) -> list[Row]:
-    """Rows of Table 4 of Zheng 2022 from distances in mm by pose and model ("m0", "m1", "m2").
+    """Rows of a table of skin errors, as in Zheng 2022.
 
-    A row has `pose`, `role`, `{model}_{statistic}` in mm and `ratio_{statistic}`, m0 / m2 in %. After the
-    poses come totals over each role's poses, named by the role, and over all: the mean of the means, the
-    median of the medians, the largest maximum, as in the paper.
+    After the poses come totals over each role's poses, named by the role, and over all: the mean of the
+    means, the median of the medians, the largest maximum, as in the paper.
+
+    Parameters
+    ----------
+    distances : mapping of str to mapping of str to array (n,)
+        Distances in mm by pose and model ("m0", "m1", "m2").
+    roles : mapping of str to str
+        Role of each pose.
+
+    Returns
+    -------
+    list of Row
+        Rows with `pose`, `role`, `{model}_{statistic}` in mm and `ratio_{statistic}`, m0 / m2 in %.
+
+    References
+    ----------
+    Zheng 2022, Table 4.
     """
     rows: list[Row] = [
         {"pose": pose, "role": roles[pose], **_with_ratios(_statistics(by_model))}
@@ -101,7 +130,18 @@ def _with_ratios(values: dict[str, float]) -> dict[str, float]:
 
 
 def skin_metrics(rows: Sequence[Row]) -> Metrics:
-    """`skin_{pose}_{model}_{statistic}` in mm and `skin_{pose}_ratio_{statistic}` in % of `skin_rows`."""
+    """Figures of skin errors: those of each pose and of the totals.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Rows of `skin_rows`.
+
+    Returns
+    -------
+    Metrics
+        `skin_{pose}_{model}_{statistic}` in mm and `skin_{pose}_ratio_{statistic}` in %.
+    """
     return {
         f"skin_{row['pose']}_{key}": (float(value), "%" if key.startswith("ratio") else "mm")
         for row in rows
@@ -144,10 +184,22 @@ def muscle_table(rows: Sequence[Row]) -> Table | None:
 
 
 def rig_table(rows: Sequence[Row]) -> Table | None:
-    """Table 1 of Wang 2019, its last row the average over joints; None without rows.
+    """Rig errors by joint as a table, its last row the average over joints; None without rows.
 
-    Rows have `joint`, maybe its `type` and number of `poses`, and mean errors, those named …_R in degrees,
-    …_x and …_p in mm, and what no pose tells of the joint in `undetermined`.
+    Parameters
+    ----------
+    rows : sequence of Row
+        Rows with `joint`, maybe its `type` and number of `poses`, and mean errors: …_R in degrees, …_x and
+        …_p in mm; `undetermined` names what the poses do not determine of the joint.
+
+    Returns
+    -------
+    Table or None
+        A row a joint.
+
+    References
+    ----------
+    Wang 2019, Table 1.
     """
     columns = list(dict.fromkeys(key for row in rows for key in row if key.endswith(("_R", "_x", "_p"))))
     if not columns:

@@ -20,7 +20,7 @@ TRIANGLES = 3000  # of one body in the view
 
 
 def view_data(frames: Sequence[SimulatedFrame], triangles: int = TRIANGLES) -> dict[str, Any]:
-    """What the view's script reads, ready for JSON; bodies that are not in every frame are left out.
+    """Data that the view's script reads, ready for JSON, without bodies that some frame lacks.
 
     `low` (3,) and `scale` in mm give a coordinate as low + scale * integer; each body has `triangles`
     (uint32) and `positions` (uint16, frame by frame, four a vertex) in base64.
@@ -65,7 +65,7 @@ def _series(frames: Sequence[SimulatedFrame]) -> Mapping[tuple[str, str], list[S
 def _decimated(shapes: Sequence[Shape], target: int) -> tuple[IntArray, Array]:
     """Triangles (k, 3) and positions (f, n, 3) of a body's coarse surface.
 
-    It is made in the first frame; the fine triangles at its vertices' feet carry it into the others.
+    The surface is decimated in the first frame. Its vertices follow the closest fine triangles in the others.
     """
     surfaces = [body_surface(shape) for shape in shapes]
     first = surfaces[0]

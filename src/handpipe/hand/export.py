@@ -1,6 +1,7 @@
 """Views of simulated frames for other programs: VTU with .pvd (ParaView), OBJ sequence, animated glTF.
 
-VTU holds every body; OBJ and glTF, made for looking, leave out the fat's tetrahedra where there is a skin.
+VTU holds every body; OBJ and glTF, which are for viewing, leave out the fat's tetrahedra where there is a
+skin.
 """
 
 from __future__ import annotations
@@ -29,18 +30,43 @@ TO_GLTF = 1e-3 * np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # mm to m, z up
 
 
 def surface_triangles(cells: IntArray) -> IntArray:
-    """The cells to be drawn: the outward boundary (k, 3) of tetrahedra (m, 4), or the cells themselves."""
+    """Cells to be drawn: the outward boundary of tetrahedra, or the cells themselves.
+
+    Parameters
+    ----------
+    cells : array (m, 4), (m, 3) or (m, 2)
+        Vertex indices of tetrahedra, triangles or segments.
+
+    Returns
+    -------
+    array (k, 3) or (k, 2)
+        Vertex indices of triangles or segments.
+    """
     if cells.shape[1] == 4:
         return TetMesh(np.zeros((0, 3)), cells).boundary_faces()[0]
     return cells
 
 
 def write_vtu_series(folder: str | Path, frames: Sequence[SimulatedFrame], fps: float = 24.0) -> list[Path]:
-    """Write `{layer}.pvd` per layer and `{layer}/{body}-{frame number}.vtu` in mm; return the .pvd files.
+    """Write `{layer}.pvd` per layer and `{layer}/{body}-{frame number}.vtu` in mm.
 
     Each file carries the shape's fields over points or cells, the points' displacement from rest (mm) and the
     cells' `layer` (its number in `layer_registry.LAYERS`). The .pvd gives time in s and a part for each body,
     `frames.csv` each number's frame.
+
+    Parameters
+    ----------
+    folder : path
+        Folder that gets the files.
+    frames : sequence of SimulatedFrame
+        Frames in the order of time.
+    fps : float
+        Frames per second.
+
+    Returns
+    -------
+    list of Path
+        The .pvd files.
     """
     folder = Path(folder)
     _write_numbers(folder, frames)
@@ -81,9 +107,21 @@ def _write_pvd(path: Path, entries: Sequence[Mapping[str, str]]) -> Path:
 
 
 def write_obj_sequence(folder: str | Path, frames: Sequence[SimulatedFrame]) -> list[Path]:
-    """Write `frame-{number}.obj` in mm, one group `{layer}_{body}` per body; return the files.
+    """Write `frame-{number}.obj` in mm, one group `{layer}_{body}` per body.
 
     `frames.csv` gives each number's frame, whose name may hold what a file's name may not.
+
+    Parameters
+    ----------
+    folder : path
+        Folder that gets the files.
+    frames : sequence of SimulatedFrame
+        Frames in the order of time.
+
+    Returns
+    -------
+    list of Path
+        The .obj files.
     """
     _write_numbers(Path(folder), frames)
     paths = []
@@ -115,9 +153,19 @@ def write_glb(
     """Write all frames as one animated glTF binary, metres, y up; neutral +z becomes +y.
 
     One mesh per body: surface triangles (of tetrahedra: their boundary) or lines in neutral, one morph target
-    per frame, and weights that show frame i at i / fps seconds, in between linear or, with `step`, held.
-    Bodies absent from a frame are neutral there. Linear blending is for looking: what lies between frames was
-    not simulated.
+    per frame, and weights that show frame i at i / fps seconds. Bodies absent from a frame are neutral there.
+    Linear blending is for viewing: shapes between frames are not simulated.
+
+    Parameters
+    ----------
+    path : path
+        File to be written. Without frames it is an empty scene.
+    frames : sequence of SimulatedFrame
+        Frames in the order of time.
+    fps : float
+        Frames per second.
+    step : bool
+        Whether each frame stays until the next one; else shapes are blended linearly.
     """
     if not frames:  # an accessor cannot be empty
         empty = gltf.GLTF2(asset=ASSET, scenes=[gltf.Scene(nodes=[])], scene=0)

@@ -1,4 +1,4 @@
-"""The artifact of simulated frames: every layer's shapes, what does not move stored once."""
+"""The artifact of simulated frames: every layer's shapes; rest shapes and cells are stored once."""
 
 from __future__ import annotations
 
@@ -15,12 +15,25 @@ from handpipe.hand.simulation import Failure, SimulatedFrame
 LayerShapes = Mapping[str, Shapes]  # by the layer's name
 
 KIND = "frames"
-# Of figures; of others 1.
+# Units of figures; all other figures are dimensionless.
 UNITS = {"contact_motion": "mm", "skin_overlap": "mm", "inner_overlap": "mm", "residual": "mN"}
 
 
 def figure_units(figures: Iterable[str], group: str = "figures") -> dict[str, str]:
-    """Units of the figures of a group of an artifact, by their keys."""
+    """Units of the figures of a group of an artifact.
+
+    Parameters
+    ----------
+    figures : iterable of str
+        Names of the figures.
+    group : str
+        Path of their group in the artifact.
+
+    Returns
+    -------
+    mapping of str to str
+        Unit by `{group}/{figure}`, without the dimensionless figures.
+    """
     return {f"{group}/{name}": UNITS[name] for name in figures if name in UNITS}
 
 
@@ -37,8 +50,24 @@ def write_frames(
     `bodies/{layer}/{body}/{rest,cells}` holds what all frames share; `frames/{number}/…` the joint angles,
     the bones' transforms, and `layers/{layer}/{body}/{vertices,fields/…,figures/…}`, numbered in the order of
     `names`, since names may hold any character; `failures/{frame,layer,reason}` a row for each failed frame.
-    `key` says what the frames were made of, for `finished_frames`. Raises `ValueError` where a body's rest
-    shape or cells differ between frames, or two frames have one name.
+
+    Parameters
+    ----------
+    path : path
+        File to be written.
+    frames : sequence of SimulatedFrame
+        Finished frames, each with a name of its own.
+    inputs : sequence of path
+        Files of which the frames were made; the artifact holds their hashes.
+    failures : sequence of Failure
+        Failed frames.
+    key : str
+        Digest of inputs and code, see `key_of`; `finished_frames` compares it.
+
+    Raises
+    ------
+    ValueError
+        Where a body's rest shape or cells differ between frames, or two frames have one name.
     """
     names = [frame.name for frame, _ in frames]
     if len(set(names)) != len(names):
@@ -61,12 +90,46 @@ def write_frames(
 
 
 def read_frames(path: str | Path) -> list[tuple[Frame, dict[str, Shapes]]]:
-    """Read what `write_frames` wrote, in its order; raises `InputError` for another file."""
+    """Read the frames that `write_frames` wrote, in its order.
+
+    Parameters
+    ----------
+    path : path
+        File of `write_frames`.
+
+    Returns
+    -------
+    list of (Frame, dict of str to Shapes)
+        Frames, each with its shapes by layer and body.
+
+    Raises
+    ------
+    InputError
+        For another file.
+    """
     return read_simulated(path)[0]
 
 
 def read_simulated(path: str | Path) -> tuple[list[tuple[Frame, dict[str, Shapes]]], list[Failure]]:
-    """Read frames and failures; raises `InputError` for another file."""
+    """Read frames and failures, in the order of `write_frames`.
+
+    Parameters
+    ----------
+    path : path
+        File of `write_frames`.
+
+    Returns
+    -------
+    frames : list of (Frame, dict of str to Shapes)
+        Frames, each with its shapes by layer and body.
+    failures : list of Failure
+        Failed frames.
+
+    Raises
+    ------
+    InputError
+        For another file.
+    """
     data = artifacts.read(path, KIND)
     failed = data["failures"]
     rows = zip(failed["frame"], failed["layer"], failed["reason"], strict=True)
@@ -77,7 +140,23 @@ def read_simulated(path: str | Path) -> tuple[list[tuple[Frame, dict[str, Shapes
 
 
 def failures_in(path: str | Path) -> list[Failure]:
-    """The failed frames alone; raises `InputError` for a file that cannot be read."""
+    """Read the failed frames alone.
+
+    Parameters
+    ----------
+    path : path
+        File of `write_frames`.
+
+    Returns
+    -------
+    list of Failure
+        Failed frames.
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read.
+    """
     try:
         with h5py.File(path, "r") as file:
             columns = [file["failures"][part].asstr()[()] for part in ("frame", "layer", "reason")]
@@ -88,9 +167,21 @@ def failures_in(path: str | Path) -> list[Failure]:
 
 
 def finished_frames(path: str | Path, key: str, wanted: Iterable[Frame]) -> dict[str, SimulatedFrame]:
-    """The wanted frames that an earlier run has finished, by name; none where the file is not of this `key`.
+    """Frames that an earlier run has finished.
 
-    A file that cannot be read counts as none: its frames are simulated again.
+    Parameters
+    ----------
+    path : path
+        File of the earlier run. One that cannot be read has no frames: they are simulated again.
+    key : str
+        Digest of inputs and code, see `key_of`; a file of another key has no frames.
+    wanted : iterable of Frame
+        Frames to be simulated. A frame of the same name in another pose does not count.
+
+    Returns
+    -------
+    mapping of str to SimulatedFrame
+        Finished frames by name.
     """
     try:
         if artifacts.read_attributes(path).get("key") != key:

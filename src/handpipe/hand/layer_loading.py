@@ -18,10 +18,19 @@ def load_layers(
 
     Parameters
     ----------
+    names : iterable of str
+        Names of the layers.
+    dataset : Dataset
+        The subject, which says what it lacks.
     files : iterable of Path
         The artifacts of the layers, as `handpipe.core.artifacts_of` lists them.
     bones : mapping of str to Surface
         The bones' neutral surfaces in mm.
+
+    Returns
+    -------
+    list of Layer
+        Layers that can be solved.
 
     Raises
     ------
@@ -38,7 +47,7 @@ def load_layers(
 
 
 def load_layer(name: str, files: Sequence[Path], bones: Mapping[str, Surface]) -> Layer:
-    """One layer of its artifacts; parameters as `load_layers`."""
+    """One layer from its artifacts; parameters as in `load_layers`."""
     module, _, function = LAYERS[name].load.partition(":")
     layer: Layer = getattr(import_module(module), function)(files, bones)
     return layer

@@ -18,13 +18,21 @@ FIELD = "only"
 
 @dataclass(frozen=True)
 class Part:
-    """A dataset of fewer bones. left_out: the organs that it lacks, by kind, and bones that each misses."""
+    """A dataset with fewer bones.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The bones with the organs that lie wholly on them.
+    left_out : mapping of str to mapping of str to tuple of str
+        Bones that each omitted organ needs and the part lacks, by kind ("tendons", ...) and organ.
+    """
 
     dataset: Dataset
     left_out: Mapping[str, Mapping[str, tuple[str, ...]]]
 
     def __str__(self) -> str:
-        """What is left out and why, e.g. "tendons: flexor2 (capitate), flexor3 (capitate)"."""
+        """Omitted organs with missing bones, e.g. "tendons: flexor2 (capitate), flexor3 (capitate)"."""
         return "; ".join(
             f"{kind}: {', '.join(f'{name} ({_words(bones)})' for name, bones in organs.items())}"
             for kind, organs in self.left_out.items()
@@ -32,7 +40,7 @@ class Part:
 
 
 def part_of(sources: Mapping[Path, Scene], dataset_file: Path, dataset: Dataset) -> Part:
-    """What scenes model of a subject; all of it unless they say otherwise.
+    """The part of a subject that scenes model; all of it unless they say otherwise.
 
     Parameters
     ----------
@@ -40,6 +48,13 @@ def part_of(sources: Mapping[Path, Scene], dataset_file: Path, dataset: Dataset)
         The scenes that are built together, by file.
     dataset_file : Path
         The file of the dataset, for messages.
+    dataset : Dataset
+        The whole subject.
+
+    Returns
+    -------
+    Part
+        The dataset of the scenes' bones, and the organs that it lacks.
 
     Raises
     ------

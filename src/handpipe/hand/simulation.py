@@ -15,7 +15,17 @@ SimulatedFrame = tuple[Frame, Mapping[str, Shapes]]  # with the shapes by layer 
 
 @dataclass(frozen=True)
 class Failure:
-    """A frame that could not be simulated, the layer that failed, and why."""
+    """A frame that could not be simulated, the layer that failed, and why.
+
+    Parameters
+    ----------
+    frame : str
+        Name of the frame.
+    layer : str
+        Name of the layer.
+    reason : str
+        Text of the error.
+    """
 
     frame: str
     layer: str
@@ -28,7 +38,15 @@ class Failure:
 
 @dataclass(frozen=True)
 class Simulated:
-    """Finished frames and failures, each in the order of the frames."""
+    """Finished frames and failures, each in the order of the frames.
+
+    Parameters
+    ----------
+    frames : list of SimulatedFrame
+        Finished frames with their shapes by layer and body.
+    failures : list of Failure
+        Failed frames.
+    """
 
     frames: list[SimulatedFrame] = field(default_factory=list)
     failures: list[Failure] = field(default_factory=list)
@@ -37,10 +55,30 @@ class Simulated:
 def simulate_frame(
     frame: Frame, layers: Sequence[Layer], known: Mapping[str, Shapes] | None = None
 ) -> dict[str, Shapes]:
-    """Shapes of organs by layer name, each layer from those below it.
+    """Shapes of organs in one frame, each layer computed from those below it.
 
-    known: layers that are simulated already. Raises `ConvergenceError` from the layer that finds no
-    equilibrium.
+    Parameters
+    ----------
+    frame : Frame
+        Pose to be simulated.
+    layers : sequence of Layer
+        Layers, inside out.
+    known : mapping of str to Shapes, optional
+        Shapes of layers that are simulated already, by layer.
+
+    Returns
+    -------
+    mapping of str to Shapes
+        Shapes by layer and body, without layers that are no organs.
+
+    Raises
+    ------
+    ConvergenceError
+        From the layer that finds no equilibrium.
+
+    References
+    ----------
+    Zheng 2022 §3, Fig. 5.
     """
     shapes: dict[str, Shapes] = dict(known or {})
     for layer in layers:
@@ -54,14 +92,23 @@ def simulate(
     done: Mapping[str, SimulatedFrame] | None = None,
     keep: Callable[[Simulated], None] | None = None,
 ) -> Simulated:
-    """Simulate all frames; a frame that fails is left out of the result and named in its failures.
+    """Simulate all frames; failed frames are absent from the result and named in its failures.
 
     Parameters
     ----------
-    done : mapping of str to SimulatedFrame
+    frames : iterable of Frame
+        Poses to be simulated.
+    layers : sequence of Layer
+        Layers, inside out.
+    done : mapping of str to SimulatedFrame, optional
         Frames by name that an earlier run has finished.
-    keep : callable
-        Called with what is there after each frame, so that a killed run can be resumed.
+    keep : callable, optional
+        Called after each frame with the result so far, so that a killed run can be resumed.
+
+    Returns
+    -------
+    Simulated
+        Finished frames and failures.
     """
     frames, done = list(frames), done or {}
     found = Simulated()

@@ -10,7 +10,18 @@ from handpipe.core.configuration import Dataset, Muscle
 
 
 def named_files(dataset: Dataset) -> dict[str, Path]:
-    """The resolved path of every file that a dataset names, by its field, e.g. "poses.fist.volume"."""
+    """Path of every file that a dataset names.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The subject.
+
+    Returns
+    -------
+    mapping of str to Path
+        Resolved path by field, e.g. "poses.fist.volume".
+    """
     found: dict[str, Path | None] = {}
     for name, pose in dataset.poses.items():
         found |= {f"poses.{name}.{part}": getattr(pose, part) for part in ("volume", "seeds", "scan")}
@@ -48,22 +59,69 @@ def unusable_files(source: str | Path, dataset: Dataset) -> dict[Path, InputErro
 
 
 def require_files(source: str | Path, dataset: Dataset) -> None:
-    """Raise `InputError` for the first file that the dataset file `source` names and that cannot be used."""
+    """Check that every file that a dataset names exists and has a name that the workflow can use.
+
+    Parameters
+    ----------
+    source : path
+        The file of the dataset, for messages.
+    dataset : Dataset
+        The subject.
+
+    Raises
+    ------
+    InputError
+        For the first file that cannot be used.
+    """
     for error in unusable_files(source, dataset).values():
         raise error
 
 
 def require_plain(source: str | Path, field: str, path: Path) -> None:
-    """Raise `InputError` for a path with braces, which the workflow would take for a wildcard."""
+    """Check that a path has no braces, which the workflow would take for a wildcard.
+
+    Parameters
+    ----------
+    source : path
+        The file that names the path, for messages.
+    field : str
+        The field that names the path, for messages.
+    path : Path
+        Path that is checked.
+
+    Raises
+    ------
+    InputError
+        For a path with braces.
+    """
     if "{" in str(path) or "}" in str(path):
         remedy = "Rename the file or folder; blanks, brackets and accents are no obstacle"
         raise InputError(source, field, f"{path} has braces in its name", remedy)
 
 
 def require_scan(source: str | Path, dataset: Dataset, pose: str, layer: str) -> Path:
-    """The skin scan of a pose, of which a layer is made.
+    """Path of the skin scan of a pose, which a layer needs.
 
-    Raises `InputError` where the dataset file `source` names none.
+    Parameters
+    ----------
+    source : path
+        The file of the dataset, for messages.
+    dataset : Dataset
+        The subject.
+    pose : str
+        Name of the pose.
+    layer : str
+        Name of the layer that is made of the scan, for messages.
+
+    Returns
+    -------
+    Path
+        Resolved path of the scan.
+
+    Raises
+    ------
+    InputError
+        Where the dataset names no scan of the pose.
     """
     scan = dataset.poses[pose].scan
     if scan is None:
@@ -74,7 +132,18 @@ def require_scan(source: str | Path, dataset: Dataset, pose: str, layer: str) ->
 
 
 def joint_limits(dataset: Dataset) -> dict[str, tuple[float, float]]:
-    """Lower and upper limit in rad of every angle, as the dataset states them, else half a turn."""
+    """Lower and upper limit of every joint angle.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The subject; an angle without limits gets half a turn in both directions.
+
+    Returns
+    -------
+    mapping of str to tuple of float
+        Lower and upper limit in rad by angle.
+    """
     limits = {}
     for joint in dataset.joints.values():
         stated = joint.limits_deg or ((-180.0, 180.0),) * len(joint.angles)

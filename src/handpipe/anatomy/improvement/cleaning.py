@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 CRUMB = 0.05  # of a label's largest part, in volume, below which a part goes to its neighbours
 ROUNDS = 50
-GENTLE_ROUNDS = 15  # after which all tets at a pinch get one label, where giving tets to and fro has no end
+GENTLE_ROUNDS = 15  # after which all tets at a pinch get one label, since tets may change labels for ever
 
 
 def cleaned(mesh: TetMesh, labels: IntArray, crumb: float = CRUMB) -> IntArray:

@@ -23,7 +23,7 @@ class _Mesh(NamedTuple):
 
 
 class _Ring(NamedTuple):
-    """What stands around an edge: vertices in order, and the numbers of the tets."""
+    """Surroundings of an edge: vertices in order, and the numbers of the tets."""
 
     vertices: IntArray
     tets: IntArray
@@ -94,7 +94,7 @@ def _flip_bad(mesh, listed, stars, n_tets):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _ring(p, q, mesh, stars, locked, out):  # type: ignore[no-untyped-def]
-    """Number of tets around the edge p, q inside one label, 0 if none; `out` takes what stands around it."""
+    """Number of tets around the edge p, q inside one label, 0 if none; `out` takes its surroundings."""
     x, tets, labels = mesh
     ring, old = out
     n = 0

@@ -1,8 +1,9 @@
 """A labelled tet mesh made fit for simulation: smooth borders between labels, no small dihedral angles.
 
 Moves of vertices, edge collapses and flips, each only where it makes the worst tet around it better (as
-Klingner and Shewchuk 2007 do). Regions, borders between two, and lines where several meet keep to themselves.
-Vertices of the domain's boundary that are to stay are named; all others on it move within flat parts of it.
+Klingner and Shewchuk 2007 do). Vertices stay in their region, on their border between two regions, or on
+their line where several meet. The caller names fixed vertices of the domain's boundary; its other vertices
+move within flat parts of it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from handpipe.mesh.tets import TetMesh
 
 log = logging.getLogger(__name__)
 
-STALE = 4  # rounds without fewer small angles than ever before, after which none will do
+STALE = 4  # rounds without a new least number of small angles, after which the search stops
 FLOOR = 12.0  # degrees below which smoothing brings no dihedral angle
 
 
@@ -38,8 +39,8 @@ def improve(
 ) -> Labelled:
     """Smooth the borders in so many sweeps, then repair dihedral angles below `target` degrees.
 
-    `fixed` vertices keep place and come first in the result, in their order. It stops when no angle is below
-    the target, a few rounds have not helped, or after so many.
+    `fixed` vertices keep their places and come first in the result, in their order. The repair stops when no
+    angle is below the target, when a few rounds have not helped, or at the limit of rounds.
     """
     if labelled.labels.max() >= MOST_LABELS:
         problem = f"go up to {labelled.labels.max()}"

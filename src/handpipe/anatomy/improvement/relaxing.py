@@ -14,7 +14,7 @@ from handpipe.mesh.tets import FACES
 
 TURN_OUTER = np.sin(np.radians(1.0)) ** 2  # of faces that count as one plane: the domain's boundary,
 TURN_INNER = np.sin(np.radians(40.0)) ** 2  # borders of labels
-APPROACHES = 3  # to the smooth border, of vertices that others are in the way of at first
+APPROACHES = 3  # to the smooth border, for vertices that other vertices block at first
 TRIALS = 24
 REACHES = (0.3, 0.15, 0.07, 0.03)  # of a trial move, as a share of the shortest edge at the vertex
 DIRECTIONS = np.random.default_rng(0).standard_normal((TRIALS, 3))
@@ -64,7 +64,7 @@ class Faces:
             used = np.unique(self.corners[mine])
             before = free[used]
             limit = turn * np.linalg.eigvalsh(against[used])[:, -1:, None]
-            # What is not free already stays exactly so: it has eigenvalues of its own, far above the limit.
+            # A fixed direction stays fixed exactly: its eigenvalues are far above the limit.
             sums = before @ against[used] @ before / limit + 1e9 * (np.eye(3) - before)
             values, axes = np.linalg.eigh(sums)
             free[used] = (axes * (values <= 1)[:, None]) @ np.swapaxes(axes, 1, 2)
@@ -76,7 +76,7 @@ def improve_vertices(
 ) -> int:
     """Move the chosen vertices, in place, to where the worst of their tets is best; returns how many moved.
 
-    Trial moves are projected by `free` (n, 3, 3); vertices held (n,) stay.
+    Trial moves are projected by `free` (n, 3, 3); the vertices marked in `held` (n,) stay.
     """
     return int(_improve(x, tets, stars, free, chosen, held))
 

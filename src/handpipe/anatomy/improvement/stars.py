@@ -1,4 +1,4 @@
-"""Stars of vertices in a tet mesh and the quality of tets: what local operations look at."""
+"""Stars of vertices in a tet mesh and the quality of tets, which local operations compare."""
 
 from __future__ import annotations
 

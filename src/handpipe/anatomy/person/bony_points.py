@@ -15,16 +15,35 @@ from handpipe.mesh.surfaces import Surface
 KNUCKLE, TIP = 2.0, 3.0  # mm of soft tissue on the back of the joints and at the tips of a median adult
 WEB = 0.45  # share of the proximal phalanx at which the skin between two fingers begins
 FIRST_WEB = 0.7  # share of metacarpal II at which the skin between it and the thumb's knuckle begins
-WRIST = 15.0  # mm at the end of radius and ulna that are looked at
+WRIST = 15.0  # mm at the ends of radius and ulna that count as wrist
 
 
 def bony_feature_points(
     bones: Mapping[str, Surface], joints: Sequence[TemplateJoint], scale: float = 1.0
 ) -> dict[str, Array]:
-    """Feature points (3,) as far as the bones have them; `scale`: the hand's size, which its skin shares.
+    """Feature points of a hand of bones and joints, as they would lie on its skin.
 
     Knuckles: from a joint's centre to the back of the head of its parent, through the skin. Wrist: the ends
-    of radius and ulna, and the back of the ulna's head. Raises `InputError` where a knuckle is not found.
+    of radius and ulna, and the back of the ulna's head.
+
+    Parameters
+    ----------
+    bones : mapping of str to Surface
+        Neutral surfaces in mm by bone.
+    joints : sequence of TemplateJoint
+        Joints of the hand.
+    scale : float
+        Size of the hand over that of a median adult; it scales the thickness of the skin.
+
+    Returns
+    -------
+    mapping of str to array (3,)
+        Points in mm by name, those for which the bones exist.
+
+    Raises
+    ------
+    InputError
+        Where a knuckle is not found.
     """
     of = {joint.name: joint for joint in joints}
     found: dict[str, Array] = {}
@@ -78,7 +97,7 @@ def _webs(of: Mapping[str, TemplateJoint], bones: Mapping[str, Surface]) -> dict
             found[f"web{ray}{ray + 1}"] = 0.5 * (sides[ray] + sides[ray + 1])
     if "MP1" in of and "MP2" in of:
         shaft = bones[of["MP2"].parent].vertices.mean(axis=0)
-        # The middle of metacarpal II is half way: beyond it by twice what is beyond half.
+        # The shaft's middle is at half of the bone's length, so shares beyond a half count twice from there.
         palm = shaft + (2 * FIRST_WEB - 1) * (of["MP2"].centre - shaft)
         found["web12"] = 0.5 * (of["MP1"].centre + palm)
     return found

@@ -72,14 +72,50 @@ class Family(Model):
 
 
 def read_family(path: str | Path) -> Family:
-    """Read the sizes of hands from YAML; raises `InputError` that names the first wrong field."""
+    """Read the sizes of hands from YAML.
+
+    Parameters
+    ----------
+    path : path
+        YAML file.
+
+    Returns
+    -------
+    Family
+        Sizes by hand.
+
+    Raises
+    ------
+    InputError
+        For the first wrong field.
+    """
     return load_yaml(path, Family)
 
 
 def family(
     template: SubjectTemplate, wanted: Family, origin: str | Path = "family"
 ) -> dict[str, SubjectTemplate]:
-    """A template of each hand of a family; raises `InputError` as `resized`, which names hand and bone."""
+    """A template of each hand of a family.
+
+    Parameters
+    ----------
+    template : SubjectTemplate
+        Template to be resized.
+    wanted : Family
+        Sizes by hand.
+    origin : path
+        The file of the family, for messages.
+
+    Returns
+    -------
+    mapping of str to SubjectTemplate
+        Templates by hand.
+
+    Raises
+    ------
+    InputError
+        As in `resized`; the text names hand and bone.
+    """
     own = lengths_of(template)
     return {
         name: resized(template, hand.bone_lengths(own), hand.across, f"{origin}: hands.{name}.lengths")
@@ -100,7 +136,7 @@ def lengths_of(template: SubjectTemplate) -> dict[str, float]:
 
 
 def sized(scale: float, base: Mapping[str, float] = MEDIAN_MALE) -> dict[str, float]:
-    """Lengths of a hand of like proportions, e.g. `sized(CHILD)`."""
+    """Lengths of a hand of the same proportions, e.g. `sized(CHILD)`."""
     return {bone: scale * length for bone, length in base.items()}
 
 
@@ -110,12 +146,32 @@ def family_warp(
     scale: float | None = None,
     origin: str | Path = "lengths",
 ) -> Biharmonic:
-    """The warp that grows a template in its pose until its bones have the given lengths in mm.
+    """The warp that grows a template in its pose until its bones have given lengths.
 
-    Every bone grows along its own axis from the joint that carries it, and with the stature's `scale` across,
-    as do the carpus and the palm's width; by default that is the mean ratio of lengths. What lies between
-    follows biharmonically. Lengths of warped surfaces are met to 0.1 mm. Raises `InputError` for bones that
-    the template has not, and for lengths outside a third to three times its own.
+    Every bone grows along its own axis from the joint that carries it, and by `scale` across the axis, as do
+    the carpus and the palm's width. The space between bones follows biharmonically. Lengths of warped
+    surfaces are met to 0.1 mm.
+
+    Parameters
+    ----------
+    template : SubjectTemplate
+        Template to be resized.
+    lengths : mapping of str to float
+        Lengths in mm by bone.
+    scale : float, optional
+        Size of the hand over that of the template; by default the mean ratio of the lengths.
+    origin : path
+        The source of the lengths, for messages.
+
+    Returns
+    -------
+    Biharmonic
+        Map of points in mm.
+
+    Raises
+    ------
+    InputError
+        For bones that the template lacks, and for lengths outside a third to three times its own.
     """
     own = lengths_of(template)
     for bone, length in lengths.items():
@@ -138,7 +194,7 @@ def family_warp(
 
 
 def _rays(template: SubjectTemplate, lengths: Mapping[str, float]) -> SubjectTemplate:
-    """No more of the template than its lengths need."""
+    """The part of the template that determines its lengths."""
     joints = tuple(j for j in template.joints if {j.parent, j.child} & set(lengths))
     bones = {b for j in joints for b in (j.parent, j.child)}
     return SubjectTemplate(template.side, {b: template.bones[b] for b in bones}, joints)
@@ -158,10 +214,23 @@ def resized(
     scale: float | None = None,
     origin: str | Path = "lengths",
 ) -> SubjectTemplate:
-    """The template of a person whose bones have the given lengths.
+    """The template of a person whose bones have given lengths.
 
-    Errors as `family_warp`, and where neighbouring fingers are to grow so unlike that the space between them
-    turns inside out, from about 25 % on in a hand whose fingers lie side by side.
+    Parameters
+    ----------
+    template, lengths, scale, origin
+        As in `family_warp`.
+
+    Returns
+    -------
+    SubjectTemplate
+        The template of that person.
+
+    Raises
+    ------
+    InputError
+        As in `family_warp`, and where neighbouring fingers grow so differently that the warp inverts the
+        space between them: from about 25 % difference in a hand whose fingers lie side by side.
     """
     warp = family_warp(template, lengths, scale, origin)
     require_invertible(warp, template, origin)

@@ -34,16 +34,29 @@ NAMES = (
     "wrist_ulnar",
     "ulna_head",
 )
-FEWEST = 8  # with which all five rays can still be told; the paper had reasonable hands from 16
-# mm, for hands of like size. Two adults' hands in unlike poses have points up to 14 mm from where the others
-# lead to, so that nothing smaller can be told from how people differ.
+FEWEST = 8  # with which all five rays can be distinguished; the paper had reasonable hands from 16
+# mm, for hands of one size. In two adults' hands in different poses, points are up to 14 mm from where the
+# others lead to, so that a smaller error cannot be distinguished from how people differ.
 DOUBT = 15.0
 
 
 def read(path: str | Path) -> dict[str, Array]:
-    """Feature points (3,) in mm, RAS, of a `.mrk.json` file whose labels are among `NAMES`.
+    """Read feature points of a `.mrk.json` file whose labels are among `NAMES`.
 
-    Raises `InputError` for a label that is none, and for too few points (`require_enough`).
+    Parameters
+    ----------
+    path : path
+        File of 3D Slicer.
+
+    Returns
+    -------
+    mapping of str to array (3,)
+        Points in mm, RAS, by name.
+
+    Raises
+    ------
+    InputError
+        For a label that is no feature point, and for too few points (`require_enough`).
     """
     points = read_landmarks(path)
     for name in points:
@@ -60,12 +73,25 @@ def write(path: str | Path, points: Points) -> None:
 
 
 def missing(points: Points) -> tuple[str, ...]:
-    """Names of the feature points that are not given."""
+    """Names of the absent feature points."""
     return tuple(name for name in NAMES if name not in points)
 
 
 def require_enough(points: Mapping[str, object], source: str | Path) -> None:
-    """Raise `InputError` for fewer than `FEWEST` points, or where a ray has none of its own."""
+    """Check that feature points are enough for a warp.
+
+    Parameters
+    ----------
+    points : mapping of str to object
+        Feature points by name.
+    source : path
+        The file of the points, for messages.
+
+    Raises
+    ------
+    InputError
+        For fewer than `FEWEST` points, or where a ray has none of its own.
+    """
     absent = ", ".join(name for name in NAMES if name not in points)
     if len(points) < FEWEST:
         problem = f"only {len(points)} of at least {FEWEST} points"
@@ -77,18 +103,49 @@ def require_enough(points: Mapping[str, object], source: str | Path) -> None:
 
 
 def matched(source: Points, target: Points, origin: str | Path) -> tuple[tuple[str, ...], Array, Array]:
-    """Names, and source and target points (n, 3), of what both have; `InputError` as `require_enough`."""
+    """Feature points that both hands have.
+
+    Parameters
+    ----------
+    source, target : mapping of str to array (3,)
+        Feature points in mm by name.
+    origin : path
+        The file of the points, for messages.
+
+    Returns
+    -------
+    names : tuple of str
+        Names in the order of `NAMES`.
+    source, target : array (n, 3)
+        Points in mm.
+
+    Raises
+    ------
+    InputError
+        For too few points, see `require_enough`.
+    """
     both = [name for name in NAMES if name in source and name in target]
     require_enough(dict.fromkeys(both), origin)
     return tuple(both), np.array([source[n] for n in both]), np.array([target[n] for n in both])
 
 
 def doubtful(source: Points, target: Points, limit: float = DOUBT) -> dict[str, float]:
-    """Targets that the others contradict: how far in mm each lies from where the others' warp puts it.
+    """Targets that contradict the others.
 
-    One after another the point without which the rest agree best is looked at, and left out if it is further
-    off than the limit (of an adult hand, in mm). A point at the end of a chain and the one before it can be
-    told apart only roughly: see the one next to it, too.
+    In each round the point without which the rest agree best is removed, as long as it is farther off than
+    the limit. A point at the end of a chain and the one before it are hard to distinguish: check both.
+
+    Parameters
+    ----------
+    source, target : mapping of str to array (3,)
+        Feature points in mm by name.
+    limit : float
+        Largest distance in mm, for two hands of one size.
+
+    Returns
+    -------
+    mapping of str to float
+        Distance in mm of each doubtful point from where the others' warp puts it.
     """
     names, a, b = matched(source, target, "feature points")
     scale = float(np.cbrt(np.linalg.det(fit_similarity(a, b).matrix)))
@@ -111,7 +168,22 @@ def doubtful(source: Points, target: Points, limit: float = DOUBT) -> dict[str, 
 
 
 def require_plausible(source: Points, target: Points, path: str | Path, limit: float = DOUBT) -> None:
-    """Raise `InputError` naming the doubtful targets, if any; log which points are missing."""
+    """Check that no feature point contradicts the others; the log names missing points.
+
+    Parameters
+    ----------
+    source, target : mapping of str to array (3,)
+        Feature points in mm by name.
+    path : path
+        The file of the target points, for messages.
+    limit : float
+        As in `doubtful`.
+
+    Raises
+    ------
+    InputError
+        For doubtful points; the text names them.
+    """
     absent = missing(target)
     if absent:
         log.warning("%s: without the feature points %s", path, ", ".join(absent))

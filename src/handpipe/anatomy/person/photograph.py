@@ -19,8 +19,8 @@ Pixel = tuple[float, float]
 
 log = logging.getLogger(__name__)
 
-SIZES = (0.3, 2.0)  # of a hand against the template: outside, the ruler is what is wrong
-RESIDUAL = 0.25  # of the hand's own spread, from which on points do not look like a hand
+SIZES = (0.3, 2.0)  # of a hand over the template: outside of them, the ruler is wrong
+RESIDUAL = 0.25  # share of the hand's own spread above which points do not look like a hand
 
 
 class Photograph(Model):
@@ -47,10 +47,19 @@ class Photograph(Model):
 
 @dataclass(frozen=True, eq=False)
 class Lifted:
-    """A photograph's points (3,) in the template's frame; mirrored: whether it shows the mirror image.
+    """Feature points of a photograph in the template's frame.
 
-    size: of the hand against the template; residual: mm in the plane that are left after alignment. Not
-    mirrored are the back of a hand of the template's side and the palm of the other one.
+    Parameters
+    ----------
+    points : dict of str to array (3,)
+        Points in mm by name.
+    mirrored : bool
+        Whether the photograph shows the mirror image of the template. The back of a hand of the template's
+        side and the palm of the other hand are not mirrored.
+    size : float
+        Size of the hand over that of the template.
+    residual : float
+        Root mean square distance in mm, in the plane, after alignment.
     """
 
     points: dict[str, Array]
@@ -60,7 +69,23 @@ class Lifted:
 
 
 def read_photograph(path: str | Path) -> Photograph:
-    """Read what was clicked from YAML; raises `InputError` naming the first wrong field."""
+    """Read the points that a person clicked, from YAML.
+
+    Parameters
+    ----------
+    path : path
+        YAML file.
+
+    Returns
+    -------
+    Photograph
+        Points in pixels.
+
+    Raises
+    ------
+    InputError
+        For the first wrong field, and for too few points.
+    """
     photograph = load_yaml(path, Photograph)
     require_enough(photograph.points, path)
     return photograph
@@ -72,14 +97,31 @@ def from_photograph(
     """Feature points in 3D from those in the photograph and the template's own, the source points.
 
     Points are brought to mm by the ruler and laid into the plane fitted to the source points, turned and
-    shifted by the best rigid motion onto all of them (the paper aligns the largest diameters alone, which
-    two points decide). Whether the photograph shows a mirror image of the template, the better fit tells:
-    the thumb is on one side. Each point takes its source point's height over the plane, times the ratio of
-    sizes, which is that of the best similarity. The photograph must be taken from straight above: what
-    perspective shortens is taken for short.
+    shifted by the best rigid motion onto all of them (the paper aligns the largest diameters alone, which two
+    points decide). The better fit decides whether the photograph shows a mirror image of the template: the
+    thumb is on one side. Each point takes its source point's height over the plane, times the ratio of sizes,
+    which is that of the best similarity. The photograph must be taken from straight above, since perspective
+    makes fingers look shorter.
 
-    Raises `InputError` for too few points, for points that do not look like a hand, and for a hand of
-    impossible size, which tells of a wrong distance on the ruler.
+    Parameters
+    ----------
+    template : SubjectTemplate
+        Template with feature points and the joints MP2 to MP5.
+    photograph : Photograph
+        Points in pixels, and the ruler.
+    origin : path
+        The file of the photograph's points, for messages.
+
+    Returns
+    -------
+    Lifted
+        Points in mm in the template's frame.
+
+    Raises
+    ------
+    InputError
+        For too few points, for points that do not look like a hand, and for a hand of impossible size, which
+        indicates a wrong distance on the ruler.
     """
     source = template.feature_points
     names = [name for name in NAMES if name in source and name in photograph.points]
@@ -123,7 +165,7 @@ def _back(template: SubjectTemplate) -> Array:
 
 
 def _aligned(points: Array, target: Array) -> tuple[Array, float, float]:
-    """Points (n, 2) turned and shifted onto target points (n, 2), the ratio of sizes, and what is left."""
+    """Points (n, 2) aligned rigidly with target points (n, 2), the ratio of sizes, and the residual in mm."""
     a, b = points - points.mean(axis=0), target - target.mean(axis=0)
     c, s = float((a * b).sum()), float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
     length = float(np.hypot(c, s))

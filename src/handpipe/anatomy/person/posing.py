@@ -1,7 +1,7 @@
 """A template brought near to a person's feature points by its joints: each bone turned, and sized as a whole.
 
-Feature points lie almost in one plane. What they do not show, how thick a hand is and which way a bone faces,
-an interpolation makes up from how the two hands happen to be bent; the joints know it.
+Feature points lie almost in one plane. They show neither how thick a hand is nor which way a bone faces. An
+interpolation would guess both from the poses of the two hands; the joints determine them.
 """
 
 from __future__ import annotations
@@ -149,8 +149,8 @@ def posed(template: SubjectTemplate, target: Points) -> Biharmonic:
 
     The most probable similarity of the hand, angles, size of the rays and lengths of their bones: squares of
     distances, of angles from the template's and of differences in size and length weigh by `POINT`, `ANGLE`,
-    `RAYS` and `LENGTH`. No point lies between knuckles and wrist: that long fingers go with long metacarpals
-    tells where the carpus ends.
+    `RAYS` and `LENGTH`. No point lies between knuckles and wrist: the correlation of long fingers with long
+    metacarpals determines where the carpus ends.
     """
     skeleton, source = Skeleton(template), template.feature_points
     names = [n for n in source if n in target and skeleton.owner(n) in template.bones]

@@ -37,9 +37,20 @@ class SpaceMap(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TemplateJoint:
-    """axes (k, 3): unit vectors about which positive angles turn the child, one an angle; centre (3,) in mm.
+    """A joint's axes and centre in neutral.
 
-    Flexion comes first; its positive angles bend towards the palm.
+    Parameters
+    ----------
+    name : str
+        Name of the joint.
+    parent, child : str
+        Bone that carries the joint, and bone that it moves.
+    angles : tuple of str
+        Names of the k angles. Flexion comes first; its positive angles bend towards the palm.
+    axes : array (k, 3)
+        Unit vectors about which positive angles turn the child, one an angle.
+    centre : array (3,)
+        Centre of rotation in mm.
     """
 
     name: str
@@ -52,9 +63,20 @@ class TemplateJoint:
 
 @dataclass(frozen=True, eq=False)
 class TemplateMuscle:
-    """A muscle or ligament: its surface, the surface's vertices attached to each bone, and landmarks (3,).
+    """A muscle or ligament.
 
-    Where it has tets, `fibres` (m, 3) are unit vectors, one a tet, zero where there are none.
+    Parameters
+    ----------
+    surface : Surface
+        Surface in mm.
+    attachments : dict of str to array (k,)
+        Indices of the surface's vertices that are attached, by bone.
+    landmarks : dict of str to array (3,)
+        Points in mm by name.
+    mesh : TetMesh, optional
+        Tets of its volume in mm.
+    fibres : array (m, 3), optional
+        Unit vectors, one a tet of `mesh`, zero where a tet has no fibres.
     """
 
     surface: Surface
@@ -66,7 +88,19 @@ class TemplateMuscle:
 
 @dataclass(frozen=True, eq=False)
 class TemplateTendon:
-    """A tendon's path (n, 3) from its insertion on `bone` outwards, past `bones`, and its radius in mm."""
+    """A tendon's middle line and radius.
+
+    Parameters
+    ----------
+    path : array (n, 3)
+        Points in mm, from its insertion outwards.
+    bone : str
+        Bone of its insertion.
+    bones : tuple of str
+        Bones that it passes, from the insertion outwards.
+    radius : float
+        Radius in mm.
+    """
 
     path: Array
     bone: str
@@ -78,9 +112,32 @@ class TemplateTendon:
 class SubjectTemplate:
     """All that is known of a hand in neutral, in one frame, mm.
 
-    `moves_with`: bones that no joint carries, with the bone that each moves with; others move with the root,
-    the first joint's parent. `nails`: triangles of the skin by the nail's bone. Raises `InputError` where a
-    joint, muscle, tendon or nail names what is not there.
+    Parameters
+    ----------
+    side : "right" or "left"
+        Which hand it is.
+    bones : dict of str to Surface
+        Surfaces in mm by bone.
+    joints : tuple of TemplateJoint
+        Joints, each after the joint that carries its parent. The first joint's parent is the root.
+    muscles, ligaments : dict of str to TemplateMuscle
+        Muscles and ligaments by name.
+    tendons : dict of str to TemplateTendon
+        Tendons by name.
+    skin : Surface, optional
+        Surface in mm.
+    nails : dict of str to array (k,)
+        Indices of the skin's triangles by the nail's bone.
+    feature_points : dict of str to array (3,)
+        Points in mm by name.
+    moves_with : dict of str to str
+        Bones that no joint carries, with the bone that each moves with; others move with the root.
+
+    Raises
+    ------
+    InputError
+        Where a joint, muscle, tendon or nail names a bone or vertices that do not exist, a joint comes before
+        the joint that carries its parent, or there are nails without a skin.
     """
 
     side: Side
@@ -95,7 +152,7 @@ class SubjectTemplate:
     moves_with: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raises `InputError` for unknown bones or vertices, joints out of order, nails without a skin."""
+        """Check names, vertices and the order of joints."""
         for where, bone in self._named_bones():
             if bone not in self.bones:
                 known = ", ".join(self.bones)
@@ -159,7 +216,23 @@ class SubjectTemplate:
 
     @staticmethod
     def load(path: str | Path) -> SubjectTemplate:
-        """Read the artifact; raises `InputError` where it is missing or no template."""
+        """Read the artifact.
+
+        Parameters
+        ----------
+        path : path
+            File of `save`.
+
+        Returns
+        -------
+        SubjectTemplate
+            The template that was saved.
+
+        Raises
+        ------
+        InputError
+            Where the file is missing or no template.
+        """
         return _from_groups(artifacts.read(path, KIND))
 
 
@@ -238,8 +311,22 @@ def _transformed(
 def guesses(template: SubjectTemplate, edge: float) -> dict[str, Guess]:
     """First guesses of the template's muscles and ligaments, as the fit of muscles takes them.
 
-    They are remeshed to an edge length in mm. Raises `InputError` where remeshing leaves an attachment
-    without vertices.
+    Parameters
+    ----------
+    template : SubjectTemplate
+        Template with muscles and ligaments.
+    edge : float
+        Edge length in mm to which surfaces are remeshed.
+
+    Returns
+    -------
+    mapping of str to Guess
+        Guesses by muscle or ligament.
+
+    Raises
+    ------
+    InputError
+        Where remeshing leaves an attachment without vertices.
     """
     organs = {**template.muscles, **template.ligaments}
     return {

@@ -25,7 +25,7 @@ from handpipe.tissues.muscles.fitting import Warp, fit_similarity
 
 log = logging.getLogger(__name__)
 
-MIRRORED = 0.6  # share of the distance by which the other hand's mirror image must be nearer to be believed
+MIRRORED = 0.6  # largest residual of the mirror image, over the template's, that indicates the other hand
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,24 @@ class Composed:
 
 
 def biharmonic_warp(source: Points, target: Points, origin: str | Path = "feature points") -> Biharmonic:
-    """The paper's warp: of least bending energy through the points that both have.
+    """The paper's warp: the map of least bending energy through the points that both hands have.
 
-    Raises `InputError` that names `origin` for too few points, and for points in one plane.
+    Parameters
+    ----------
+    source, target : mapping of str to array (3,)
+        Feature points in mm by name.
+    origin : path
+        The file of the target points, for messages.
+
+    Returns
+    -------
+    Biharmonic
+        Map of points in mm.
+
+    Raises
+    ------
+    InputError
+        For too few points, and for points in one plane.
     """
     _, a, b = matched(source, target, origin)
     try:
@@ -63,8 +78,26 @@ def feature_warp(
     """The warp of a template's space through a person's feature points in 3D.
 
     First the template takes the person's pose and proportions by its joints (`posing`), then the paper's warp
-    carries what is left, so that the points are met exactly. Raises `InputError` for too few points, and for
-    those of the other hand.
+    moves the points by the rest, so that they are met exactly.
+
+    Parameters
+    ----------
+    template : SubjectTemplate
+        Template with feature points.
+    target : mapping of str to array (3,)
+        The person's feature points in mm by name.
+    origin : path
+        The file of the target points, for messages.
+
+    Returns
+    -------
+    SpaceMap
+        Map of points in mm.
+
+    Raises
+    ------
+    InputError
+        For too few points, and for those of the other hand.
     """
     _require_same_hand(template, target, origin)
     first = posed(template, target)
@@ -90,9 +123,20 @@ def _require_same_hand(template: SubjectTemplate, target: Points, origin: str | 
 
 
 def folds(warp: SpaceMap, template: SubjectTemplate) -> dict[str, tuple[Array, float]]:
-    """Where the warp turns the template inside out: surface -> place (3,) in the template, determinant.
+    """Where the warp inverts the template, at the vertices of its surfaces.
 
-    Looked for at the vertices of all its surfaces; each surface's worst one is told.
+    Parameters
+    ----------
+    warp : SpaceMap
+        Map of the template's space.
+    template : SubjectTemplate
+        Template whose surfaces are checked.
+
+    Returns
+    -------
+    mapping of str to tuple
+        By surface, the place (3,) in mm in the template where the Jacobian's determinant is least, and that
+        determinant. Surfaces without an inverted place are absent.
     """
     found = {}
     for name, surface in template.surfaces().items():
@@ -104,7 +148,22 @@ def folds(warp: SpaceMap, template: SubjectTemplate) -> dict[str, tuple[Array, f
 
 
 def require_invertible(warp: SpaceMap, template: SubjectTemplate, origin: str | Path) -> None:
-    """Raise `InputError` naming the surfaces that a warp turns inside out, and where."""
+    """Check that a warp inverts no surface of a template.
+
+    Parameters
+    ----------
+    warp : SpaceMap
+        Map of the template's space.
+    template : SubjectTemplate
+        Template whose surfaces are checked.
+    origin : path
+        The file of the target points, for messages.
+
+    Raises
+    ------
+    InputError
+        For inverted surfaces; the text names them and the worst place.
+    """
     found = folds(warp, template)
     if found:
         name, (place, _) = min(found.items(), key=lambda item: item[1][1])
@@ -119,18 +178,61 @@ def require_invertible(warp: SpaceMap, template: SubjectTemplate, origin: str | 
 def subject_template(
     template: SubjectTemplate, target: Points, origin: str | Path = "feature points"
 ) -> SubjectTemplate:
-    """The template carried to a person by feature points in 3D; `InputError` where the warp cannot be."""
+    """The template of a person, from the person's feature points in 3D.
+
+    Parameters
+    ----------
+    template : SubjectTemplate
+        Template with feature points.
+    target : mapping of str to array (3,)
+        The person's feature points in mm by name.
+    origin : path
+        The file of the target points, for messages.
+
+    Returns
+    -------
+    SubjectTemplate
+        The template in the person's shape.
+
+    Raises
+    ------
+    InputError
+        For too few points, for those of the other hand, and where the warp inverts a surface.
+    """
     warp = feature_warp(template, target, origin)
     require_invertible(warp, template, origin)
     return warped(template, warp)
 
 
 def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectTemplate:
-    """A person's template carried on to the person's own bones, those that both have (Wang 2021 §6.1).
+    """A person's template fitted to the person's own bones.
 
-    Each bone is registered by an affine map and closest points, and what lies between follows; feature points
-    too. Axes turn as their bones do. Raises `ConvergenceError` where a bone cannot be registered; logs places
-    that are turned inside out, which happens where neighbouring bones all but touch.
+    Each bone is registered by an affine map and closest points, and the space between follows, feature points
+    included. Axes turn as their bones do. The log names inverted places, which happen where neighbouring
+    bones almost touch.
+
+    Parameters
+    ----------
+    template : SubjectTemplate
+        The person's template.
+    bones : mapping of str to Surface
+        The person's bones in mm; those that the template has, too, count.
+
+    Returns
+    -------
+    SubjectTemplate
+        The template on these bones.
+
+    Raises
+    ------
+    InputError
+        Where no bone is one of the template.
+    ConvergenceError
+        Where a bone cannot be registered.
+
+    References
+    ----------
+    Wang 2021 §6.1.
     """
     both = [name for name in template.bones if name in bones]
     if not both:
@@ -151,7 +253,7 @@ def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectT
 def _mean_turn(warp: Warp, joint: TemplateJoint) -> Array:
     """The mean rotation (3, 3) of a joint's registered bones.
 
-    The map's own derivatives say little between bones that all but touch.
+    The map's own derivatives are unreliable between bones that almost touch.
     """
     own = [warp.registered[b].matrix for b in (joint.parent, joint.child) if b in warp.registered]
     return Rotation.from_matrix(rotation_of(np.array(own))).mean().as_matrix()

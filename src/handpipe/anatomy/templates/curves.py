@@ -121,7 +121,7 @@ class PlacedCurve:
 
 @dataclass(frozen=True, eq=False)
 class PlacedAttachment:
-    """All within `reach` mm of the line through points (p, 3)."""
+    """Vertices within `reach` mm of the line through points (p, 3)."""
 
     points: Array
     reach: float
@@ -140,7 +140,23 @@ class PlacedMuscle:
 
 
 def load_curves(path: str | Path) -> CurveFile:
-    """Read a file of curves; raises `InputError` naming the file, the first wrong field and where to look."""
+    """Read a file of curves.
+
+    Parameters
+    ----------
+    path : path
+        YAML file.
+
+    Returns
+    -------
+    CurveFile
+        The muscles as curves, and the fat.
+
+    Raises
+    ------
+    InputError
+        For the first wrong field; the text names the file and where its fields are documented.
+    """
     try:
         return load_yaml(path, CurveFile)
     except InputError as error:
@@ -150,9 +166,28 @@ def load_curves(path: str | Path) -> CurveFile:
 def place(
     file: CurveFile, bones: Mapping[str, Surface], step: float, source: str | Path = "curves"
 ) -> dict[str, PlacedMuscle]:
-    """The muscles on given bones, curves sampled every `step` mm or closer.
+    """Muscles of a file on given bones.
 
-    Raises `InputError` that names `source` and the field for a bone that is not there or missed.
+    Parameters
+    ----------
+    file : CurveFile
+        Muscles as curves.
+    bones : mapping of str to Surface
+        Surfaces in mm by bone.
+    step : float
+        Largest distance in mm between samples of a curve.
+    source : path
+        The file, for messages.
+
+    Returns
+    -------
+    mapping of str to PlacedMuscle
+        Curves and attachments in mm by muscle.
+
+    Raises
+    ------
+    InputError
+        For a point on a bone that does not exist, or whose direction misses the bone.
     """
     return {
         name: _placed_muscle(muscle, _Places(bones, np.array(file.distal), source, f"muscles.{name}"), step)
@@ -162,7 +197,7 @@ def place(
 
 @dataclass(frozen=True)
 class _Places:
-    """Finds the points of one muscle, and says which one cannot be found."""
+    """Finds the points of one muscle; its errors name the point that does not exist."""
 
     bones: Mapping[str, Surface]
     distal: Array
@@ -194,7 +229,31 @@ class _Places:
 def locate(
     places: Sequence[Place], bones: Mapping[str, Surface], distal: Vector, source: str | Path, field: str
 ) -> Array:
-    """Points (n, 3) in mm where places are on given bones; `InputError` names `source` and field if not."""
+    """Points of places on given bones.
+
+    Parameters
+    ----------
+    places : sequence of Place
+        Coordinates, or places on bones.
+    bones : mapping of str to Surface
+        Surfaces in mm by bone.
+    distal : sequence of float
+        Rough direction (3,) of the bones' distal ends.
+    source : path
+        The file of the places, for messages.
+    field : str
+        The field of the places, for messages.
+
+    Returns
+    -------
+    array (n, 3)
+        Points in mm.
+
+    Raises
+    ------
+    InputError
+        For a bone that does not exist, or that the direction of a place misses.
+    """
     finder = _Places(bones, np.array(distal), source, field)
     return np.array([finder.find(p, f"points.{i}") for i, p in enumerate(places)])
 

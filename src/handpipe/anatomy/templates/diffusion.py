@@ -43,7 +43,18 @@ Factorise = Callable[[sparse.csr_matrix], Factor]
 
 
 def superlu(matrix: sparse.csr_matrix) -> Factor:
-    """SciPy's factor of a symmetric positive definite matrix."""
+    """SciPy's factor of a symmetric positive definite matrix.
+
+    Parameters
+    ----------
+    matrix : sparse matrix (N, N)
+        Symmetric positive definite matrix.
+
+    Returns
+    -------
+    Factor
+        Its `solve` gives x of A x = b.
+    """
     return splu(
         matrix.tocsc(),
         permc_spec="MMD_AT_PLUS_A",
@@ -113,10 +124,32 @@ def diffuse(
     weight: float = WEIGHT,
     factorise: Factorise = superlu,
 ) -> Functions:
-    """Solve Eq. 10 to 12 for the fat and each muscle.
+    """Tissue functions of the fat and each muscle: the solutions of Eq. 10 to 12.
 
-    All muscles without anisotropy, and the fat, share one factor. `weight` is alpha a mm of curve, `fat` the
-    value at the skin. Raises `InputError` for a muscle of which no part is inside the domain.
+    All muscles without anisotropy, and the fat, share one factor.
+
+    Parameters
+    ----------
+    domain : Domain
+        Tets between skin and bones.
+    muscles : mapping of str to PlacedMuscle
+        Curves and attachments in mm by muscle.
+    fat : float
+        Tissue value of the fat at the skin.
+    weight : float
+        The paper's alpha per mm of curve.
+    factorise : callable
+        Factors symmetric positive definite matrices, see `superlu`.
+
+    Returns
+    -------
+    Functions
+        Values at the domain's vertices.
+
+    Raises
+    ------
+    InputError
+        For a muscle of which no part is inside the domain.
     """
     mesh, n = domain.mesh, len(domain.mesh.vertices)
     locator = Locator(mesh)

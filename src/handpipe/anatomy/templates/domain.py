@@ -14,14 +14,24 @@ from handpipe.mesh.generation import tetrahedralise
 from handpipe.mesh.surfaces import Surface, concatenate
 from handpipe.mesh.tets import EDGES, TetMesh
 
-TOO_LONG = 1.4  # an edge over the size that it should have
-GROWTH = 0.6  # of sizes by distance from where tets are to be fine
+TOO_LONG = 1.4  # largest length of an edge, over its wanted size
+GROWTH = 0.6  # of sizes, per mm of distance from the points that are refined
 MOST_HALVINGS = 40
 
 
 @dataclass(frozen=True, eq=False)
 class Domain:
-    """Tets between skin and bones; vertices (s,) on the skin, and on each bone's surface."""
+    """Tets between skin and bones.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+        Tets in mm.
+    skin : array (s,)
+        Indices of the vertices on the skin.
+    bones : dict of str to array (b,)
+        Indices of the vertices on the surface of each bone.
+    """
 
     mesh: TetMesh
     skin: IntArray
@@ -29,10 +39,26 @@ class Domain:
 
     @staticmethod
     def between(skin: Surface, bones: Mapping[str, Surface], edge_length: float) -> Domain:
-        """Tets of about `edge_length` mm; the surfaces' triangles are kept.
+        """Tets between a skin and bones, which keep the triangles of both.
 
-        Bones lie inside the skin and apart from one another. Raises `InputError` where surfaces are open or
-        meet.
+        Parameters
+        ----------
+        skin : Surface
+            Closed surface in mm.
+        bones : mapping of str to Surface
+            Closed surfaces in mm, inside the skin and apart from one another.
+        edge_length : float
+            Approximate edge length in mm.
+
+        Returns
+        -------
+        Domain
+            The skin's vertices come first, then those of each bone.
+
+        Raises
+        ------
+        InputError
+            Where surfaces are open or meet.
         """
         mesh = tetrahedralise(concatenate([skin, *(b.flipped() for b in bones.values())]), edge_length)
         starts = np.cumsum([len(skin.vertices), *(len(b.vertices) for b in bones.values())])
@@ -40,10 +66,22 @@ class Domain:
         return Domain(mesh, np.arange(len(skin.vertices)), dict(zip(bones, on_bones, strict=True)))
 
     def refined(self, points: Array, edge_length: float | Array) -> Domain:
-        """Finer tets, of about `edge_length` mm, around points (p, 3).
+        """Domain with finer tets around points.
 
-        `edge_length` is one number or (p,); sizes grow with the distance from the points. Longest edges are
-        halved; given vertices keep their numbers.
+        The longest edges are halved; the domain's vertices keep their numbers. Sizes grow with the distance
+        from the points.
+
+        Parameters
+        ----------
+        points : array (p, 3)
+            Points in mm.
+        edge_length : float or array (p,)
+            Approximate edge length in mm at the points.
+
+        Returns
+        -------
+        Domain
+            New vertices come after those of this domain.
         """
         vertices, tets, skin, bones = self.mesh.vertices, self.mesh.tets, self.skin, self.bones
         lengths = np.broadcast_to(edge_length, len(points))

@@ -41,12 +41,30 @@ class Envelope:
 
 
 def upper_envelope(mesh: TetMesh, values: Array, *, snap: float = 0.0) -> Envelope:
-    """Cut a mesh so that each tet has one largest function of values (n, k); of equals the first one stands.
+    """Cut a mesh so that each tet has one largest function; of equal functions the first one counts.
 
-    A zero of a difference nearer to a vertex than the share `snap` (below 0.5) of its edge is moved to that
-    vertex: the later function is set equal to the envelope there. This removes the smallest tets, and moves
-    the border between labels by at most that share of an edge. Raises `InputError` for values that do not
-    fit.
+    A zero of a difference that is close to a vertex is moved to that vertex: the later function is set equal
+    to the envelope there. This removes the smallest tets, and moves the border between labels by at most the
+    share `snap` of an edge.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+        Mesh to be cut.
+    values : array (n, k)
+        Functions at the vertices.
+    snap : float
+        Share of an edge, below 0.5, within which a zero moves to a vertex.
+
+    Returns
+    -------
+    Envelope
+        The cut mesh, its labels and the functions on it.
+
+    Raises
+    ------
+    InputError
+        For values or a share that do not fit.
     """
     _check(mesh, values, snap)
     state = _State(
@@ -64,10 +82,10 @@ def upper_envelope(mesh: TetMesh, values: Array, *, snap: float = 0.0) -> Envelo
 
 
 def contenders(tets: IntArray, values: Array) -> Array:
-    """Functions (n, k) put to a common floor at vertices around which they are nowhere the largest.
+    """Functions (n, k) with a common lower bound at vertices around which they are nowhere the largest.
 
-    Their upper envelope is the same. All but one function are nearly zero at a curve: without this, each of
-    them would be cut there by the noise of the others, only to lie below in the end.
+    Their upper envelope is the same. All but one function are nearly zero at a curve: without this bound, the
+    noise of the other functions would cut each of them there, although it is not the largest in the end.
     """
     corners = [values[tets, k] for k in range(values.shape[1])]
     surely = np.max([c.min(axis=1) for c in corners], axis=0)

@@ -28,10 +28,10 @@ from handpipe.mesh.surfaces import closest_on_polyline
 from handpipe.mesh.tets import Locator, TetMesh, shape_gradients
 
 ALIGNMENT = 5.0  # alpha of Eq. 17, with both terms weighted by volume
-TINY = 1e-9  # of a matrix's mean diagonal, against parts that nothing holds
-STILL = 1e-6  # of the fastest flow, below which there is none
+TINY = 1e-9  # of a matrix's mean diagonal, for parts without attachments
+STILL = 1e-6  # share of the fastest flow below which there is no flow
 LEAKAGE = 0.02  # conductivity across the curves' directions over that along them
-FEWEST = 3  # vertices that hold an end from turning
+FEWEST = 3  # vertices that prevent a rotation of an end
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +52,30 @@ def fibres(
     factorise: Factorise = superlu,
     source: str = "fibres",
 ) -> Fibres:
-    """Fibres of a muscle's tets, in the manner that its curves' file asks for.
+    """Fibres of a muscle's tets, by the method that its curves' file asks for.
 
-    `attached` (a,) are the vertices that origins and insertions are chosen from, by default all. Raises
-    `InputError` naming `source` where nothing is within reach of the origins or insertions.
+    Parameters
+    ----------
+    mesh : TetMesh
+        The muscle's tets in mm.
+    muscle : PlacedMuscle
+        Its curves and attachments in mm.
+    attached : array (a,), optional
+        Indices of the vertices that may be origins and insertions, by default all.
+    factorise : callable
+        Factors symmetric positive definite matrices, see `superlu`.
+    source : str
+        The muscle's file and field, for messages.
+
+    Returns
+    -------
+    Fibres
+        Unit directions, potential, and the vertices of both ends.
+
+    Raises
+    ------
+    InputError
+        Where no vertex is within reach of the origins or insertions, or both are the same vertices.
     """
     candidates = np.arange(len(mesh.vertices)) if attached is None else attached
     origin = _ends(mesh, muscle.origins, candidates, source, "origin")
@@ -86,7 +106,7 @@ def _ends(
     """The candidates at which a muscle is attached at one end.
 
     They are those within reach of any of the attachments, and at least the nearest of each attachment. Where
-    these are too few to keep the end from turning, the candidates up to one edge length farther off than the
+    these are too few to prevent a rotation of the end, the candidates up to one edge length beyond the
     nearest are added.
     """
     edge = mesh.edge_length()  # the least gap that the mesh can show
@@ -118,7 +138,7 @@ def gradient_fibres(
 ) -> tuple[Array, Array]:
     """Fibre directions (m, 3) and the potential (n,) whose gradient they follow (Eq. 17 to 20).
 
-    The gradient is held to the curves' tangents.
+    An anisotropic conductivity aligns the gradient with the curves' tangents.
     """
     tensors = np.broadcast_to(np.eye(3), (len(mesh.tets), 3, 3)).copy()
     tangent = curves.frames[:, 0]
@@ -131,9 +151,9 @@ def gradient_fibres(
 def harmonic_fibres(
     mesh: TetMesh, origin: IntArray, insertion: IntArray, *, factorise: Factorise = superlu
 ) -> Array:
-    """Directions (m, 3) of a muscle of which no curve is known: along the flow from origin to insertion.
+    """Directions (m, 3) along the flow from origin to insertion, for a muscle without curves.
 
-    Where there is no flow, as in a part that hangs on one end only, they are those of the nearest tets.
+    Where there is no flow, as in a part that is attached at one end only, they are those of the nearest tets.
     """
     directions = _unit(_gradient(mesh, _potential(mesh, stiffness(mesh), origin, insertion, factorise)))
     middles = mesh.vertices[mesh.tets].mean(axis=1)
@@ -173,7 +193,7 @@ def _potential(
     potential[insertion] = 1.0
     free = np.setdiff1d(np.arange(len(potential)), np.concatenate([origin, insertion]))
     block = matrix[free][:, free].tocsr()
-    # A loose part that is not attached has any constant for a solution: the least is taken.
+    # In a part without attachments every constant is a solution: take the smallest.
     block = block + TINY * block.diagonal().mean() * sparse.eye(len(free), format="csr")
     potential[free] = factorise(block).solve(-(matrix @ potential)[free])
     return potential
@@ -184,6 +204,6 @@ def _gradient(mesh: TetMesh, potential: Array) -> Array:
 
 
 def _unit(vectors: Array) -> Array:
-    """Unit vectors, or zero for those that are nothing but rounding."""
+    """Unit vectors, or zero for vectors within rounding errors."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(length > STILL * length.max(), vectors / np.maximum(length, 1e-300), 0.0)

@@ -28,7 +28,7 @@ from handpipe.mesh.contact import crossings
 from handpipe.mesh.surfaces import Distance, Surface, arclength, resample
 from handpipe.mesh.tets import Locator, TetMesh
 
-TOUCHING = 0.3  # mm from a bone within which a muscle's end is on it: what smoothing may move
+TOUCHING = 0.3  # mm from a bone within which a muscle's end is on it: smoothing moves ends by so much
 TENDON_STEP = 1.0  # mm between points of a tendon's path
 
 
@@ -71,7 +71,23 @@ class HandFile(CurveFile):
 
 
 def load_hand(path: str | Path) -> HandFile:
-    """Read a hand's file; raises `InputError` naming the file, the first wrong field and where to look."""
+    """Read a file of a hand's curves.
+
+    Parameters
+    ----------
+    path : path
+        YAML file.
+
+    Returns
+    -------
+    HandFile
+        Curves of muscles and ligaments, tendons and nails.
+
+    Raises
+    ------
+    InputError
+        For the first wrong field; the text names the file and where its fields are documented.
+    """
     try:
         return load_yaml(path, HandFile)
     except InputError as error:
@@ -80,13 +96,21 @@ def load_hand(path: str | Path) -> HandFile:
 
 @dataclass(frozen=True, eq=False)
 class HandTemplate:
-    """The mesh of all soft tissue between skin and bones, and the same hand organ by organ."""
+    """The mesh of all soft tissue between skin and bones, and the same hand organ by organ.
+
+    Parameters
+    ----------
+    tissue : Template
+        Conforming mesh of fat, muscles and ligaments.
+    subject : SubjectTemplate
+        Bones, joints, skin, and each organ by itself.
+    """
 
     tissue: Template
     subject: SubjectTemplate
 
     def metrics(self) -> Metrics:
-        """What is there and whether it is sound; crossings are counted among all surfaces of all tissues."""
+        """Numbers of organs, and figures of the mesh; crossings are counted among all surfaces."""
         borders = _borders(self.tissue)
         return {
             **self.tissue.metrics(),
@@ -129,9 +153,32 @@ def build_hand(
     factorise: Factorise = superlu,
     source: str | Path = "hand",
 ) -> HandTemplate:
-    """Fill a hand of bones, joints and skin with the organs of a file, tets of about `edge_length` mm.
+    """Fill a hand of bones, joints and skin with the organs of a file.
 
-    Raises `InputError` where the hand has no skin, or for what the file says wrong of these bones.
+    Parameters
+    ----------
+    file : HandFile
+        Curves of muscles and ligaments, tendons and nails.
+    bare : SubjectTemplate
+        Hand with bones, joints and skin. Its muscles, ligaments, tendons and nails are replaced.
+    edge_length : float
+        Approximate edge length of tets in mm.
+    factorise : callable
+        Factors symmetric positive definite matrices, see `superlu`.
+    source : path
+        The file, for messages.
+
+    Returns
+    -------
+    HandTemplate
+        The mesh of soft tissue, and each organ by itself.
+
+    Raises
+    ------
+    InputError
+        Where the hand has no skin, or the file does not fit these bones.
+    ConvergenceError
+        For volumes of muscles that the mesh cannot meet.
     """
     if bare.skin is None:
         raise InputError("template", "skin", "is not there", "Give the skin as a closed surface")
@@ -189,7 +236,31 @@ def _tendon(
 def nail_triangles(
     nail: Nail, distal: Vector, hand: SubjectTemplate, source: str | Path, field: str
 ) -> IntArray:
-    """The skin's triangles (k,) above the bone's end; `InputError` if there are none."""
+    """Triangles of the skin above the end of a bone.
+
+    Parameters
+    ----------
+    nail : Nail
+        Bone, directions and extent of the nail.
+    distal : sequence of float
+        Rough direction (3,) of the bones' distal ends.
+    hand : SubjectTemplate
+        Hand with the bone and a skin.
+    source : path
+        The file that describes the nail, for messages.
+    field : str
+        The nail's field in the file, for messages.
+
+    Returns
+    -------
+    array (k,)
+        Indices of triangles of the skin.
+
+    Raises
+    ------
+    InputError
+        If there are no such triangles.
+    """
     assert hand.skin is not None
     axis, start, end = long_axis(hand.bones[nail.bone], np.array(distal))
     dorsal = np.array(nail.dorsal) - (np.array(nail.dorsal) @ axis) * axis

@@ -26,7 +26,7 @@ REACH = 3.0  # mm outside of an organ up to which its function is a distance
 ON_BONE = 1.2  # mm farther from a bone than an organ's nearest vertex, up to which it is attached there
 SNAP = 0.2  # share of an edge by which borders may move to vertices
 CRUMB = 0.25  # of an organ's largest part, in volume, below which a part is left out
-GROWN = 0.15  # mm by which organs are taken thicker: what smoothing their borders takes off them
+GROWN = 0.15  # mm by which organs are made thicker, since smoothing their borders makes them thinner
 PER_THICKNESS = 1.0  # edges of tets over an organ's thickness
 FINEST, COARSEST = 1.2, 2.4  # mm
 
@@ -35,7 +35,15 @@ FINEST, COARSEST = 1.2, 2.4  # mm
 class Solid:
     """A muscle of a source: surfaces that fill it together, and the bones at its ends.
 
-    An origin on no bone, of a muscle that springs from tendons, is where it is farthest from its insertion.
+    Parameters
+    ----------
+    surfaces : tuple of Surface
+        Surfaces in mm. They may be open, and may overlap.
+    origin : tuple of str
+        Bones of its origin. Without one, for a muscle that springs from tendons, the origin is where the
+        muscle is farthest from its insertion.
+    insertion : tuple of str
+        Bones of its insertion.
     """
 
     surfaces: tuple[Surface, ...]
@@ -70,9 +78,32 @@ def template_of(
     factorise: Factorise = superlu,
     source: str = "solids",
 ) -> Template:
-    """The space between skin and bones filled with organs, each place with the one it is deepest in, and fat.
+    """Template of the space between skin and bones, filled with organs and fat.
 
-    Raises `InputError` naming `source` for an organ that is nowhere, or whose ends cannot be told apart.
+    Each place belongs to the organ in which it is deepest; fat fills the rest.
+
+    Parameters
+    ----------
+    solids : mapping of str to Solid
+        Organs by name.
+    domain : Domain
+        Tets between skin and bones; they are refined about thin organs.
+    bones : mapping of str to Surface
+        Surfaces in mm by bone.
+    factorise : callable
+        Factors symmetric positive definite matrices, see `superlu`.
+    source : str
+        The source of the organs, for messages.
+
+    Returns
+    -------
+    Template
+        Its `warnings` name organs that are in several parts.
+
+    Raises
+    ------
+    InputError
+        For an organ that is nowhere the deepest, or whose origin or insertion has no vertices of its own.
     """
     domain = _refined(domain, solids)
     values = np.zeros((len(domain.mesh.vertices), 1 + len(solids)))

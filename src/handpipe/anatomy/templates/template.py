@@ -26,16 +26,31 @@ log = logging.getLogger(__name__)
 
 KIND = "anatomy-template"
 SNAP = 0.1  # share of an edge by which borders may move to vertices
-SMALLEST_ANGLE = 10.0  # degrees that dihedral angles are to have
+SMALLEST_ANGLE = 10.0  # degrees: least wanted dihedral angle
 
 
 @dataclass(frozen=True, eq=False)
 class Template:
     """One conforming mesh of fat and muscles between skin and bones.
 
-    `labels` (m,) index `names`, "fat" first; `fibres` (m, 3) are unit vectors, zero in fat; `origins` and
-    `insertions` are vertices of each muscle; `skin` and `bones` vertices of these surfaces: the given ones in
-    their order, then those of finer tets along a muscle.
+    Parameters
+    ----------
+    mesh : TetMesh
+        Tets in mm.
+    labels : array (m,)
+        Index of each tet's tissue in `names`.
+    names : tuple of str
+        Tissues, "fat" first.
+    fibres : array (m, 3)
+        Unit vectors, zero in fat.
+    origins, insertions : dict of str to array (k,)
+        Indices of vertices by muscle.
+    skin : array (s,)
+        Indices of the vertices on the skin: those of its surface in their order, then those of refined tets.
+    bones : dict of str to array (b,)
+        Indices of the vertices on each bone, in the same order.
+    warnings : tuple of str
+        What a person should know of the template, although it is no error.
     """
 
     mesh: TetMesh
@@ -62,7 +77,7 @@ class Template:
         return np.asarray(sums, dtype=np.float64)
 
     def metrics(self) -> Metrics:
-        """What can be said of the mesh without other knowledge."""
+        """Figures of the mesh that need no other knowledge."""
         return {
             "muscles": (len(self.names) - 1, ""),
             "bones": (len(self.bones), ""),
@@ -124,9 +139,32 @@ def build_template(
 ) -> Template:
     """Fill the space between skin and bones with the muscles of a file, and fat.
 
-    The triangles of skin and bones are cut where muscles end on them, and kept otherwise. Raises `InputError`
-    for curves that do not fit, `ConvergenceError` for volumes that cannot be met. What a person should know
-    of the result, yet is no error, is in `warnings` and in the log.
+    The triangles of skin and bones are cut where muscles end on them, and kept otherwise.
+
+    Parameters
+    ----------
+    file : CurveFile
+        Muscles as curves, and the fat.
+    domain : Domain
+        Tets between skin and bones; they are refined along muscles that ask for it.
+    bones : mapping of str to Surface
+        Surfaces in mm by bone.
+    factorise : callable
+        Factors symmetric positive definite matrices, see `superlu`.
+    source : path
+        The file, for messages.
+
+    Returns
+    -------
+    Template
+        Its `warnings`, which the log has too, name doubtful muscles.
+
+    Raises
+    ------
+    InputError
+        For curves that do not fit.
+    ConvergenceError
+        For volumes of muscles that the mesh cannot meet.
     """
     muscles = place(file, bones, domain.edge_length() / 4, source)
     warnings = _crossings(muscles, domain.edge_length())
@@ -167,10 +205,10 @@ def segment(
     angle: float = SMALLEST_ANGLE,
     crumb: float = CRUMB,
 ) -> Labelled:
-    """The mesh cut by the largest of functions (n, k), smooth and of good tets.
+    """The mesh cut by the largest of functions (n, k), with smooth borders and tets of good quality.
 
     Skin and bones come first in it, as `numbered_surfaces` says. Parts of a label below the share `crumb` of
-    its largest go to what is around them.
+    its largest part go to the labels around them.
     """
     envelope = upper_envelope(domain.mesh, contenders(domain.mesh.tets, values), snap=snap)
     labels = cleaned(envelope.mesh, envelope.labels, crumb)
@@ -186,7 +224,7 @@ def numbered_surfaces(domain: Domain) -> tuple[IntArray, dict[str, IntArray]]:
 
 
 def _of_volumes(domain: Domain, functions: Functions, muscles: Mapping[str, PlacedMuscle]) -> Labelled:
-    """The mesh cut by functions so scaled that muscles get the volumes that are asked for."""
+    """The mesh cut by functions that are scaled so that muscles get the requested volumes."""
     targets = np.array([np.nan, *(m.volume or np.nan for m in muscles.values())])
     if not np.isfinite(targets).any():
         return segment(domain, functions.values)
@@ -220,7 +258,7 @@ def _crossings(muscles: Mapping[str, PlacedMuscle], reach: float) -> list[str]:
 
 
 def _parts(labelled: Labelled, names: Sequence[str], source: str | Path) -> list[str]:
-    """What to say of muscles that are in several parts; `InputError` for one that is nowhere."""
+    """Sentences on muscles that are in several parts; `InputError` for a muscle that is nowhere."""
     part = label_parts(labelled.labels, tet_neighbours(labelled.mesh.tets))
     said = []
     for label, name in enumerate(names[1:], start=1):

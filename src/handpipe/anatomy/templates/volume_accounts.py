@@ -18,10 +18,22 @@ SPACING = 0.5  # mm
 
 @dataclass(frozen=True)
 class Account:
-    """Volumes in mm^3: of the source, what of it lies in bones or in organs deeper there, and of the mesh.
+    """Volumes of one organ in its source and in the mesh, and defects of its source's surfaces.
 
-    open_edges: edges of the source's surfaces with one triangle, where holes were closed across;
-    branching_edges: those with more than two, where a surface touches itself.
+    Parameters
+    ----------
+    source : float
+        Volume in mm^3 of the source.
+    in_bones : float
+        Volume in mm^3 of the source that lies in bones.
+    in_organs : float
+        Volume in mm^3 of the source, outside of bones, that lies deeper in another organ.
+    mesh : float
+        Volume in mm^3 in the mesh.
+    open_edges : int
+        Edges of the source's surfaces with one triangle, where holes were closed across.
+    branching_edges : int
+        Edges with more than two triangles, where a surface touches itself.
     """
 
     source: float
@@ -45,7 +57,22 @@ class Account:
 def accounts(
     solids: Mapping[str, Solid], bones: Mapping[str, Surface], template: Template
 ) -> dict[str, Account]:
-    """The account of each organ of a template."""
+    """Account of the volume of each organ of a template.
+
+    Parameters
+    ----------
+    solids : mapping of str to Solid
+        Organs of the source by name.
+    bones : mapping of str to Surface
+        Surfaces in mm by bone.
+    template : Template
+        The template made of them.
+
+    Returns
+    -------
+    mapping of str to Account
+        Volumes in mm^3 by organ.
+    """
     meshed = dict(zip(template.names, template.volumes(), strict=True))
     return {name: _account(name, solids, bones, float(meshed[name])) for name in solids}
 

@@ -13,10 +13,10 @@ log = logging.getLogger(__name__)
 
 TOLERANCE = 0.01
 ROUNDS = 25
-FIRST_POWER = 1.5  # volume goes like this power of the scale, to begin with
+FIRST_POWER = 1.5  # initial guess: volume is proportional to this power of the scale
 POWERS = (0.3, 12.0)
 LONGEST_STEP = 0.5  # of the logarithm of a scale
-DECIMALS = 6  # of scales: beyond them machines differ, and each cut of the mesh makes more of it
+DECIMALS = 6  # of scales: beyond them machines differ, and each cut of the mesh amplifies the difference
 
 
 def meet_volumes(
@@ -26,11 +26,31 @@ def meet_volumes(
     *,
     tolerance: float = TOLERANCE,
 ) -> Array:
-    """Scales (k,) for which `volumes_of(scales)` (k,) are the targets (k,) in mm^3 within the tolerance.
+    """Scales of tissue functions for which muscles have their target volumes.
 
-    A target that is NaN leaves its scale at one. Each scale goes by its own secant of log volume over log
-    scale; neighbours, which give way, are met in the next round. Raises `ConvergenceError` naming the one
-    that is farthest off, where there is no room for it, say.
+    Each scale goes by its own secant of log volume over log scale. Neighbours change, too; the next round
+    corrects them.
+
+    Parameters
+    ----------
+    targets : array (k,)
+        Volumes in mm^3; NaN leaves a scale at one.
+    volumes_of : callable
+        Volumes (k,) in mm^3 for scales (k,).
+    names : sequence of str
+        Names of the tissues, for messages.
+    tolerance : float
+        Largest relative difference of a volume from its target.
+
+    Returns
+    -------
+    array (k,)
+        Scales.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the volumes are not met, for lack of room, say. The text names the tissue that is farthest off.
     """
     wanted = np.flatnonzero(np.isfinite(targets))
     scale = np.zeros(len(targets))
