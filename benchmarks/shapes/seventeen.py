@@ -67,7 +67,7 @@ class Carried:
     @staticmethod
     def of(surface: Surface, edge: float) -> Carried:
         mesh = tetrahedralise(remesh(surface, edge).largest_component(), 1.3 * edge)
-        return Carried(surface, mesh, Embedding.of(surface.vertices, mesh))
+        return Carried(surface, mesh, Embedding.embed(surface.vertices, mesh))
 
 
 def in_pose(name: str, points: Array, centre: Array, pose: Pose) -> Array:

@@ -68,7 +68,7 @@ def model(edge: float, rows: int) -> GaussNewton:
     settings = Settings()
     space = AllTets(mesh.tets, settings)
     search = Search(mesh, space, settings)
-    state = search.begin(Holds.of(held.attached(mesh), (), mesh.vertices), mesh.vertices)
+    state = search.begin(Holds.place(held.attached(mesh), (), mesh.vertices), mesh.vertices)
     count = max(rows // 3 - len(held.points), 1)
     marks = BoundaryMarks(mesh, scattered(wanted.boundary(), count), settings.tangential)
     return space.system(state, search.held(state.holds), marks(state.x), settings.alpha)

@@ -400,7 +400,7 @@ def phantom() -> tuple[Surface, Volume]:
 
 def _frames(folder: Path) -> list[Row]:
     scan, volume = phantom()
-    image = Foreground.of(volume)
+    image = Foreground.threshold(volume)
     turned = Volume(volume.values.transpose(1, 0, 2).copy(), volume.affine)
 
     def given(matrix: Array) -> Callable[[], float]:
@@ -426,7 +426,7 @@ def _frames(folder: Path) -> list[Row]:
     ]
     for unit, factor in (("centimetres", 0.1), ("inches", 1 / 25.4), ("micrometres", 1000.0)):
         found.append(refused("scan", unit, "not mm", given(factor * np.eye(3)), unit))
-    swapped = Foreground.of(turned)
+    swapped = Foreground.threshold(turned)
     found.append(
         refused(
             "scan",

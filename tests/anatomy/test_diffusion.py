@@ -43,7 +43,7 @@ def test_stiffness_is_the_energy_of_linear_functions() -> None:
 
 def test_ways_through_tets_make_up_the_curve(slab: Domain) -> None:
     muscle = straight([0.5, 3, 5], [3.5, 30, 37])
-    found = Collocation.of(muscle.curves, Locator(slab.mesh))
+    found = Collocation.sample(muscle.curves, Locator(slab.mesh))
     np.testing.assert_allclose(found.lengths.sum(), np.linalg.norm([3, 27, 32]), rtol=0.01)
     np.testing.assert_allclose(found.matrix(slab.mesh) @ slab.mesh.vertices, found.points, atol=1e-9)
 
@@ -63,9 +63,8 @@ def test_values_at_curves_and_skin(slab: Domain) -> None:
     muscles = {"a": straight([0.01, 12, 20], [3.99, 12, 20]), "b": straight([0.01, 28, 20], [3.99, 28, 20])}
     functions = diffuse(slab, muscles, 0.7)
     locator = Locator(slab.mesh)
-    at = {
-        n: Collocation.of(m.curves, locator).matrix(slab.mesh) @ functions.values for n, m in muscles.items()
-    }
+    points = {n: Collocation.sample(m.curves, locator) for n, m in muscles.items()}
+    at = {n: p.matrix(slab.mesh) @ functions.values for n, p in points.items()}
     assert functions.names == ("fat", "a", "b")
     np.testing.assert_allclose(functions.values[slab.skin], [[0.7, 0, 0]] * len(slab.skin))
     np.testing.assert_allclose(at["a"].mean(axis=0), [0, 1, 0], atol=0.12)

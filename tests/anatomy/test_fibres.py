@@ -20,7 +20,7 @@ def curve(points: np.ndarray) -> PlacedCurve:
 
 
 def collocated(mesh: TetMesh, *lines: np.ndarray) -> Collocation:
-    return Collocation.of([curve(line) for line in lines], Locator(mesh))
+    return Collocation.sample([curve(line) for line in lines], Locator(mesh))
 
 
 def mean_angle(mesh: TetMesh, directions: np.ndarray, expected: np.ndarray) -> float:

@@ -42,7 +42,7 @@ def folder(tmp_path: Path) -> Path:
 
 def digest(folder: Path, cache: Path | None = None) -> str:
     digests = CodeDigests((folder / "pack",), cache)
-    found = digests.of(folder / "scripts" / "script.py")
+    found = digests.digest(folder / "scripts" / "script.py")
     digests.save()
     return found
 

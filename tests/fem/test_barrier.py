@@ -161,7 +161,7 @@ def test_closing_bones_pinch_an_embedded_surface(subdivisions):
     body, _, every = _body((4.0, 4.0, 2.0), (8, 8, 4), Material(6.0, 0.48))
     skin, triangles = sphere(0.99, subdivisions)
     skin = skin * [1.9, 1.9, 1.0] + [2.0, 2.0, 1.0]
-    operator = Embedding.of(skin, TetMesh(body.vertices, body.tets)).matrix(len(body.vertices))
+    operator = Embedding.embed(skin, TetMesh(body.vertices, body.tets)).matrix(len(body.vertices))
     bone, sides = sphere(1.5, 2)
     bones, squares = _two((bone + [2, 2, -1.6], sides), (bone + [2.4, 2.2, 3.6], sides))
     barrier = Barrier(operator, triangles, body.vertices, NEAR, 6.0, obstacle=(bones, squares))

@@ -77,15 +77,15 @@ def test_validity_names_the_worst_tet_and_the_bone_beside_it():
     x = REST.copy()
     x[np.argmax(REST.sum(axis=1))] -= 3.0
     ratios = _ratios(x)
-    found = Validity.of(REST, TETS, x)
+    found = Validity.check(REST, TETS, x)
     assert found.figures == {"inverted_tets": (ratios <= 0).sum(), "least_det": pytest.approx(ratios.min())}
     bones = {"far": REST + 50.0, "near": found.place + [[0.0, 0.0, 2.5]]}
     with pytest.raises(ConvergenceError, match=r"fat of fist .* det F = -.*, 2\.5 mm from near"):
         found.require("fat of fist", bones)
-    Validity.of(REST, TETS, REST).require("fat of fist", bones)
+    Validity.check(REST, TETS, REST).require("fat of fist", bones)
 
 
 def test_a_position_that_is_no_number_is_inverted():
     x = REST.copy()
     x[0] = np.nan
-    assert Validity.of(REST, TETS, x).inverted == (TETS == 0).any(axis=1).sum()
+    assert Validity.check(REST, TETS, x).inverted == (TETS == 0).any(axis=1).sum()

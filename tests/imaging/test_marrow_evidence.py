@@ -47,7 +47,7 @@ def test_blocks_keep_their_place():
 def test_the_coarse_images_forgive_a_millimetre():
     """A place in the rod is bright, and within a millimetre and a half of the shell something is dark."""
     volume, _ = scan()
-    evidence = MarrowEvidence.of(volume)
+    evidence = MarrowEvidence.measure(volume)
     inside, shell, far = ([15.0, 7.0 + r, 16.0] for r in (0.0, 3.5, 8.0))
     assert evidence.bright.sample(np.array([inside]))[0] > 0.85
     for shift in (-1.0, 0.0, 1.0):

@@ -21,17 +21,17 @@ def _points(low, high, count=60):
 def test_points_within_faces_are_where_they_were():
     # Facets of a sphere are seen straight on from inside: every closest place is within a face.
     points = _points(4.0, 4.9)
-    np.testing.assert_allclose(Anchors.of(points, BALL)(BALL.vertices), points, atol=1e-9)
+    np.testing.assert_allclose(Anchors.attach(points, BALL)(BALL.vertices), points, atol=1e-9)
 
 
 def test_a_rigid_motion_of_the_surface_is_one_of_the_points():
     motion = RigidTransform(Rotation.from_rotvec([0.4, -1.2, 0.3]).as_matrix(), np.array([7.0, 1.0, -2.0]))
-    anchors = Anchors.of(_points(4.0, 6.0), BALL)
+    anchors = Anchors.attach(_points(4.0, 6.0), BALL)
     np.testing.assert_allclose(anchors(motion(BALL.vertices)), motion(anchors(BALL.vertices)), atol=1e-9)
 
 
 def test_stretching_along_the_surface_keeps_heights():
-    anchors = Anchors.of(_points(5.5, 7.0), BALL)
+    anchors = Anchors.attach(_points(5.5, 7.0), BALL)
     stretched = BALL.vertices * [1.5, 1.0, 0.8]
     lifted, feet = anchors(stretched), anchors.feet(stretched)
     np.testing.assert_allclose(
@@ -43,6 +43,6 @@ def test_stretching_along_the_surface_keeps_heights():
 
 def test_feet_are_closest_places():
     points = _points(6.0, 8.0)
-    feet = Anchors.of(points, BALL).feet(BALL.vertices)
+    feet = Anchors.attach(points, BALL).feet(BALL.vertices)
     radial = points / np.linalg.norm(points, axis=1, keepdims=True)
     np.testing.assert_allclose(feet, 5.0 * radial, atol=0.1)

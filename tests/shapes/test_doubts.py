@@ -35,7 +35,7 @@ def test_errors_are_those_of_a_model_without_the_point() -> None:
     held = Pairs(OUTER[:6], grown(OUTER[:6])).attached(MESH)
     marks = BoundaryMarks(MESH, grown(OUTER[6:]), 0.1)
     space = AllTets(MESH.tets, Settings())
-    free = Holds.of(Attached.nothing(len(MESH.vertices)), (), MESH.vertices)
+    free = Holds.place(Attached.nothing(len(MESH.vertices)), (), MESH.vertices)
     state = Search(MESH, space, Settings()).begin(free, MESH.vertices)
     predictions = Predictions.at(space, state, marks, None, held)
     found = predictions.errors(predictions.attachments, predictions.points, 0.5)

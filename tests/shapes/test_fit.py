@@ -84,7 +84,7 @@ def test_predicted_motion_agrees_with_a_small_step(loose):
     space = SmoothFields(mesh, truth, options)
     search = Search(mesh, space, options)
     marks = Correspondence(sparse.identity(len(truth), format="csr"), truth, None)
-    state = search.at(space.guess, Holds.of(attached, ends, mesh.vertices), truth)
+    state = search.at(space.guess, Holds.place(attached, ends, mesh.vertices), truth)
     found = space.step(state, search.held(state.holds), marks, Stage("marks", lambda x: marks, 0.1, 4, 1))
     assert len(found.ends) == 6 * len(ends)
     size = 1e-3
@@ -116,7 +116,7 @@ def test_a_body_whose_ends_are_all_loose_is_found_where_its_marks_are():
 
 def test_smooth_fields_are_eigenvectors_and_all_of_them_span_everything():
     mesh = box((2, 1, 1))
-    basis = SmoothStrains.of(mesh.tets, 100)
+    basis = SmoothStrains.compute(mesh.tets, 100)
     assert basis.fields.shape == (len(mesh.tets), len(mesh.tets))
     logs = np.random.default_rng(0).standard_normal((len(mesh.tets), 6))
     assert basis(basis.project(logs)) == pytest.approx(logs)

@@ -34,7 +34,7 @@ def search(held: str) -> tuple[Search, AllTets, State, Correspondence]:
     settings = Settings(beta=2.0)
     space = AllTets(MESH.tets, settings)
     found = Search(MESH, space, settings)
-    holds = Holds.of(Attached.vertices(ids, x[ids], len(x)), (), x)
+    holds = Holds.place(Attached.vertices(ids, x[ids], len(x)), (), x)
     rng = np.random.default_rng(1)
     middles = x[MESH.tets].mean(axis=1)
     logs = 0.01 * middles @ rng.standard_normal((3, 6))
@@ -112,7 +112,7 @@ def test_uniform_growth_of_a_free_body_is_found_in_a_few_steps() -> None:
     found = Search(MESH, AllTets(MESH.tets, settings), settings)
     grown = MESH.vertices @ np.diag([1.4, 0.8, 1.2]) + [3.0, -2.0, 1.0]
     marks = Correspondence(sp.identity(len(grown), format="csr"), grown, None)
-    free = Holds.of(Attached.nothing(len(grown)), (), MESH.vertices)
+    free = Holds.place(Attached.nothing(len(grown)), (), MESH.vertices)
     state = found.run(found.begin(free, MESH.vertices), Stage("marks", lambda x: marks, 1.0, 1, 10))
     assert state.x == pytest.approx(grown, abs=1e-3)
     expected = np.tile([1.4, 0, 0, 0.8, 0, 1.2], (len(MESH.tets), 1))

@@ -145,7 +145,7 @@ def test_a_strain_frame_turns_strains_and_its_operator_is_its_derivative() -> No
     rng = np.random.default_rng(0)
     turns = Rotation.random(3, random_state=1).as_matrix()
     total, since = rng.standard_normal((2, 3, 6))
-    frame = StrainFrame.of(turns, total, since)
+    frame = StrainFrame.align(turns, total, since)
     assert frame(total) == pytest.approx(since)
     change = rng.standard_normal((3, 6))
     expected = turns @ plasticity.to_matrices(change) @ turns.swapaxes(1, 2)

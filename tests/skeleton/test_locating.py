@@ -43,7 +43,7 @@ class Scan:
 
     @cached_property
     def evidence(self) -> MarrowEvidence:
-        return MarrowEvidence.of(self.volume)
+        return MarrowEvidence.measure(self.volume)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 def hand(dataset: Dataset) -> HandModel:
     known = phantom_hand.hand()
     marrow, whole = ({b: Surface(*part[b]) for b in BONES} for part in (known.marrow, known.bones))
-    return HandModel.of(dataset, marrow, whole)
+    return HandModel.build(dataset, marrow, whole)
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +146,7 @@ def test_trials_about_axes_that_lie_elsewhere():
     carried = RigidTransform.about(
         ELSEWHERE(centre), Rotation.from_rotvec(0.7 * ELSEWHERE.rotation @ axis).as_matrix()
     )
-    found = Motions.of([about]).seen_from(ELSEWHERE).transforms()[0]
+    found = Motions.stack([about]).seen_from(ELSEWHERE).transforms()[0]
     np.testing.assert_allclose(found.rotation, carried.rotation, atol=1e-12)
     np.testing.assert_allclose(found.translation, carried.translation, atol=1e-9)
 
@@ -171,7 +171,7 @@ def test_hints_thirty_degrees_off(dataset, hook):
     }
     known = phantom_hand.hand()
     marrow, whole = ({b: Surface(*part[b]) for b in BONES} for part in (known.marrow, known.bones))
-    rough = HandModel.of(dataset.model_copy(update={"joints": joints}), marrow, whole)
+    rough = HandModel.build(dataset.model_copy(update={"joints": joints}), marrow, whole)
     sure = confidences(rough, hook.evidence.fine, hook.true)
     assert not {b for b, c in sure.items() if c.marked or c.near}
     found = locate(rough, hook.evidence)
@@ -197,7 +197,7 @@ def test_a_gap_that_neutral_has_is_not_blamed_on_the_pose(dataset, hand, hook):
         kept = points[part["proximal2"].triangles].min(axis=1) > points.min() + 8.0
         bone = part["proximal2"]
         part["proximal2"] = Surface(bone.vertices, bone.triangles[kept]).compact()
-    cut = HandModel.of(dataset, marrow, whole)
+    cut = HandModel.build(dataset, marrow, whole)
     gaping = {link.name: link.neutral_gap for link in cut.links if link.gapes}
     assert list(gaping) == ["MP2"] and gaping["MP2"] == pytest.approx(8, abs=2)
     assert not any(link.gapes for link in hand.links)

@@ -23,7 +23,7 @@ def ball(q, centre=CENTRE):
 
 def test_corners_of_a_box():
     surface = SURFACES["middle2"]
-    places = Places.of(surface)
+    places = Places.measure(surface)
     assert np.ptp(places.corners, axis=0) == pytest.approx(np.ptp(surface.vertices, axis=0), rel=0.02)
     assert places.centroid == pytest.approx(surface.vertices.mean(axis=0))
 
@@ -60,17 +60,17 @@ def test_a_ball_without_variety_does_not_tell_its_centre():
     """All turns about one axis: the centre along it is free, and the deviation says so."""
     about = unit([0.2, 1, 0.1])
     alike = [RigidTransform.about(CENTRE, turn(a * about)) for a in (0.4, 0.8, 1.2)]
-    known = JointKnowledge.of(fit_joint(alike, 3, HINTS, near=CENTRE), alike)
+    known = JointKnowledge.assess(fit_joint(alike, 3, HINTS, near=CENTRE), alike)
     assert not known.centre_told and known.centre == pytest.approx(5, rel=0.01) and known.axes_told.all()
     rng = np.random.default_rng(0)
     varied = [noisy(ball(q), rng, 0.2, 0.05, at=CENTRE) for q in rng.uniform(-0.8, 0.8, (5, 3))]
-    assert JointKnowledge.of(fit_joint(varied, 3, HINTS, near=CENTRE), varied).centre_told
+    assert JointKnowledge.assess(fit_joint(varied, 3, HINTS, near=CENTRE), varied).centre_told
 
 
 def test_one_pose_tells_a_hinge_that_turns_far_and_not_one_that_hardly_does():
     for angle, told in ((1.2, True), (0.02, False)):
         pose = [motion([unit([0, 1, 0.1])], CENTRE, [angle])]
-        known = JointKnowledge.of(fit_joint(pose, 1, HINTS[:1], near=CENTRE), pose)
+        known = JointKnowledge.assess(fit_joint(pose, 1, HINTS[:1], near=CENTRE), pose)
         assert known.axes_told.tolist() == [told] and known.centre_told == told
 
 

@@ -176,7 +176,7 @@ def test_a_direction_that_no_row_tells_is_not_known():
     points = np.random.default_rng(0).normal(size=(400, 3))
     normals = points / np.linalg.norm(points, axis=1, keepdims=True)
     distance = 0.05 * np.random.default_rng(1).normal(size=400)
-    rows = Rows.of(5 * normals, normals, distance, np.zeros(3))
+    rows = Rows.build(5 * normals, normals, distance, np.zeros(3))
     edges = np.array([[i, i + 1] for i in range(0, 400, 2)])
     found = covariance(rows, np.ones(400), edges, 5 * normals)
     assert np.sqrt(np.diag(found)[:3]) == pytest.approx(1.0, rel=0.01)
@@ -193,7 +193,7 @@ def test_errors_that_whole_patches_share_are_covered():
         region = np.linalg.norm(target.vertices[:, None] - centres, axis=2).argmin(axis=1)
         shift = 0.08 * rng.normal(size=12)[region] + 0.02 * rng.normal(size=len(region))
         moved = target.moved(TRUTH(target.vertices + shift[:, None] * normals))
-        found = _finish(_Pair.of(NEUTRAL, moved), TRUTH)
+        found = _finish(_Pair.build(NEUTRAL, moved), TRUTH)
         ratios.append(rotation_error(found, TRUTH) / found.rotation_deviation)
     assert max(ratios) < 2.2 and 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.2
 

@@ -466,12 +466,12 @@ def test_a_joint_that_hardly_turns_is_said_to_keep_its_hint():
     noise = [MotionNoise(np.radians(0.2), 0.05)] * 4
     hints = np.array([[0, 1.0, 0], [0.1, 0, 1.0]])
     fit = fit_joint(list(poses.values()), 2, hints, near=CENTRES["MP2"], noise=noise)
-    known = JointKnowledge.of(fit, list(poses.values()), noise)
+    known = JointKnowledge.assess(fit, list(poses.values()), noise)
     assert known.poses == 4 and not known.axes_told[1]
     hinge = fit_joint(
         list(poses.values()), 1, hints[:1], near=CENTRES["MP2"] + 3 * AXES["MP2"][0], noise=noise
     )
-    known = JointKnowledge.of(hinge, list(poses.values()), noise)
+    known = JointKnowledge.assess(hinge, list(poses.values()), noise)
     assert known.axes_told.all() and known.centre_told  # along the axis it does not count
 
 
@@ -489,7 +489,7 @@ def test_stated_deviations_of_axes_cover_their_errors():
         ]
         fit = fit_joint(poses, 1, hint[None], near=CENTRES["PIP2"], noise=noise)
         tilt = np.arccos(min(1.0, abs(fit.axes.directions[0] @ axis)))
-        ratios.append(tilt / JointKnowledge.of(fit, poses, noise).axes[0])
+        ratios.append(tilt / JointKnowledge.assess(fit, poses, noise).axes[0])
     # A tilt has two components; the stated deviation is that of the larger.
     assert 0.8 < np.sqrt(np.mean(np.square(ratios))) < 1.7
 

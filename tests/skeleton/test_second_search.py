@@ -41,7 +41,7 @@ def scan(tmp_path_factory):
     true = {b: RigidTransform(bones[b]["rotation"], bones[b]["translation"]) for b in BONES}
     known = phantom_hand.hand()
     marrow, whole = ({b: Surface(*part[b]) for b in BONES} for part in (known.marrow, known.bones))
-    hand = HandModel.of(data, marrow, whole)
+    hand = HandModel.build(data, marrow, whole)
     return hand, read_volume(data.path(data.poses["hook"].volume)), true, whole
 
 
@@ -70,7 +70,7 @@ def without(volume: Volume, whole: Surface, motion: RigidTransform) -> Volume:
 
 def test_marked_bones_come_back_parents_first(scan):
     hand, volume, true, _ = scan
-    evidence = MarrowEvidence.of(volume)
+    evidence = MarrowEvidence.measure(volume)
     wrong = {
         "proximal5": slipped(hand, true["proximal5"], "proximal5", 4.0),
         "distal5": slipped(hand, true["distal5"], "distal5", 4.0),
@@ -86,7 +86,7 @@ def test_marked_bones_come_back_parents_first(scan):
 
 def test_sure_bones_stay_where_they_are(scan):
     hand, volume, true, _ = scan
-    evidence = MarrowEvidence.of(volume)
+    evidence = MarrowEvidence.measure(volume)
     sure = confidences(hand, evidence.fine, true)
     assert search_again(hand, evidence, true, sure) == (true, sure)
 
@@ -94,7 +94,7 @@ def test_sure_bones_stay_where_they_are(scan):
 def test_a_bone_that_is_not_there_stays_marked(scan):
     hand, volume, true, whole = scan
     bone = "distal5"
-    evidence = MarrowEvidence.of(without(volume, whole[bone], true[bone]))
+    evidence = MarrowEvidence.measure(without(volume, whole[bone], true[bone]))
     sure = confidences(hand, evidence.fine, true)
     assert sure[bone].marked
     assert search_again(hand, evidence, true, sure)[1][bone].marked

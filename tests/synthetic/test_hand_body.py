@@ -53,7 +53,7 @@ def hand():
     anatomy = toy.finger(5.0)
     positions = [_bones(t * BENT) for t in np.linspace(0, 1, 5)]
     subject = _subject(anatomy)
-    return HandBody.of(open_hand(_template(anatomy), subject, positions), subject, 1)
+    return HandBody.mesh(open_hand(_template(anatomy), subject, positions), subject, 1)
 
 
 def test_skin_is_the_fat_next_to_the_surface(hand):

@@ -30,7 +30,7 @@ def fingers() -> dict[str, posed.PosedAnatomy]:
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory) -> Dataset:
     found = load_dataset(CONFIG).model_copy(update={"root": tmp_path_factory.mktemp("phantom")})
-    generator = generators.of(found)
+    generator = generators.generator_of(found)
     generator.generate_templates(found)
     for pose in ("neutral", "fist"):
         generator.generate_pose(found, pose)
@@ -189,7 +189,7 @@ def test_all_named_files_are_written(dataset):
 
 def test_a_dataset_without_generator_is_refused(dataset):
     with pytest.raises(InputError, match="generator"):
-        generators.of(dataset.model_copy(update={"generator": None}))
+        generators.generator_of(dataset.model_copy(update={"generator": None}))
 
 
 def test_same_seed_same_files(dataset, tmp_path):

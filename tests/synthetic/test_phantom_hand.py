@@ -40,7 +40,7 @@ def coarse(name: str, root: Path) -> Dataset:
 def dataset(tmp_path_factory) -> Dataset:
     found = coarse("phantom-hand-seeded", tmp_path_factory.mktemp("hand"))
     for pose in ("neutral", "fist"):
-        generators.of(found).generate_pose(found, pose)
+        generators.generator_of(found).generate_pose(found, pose)
         seeds.draw(found, pose)
     return found
 
@@ -210,7 +210,7 @@ def test_seeds_lie_in_their_bones(dataset):
 def test_a_dataset_of_a_few_bones_is_imaged_around_them(tmp_path):
     few = {name: Bone(label=label) for label, name in enumerate(("proximal2", "middle2", "distal2"), 1)}
     data = coarse("phantom-hand-seeded", tmp_path).model_copy(update={"bones": few})
-    generators.of(data).generate_pose(data, "hook")
+    generators.generator_of(data).generate_pose(data, "hook")
     seeds.draw(data, "hook")
     labels = volume_of(data, Path("truth/hook.bones.nii.gz"))
     assert set(np.unique(labels)) == {0, 1, 2, 3}
@@ -222,7 +222,7 @@ def test_a_dataset_of_a_few_bones_is_imaged_around_them(tmp_path):
 
 def test_the_same_seed_gives_the_same_files(dataset, tmp_path):
     again = dataset.model_copy(update={"root": tmp_path})
-    generators.of(again).generate_pose(again, "fist")
+    generators.generator_of(again).generate_pose(again, "fist")
     seeds.draw(again, "fist")
     for path in (dataset.poses["fist"].volume, dataset.poses["fist"].seeds):
         np.testing.assert_array_equal(volume_of(dataset, path), volume_of(again, path))

@@ -240,7 +240,7 @@ def test_thumb_reaches_each_finger(name, hands, ray):
 
 def test_files_of_a_pose(dataset, tmp_path):
     found = dataset.model_copy(update={"root": tmp_path, "scanner": Scanner(spacing=1.0)})
-    generators.of(found).generate_pose(found, "hook")
+    generators.generator_of(found).generate_pose(found, "hook")
     seeds.draw(found, "hook")
     truth = artifacts.read(tmp_path / "truth/hook.h5", "truth")
     whole, marrow = (
@@ -260,7 +260,7 @@ def test_files_of_a_pose(dataset, tmp_path):
 
 
 def test_absent_anatomy_and_what_is_not_there_are_named(dataset, subject, tmp_path):
-    generator = generators.of(dataset)
+    generator = generators.generator_of(dataset)
     with pytest.raises(InputError, match="anatomy: nowhere does not exist"):
         generator.generate_pose(dataset.model_copy(update={"anatomy": Path("nowhere")}), "neutral")
     with pytest.raises(InputError, match="is absent"):

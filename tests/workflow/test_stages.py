@@ -77,7 +77,7 @@ def test_scripts_hold_no_code_of_their_own() -> None:
 def test_files_take_the_names_of_their_record() -> None:
     record = importlib.import_module(stages()["extract_muscle"]).Inputs
     given = {"rig": "a.h5", "templates": "b.h5", "volume": "c.nii", "markers": [], "landmarks": "d.json"}
-    made = record.of(given)
+    made = record.named(given)
     assert (made.rig, made.markers, made.landmarks) == (Path("a.h5"), None, Path("d.json"))
     assert made.all() == [Path(name) for name in ("a.h5", "b.h5", "c.nii", "d.json")]
 
@@ -89,7 +89,7 @@ def test_files_of_other_names_or_numbers_raise(change: dict[str, object]) -> Non
     record: type[Files] = importlib.import_module(stages()["extract_muscle"]).Inputs
     given = {"rig": "a.h5", "templates": "b.h5", "volume": "c.nii", "markers": [], "landmarks": []}
     with pytest.raises(TypeError):
-        record.of({**given, **change})
+        record.named({**given, **change})
 
 
 def test_the_how_to_calls_a_stage(built_small: Path, tmp_path: Path) -> None:

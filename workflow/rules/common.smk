@@ -721,12 +721,12 @@ def code_of(each):
     if each.name.startswith("benchmark_"):
         name = next(v for k, v in each.params._allitems() if k == "name")
         further = sorted(Path("benchmarks", name).absolute().glob("*.py"))
-        return lambda w: CODE.of(
+        return lambda w: CODE.digest(
             script, *further, *layer_code(each, w, script, *further)
         )
     if each.name in ("generate_templates", "generate_pose", "generate_bones"):
-        return lambda w: CODE.of(script, generator_file(w.subject))
-    return lambda w: CODE.of(script, *layer_code(each, w, script))
+        return lambda w: CODE.digest(script, generator_file(w.subject))
+    return lambda w: CODE.digest(script, *layer_code(each, w, script))
 
 
 def generator_file(subject):

@@ -24,12 +24,12 @@ def scene_of(job):
 
 def inputs_of(job, record):
     """The job's input files as a record of `handpipe.stages.files`, with the names of the rule."""
-    return record.of(dict(job.input.items()))
+    return record.named(dict(job.input.items()))
 
 
 def outputs_of(job, record):
     """The same of its output files."""
-    return record.of(dict(job.output.items()))
+    return record.named(dict(job.output.items()))
 
 
 def output_of(job):

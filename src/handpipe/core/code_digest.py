@@ -59,7 +59,7 @@ class CodeDigests:
     cache: Path | None = None
     _imports: dict[Path, list[Path]] = field(default_factory=dict)
 
-    def of(self, *paths: Path) -> str:
+    def digest(self, *paths: Path) -> str:
         """Digest of files and of every file that they import, directly or through others."""
         found = self.modules(paths)
         lines = [f"{self._name(path)} {self._module(path).digest}" for path in found]

@@ -193,7 +193,7 @@ def _frame_checks(dataset: Dataset) -> Iterator[Check]:
 
 
 def _image(dataset: Dataset, pose: str) -> Foreground:
-    return Foreground.of(pose_volume(dataset, pose))
+    return Foreground.threshold(pose_volume(dataset, pose))
 
 
 def _check_scan(path: Path, pose: str, images: Mapping[str, Callable[[], Foreground]]) -> None:

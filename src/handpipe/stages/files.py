@@ -13,13 +13,13 @@ class Files:
     """Base of the records of files: each field is a path, a path or None, or a sequence of paths."""
 
     @classmethod
-    def of(cls, named: Mapping[str, Any]) -> Self:
+    def named(cls, files: Mapping[str, Any]) -> Self:
         """The record with the files of the given names: texts, paths, or sequences of these.
 
         An empty sequence stands for an optional file that is not given. Raises `TypeError` where names are
         not those of the record, or a file is missing.
         """
-        return cls(**{name: cls._file(name, value) for name, value in named.items()})
+        return cls(**{name: cls._file(name, value) for name, value in files.items()})
 
     @classmethod
     def _file(cls, name: str, value: Any) -> Any:

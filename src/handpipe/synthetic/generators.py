@@ -33,7 +33,7 @@ class Generator(Protocol):
         """Write the templates, attachments, tendon curves and nail patches that the dataset names."""
 
 
-def of(dataset: Dataset) -> Generator:
+def generator_of(dataset: Dataset) -> Generator:
     """The generator that the dataset names; `InputError` if it names none."""
     if dataset.generator is None:
         raise InputError(

@@ -36,7 +36,7 @@ def test_nodes_of_quadratic_elements_are_the_refined_vertices():
 
 def test_nodes_on_faces_are_all_there():
     left = np.flatnonzero(MESH.vertices[:, 0] == 0)
-    middle = Midpoints.of(MESH)
+    middle = Midpoints.build(MESH)
     faces = MESH.boundary_faces()[0]
     chosen = middle.on_faces(faces[np.isin(faces, left).all(axis=1)])
     assert np.array_equal(chosen, np.flatnonzero(middle.nodes[:, 0] == 0))

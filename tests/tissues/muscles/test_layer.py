@@ -86,7 +86,7 @@ def stump() -> Body:
     cage = remesh(surface.moved(surface.vertices * [0.7, 1.0, 1.0]), 2.5)
     mesh = tetrahedralise(cage, 3.0)
     visible = np.ones(len(surface.vertices), dtype=bool)
-    return Body(surface, mesh, Embedding.of(surface.vertices, mesh), attachments, visible)
+    return Body(surface, mesh, Embedding.embed(surface.vertices, mesh), attachments, visible)
 
 
 def test_bones_hold_points_of_the_tets_where_the_surface_is_outside_of_them():

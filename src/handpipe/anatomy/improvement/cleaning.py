@@ -98,7 +98,7 @@ def _pinched(mesh: TetMesh, labels: IntArray, pairs: IntArray, volumes: Array) -
     differ = pairs[labels[pairs[:, 0]] != labels[pairs[:, 1]]]
     touching[mesh.tets[differ]] = True
     vertices = np.flatnonzero(touching)
-    stars = Stars.of(mesh.tets, len(mesh.vertices))
+    stars = Stars.build(mesh.tets, len(mesh.vertices))
     out, filled = np.zeros(len(labels), dtype=bool), labels.copy()
     lone = np.full(len(vertices), -1)
     _mark(np.stack([vertices, lone], axis=1), mesh.tets, labels, volumes, stars, out, filled)

@@ -73,14 +73,14 @@ def _round(
     x: Array, tets: IntArray, labels: IntArray, held: BoolArray, bound: float
 ) -> tuple[IntArray, IntArray, int]:
     """One pass of each operation; x changes in place."""
-    stars = Stars.of(tets, len(x))
-    faces = Faces.of(tets, labels)
+    stars = Stars.build(tets, len(x))
+    faces = Faces.classify(tets, labels)
     listed = _worst_first(x, tets, bound)
     changes = improve_vertices(x, tets, stars, faces.free_directions(x), np.unique(tets[listed]), held)
     regions = regions_at_vertices(tets, labels, faces.corners[faces.outer], len(x))
     collapses = collapse_bad(x, tets, labels, regions, held, _worst_first(x, tets, bound), stars)
     tets, labels = _present(tets, labels)
-    tets, labels, flips = flip_bad(x, tets, labels, _worst_first(x, tets, bound), Stars.of(tets, len(x)))
+    tets, labels, flips = flip_bad(x, tets, labels, _worst_first(x, tets, bound), Stars.build(tets, len(x)))
     tets, labels = _present(tets, labels)
     log.debug("%d moves, %d collapses, %d flips", changes, collapses, flips)
     return tets, labels, changes + collapses + flips

@@ -29,7 +29,7 @@ class Faces:
     outer: BoolArray
 
     @staticmethod
-    def of(tets: IntArray, labels: IntArray) -> Faces:
+    def classify(tets: IntArray, labels: IntArray) -> Faces:
         """Of labelled tets."""
         faces = tets[:, FACES].reshape(-1, 3)
         sorted_faces = np.sort(faces, axis=1)
@@ -126,9 +126,9 @@ def smooth_borders(
     more meet along that line; the domain's boundary stays. A move is shortened, or left out, where it would
     make a tet's least sine smaller than `floor` or, if it was below that, smaller than before.
     """
-    faces = Faces.of(tets, labels)
+    faces = Faces.classify(tets, labels)
     averaging, moving = _border_averaging(faces, len(x))
-    stars = Stars.of(tets, len(x))
+    stars = Stars.build(tets, len(x))
     smooth, out = x.copy(), x.copy()
     for _ in range(sweeps):
         for factor in (0.5, 1 / (passband - 2)):

@@ -21,7 +21,7 @@ class MarkedEdges:
     of_tet: IntArray
 
     @staticmethod
-    def of(tets: IntArray, marked: BoolArray, n_vertices: int) -> MarkedEdges:
+    def number(tets: IntArray, marked: BoolArray, n_vertices: int) -> MarkedEdges:
         """From marks (c, 6) of the edges of tets (c, 4), in the order of `EDGES`."""
         ends = np.sort(tets[:, EDGES][marked], axis=1)
         keys, inverse = np.unique(ends[:, 0] * n_vertices + ends[:, 1], return_inverse=True)

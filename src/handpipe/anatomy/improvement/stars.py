@@ -73,7 +73,7 @@ class Stars(NamedTuple):
     tets: IntArray
 
     @staticmethod
-    def of(tets: IntArray, n_vertices: int) -> Stars:
+    def build(tets: IntArray, n_vertices: int) -> Stars:
         """Of tets (m, 4) on so many vertices."""
         return Stars(*_stars(tets, n_vertices))
 

@@ -78,7 +78,7 @@ class Collocation:
     rates: Array
 
     @staticmethod
-    def of(curves: Sequence[PlacedCurve], locator: Locator) -> Collocation:
+    def sample(curves: Sequence[PlacedCurve], locator: Locator) -> Collocation:
         """Of a muscle's curves; parts outside the mesh are left out."""
         parts = [_collocated(curve, locator) for curve in curves]
         return Collocation(*(np.concatenate([p[i] for p in parts]) for i in range(6)))
@@ -153,7 +153,7 @@ def diffuse(
     """
     mesh, n = domain.mesh, len(domain.mesh.vertices)
     locator = Locator(mesh)
-    curves = {name: Collocation.of(muscle.curves, locator) for name, muscle in muscles.items()}
+    curves = {name: Collocation.sample(muscle.curves, locator) for name, muscle in muscles.items()}
     for name, collocation in curves.items():
         if len(collocation.tets) == 0:
             problem = "no part of it lies between skin and bones"

@@ -94,7 +94,7 @@ class Domain:
             marked = (length > TOO_LONG * size[:, None]) & (length == length.max(axis=1, keepdims=True))
             if not marked.any():
                 break
-            edges = MarkedEdges.of(tets, marked, len(vertices)).in_all(tets, len(vertices))
+            edges = MarkedEdges.number(tets, marked, len(vertices)).in_all(tets, len(vertices))
             boundary = _boundary_edges(TetMesh(vertices, tets), edges.ends)
             new = len(vertices) + np.arange(len(edges.ends))
             skin, *others = (

@@ -198,7 +198,7 @@ def _crossed(tets: IntArray, above: IntArray, difference: Array) -> tuple[IntArr
     sign = np.sign(difference)[tets[above]]
     marked = sign[:, EDGES[:, 0]] * sign[:, EDGES[:, 1]] < 0
     cut = marked.any(axis=1)
-    return above[cut], MarkedEdges.of(tets[above[cut]], marked[cut], len(difference))
+    return above[cut], MarkedEdges.number(tets[above[cut]], marked[cut], len(difference))
 
 
 def _zeros(vertices: Array, difference: Array, ends: IntArray) -> tuple[Array, Array]:

@@ -84,7 +84,7 @@ def fibres(
     if len(shared) in (len(origin), len(insertion)):
         raise InputError(source, "reach", "origin and insertion are the same place", "Make `reach` smaller")
     origin, insertion = np.setdiff1d(origin, shared), np.setdiff1d(insertion, shared)
-    curves = Collocation.of(muscle.curves, Locator(mesh))
+    curves = Collocation.sample(muscle.curves, Locator(mesh))
     solve = gradient_fibres if muscle.fibres == "gradient" or len(curves.tets) == 0 else flow_fibres
     directions, potential = solve(mesh, curves, origin, insertion, factorise=factorise)
     # A part of the muscle that is not attached at both ends has no flow.

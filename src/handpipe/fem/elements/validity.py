@@ -35,7 +35,7 @@ class Validity:
     place: Array
 
     @staticmethod
-    def of(rest: Array, tets: IntArray, x: Array) -> Validity:
+    def check(rest: Array, tets: IntArray, x: Array) -> Validity:
         """Of tets (m, 4) at x (n, 3) whose vertices are at `rest` (n, 3) undeformed."""
         ratios = volumes(x, tets) / volumes(rest, tets)
         ratios = np.where(np.isfinite(ratios), ratios, -np.inf)

@@ -137,7 +137,7 @@ class Attempts:
 
 def _worst(energy: Sum, x: Array) -> str:
     """Inverted tets of the body that has the most of them at x (n, 3), and where."""
-    bodies = [Validity.of(p.vertices, p.tets, x) for p in energy.potentials if isinstance(p, Elastic)]
+    bodies = [Validity.check(p.vertices, p.tets, x) for p in energy.potentials if isinstance(p, Elastic)]
     return str(max(bodies, key=lambda body: body.inverted))
 
 

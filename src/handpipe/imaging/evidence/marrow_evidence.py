@@ -46,7 +46,7 @@ class MarrowEvidence:
     dark: Volume
 
     @staticmethod
-    def of(volume: Volume) -> MarrowEvidence:
+    def measure(volume: Volume) -> MarrowEvidence:
         """From a volume in which marrow and fat are the brightest tissues."""
         fine = volume.like(normalised(volume))
         steps = np.maximum(np.round(COARSE_GRID / volume.spacing), 1).astype(int)

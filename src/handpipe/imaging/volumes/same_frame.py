@@ -112,7 +112,7 @@ class Foreground:
     body: BoolArray
 
     @staticmethod
-    def of(volume: Volume) -> Foreground:
+    def threshold(volume: Volume) -> Foreground:
         """What is brighter than Li's threshold (Li and Tam 1998); everything where there is no air around."""
         steps = np.maximum(np.round(GRID / volume.spacing).astype(int), 1)
         values = volume.values[:: steps[0], :: steps[1], :: steps[2]]

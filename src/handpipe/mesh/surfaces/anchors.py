@@ -31,7 +31,7 @@ class Anchors:
     heights: Array
 
     @staticmethod
-    def of(points: Array, surface: Surface) -> Anchors:
+    def attach(points: Array, surface: Surface) -> Anchors:
         """Anchor points (n, 3) at their closest places on a surface."""
         _, triangles, closest = Distance(surface).closest(points)
         corners = surface.triangles[triangles]

@@ -51,7 +51,7 @@ class Embedding:
     weights: Array
 
     @staticmethod
-    def of(points: Array, mesh: TetMesh) -> Embedding:
+    def embed(points: Array, mesh: TetMesh) -> Embedding:
         """Embed points (n, 3) in the tet around each, or in the tet of the nearest boundary face."""
         points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         found = Locator(mesh).tets(points)

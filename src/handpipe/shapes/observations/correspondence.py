@@ -60,7 +60,7 @@ class Correspondence:
         return Correspondence(sparse.csr_matrix((0, vertices)), np.zeros((0, 3)), None)
 
     @staticmethod
-    def of(
+    def match(
         markers: Markers, surface: Surface, embedding: sparse.csr_matrix, tangential: float
     ) -> Correspondence:
         """Points of the current surface, which embedding (v, n) carries, that correspond to markers.

@@ -36,7 +36,7 @@ class Holds:
     ends: tuple[IntArray, ...]
 
     @staticmethod
-    def of(attached: Attached, loose: Sequence[sparse.csr_matrix], x: Array) -> Holds:
+    def place(attached: Attached, loose: Sequence[sparse.csr_matrix], x: Array) -> Holds:
         """Attached points, and loose ends by their matrices (t_i, n), at places of x (n, 3)."""
         matrix = sparse.vstack([attached.matrix, *loose], format="csr")
         targets = np.concatenate([attached.targets, *(end @ x for end in loose)])

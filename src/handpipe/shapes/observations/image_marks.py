@@ -40,4 +40,4 @@ class ImageMarks:
         present = self._surface.moved(self._outer @ x)
         found = boundary_markers(self.volume, present, self.settings, muscle_level=self.level(x))
         markers = Markers(found.points, found.confidence, found.vertices)
-        return Correspondence.of(markers, present, self._outer, self.tangential)
+        return Correspondence.match(markers, present, self._outer, self.tangential)

@@ -40,7 +40,7 @@ class Pairs:
 
     def attached(self, mesh: TetMesh) -> Attached:
         """The points as carried by the mesh's vertices."""
-        matrix = Embedding.of(self.points, mesh).matrix(len(mesh.vertices))
+        matrix = Embedding.embed(self.points, mesh).matrix(len(mesh.vertices))
         return Attached(matrix, self.targets)
 
 
@@ -92,7 +92,7 @@ class BoundaryMarks:
         keep = weights > 0
         present: Surface = self.surface.moved(x)
         markers = Markers(self.points[keep], weights[keep])
-        found = Correspondence.of(markers, present, self._embedding, self.tangential)
+        found = Correspondence.match(markers, present, self._embedding, self.tangential)
         if not self.covering or keep.sum() <= NEIGHBOURS:
             return found
         return found.joined(self._astray(present, self.points[keep]))

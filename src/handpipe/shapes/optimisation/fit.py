@@ -134,7 +134,7 @@ def fit_shape(
     x = mesh.vertices if start is None else start
     space = SmoothFields(mesh, x, options)
     search = Search(mesh, space, options, name="shape from plastic strains")
-    state = search.at(space.guess, Holds.of(known.attached, known.loose, x), x)
+    state = search.at(space.guess, Holds.place(known.attached, known.loose, x), x)
     nothing = Correspondence.none(len(mesh.vertices))
     landmarks = nothing
     if known.landmarks is not None:
@@ -142,7 +142,7 @@ def fit_shape(
 
     def closest(x: Array) -> Correspondence:
         present = body.at(x)
-        found = Correspondence.of(find_markers(present), present, body.embedding, options.tangential)
+        found = Correspondence.match(find_markers(present), present, body.embedding, options.tangential)
         return found.joined(landmarks) if landmarks.count else found
 
     def towards(name: str, find: FindMarks, fields: Sequence[int], state: State) -> State:

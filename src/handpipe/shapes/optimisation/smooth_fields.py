@@ -31,7 +31,7 @@ class SmoothFields:
     def __init__(self, mesh: TetMesh, start: Array, options: ShapeOptions) -> None:
         """mesh: at rest; start (n, 3): vertices of the guess."""
         self.options = options
-        self.basis = SmoothStrains.of(mesh.tets, max(options.fields))
+        self.basis = SmoothStrains.compute(mesh.tets, max(options.fields))
         self.guess = self.basis.project(np.clip(StretchField(mesh)(start), -GUESSED, GUESSED))
         self.guess[SMOOTHEST:] = 0.0
 

@@ -35,4 +35,4 @@ def coarsened(template: TetMesh) -> tuple[TetMesh, sp.csr_matrix]:
     if abs(float(mesh.volumes().sum()) - volume) > LOST * volume:
         log.info("the template keeps its tets: fewer would lose parts of it")
         return itself
-    return mesh, Embedding.of(template.vertices, mesh).matrix(len(mesh.vertices))
+    return mesh, Embedding.embed(template.vertices, mesh).matrix(len(mesh.vertices))

@@ -88,7 +88,7 @@ def examine(given: Given, start: Array) -> Doubts:
     doubts = Doubts(np.zeros(count, dtype=bool))
     if count < 2 and len(given.marks) < 2:
         return doubts
-    body = _Body.of(given, start)
+    body = _Body.measure(given, start)
     for first in range(max(-(-count // GROUP), 1)):
         chosen = np.arange(first, count, max(-(-count // GROUP), 1))
         examination = _Examination(given, body, chosen)
@@ -115,7 +115,7 @@ class _Body:
     held: Attached
 
     @staticmethod
-    def of(given: Given, placed: Array) -> _Body:
+    def measure(given: Given, placed: Array) -> _Body:
         settings = given.settings
         mesh, carry = coarsened(given.template)
         robust = settings.mark_error if settings.outliers else None
@@ -126,7 +126,7 @@ class _Body:
             space,
             Search(mesh, space, settings),
             RigidTransform.fit(given.template.vertices, placed)(mesh.vertices),
-            Holds.of(Attached.nothing(len(mesh.vertices)), (), mesh.vertices),
+            Holds.place(Attached.nothing(len(mesh.vertices)), (), mesh.vertices),
             lambda x: marks(carry @ x).carried(carry),
             None if given.known is None else given.known.carried(carry),
             held.carried(carry),

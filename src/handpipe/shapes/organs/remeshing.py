@@ -77,7 +77,7 @@ class OnMesh:
         loads = given.loads if carry is None else [Carried(p, carry) for p in given.loads]
         settings = given.settings
         held = (given.held or Attached.nothing(self.carry.shape[0])).carried(self.carry)
-        self.holds = Holds.of(held, (), mesh.vertices)
+        self.holds = Holds.place(held, (), mesh.vertices)
         self.frame = frame
         self.search = Search(mesh, AllTets(mesh.tets, settings, frame), settings, loads)
         self.search.record = record
@@ -124,9 +124,9 @@ def remeshed(task: OnMesh, state: State) -> tuple[OnMesh, State]:
     share = float(present.volumes().sum()) / len(task.given.template.tets)
     mesh = _meshed(present, (PACKED * share) ** (1 / 3))
     points = task.carry @ state.x
-    carry = Embedding.of(points, mesh).matrix(len(mesh.vertices))
+    carry = Embedding.embed(points, mesh).matrix(len(mesh.vertices))
     since, total, rotations = _carried_fields(task, state, mesh)
-    frame = StrainFrame.of(rotations, total, since)
+    frame = StrainFrame.align(rotations, total, since)
     new = OnMesh(task.given, mesh, carry, frame, task.search.record)
     return new, _kept(new, new.search.at(total, new.holds, mesh.vertices))
 
@@ -197,4 +197,4 @@ def _carried(old: TetMesh, fields: Array, new: TetMesh) -> Array:
     gather = sp.csr_matrix((shares, places), shape=(len(old.vertices), len(fields)))
     at_vertices = (gather @ fields) / np.maximum(np.asarray(gather.sum(axis=1)), 1e-300)
     centres = new.vertices[new.tets].mean(axis=1)
-    return Embedding.of(centres, old)(at_vertices)
+    return Embedding.embed(centres, old)(at_vertices)

@@ -31,7 +31,7 @@ class SmoothStrains:
     values: Array
 
     @staticmethod
-    def of(tets: IntArray, count: int) -> SmoothStrains:
+    def compute(tets: IntArray, count: int) -> SmoothStrains:
         """The `count` smoothest fields over connected tets (m, 4); at most m."""
         laplacian = tet_laplacian(tets)
         m = laplacian.shape[0]

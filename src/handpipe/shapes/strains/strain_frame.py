@@ -26,7 +26,7 @@ class StrainFrame:
     before: Array
 
     @staticmethod
-    def of(rotations: Array, total: Array, since: Array) -> StrainFrame:
+    def align(rotations: Array, total: Array, since: Array) -> StrainFrame:
         """The frame in which log-strains `total` (m, 6) are `since` (m, 6) from the rest shape on."""
         back = rotations.swapaxes(1, 2) @ plasticity.to_matrices(since) @ rotations
         return StrainFrame(rotations, total - plasticity.from_matrices(back))

@@ -48,7 +48,7 @@ class JointKnowledge:
     centre_told: bool
 
     @staticmethod
-    def of(
+    def assess(
         fit: JointFit, relative: Sequence[RigidTransform], noise: Sequence[MotionNoise] | None = None
     ) -> JointKnowledge:
         """Of a joint fitted to motions (n) from neutral with the given noise."""

@@ -222,7 +222,7 @@ def _weighed_axes(
         return fit(weighing), weighing
     measured, more = rotation_noise(noise), PRIOR.rotation
     for _ in range(2):
-        weighing = Weighing.of(measured, more, PRIOR.tilt)
+        weighing = Weighing.from_deviations(measured, more, PRIOR.tilt)
         axes = fit(weighing)
         # What is left of a turn has no part about the axes themselves.
         left = leftover(axes, rotations)
@@ -252,7 +252,7 @@ def _weighed_centre(
         return *fit(weighing), weighing
     measured, more = translation_noise(noise), PRIOR.translation
     for _ in range(2):
-        weighing = Weighing.of(measured, more, PRIOR.centre)
+        weighing = Weighing.from_deviations(measured, more, PRIOR.centre)
         centre, offset = fit(weighing)
         shift = _residuals(axes, centre, offset, relative)[2]
         more = unexplained(

@@ -71,7 +71,7 @@ class Weighing:
         return Weighing(np.ones(count), 0.0)
 
     @staticmethod
-    def of(noise: Array, unexplained: float, prior: float) -> Weighing:
+    def from_deviations(noise: Array, unexplained: float, prior: float) -> Weighing:
         """From deviations (n,) of the poses, that of unexplained motion, and that of the prior."""
         total = np.hypot(noise, unexplained)
         typical = 1 / np.sqrt(np.mean(total**-2.0))

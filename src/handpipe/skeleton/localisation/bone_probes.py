@@ -37,7 +37,7 @@ class Probes:
     outer: Array
 
     @staticmethod
-    def of(marrow: Surface, count: int = POINTS) -> Probes:
+    def sample(marrow: Surface, count: int = POINTS) -> Probes:
         """Random points, spread evenly; any first few of them are spread evenly, too."""
         normals = marrow.vertex_normals()
         corners = np.repeat(marrow.triangle_areas() / 3, 3)

@@ -97,7 +97,7 @@ def onto_edges(image: Volume, body: Body, start: RigidTransform, *, held: bool) 
         weights = contrast * robust_weights(offset - typical)
         common = (weights @ offset) / max(float(weights.sum()), 1e-9)
         middle = transform(body.middle)
-        rows = Rows.of(points, outwards, offset - common, middle)
+        rows = Rows.build(points, outwards, offset - common, middle)
         if held:
             rows = Rows.joined([rows, _pull(start, transform, body, float(weights.sum()))])
             weights = np.concatenate([weights, np.ones(6)])

@@ -179,4 +179,4 @@ def _trials(axes: Axes, limits: Array, centres: Array, child: Body) -> Motions:
         for a, b in limits
     ]
     turns = [axes.rotation(np.array(angles)) for angles in product(*ranges)]
-    return Motions.of([RigidTransform.about(c, turn) for c in centres for turn in turns])
+    return Motions.stack([RigidTransform.about(c, turn) for c in centres for turn in turns])

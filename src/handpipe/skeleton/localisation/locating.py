@@ -69,9 +69,9 @@ class HandModel:
     distances: dict[str, Distance]
 
     @staticmethod
-    def of(dataset: Dataset, marrow: Mapping[str, Surface], whole: Mapping[str, Surface]) -> HandModel:
+    def build(dataset: Dataset, marrow: Mapping[str, Surface], whole: Mapping[str, Surface]) -> HandModel:
         """From the neutral surfaces of all bones of a dataset."""
-        probes = {bone: Probes.of(marrow[bone]) for bone in dataset.bones}
+        probes = {bone: Probes.sample(marrow[bone]) for bone in dataset.bones}
         bodies = all_bodies(dataset, probes)
         distances = {bone: Distance(whole[bone]) for bone in dataset.bones}
         return HandModel(bodies, all_links(dataset, whole, bodies), probes, dict(marrow), distances)
@@ -170,7 +170,7 @@ class Search:
         motions = motions[best_distinct(body, motions, scores, refined, SAME)]
         on_edges = [onto_edges(self.evidence.fine, body, t, held=held) for t in motions.transforms()]
         shares = np.array([agreement(self.evidence.fine, body.probes, t).share for t in on_edges])
-        kept = best_distinct(body, Motions.of(on_edges), shares, REFINED, SAME)
+        kept = best_distinct(body, Motions.stack(on_edges), shares, REFINED, SAME)
         return [(on_edges[i], float(shares[i])) for i in kept]
 
 

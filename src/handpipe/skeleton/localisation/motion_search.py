@@ -46,7 +46,7 @@ class Motions:
         return Motions(self.rotations[index], self.translations[index])
 
     @staticmethod
-    def of(transforms: list[RigidTransform]) -> Motions:
+    def stack(transforms: list[RigidTransform]) -> Motions:
         """The motions of a list of transforms, in its order; the list may be empty."""
         return Motions(
             np.array([t.rotation for t in transforms]).reshape(-1, 3, 3),

@@ -45,7 +45,7 @@ class Blob:
     lengths: Array
 
     @staticmethod
-    def of(points: Array) -> Blob:
+    def fit(points: Array) -> Blob:
         """From points (n, 3) that fill it."""
         centre = points.mean(axis=0)
         values, axes = np.linalg.eigh(np.cov(points.T))
@@ -61,7 +61,7 @@ def solid(surface: Surface, count: int = 6000) -> Blob:
     """The blob that a closed surface encloses."""
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     points = np.random.default_rng(0).uniform(low, high, (count, 3))
-    return Blob.of(points[Distance(surface).signed(points)[0] < 0])
+    return Blob.fit(points[Distance(surface).signed(points)[0] < 0])
 
 
 def root_starts(evidence: MarrowEvidence, marrow: Mapping[str, Surface]) -> Iterator[Motions]:
@@ -77,7 +77,7 @@ def root_starts(evidence: MarrowEvidence, marrow: Mapping[str, Surface]) -> Iter
         for blob, bone in product(blobs, long.values()):
             starts += _onto(bone, blob) if bone.alike(blob) else []
         LOG.info("root: %d bright blobs, %d starts", len(blobs), len(starts))
-        yield Motions.of(starts)
+        yield Motions.stack(starts)
 
 
 def _bright_blobs(image: Volume, least: float, most: float) -> Iterator[list[Blob]]:
@@ -93,7 +93,7 @@ def _bright_blobs(image: Volume, least: float, most: float) -> Iterator[list[Blo
         for number in np.flatnonzero((sizes > least / (1 + worn)) & (sizes < most)):
             box = boxes[number - 1]
             own = np.argwhere(parts[box] == number) + [s.start for s in box]
-            found.append(Blob.of(image.to_world(own)))
+            found.append(Blob.fit(image.to_world(own)))
         yield found
 
 

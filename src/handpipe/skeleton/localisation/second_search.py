@@ -73,4 +73,4 @@ def _places(evidence: MarrowEvidence, body: Body, trials: Motions) -> list[Rigid
     followed = best_distinct(body, trials, coarse_contrast(evidence, few.probes, trials), TRIALS, APART)
     found = [onto_edges(evidence.fine, few, t, held=False) for t in trials[followed].transforms()]
     shares = np.array([agreement(evidence.fine, few.probes, t).share for t in found])
-    return [found[i] for i in best_distinct(body, Motions.of(found), shares, GUESSES, SAME)]
+    return [found[i] for i in best_distinct(body, Motions.stack(found), shares, GUESSES, SAME)]

@@ -33,7 +33,7 @@ def refine_to_edges(neutral: Surface, volume: Volume, found: Registration) -> Re
         typical = np.median(offset[contrast > 0])
         weights = contrast * robust_weights(offset - typical)
         common = (weights @ offset) / weights.sum()
-        rows = Rows.of(points, outwards, offset - common, transform(middle))
+        rows = Rows.build(points, outwards, offset - common, transform(middle))
         transform = moved(transform, solve(rows, weights), middle)
     rms = float(np.sqrt(weights @ rows.distance**2 / weights.sum()))
     return replace(

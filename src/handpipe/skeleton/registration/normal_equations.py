@@ -24,7 +24,7 @@ class Rows:
     distance: Array
 
     @staticmethod
-    def of(points: Array, normals: Array, distance: Array, centre: Array) -> Rows:
+    def build(points: Array, normals: Array, distance: Array, centre: Array) -> Rows:
         """Points (n, 3) are to move along unit normals (n, 3) by distance (n,), turning about centre (3,)."""
         return Rows(np.hstack([np.cross(points - centre, normals), normals]), distance)
 

@@ -69,7 +69,7 @@ class _Pair:
     ratio: float
 
     @staticmethod
-    def of(neutral: Surface, target: Surface) -> _Pair:
+    def build(neutral: Surface, target: Surface) -> _Pair:
         area = neutral.area()
         middle = neutral.vertices.mean(axis=0)
         return _Pair(Distance(neutral), Distance(target), middle, float(np.sqrt(area)), target.area() / area)
@@ -82,13 +82,15 @@ class _Pair:
     def target_rows(self, transform: RigidTransform, points: Array) -> Rows:
         """Distances of target points from the moved neutral surface."""
         distance, _, closest, normals = self.neutral.signed(transform.inverse()(points))
-        return Rows.of(transform(closest), normals @ transform.rotation.T, distance, transform(self.middle))
+        return Rows.build(
+            transform(closest), normals @ transform.rotation.T, distance, transform(self.middle)
+        )
 
     def neutral_rows(self, transform: RigidTransform, points: Array) -> Rows:
         """Distances of moved neutral points from the target surface."""
         moved = transform(points)
         distance, _, _, normals = self.target.signed(moved)
-        return Rows.of(moved, normals, -distance, transform(self.middle))
+        return Rows.build(moved, normals, -distance, transform(self.middle))
 
     @property
     def leading(self) -> Surface:
@@ -137,7 +139,7 @@ def register(
     ConvergenceError
         If the surfaces do not fit one another at all.
     """
-    pair = _Pair.of(neutral_marrow, target_marrow)
+    pair = _Pair.build(neutral_marrow, target_marrow)
     guesses = [start] if isinstance(start, RigidTransform) else list(start or [])
     rivals = _rivals(pair, [*guesses, *principal_starts(neutral_marrow, target_marrow)])
     if np.sqrt(rivals[0][0]) > POOR * pair.size:

@@ -30,7 +30,7 @@ class _Principal:
     is_long: bool
 
     @staticmethod
-    def of(surface: Surface) -> _Principal:
+    def measure(surface: Surface) -> _Principal:
         points = sample_points(surface, SAMPLES)
         values, vectors = np.linalg.eigh(np.cov(points.T))
         axes = vectors[:, ::-1]
@@ -51,14 +51,14 @@ def principal_starts(neutral: Surface, target: Surface) -> list[RigidTransform]:
 
     Long axis on long axis, either way round, rolled about it; all directions where one has no long axis.
     """
-    a, b = _Principal.of(neutral), _Principal.of(target)
+    a, b = _Principal.measure(neutral), _Principal.measure(target)
     turns = _rolls() if a.is_long and b.is_long else _all_directions()
     return _placed(a, b, turns, target.area() / neutral.area())
 
 
 def uniform_starts(neutral: Surface, target: Surface) -> list[RigidTransform]:
     """Starts of all directions, whatever the shapes."""
-    a, b = _Principal.of(neutral), _Principal.of(target)
+    a, b = _Principal.measure(neutral), _Principal.measure(target)
     return _placed(a, b, _all_directions(), target.area() / neutral.area())
 
 

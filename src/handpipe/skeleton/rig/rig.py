@@ -100,7 +100,7 @@ class Rig(JointTree):
             motions = joint_motions(transforms, joint.parent, joint.child, learnt, near, noise)
             fit = _fit_joint(joint, motions, near, surfaces[joint.child].vertices.mean(axis=0))
             limits = np.radians(np.array(joint.limits_deg or ANY_ANGLE * len(joint.angles), float))
-            knowledge = JointKnowledge.of(fit, motions.relative, motions.noise)
+            knowledge = JointKnowledge.assess(fit, motions.relative, motions.noise)
             ends = joint.parent, joint.child
             joints.append(RigJoint(name, *ends, joint.angles, limits.reshape(-1, 2), fit, knowledge))
             _warn_of_joint(joints[-1], len(learnt))

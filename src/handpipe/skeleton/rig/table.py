@@ -124,7 +124,7 @@ def _columns(
     near = joint_point(rig.surfaces[joint.parent], rig.surfaces[joint.child])
     seen = joint_motions(transforms, joint.parent, joint.child, fitted, near, noise)
     unseen = joint_motions(transforms, joint.parent, joint.child, heldout, near)
-    points = Places.of(rig.surfaces[joint.child])
+    points = Places.measure(rig.surfaces[joint.child])
     out = _errors("", joint.fit, seen.relative, points)
     hints = np.array(dataset.joints[joint.name].axis_hints, float)
     left_out = []
@@ -146,7 +146,7 @@ class Places:
     corners: Array
 
     @staticmethod
-    def of(surface: Surface) -> Places:
+    def measure(surface: Surface) -> Places:
         """Of the box along the principal axes of a bone's vertices."""
         centroid = surface.vertices.mean(axis=0)
         _, axes = np.linalg.eigh(np.cov(surface.vertices.T))

@@ -48,9 +48,9 @@ def propose_seeds(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str)
     """Seeds of a pose from the neutral bones and the pose's image, and how sure each bone's place is."""
     dataset = with_carried_hints(dataset, inputs.carried)
     labels = dataset.labels
-    evidence = MarrowEvidence.of(pose_volume(dataset, pose))
+    evidence = MarrowEvidence.measure(pose_volume(dataset, pose))
     marrow, whole = (read_surfaces(inputs.neutral, part) for part in ("marrow", "whole"))
-    hand = HandModel.of(dataset, marrow, whole)
+    hand = HandModel.build(dataset, marrow, whole)
     motions = locate(hand, evidence)
     motions, sure = search_again(hand, evidence, motions, confidences(hand, evidence.fine, motions))
     for bone, confidence in sure.items():

@@ -8,4 +8,4 @@ from handpipe.synthetic import generators
 
 def generate_pose(dataset: Dataset, pose: str) -> None:
     """Volume, seeds, scan and truth of one pose of a generated subject."""
-    generators.of(dataset).generate_pose(dataset, pose)
+    generators.generator_of(dataset).generate_pose(dataset, pose)

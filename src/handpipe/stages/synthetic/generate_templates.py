@@ -8,4 +8,4 @@ from handpipe.synthetic import generators
 
 def generate_templates(dataset: Dataset) -> None:
     """Templates, tendon curves and nails of a generated subject."""
-    generators.of(dataset).generate_templates(dataset)
+    generators.generator_of(dataset).generate_templates(dataset)

@@ -32,11 +32,10 @@ def collect_fat_strains(inputs: Inputs, output: Path, dataset: Dataset, interpol
     transforms = {dataset.neutral: dict.fromkeys(rig.bones, RigidTransform.identity())}
     transforms |= {pose: rig.scanned_bones(pose) for pose in dataset.examples}
     spaces = LocalPoseSpaces.build(rig.bones, rig.parents, transforms, interpolation)
-    logs = np.stack([np.zeros_like(fits[0]["log_strains"]), *(f["log_strains"] for f in fits)])
-    nails = {
-        name: np.stack([np.zeros(6), *(f["nails"][name] for f in fits)]) for name in fits[0].get("nails", {})
-    }
     tissue = Tissue.load(inputs.mesh)
+    logs = np.stack([np.zeros((len(tissue.mesh.tets), 6)), *(f["log_strains"] for f in fits)])
+    corrected = fits[0].get("nails", {}) if fits else {}
+    nails = {name: np.stack([np.zeros(6), *(f["nails"][name] for f in fits)]) for name in corrected}
     found = [tissue.shifts(transforms[p], f["vertices"]) for p, f in zip(dataset.examples, fits, strict=True)]
-    shifts = np.stack([np.zeros_like(found[0]), *found])
+    shifts = np.stack([np.zeros_like(tissue.mesh.vertices), *found])
     FatStrains(spaces, logs, nails, shifts).save(output, inputs.all())

@@ -42,7 +42,7 @@ class Elements:
     def quadratic(mesh: TetMesh) -> Elements:
         """Ten nodes a tet, straight edges at rest, four points."""
         barycentric, volumes = shape_gradients(mesh.vertices, mesh.tets)
-        middle, at = Midpoints.of(mesh), FOUR_POINTS
+        middle, at = Midpoints.build(mesh), FOUR_POINTS
         corner = np.einsum("qc,mcd->mqcd", 4 * at - 1, barycentric)
         first, second = EDGES.T
         edge = np.einsum("qe,med->mqed", 4 * at[:, first], barycentric[:, second])
@@ -55,7 +55,9 @@ class Elements:
     def prolongation(self) -> sp.csr_matrix:
         """Matrix (n, v) that carries fields of linear tets, at the mesh's v vertices, to the nodes."""
         count = len(self.mesh.vertices)
-        edges = Midpoints.of(self.mesh).edges if len(self.nodes) > count else np.zeros((0, 2), dtype=np.int64)
+        edges = (
+            Midpoints.build(self.mesh).edges if len(self.nodes) > count else np.zeros((0, 2), dtype=np.int64)
+        )
         halves = np.full(2 * len(edges), 0.5)
         rows = np.repeat(np.arange(len(edges)), 2)
         middle = sp.csr_matrix((halves, (rows, edges.ravel())), shape=(len(edges), count))
@@ -94,13 +96,13 @@ class Elements:
 
     def interpolation(self, points: Array) -> sp.csr_matrix:
         """Matrix (p, n) that carries any field of the nodes to points (p, 3) of the whole mesh."""
-        embedding = Embedding.of(points, self.mesh)
+        embedding = Embedding.embed(points, self.mesh)
         if self.cells.shape[1] == 4:
             return embedding.matrix(len(self.nodes))
         at = embedding.weights
         shapes = np.column_stack([at * (2 * at - 1), 4 * at[:, EDGES[:, 0]] * at[:, EDGES[:, 1]]])
         pairs = np.sort(embedding.cells[:, EDGES], axis=2).reshape(-1, 2)
-        number = Midpoints.of(self.mesh).numbers(pairs).reshape(-1, 6)
+        number = Midpoints.build(self.mesh).numbers(pairs).reshape(-1, 6)
         columns = np.column_stack([embedding.cells, len(self.mesh.vertices) + number])
         rows = np.repeat(np.arange(len(points)), 10)
         shape = (len(points), len(self.nodes))

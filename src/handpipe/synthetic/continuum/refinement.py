@@ -31,7 +31,7 @@ class Midpoints:
     edges: IntArray
 
     @staticmethod
-    def of(mesh: TetMesh) -> Midpoints:
+    def build(mesh: TetMesh) -> Midpoints:
         """Of a mesh's edges, sorted by their vertices; `edges` (e, 2) are the ends of each."""
         pairs = np.sort(mesh.tets[:, EDGES], axis=2).reshape(-1, 2)
         edges, inverse = np.unique(pairs, axis=0, return_inverse=True)
@@ -57,7 +57,7 @@ def refine(mesh: TetMesh) -> tuple[TetMesh, IntArray]:
 
     The inner octahedron is cut along its shortest diagonal, which keeps shapes best (Bey 1995).
     """
-    middle = Midpoints.of(mesh)
+    middle = Midpoints.build(mesh)
     ends = middle.nodes[middle.cells[:, DIAGONALS]]
     shortest = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).argmin(axis=1)
     local = np.concatenate([np.broadcast_to(AT_CORNERS, (len(mesh.tets), 4, 4)), INSIDE[shortest]], axis=1)

@@ -78,7 +78,7 @@ class Anatomy:
     def refined(self) -> Anatomy:
         """The same body with every tet cut into eight."""
         mesh, parents = refine(self.mesh)
-        middle = Midpoints.of(self.mesh)
+        middle = Midpoints.build(self.mesh)
         fibres = {name: np.repeat(along, 8, axis=0) for name, along in self.fibres.items()}
         bones = {n: middle.on_faces(bone_faces(self.mesh, on)) for n, on in self.bones.items()}
         return Anatomy(mesh, self.labels[parents], self.regions, bones, fibres, self.strands)

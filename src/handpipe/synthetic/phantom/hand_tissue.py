@@ -82,7 +82,7 @@ class Surroundings:
     tendons: Sequence[Strand]
 
     @staticmethod
-    def of(layout: Layout) -> Surroundings:
+    def build(layout: Layout) -> Surroundings:
         """The tissues of a hand whose bones lie so."""
         parts = (skin(layout), muscle(), cartilage(layout), ligaments(layout), tendons(layout))
         return Surroundings(layout.frames, *parts)

@@ -22,7 +22,7 @@ def hand() -> Hand:
     return Hand(
         {n: b.surface(b.known.whole, SURFACE_SPACING) for n, b in known.items()},
         {n: b.surface(b.known.marrow, SURFACE_SPACING) for n, b in known.items()},
-        Surroundings.of(layout()),
+        Surroundings.build(layout()),
     )
 
 

@@ -185,7 +185,7 @@ def subject(
     cortex = _cortex(lie)
     shapes = {n: sampled.of_surface(s, carving.SPACING, carving.REACH) for n, s in whole.items()}
     marrow = {n: carving.marrow(s, shapes[n], frames[n], *cortex[n]) for n, s in whole.items()}
-    surroundings = Surroundings.of(lie)
+    surroundings = Surroundings.build(lie)
     surroundings = replace(
         surroundings,
         tendons=[_laid_on(strand, shapes, frames) for strand in surroundings.tendons],

@@ -89,7 +89,7 @@ def require_closed_skin(anatomy: Anatomy, source: str | Path) -> None:
 
 def hand_body(anatomy: str | Path, subject: str | Path, order: int) -> HandBody:
     """The coupled body of a hand's artifacts, with linear or quadratic tets (order 1 or 2)."""
-    return HandBody.of(anatomy_file.load(anatomy), SubjectTemplate.load(subject), order)
+    return HandBody.mesh(anatomy_file.load(anatomy), SubjectTemplate.load(subject), order)
 
 
 def bones_at(motion: Motion, pose: str, share: float = 1.0, start: str = REST) -> dict[str, RigidTransform]:

@@ -35,7 +35,7 @@ class HandBody:
     subject: SubjectTemplate
 
     @staticmethod
-    def of(anatomy: Anatomy, subject: SubjectTemplate, order: int) -> HandBody:
+    def mesh(anatomy: Anatomy, subject: SubjectTemplate, order: int) -> HandBody:
         """Of what `open_hand` makes of a template, with linear or quadratic tets (order 1 or 2)."""
         body = Body(anatomy, materials(anatomy), order=2 if order == 2 else 1, contact=CONTACT)
         return HandBody(body, subject)
@@ -47,7 +47,7 @@ class HandBody:
 
     def linear(self) -> HandBody:
         """The same hand of linear tets."""
-        return HandBody.of(self.body.anatomy, self.subject, 1)
+        return HandBody.mesh(self.body.anatomy, self.subject, 1)
 
     def pose(self, bones: Bones) -> Pose:
         """The bones in a position, and each muscle as tense as it is short."""

@@ -70,7 +70,7 @@ class Fascia:
         for index, body in enumerate(self.bodies):
             mine = self.owners == index
             if mine.any():
-                anchors = Anchors.of(self.surface.vertices[mine], rest[body])
+                anchors = Anchors.attach(self.surface.vertices[mine], rest[body])
                 points[mine] = anchors(posed[body].vertices)
         return points
 

@@ -84,12 +84,12 @@ class Tissue:
 
     @cached_property
     def _skin_embedding(self) -> Embedding:
-        return Embedding.of(self.skin.vertices, self.mesh)
+        return Embedding.embed(self.skin.vertices, self.mesh)
 
     @cached_property
     def inner_matrix(self) -> sparse.csr_matrix:
         """Inner points (k, n) as sums of tissue vertices."""
-        return Embedding.of(self.inner.rest, self.mesh).matrix(len(self.mesh.vertices))
+        return Embedding.embed(self.inner.rest, self.mesh).matrix(len(self.mesh.vertices))
 
     def pose(self, bones: Mapping[str, RigidTransform], shifts: Array | float = 0.0) -> Array:
         """Vertices (n, 3), shifted by (n, 3) and moved by smooth blends of bone transforms.
@@ -301,7 +301,7 @@ class Tissue:
 
     def validity(self, x: Array) -> Validity:
         """Whether the tissue may be handed on at x (n, 3)."""
-        return Validity.of(self.mesh.vertices, self.mesh.tets, x)
+        return Validity.check(self.mesh.vertices, self.mesh.tets, x)
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "tissue"."""

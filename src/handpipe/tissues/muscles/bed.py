@@ -29,7 +29,7 @@ class Bed:
     @staticmethod
     def of(vertices: Array, flesh: Sequence[Shape]) -> Bed:
         """From the mesh vertices (N, n, 3) in the examples, neutral first, and the flesh in each of them."""
-        embedding = Embedding.of(vertices[0], TetMesh(flesh[0].rest, flesh[0].cells))
+        embedding = Embedding.embed(vertices[0], TetMesh(flesh[0].rest, flesh[0].cells))
         carried = [embedding(shape.vertices) for shape in flesh]
         return Bed(embedding, vertices - np.stack(carried))
 

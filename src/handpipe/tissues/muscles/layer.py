@@ -223,7 +223,7 @@ class MuscleLayer:
         posed = {name: bone.vertices for name, bone in bones.items()}
         for muscle, part, strain in zip(self.muscles, self.parts, strains, strict=True):
             body, own = muscle.body, settled.x[part]
-            validity = Validity.of(body.mesh.vertices, body.mesh.tets, own)
+            validity = Validity.check(body.mesh.vertices, body.mesh.tets, own)
             validity.require(f"{muscle.name} of {frame}", posed)
             surface = body.surface_at(own)
             cut = cuts_itself(surface)

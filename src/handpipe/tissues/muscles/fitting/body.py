@@ -64,7 +64,7 @@ class Body:
         mesh = tetrahedralise(cage, 1.3 * edge)
         visible = np.ones(len(surface.vertices), dtype=bool)
         visible[np.concatenate(list(attachments.values()))] = False
-        embedding = Embedding.of(surface.vertices, mesh)
+        embedding = Embedding.embed(surface.vertices, mesh)
         return Body(surface, mesh, embedding, dict(attachments), visible, dict(landmarks or {}))
 
     @property

@@ -206,7 +206,7 @@ def extract_poses(
 def _in_flesh(bodies: Mapping[str, Body], flesh: Shape) -> dict[str, Embedding]:
     """Where the bodies' mesh vertices lie in the flesh's tets, which are the same in all poses."""
     mesh = TetMesh(flesh.rest, flesh.cells)
-    return {m: Embedding.of(b.mesh.vertices, mesh) for m, b in bodies.items()}
+    return {m: Embedding.embed(b.mesh.vertices, mesh) for m, b in bodies.items()}
 
 
 def _guesses(

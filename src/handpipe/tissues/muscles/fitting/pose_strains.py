@@ -151,7 +151,7 @@ def _result(
     rest: TetMesh, stretch: StretchField, x: Array, gamma: float, distances: Array, objectives: list[float]
 ) -> PoseStrains:
     for number, v in enumerate(x, start=1):
-        Validity.of(rest.vertices, rest.tets, v).require(f"Strains of example {number} of {len(x)}")
+        Validity.check(rest.vertices, rest.tets, v).require(f"Strains of example {number} of {len(x)}")
     strains = np.stack([plasticity.exp(stretch(v)) for v in x])
     values = plasticity.eigenvalues(strains.reshape(-1, 6))
     bounds = float(values.min()), float(values.max())

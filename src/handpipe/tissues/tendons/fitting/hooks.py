@@ -168,7 +168,7 @@ def fit_hooks(
     on_bones = _missing([_skinned(points, weights, pose) for pose in by_pose], lines)
     if not flesh:
         return HookSet(order, points, weights, on_bones)
-    embedding = Embedding.of(points, TetMesh(flesh[0].rest, flesh[0].cells))
+    embedding = Embedding.embed(points, TetMesh(flesh[0].rest, flesh[0].cells))
     inside = _missing([embedding(shape.vertices) for shape in flesh], lines)
     better = np.sum(inside**2, axis=(0, 2)) < np.sum(on_bones**2, axis=(0, 2))
     chosen = np.flatnonzero(better)
