@@ -30,7 +30,13 @@ class FleshLayer:
         self.tissue = replace(tissue, skin_contact=False)
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """The tissue's tets at equilibrium. Raises `ConvergenceError` where there is none."""
+        """The tissue's tets at equilibrium.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no equilibrium, or tets are inverted.
+        """
         tissue, bones = self.tissue, frame.bones
         rigid = {name: bones[part.bone] for name, part in tissue.rigid.items()}
         settled = tissue.solve(below, rigid, None, tissue.pose(bones), BRIEFLY)

@@ -34,17 +34,46 @@ ON_THE_WAY = Limits(
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Weights of Eq. 22 made free of mesh size: mean squared log-strain roughness against mean squared mm."""
+    """Weights and limits of the fit of strains.
+
+    The weights of Eq. 22 are made free of mesh size: mean squared roughness of log-strains against mean
+    squared mm.
+
+    Parameters
+    ----------
+    smoothness : float
+        Weight in mm^2 of the strains' roughness.
+    hold : float
+        Weight of the constraints in the search direction, against the scan's.
+    reach : float
+        Distance in mm from the skin up to which the scan counts.
+    rim : float
+        Distance in mm from the scan's boundary up to which the scan is not used.
+    enough : float
+        Mean gap in mm at which a fit ends: the noise of a good scan.
+    iterations : int
+        Largest number of iterations.
+    least_gain : float
+        Relative decrease of the objective under which the fit has converged.
+    least_step : float
+        Smallest step of the line search.
+    largest_change : float
+        Largest change of a tet's log-strain (Frobenius norm) in one iteration.
+
+    References
+    ----------
+    Zheng 2022 §7.3, Eq. 22.
+    """
 
     smoothness: float = 0.02
-    hold: float = 10.0  # weight of the constraints in the search direction, against the scan's
-    reach: float = 6.0  # mm within which the scan is looked for
-    rim: float = 1.0  # mm around the scan's holes that say nothing
-    enough: float = 0.03  # mm of mean gap at which a fit ends: the noise of a good scan
+    hold: float = 10.0
+    reach: float = 6.0
+    rim: float = 1.0
+    enough: float = 0.03
     iterations: int = 10
-    least_gain: float = 0.01  # relative decrease under which the fit has settled
-    least_step: float = 0.1  # of the line search
-    largest_change: float = 0.5  # of a tet's log-strain (Frobenius norm) in one iteration
+    least_gain: float = 0.01
+    least_step: float = 0.1
+    largest_change: float = 0.5
 
 
 @dataclass
@@ -141,12 +170,41 @@ def fit_strains(
     settings: FitSettings,
     name: str = "strains of the fat",
 ) -> FatFit:
-    """Log-strains so that the skin at equilibrium in a frame lies on the scan (Eq. 22-23).
+    """Log-strains that bring the skin at equilibrium in a frame onto the scan.
 
-    below, rigid, start (n, 3): as for `Tissue.solve`; scan in the frame of the simulation. Rigid parts of
-    the skin are not pulled.
-    Raises `ConvergenceError` with `name` where the equilibrium without strains fails or tets are inverted at
-    the last. Contact may be unsettled there: the figures tell.
+    Rigid parts of the skin are not pulled.
+
+    Parameters
+    ----------
+    tissue : Tissue
+        The tissue, m tets and n vertices.
+    below : mapping of str to Shapes
+        Shapes of the layers below in the frame.
+    rigid : mapping of str to RigidTransform
+        Transform from neutral of each rigid part of the skin.
+    scan : Surface
+        Scan in mm, in the frame of the simulation.
+    start : array (n, 3)
+        Initial guess of the vertices in mm.
+    settings : FitSettings
+        Weights and limits.
+    name : str
+        What errors call this fit.
+
+    Returns
+    -------
+    FatFit
+        Strains, vertices, a row for each iteration, and figures. The figures tell whether contact has
+        settled.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the equilibrium without strains fails, or tets are inverted at the end.
+
+    References
+    ----------
+    Zheng 2022 §7.3, Eq. 22-23.
     """
     mesh, skin = tissue.mesh, tissue.skin
     area = mass_lumped(skin.vertices, skin.triangles)

@@ -40,8 +40,18 @@ SIZES = (0.75, 0.9)  # of its own, at which it rests on the way; at 0.6 thin pla
 class TissueSettings:
     """Material of the fat, and stiffness of its constraints.
 
-    Young's modulus is in kPa (Zheng 2022 Table 2: fat 1 kPa), the stiffness of constraints in kPa/mm, per
-    area they act on.
+    Parameters
+    ----------
+    young : float
+        Young's modulus in kPa.
+    poisson : float
+        Poisson's ratio.
+    stiffness : float
+        Stiffness of the constraints in kPa/mm, per area they act on.
+
+    References
+    ----------
+    Zheng 2022 Table 2: fat 1 kPa.
     """
 
     young: float = 1.0
@@ -51,9 +61,28 @@ class TissueSettings:
 
 @dataclass(frozen=True)
 class Tissue:
-    """Mesh, occupancy (m,), neutral skin, inner points, rigid parts of skin, bone weights (n, n_bones).
+    """A soft tissue between inner bodies and the skin.
 
-    skin_contact: whether the skin is kept out of itself.
+    Parameters
+    ----------
+    mesh : TetMesh
+        Neutral tets: n vertices in mm, m tets.
+    occupancy : array (m,)
+        Share of each tet that is tissue; it scales the tet's stiffness.
+    skin : Surface
+        Neutral skin in mm, embedded in the mesh.
+    inner : InnerPoints
+        Points of inner bodies that constrain the tissue.
+    rigid : mapping of str to Rigid
+        Rigid parts of the skin, by name.
+    bones : tuple of str
+        Bones that the columns of `weights` belong to.
+    weights : array (n, n_bones)
+        Weights of the bones at each vertex.
+    settings : TissueSettings
+        Material and stiffness of constraints.
+    skin_contact : bool
+        Whether contact keeps the skin out of itself.
     """
 
     mesh: TetMesh
@@ -221,12 +250,17 @@ class Tissue:
         strains: Array | None,
         starts: Sequence[Array],
     ) -> Settled:
-        """The equilibrium of `solve` from the first start (n, 3) that ends with its skin apart.
+        """The equilibrium of `solve` from the first start (n, 3) that ends without self-penetration.
 
-        Starts are tried in turn, opened where their skin lies in itself. A start whose skin was apart is
-        tried once more, by way of smaller sizes, if the equilibrium's skin is not. Where no start ends with
-        its skin apart, the equilibrium with least skin in itself is taken. Raises the last `ConvergenceError`
-        where no start led to an equilibrium.
+        Self-penetration is that of the skin. Starts are tried in turn, by way of smaller sizes where their
+        skin lies in itself. A start whose skin did not is tried again by way of smaller sizes if the
+        equilibrium's skin does. Where every equilibrium has self-penetration, the one with the least is
+        taken.
+
+        Raises
+        ------
+        ConvergenceError
+            The last one, where no start led to an equilibrium.
         """
         found: list[Settled] = []
         failure: ConvergenceError | None = None
@@ -269,8 +303,12 @@ class Tissue:
     ) -> Settled:
         """Vertices (n, 3) at equilibrium under plastic strains (m, 6), from a start (n, 3).
 
-        Contact planes are taken anew until the skin has settled.
-        Raises `ConvergenceError` where there is no equilibrium, or the skin does not come to rest.
+        Contact planes are renewed until the skin has settled.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no equilibrium, or the skin does not come to rest.
         """
         elastic = self.elastic if strains is None else self.elastic.with_strains(strains)
         records: list[Record] = []
@@ -322,7 +360,13 @@ class Tissue:
 
     @staticmethod
     def load(path: str | Path) -> Tissue:
-        """Read what `save` wrote; raises `InputError` where the file is not a tissue."""
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            Where the file is not a tissue.
+        """
         d = artifacts.read(path, "tissue")
         return Tissue(
             mesh=TetMesh(d["mesh"]["vertices"], d["mesh"]["tets"]).checked(path),
