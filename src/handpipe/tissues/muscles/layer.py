@@ -67,9 +67,18 @@ class SimulationOptions:
 
 
 class MuscleLayer:
-    """Muscles of loaded artifacts.
+    """Muscles of loaded artifacts as a layer of the simulation.
 
-    `examples` gives their surfaces in known poses, which tell what slides on what.
+    Parameters
+    ----------
+    muscles : iterable of Muscle
+        The muscles.
+    options : SimulationOptions, optional
+        Material, stiffnesses and contact limits.
+    contact : bool
+        Whether muscles touch bones and one another.
+    examples : sequence of mapping of str to Surface
+        Surfaces of the muscles in known poses, in mm, which tell what slides on what.
     """
 
     name = "muscles"
@@ -109,7 +118,11 @@ class MuscleLayer:
 
         The surfaces' figures tell how the contact of all muscles settled, those of the tets whether they are
         valid.
-        Raises `ConvergenceError`.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no equilibrium.
         """
         bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
         strains = [m.strains(frame.bones) for m in self.muscles]

@@ -28,10 +28,22 @@ SPREAD = 0.5  # share of harmonic weights in a blend of bones' motions
 
 @dataclass(frozen=True)
 class Body:
-    """The neutral shape: surface (v vertices), mesh (n vertices) that carries it, vertices held by each bone.
+    """A soft body in neutral: a surface that tetrahedra carry, attached to bones.
 
-    landmarks: surface vertex of each label. visible (v,): where the neutral image shows the boundary;
-    elsewhere another muscle lies against it.
+    Parameters
+    ----------
+    surface : Surface
+        Neutral surface in mm, v vertices.
+    mesh : TetMesh
+        Neutral tets, n vertices in mm.
+    embedding : Embedding
+        Places of the surface's vertices in the mesh.
+    attachments : dict of str to array (k,)
+        Ids of the surface vertices that are attached to each bone.
+    visible : array (v,) of bool
+        Where the neutral image shows the boundary; elsewhere another muscle lies against it.
+    landmarks : dict of str to int
+        Surface vertex of each label.
     """
 
     surface: Surface

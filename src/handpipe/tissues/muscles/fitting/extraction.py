@@ -52,9 +52,18 @@ POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 class PoseData:
     """What is known of all muscles in one example pose.
 
-    transforms: bone -> from neutral into the volume's frame; volume: reads the image; points: markers (r, 3)
-    that a person has placed, by muscle; landmarks: places (3,) by muscle and label; flesh: the soft tissue,
-    in the volume's frame, where it is known.
+    Parameters
+    ----------
+    transforms : mapping of str to RigidTransform
+        Transform of each bone from neutral into the volume's frame.
+    volume : callable
+        Reads the image.
+    points : mapping of str to array (r, 3)
+        Markers in mm that a person has placed, by muscle.
+    landmarks : mapping of str to mapping of str to array (3,)
+        Places in mm, by muscle and label.
+    flesh : Shape, optional
+        Soft tissue in the volume's frame, where it is known.
     """
 
     transforms: Mapping[str, RigidTransform]
@@ -68,9 +77,18 @@ class PoseData:
 class Evidence:
     """What tells the shape of one muscle in one pose.
 
-    volume: the image; others: about where the other muscles are; bones: distance from all bones; points:
-    markers (r, 3) that a person has placed, in place of those found in the image; landmarks: places (3,) by
-    label.
+    Parameters
+    ----------
+    volume : Volume
+        The image.
+    others : sequence of Surface
+        Approximate surfaces of the other muscles, in mm.
+    bones : Distance, optional
+        Distance from all bones, in mm.
+    points : array (r, 3), optional
+        Markers in mm that a person has placed; they replace those found in the image.
+    landmarks : mapping of str to array (3,), optional
+        Places in mm by label.
     """
 
     volume: Volume
@@ -121,8 +139,27 @@ def extract_neutral(
 ) -> tuple[Body, Extraction]:
     """The neutral shape from a placed template, and the body that later stages deform.
 
-    The fitted surface is filled with new tetrahedra of about `edge` mm, since fitting has strained the first
-    ones. evidence: of the neutral pose, with guesses of the other muscles.
+    The body has new tetrahedra, since fitting has strained the first ones.
+
+    Parameters
+    ----------
+    guess : Guess
+        Placed template.
+    evidence : Evidence
+        Evidence of the neutral pose, with guesses of the other muscles.
+    edge : float
+        Edge length of the tetrahedra in mm, about.
+    markers : MarkerSettings, optional
+        How the image is searched for the boundary.
+    options : ShapeOptions, optional
+        Weights and limits of the fit.
+
+    Returns
+    -------
+    body : Body
+        The fitted surface, filled with new tetrahedra.
+    extraction : Extraction
+        The fit, with the vertices of the new tetrahedra in mm.
     """
     first = Body.of(guess.surface, guess.attachments, edge, guess.landmarks)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
@@ -169,10 +206,28 @@ def extract_poses(
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> dict[str, dict[str, Extraction]]:
-    """The shapes of all muscles in all example poses, pose -> muscle -> shape.
+    """The shapes of all muscles in all example poses.
 
-    Each pose is guessed from the flesh that carries the muscles there, where that is known, and from the most
-    similar pose that is known already; each muscle knows where its neighbours are. bones: neutral surfaces.
+    The first guesses of a pose come from the flesh that carries the muscles there, where that is known, and
+    from the most similar pose that is already fitted. Each muscle knows where its neighbours are.
+
+    Parameters
+    ----------
+    bodies : mapping of str to Body
+        Neutral bodies by muscle.
+    bones : mapping of str to Surface
+        Neutral surfaces of the bones in mm.
+    poses : mapping of str to PoseData
+        What is known of each pose.
+    markers : MarkerSettings, optional
+        How images are searched for boundaries.
+    options : ShapeOptions, optional
+        Weights and limits of the fits.
+
+    Returns
+    -------
+    dict of str to dict of str to Extraction
+        Shapes by pose and muscle, in the frames of the poses' volumes.
     """
     still = {b: RigidTransform.identity() for b in bones}
     known: dict[str, tuple[Mapping[str, RigidTransform], dict[str, Array]]] = {}

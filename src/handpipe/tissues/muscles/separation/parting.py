@@ -39,8 +39,12 @@ def body_pairs(muscles: Sequence[Body], bones: Sequence[Body]) -> list[tuple[int
 def parted(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None:
     """Vertices (n, 3) of each muscle at which nothing meets; None where that is so at rest.
 
-    Where muscles go far for it, the nearer of two ways is taken: the second pushes out of greater depths.
-    Raises `Inseparable` naming a pair that meets however it is drawn in.
+    Where muscles move far for it, the nearer of two ways is taken: the second pushes out of greater depths.
+
+    Raises
+    ------
+    Inseparable
+        Where a pair, which it names, meets however deflated.
     """
     best, least, problem = None, np.inf, None
     for deepest in DEEPEST:

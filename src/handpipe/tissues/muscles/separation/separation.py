@@ -67,7 +67,17 @@ NO_VOLUME = SeparationOptions(volume=np.inf)
 
 @dataclass(frozen=True)
 class Separation:
-    """Separated surfaces by name; penetration in mm before and after; iterations."""
+    """Separated surfaces, and how well they are separated.
+
+    Parameters
+    ----------
+    surfaces : dict of str to Surface
+        Separated surfaces in mm, by muscle.
+    penetration_before, penetration : float
+        Largest penetration in mm before and after.
+    iterations : int
+        Iterations of all solves.
+    """
 
     surfaces: dict[str, Surface]
     penetration_before: float
@@ -81,7 +91,23 @@ class Separation:
 
 
 def load_surfaces(path: str | Path) -> dict[str, Surface]:
-    """The surfaces that `Separation.save` wrote, by muscle."""
+    """The surfaces that `Separation.save` wrote.
+
+    Parameters
+    ----------
+    path : path
+        Artifact.
+
+    Returns
+    -------
+    dict of str to Surface
+        Surfaces in mm, by muscle.
+
+    Raises
+    ------
+    InputError
+        Where the file is of another kind.
+    """
     return {n: Surface(s["vertices"], s["triangles"]) for n, s in artifacts.read(path, KIND).items()}
 
 
@@ -93,15 +119,37 @@ def separate(
     held: Mapping[str, IntArray] | None = None,
     seen: Mapping[str, BoolArray] | None = None,
 ) -> Separation:
-    """Part overlapping closed surfaces, both muscles of a pair alike; `fixed` bodies stay.
+    """Separate overlapping closed surfaces, both muscles of a pair alike.
 
     Muscles are deflated until none meets another or a bone, then grow back to the displacement u from their
     given shapes that minimises thin-plate bending and size, reach^4 |lap u|^2 + |u|^2 integrated over the
     surfaces, with a barrier between them that no step crosses: surfaces that were apart never meet. Pressures
-    keep volumes. held: vertex ids of each muscle that do not move and do not collide (attachments); seen:
-    which vertices (n,) of each have places that an image shows: they hold on to these, hidden ones make way.
-    Surfaces that do not meet are handed back as they are. Raises `Inseparable` where bodies meet however
-    deflated, `ConvergenceError` where volumes find no room or the last solve has not converged.
+    keep volumes.
+
+    Parameters
+    ----------
+    muscles : mapping of str to Surface
+        Closed surfaces in mm.
+    fixed : mapping of str to Surface
+        Closed surfaces in mm that do not move, as bones.
+    options : SeparationOptions, optional
+        Limits.
+    held : mapping of str to array (k,), optional
+        Ids of each muscle's attached vertices, which neither move nor collide.
+    seen : mapping of str to array (n,) of bool, optional
+        Vertices of each muscle whose places an image shows. They resist displacement more than hidden ones.
+
+    Returns
+    -------
+    Separation
+        Separated surfaces; surfaces that do not meet are returned unchanged.
+
+    Raises
+    ------
+    Inseparable
+        Where bodies meet however deflated.
+    ConvergenceError
+        Where volumes find no room, or the last solve has not converged.
     """
     options = options or SeparationOptions()
     nothing = np.zeros(0, dtype=np.int64)

@@ -159,8 +159,12 @@ def solve(energies: Sequence[RodEnergy], x: Array, options: Options | None = Non
 
     Zheng et al. 2022, Eq. 4, 5 and 9. All segments of x must have one length. Closest points and ICP targets
     are refreshed in each iteration. A tension is added to the rod's own in the Newton system where that is
-    not convex: compressed segments and hooks beside a bend make it so. Raises `ConvergenceError` where no
-    equilibrium is reached.
+    not convex: compressed segments and hooks beside a bend make it so.
+
+    Raises
+    ------
+    ConvergenceError
+        Where no equilibrium is reached.
     """
     options = options or Options()
     residual, added = np.inf, 0.0
