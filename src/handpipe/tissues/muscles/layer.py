@@ -43,10 +43,12 @@ class SimulationOptions:
     ----------
     material : Material
         Material of the muscles.
-    spring, contact, sliding : float
-        Stiffnesses in mN/mm of a point: spring of attachments to bones, contact, sliding.
+    spring : float
+        Stiffness in mN/mm of an attached point.
     bed : float
         Stiffness in mN/mm of 1 mm^2 of surface, that of 2 mm of fat.
+    contact, sliding : float
+        Stiffnesses in mN/mm of a point in contact, and of one that slides.
     near : float
         Distance in mm within which neighbours slide on one another.
     touch : float
