@@ -1,4 +1,4 @@
-"""A fascia: a shrunk cloth around bodies, held by fixed, sliding and contact vertices (Zheng 2022 §6)."""
+"""A fascia: a shrunk cloth around bodies, with fixed, sliding and contact vertices (Zheng 2022 §6)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from handpipe.mesh.tets import mass_lumped
 from handpipe.tissues.fascia.regions import slender
 
 THICKNESS = 1.0  # mm, of the membrane that `young` belongs to
-SLENDER = 2.0  # mm, radius of a body around which cloth with edges of 1.5 mm has too few vertices to stay
+SLENDER = 2.0  # mm, radius of a body around which cloth with edges of 1.5 mm slips off
 
 
 @dataclass(frozen=True)

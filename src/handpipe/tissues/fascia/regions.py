@@ -1,4 +1,4 @@
-"""How each vertex of a fascia is held: fixed, sliding or in contact, found from geometry (Zheng 2022 §6).
+"""How each vertex of a fascia is constrained: fixed, sliding or in contact, from geometry (Zheng 2022 §6).
 
 The papers paint these regions by hand; here they follow from the distances to the bodies that the fascia
 wraps and from where those are attached. A file of painted values overrides them.

@@ -1,4 +1,4 @@
-"""How the tissue is held by what lies below it: fixed, sliding and contact points (Zheng 2022 §7.1)."""
+"""How the bodies below constrain the tissue: fixed, sliding and contact points (Zheng 2022 §7.1)."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class InnerPoints:
 
 
 def default_region(layer: str) -> Region:
-    """Where a body says nothing: tissue is attached to bones and touches all else, tendons too."""
+    """The default where a body has no field "region": fixed on bones, in contact on all else, tendons too."""
     return Region.fixed if layer == "bones" else Region.contact
 
 

@@ -1,4 +1,4 @@
-"""The neutral skin: closed, meshed anew, and which of its vertices are rigid."""
+"""The neutral skin: closed, remeshed, and which of its vertices are rigid."""
 
 from __future__ import annotations
 

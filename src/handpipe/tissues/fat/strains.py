@@ -1,7 +1,7 @@
 """Plastic strains of the fat that lay the simulated skin on a scan (Zheng 2022 §7.3, Eq. 22-24).
 
 Strains are kept as logarithms: F_p = exp(S), S symmetric (m, 6). They stay positive definite by construction,
-and the smoothness term acts on S. The linearised search direction of Eq. 24 is taken in the current shape;
+and the smoothness term acts on S. The linearised search direction of Eq. 24 is computed in the current shape;
 its strain is turned back to the rest shape by each tet's rotation before it is added, which matters as soon
 as a finger bends by tens of degrees.
 """
@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 ON_THE_WAY = Limits(
     renewals=4, settled=0.01, gross=np.inf
-)  # shapes between which the search chooses may creep
+)  # while the search chooses between shapes, they may still creep
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class FitSettings:
 
 @dataclass
 class Target:
-    """A scan to be matched; area (n,) in mm^2 is each skin vertex's share, zero where it is not pulled."""
+    """A scan to match; area (n,) in mm^2 is each skin vertex's share, zero where unused."""
 
     scan: Surface
     area: Array
@@ -106,7 +106,7 @@ class Target:
 
 @dataclass(frozen=True)
 class State:
-    """Log-strains, their equilibrium, how the skin then lies against the scan, and what the solver said."""
+    """Log-strains, their equilibrium, the gaps from the scan to the skin there, and the solver's figures."""
 
     logs: Array
     x: Array
@@ -247,10 +247,10 @@ def fit_strains(
 
 
 def _bounded(change: Array, largest: float) -> Array:
-    """Log-strains (m, 6) cut down where they are large: there the linearised direction means nothing.
+    """Log-strains (m, 6), limited where they are large: there the linearisation does not hold.
 
     Where a thin layer is a multiple of its thickness away from the scan, it would ask for strains of several
-    hundred per cent, and leave them to the neighbouring poses.
+    hundred per cent, which neighbouring poses would then interpolate.
     """
     norms = np.linalg.norm(plasticity.to_matrices(change), axis=(1, 2))
     return change * np.minimum(1.0, largest / np.maximum(norms, 1e-12))[:, None]
@@ -283,7 +283,7 @@ def _direction(
     """The displacement (n, 3) that minimises the linearised objective (Eq. 24) and the constraints' springs.
 
     skin (3 k, 3 n): flattened skin positions from the tissue's. Without the springs the direction would move
-    what cannot move, and the line search would pay for it.
+    constrained vertices, and the line search would need shorter steps.
     """
     n, m, k = len(now.x), len(now.logs), len(now.offsets)
     rough = laplacian @ strain

@@ -1,4 +1,4 @@
-"""A soft tissue between inner bodies and the skin: its mesh, what holds it, its equilibrium in a frame."""
+"""A soft tissue between inner bodies and the skin: its mesh, its constraints, its equilibrium in a frame."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ OPTIONS = Options(
 # Root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's noise;
 # gross is more than the mean error of any model of the skin: figures of such a shape would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
-CROWDED = 0.5  # mm of skin inside skin, at the start or the end, from which tissue is shrunk and grows again
-SIZES = (0.75, 0.9)  # of its own, at which it rests on the way; at 0.6 thin places are crushed
+CROWDED = 0.5  # mm of the skin's self-penetration, at the start or the end, from which tissue is shrunk
+SIZES = (0.75, 0.9)  # relative sizes of the shrunk tissue, in turn; at 0.6 thin places are crushed
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Tissue:
         return blend(self.mesh.vertices + shifts, self.weights, {b: bones[b] for b in self.bones})
 
     def shifts(self, bones: Mapping[str, RigidTransform], x: Array) -> Array:
-        """What `pose` is to shift vertices by (n, 3) to have them at x (n, 3)."""
+        """Shifts (n, 3) with which `pose` gives the vertices x (n, 3)."""
         turns, translation = blended(self.weights, {b: bones[b] for b in self.bones})
         return turns.inv().apply(x - translation) - self.mesh.vertices
 
@@ -154,7 +154,7 @@ class Tissue:
         x: Array,
         share: float = 1.0,
     ) -> list[Potential]:
-        """What holds the tissue in a frame where it lies at x (n, 3), at a share of its full stiffness.
+        """Constraints of the tissue in a frame, at x (n, 3), with a share of their full stiffness.
 
         rigid: transform from neutral of each rigid part of the skin.
         """
@@ -164,9 +164,9 @@ class Tissue:
     def _on_bodies(self, below: Mapping[str, Shapes], x: Array, unit: float) -> list[Potential]:
         """The inner points, fixed, sliding or in contact (Zheng 2022 §6).
 
-        Contact planes touch the bodies where points are closest. What slides does so on the surface itself,
-        whose facets' planes would hand it to and fro; a point that is astray in a thin body has a plane on
-        its own side.
+        Contact planes touch the bodies where points are closest. Sliding points slide on the surface itself:
+        planes of its facets would push them back and forth. A point on the wrong side of a thin body has a
+        plane on its own side.
         """
         inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
@@ -190,7 +190,7 @@ class Tissue:
         return potentials
 
     def _on_skin(self, rigid: Mapping[str, RigidTransform], x: Array, unit: float) -> list[Potential]:
-        """Nails and the cut end go with their bones, and the skin is kept out of itself if it is to be."""
+        """Attachments of nails and the cut end to their bones, and the skin's self-contact if it is on."""
         skin, matrix = self.skin, self.skin_matrix
         stiffness = unit * mass_lumped(skin.vertices, skin.triangles)
         parts: list[Potential] = [
@@ -226,10 +226,9 @@ class Tissue:
     ) -> Array:
         """A start (n, 3) with open creases, from x (n, 3).
 
-        Tissue smaller than it is draws back from the creases and grows again. Skin deep in other skin finds
-        its way out only while there is room. Arguments are those of `solve`. The result is x itself where its
-        skin is hardly in itself, unless `anyway` says otherwise. A size at which no equilibrium is found is
-        passed over.
+        The tissue is shrunk, draws back from the creases, and grows again. Skin deep in other skin needs this
+        room to come out. Arguments are those of `solve`. The result is x itself where its skin hardly
+        penetrates itself, unless `anyway` says otherwise. A size without an equilibrium is skipped.
         """
         if not anyway and self.overlap(x) < CROWDED:
             return x
@@ -240,7 +239,9 @@ class Tissue:
             except ConvergenceError as error:
                 log.warning("soft tissue: no equilibrium at %.2f of its size: %s", size, error)
             else:
-                log.info("soft tissue: at %.2f of its size, skin %.2f mm in itself", size, self.overlap(x))
+                log.info(
+                    "soft tissue: at %.2f of its size, skin self-penetration %.2f mm", size, self.overlap(x)
+                )
         return x
 
     def at_rest(
@@ -266,7 +267,10 @@ class Tissue:
         failure: ConvergenceError | None = None
         for way in self._ways(below, rigid, strains, starts):
             if found:
-                log.info("soft tissue: skin %.2f mm in itself, once more", self.overlap(found[-1].x))
+                log.info(
+                    "soft tissue: skin self-penetration %.2f mm; retrying from the next start",
+                    self.overlap(found[-1].x),
+                )
             try:
                 found.append(self.solve(below, rigid, strains, way))
             except ConvergenceError as error:
@@ -286,7 +290,7 @@ class Tissue:
         strains: Array | None,
         starts: Sequence[Array],
     ) -> Iterator[Array]:
-        """Where to begin (n, 3): at each start, opened if it has to be, and opened anyway."""
+        """Initial guesses (n, 3): each start, opened if it has to be, then opened anyway."""
         for start in starts:
             opened = self.opened(below, rigid, strains, start)
             yield opened
@@ -338,7 +342,7 @@ class Tissue:
         return equilibrium.continuation(softened, start, options=OPTIONS)
 
     def validity(self, x: Array) -> Validity:
-        """Whether the tissue may be handed on at x (n, 3)."""
+        """Whether the tissue is valid at x (n, 3)."""
         return Validity.of(self.mesh.vertices, self.mesh.tets, x)
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:

@@ -177,10 +177,10 @@ class Muscle:
 
     @cached_property
     def anchors(self) -> sparse.csr_matrix:
-        """Matrix (f, n) from mesh vertices to the points by which bones hold the firm vertices.
+        """Matrix (f, n) from mesh vertices to the points at which the firm vertices are attached.
 
         These are drawn in to the mesh. Where the surface is thinner than a tet its vertices lie outside, up
-        to twice the tet's height: held there they alone decide which way round the tet is.
+        to twice the tet's height: a spring there can invert the tet.
         """
         return self._anchors[self._firm]
 

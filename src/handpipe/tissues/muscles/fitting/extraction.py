@@ -36,12 +36,12 @@ log = logging.getLogger(__name__)
 # In other poses the muscle is known but for its bending: it nearly keeps its volume and its guessed strains.
 # Further out than 2 mm lie the far sides of neighbours.
 SEARCH = MarkerSettings.model_validate({"search": 2.0})
-TOUCHING, NEAR = 0.3, 0.5  # mm from a neighbour, where only edges so near are taken for one's own
-WITHIN = 0.3  # mm inside a bone that a muscle's boundary is still taken for its touching it
+TOUCHING, NEAR = 0.3, 0.5  # mm from a neighbour, where only edges this near belong to the muscle itself
+WITHIN = 0.3  # mm inside a bone up to which a muscle's boundary counts as touching the bone
 SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)
-SEEN = 0.9  # share of its boundary that a fit finds in the image, with which no other guess is tried
-TRUSTED = 0.5  # share with which a fit tells where those around it have gone
-ALIKE = 0.3  # mm in the mean between guesses of which one is enough
+SEEN = 0.9  # share of its boundary in the image from which no other guess is tried
+TRUSTED = 0.5  # share from which a fit tells how the muscles around it have moved
+ALIKE = 0.3  # mm of mean distance under which one of two guesses is dropped
 # In neutral the template is known roughly: a little weight keeps from wandering what no image shows, strains
 # along a slender muscle and borders between muscles.
 NEUTRAL = ShapeOptions(strain=0.01)
@@ -185,9 +185,9 @@ def extract_pose(
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> Extraction:
-    """The shape in an example pose, from the neutral body held by the moved bones where it lies on them.
+    """The shape in an example pose, from the neutral body attached to the moved bones where it lies on them.
 
-    An end that lies on no bone is held where it is found. bones: neutral bone surfaces; transforms: from
+    An end that lies on no bone is fixed where it is found. bones: neutral bone surfaces; transforms: from
     neutral into the volume's frame; evidence: of this pose; start: mesh vertices (n, 3) of a better
     first guess, as simulated from poses already known.
     """
@@ -291,7 +291,7 @@ def _guesses(
 
 
 def _unlike(guesses: Sequence[Array]) -> list[Array]:
-    """Those guesses (n, 3) that are not nearly one before them."""
+    """The guesses (n, 3) that differ from all before them."""
     chosen: list[Array] = []
     for x in guesses:
         if all(np.linalg.norm(x - other, axis=1).mean() > ALIKE for other in chosen):
@@ -321,9 +321,9 @@ class _Pose:
     def fitted(self, guesses: Mapping[str, Sequence[Array]]) -> dict[str, Extraction]:
         """Extractions of all muscles, by name.
 
-        Each muscle is fitted from the guess of which most of its boundary is found, then, where that is not
-        nearly all, from where the muscles around it have gone. Among muscles that touch all is of one
-        brightness: a wrong guess looks right, its boundary does not.
+        Each muscle is fitted from the guess for which the image shows most of its boundary. Where that is not
+        nearly all, it is fitted again from the motion of the muscles around it. Muscles that touch have one
+        brightness: a wrong guess looks right inside, but not at its boundary.
         """
         self.x = {m: starts[0] for m, starts in guesses.items()}
         for name, starts in guesses.items():

@@ -18,9 +18,9 @@ from handpipe.tissues.muscles.separation.separation import Separation, separate
 Result = TypeVar("Result")
 log = logging.getLogger(__name__)
 
-FREE = 0.1  # mm out of every other muscle, at least, where a bone may hold one
-FARTHER = (FREE, 0.5, 1.0)  # mm, tried in turn: triangles at held vertices reach into the neighbour, too
-LEAST = 3  # vertices that each bone goes on holding
+FREE = 0.1  # mm, least distance of an attached vertex from every other muscle
+FARTHER = (FREE, 0.5, 1.0)  # mm, tried in turn: triangles at attached vertices reach into the neighbour, too
+LEAST = 3  # vertices that stay attached to each bone
 
 
 def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> Separation:
@@ -96,7 +96,7 @@ def drop_contested(bodies: Mapping[str, Body], least: int = LEAST, margin: float
         }
         dropped = len(body.held) - sum(map(len, kept.values()))
         if dropped:
-            log.info("%s: %d of %d held vertices are in other muscles", name, dropped, len(body.held))
+            log.info("%s: %d of %d attached vertices released inside others", name, dropped, len(body.held))
         found[name] = replace(body, attachments=kept)
     return found
 

@@ -27,7 +27,7 @@ SHORT, STEPS = 0.05, 40  # mm outside of a bone that a vertex goes at once, and 
 
 
 class Inseparable(ConvergenceError):
-    """Muscles meet however they are drawn in: what holds them is inside one another, or crosses."""
+    """Muscles meet however deflated: their attachments are inside one another, or cross."""
 
 
 def body_pairs(muscles: Sequence[Body], bones: Sequence[Body]) -> list[tuple[int, int]]:

@@ -33,7 +33,7 @@ SOFTER = (8.0, 4.0, 2.0)  # times the clearance, of the barriers behind which bo
 FILLED = 2.0  # times the clearance, at most, where pressures fill them: from farther off they are kept small
 LOOSE = 8.0  # times the tolerance, behind those
 SEEN = 30.0  # times as much as a hidden vertex resists being moved, a seen one
-HOLD = 1e2  # times a vertex's stiffness, by which held ones are pulled back to their places
+HOLD = 1e2  # times a vertex's stiffness: springs that pull attached vertices back to their places
 ROUNDS = 6  # of the last solve, where pressures are changed again
 
 
@@ -245,7 +245,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     compliances = np.array([_compliance(s, k) for s, k in zip(surfaces, plates, strict=True)])
     volumes = KeptVolumes(surfaces, scene.parts, compliances, options.volume)
     x, iterations = start, 0
-    # A barrier that is felt from afar lets bodies make way for one another before they touch.
+    # With a barrier of long range, bodies move aside for one another before they touch.
     for times in SOFTER:
         soft = _Convex(barrier.reaching(times * options.clearance))
         forces: list[Potential] = [plate, soft] if times > FILLED else [plate, soft, volumes]
@@ -265,7 +265,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
 
 
 def _plate(body: Body, reach: float) -> sparse.csr_matrix:
-    """Stiffness (n, n) of a muscle's surface, with springs that keep held and seen vertices in place."""
+    """Stiffness (n, n) of a muscle's surface, with springs that keep attached and seen vertices in place."""
     plate = thin_plate(body.surface, reach)
     pull = np.zeros(plate.shape[0])
     if body.seen is not None:
@@ -276,7 +276,7 @@ def _plate(body: Body, reach: float) -> sparse.csr_matrix:
 
 
 def _seated(scene: _Scene, rest: Array, x: Array, barrier: Barrier) -> Array:
-    """Positions x with held vertices exactly at rest, where nothing meets there."""
+    """Positions x with attached vertices exactly at rest, where nothing meets there."""
     seated, held = x.copy(), scene.held()
     seated[held] = rest[held]
     if not barrier.intersects(seated):

@@ -85,7 +85,7 @@ def _centre_hooks(x: Array, find_centres: FindCentres) -> Hooks:
     """The image's centres at the vertices' planes as hooks, with their confidences as weights."""
     centres, confidence = find_centres(x, tangents(x))
     used = np.isfinite(centres).all(axis=1) & (confidence > 0)
-    used[0] = False  # the first vertex is held
+    used[0] = False  # the first vertex is fixed
     return Hooks(centres[used], confidence[used])
 
 
@@ -122,7 +122,7 @@ def fit_surface(
 ) -> tuple[Array, Array]:
     """Stage 3: point-to-plane ICP of the skinned tube. Returns x (Q+1, 3) and twist (Q,).
 
-    `centres`, hooks of stage 2, are kept with the surface's stiffness: where the surface is not believed,
+    `centres`, hooks of stage 2, are kept with the surface's stiffness: where the surface is not trusted,
     and at the free end, they hold the rod better than its bending.
     """
     stiffness = 50.0 * PULL  # c4 : c1 of Table 2

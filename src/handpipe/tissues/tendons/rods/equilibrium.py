@@ -55,7 +55,7 @@ class Equilibrium:
 
 @njit(cache=True)
 def _kkt_bands(blocks: Array, stiffness: Array, d: Array) -> Array:
-    """The KKT matrix in LAPACK's band storage; the first vertex is held by unit rows."""
+    """The KKT matrix in LAPACK's band storage; unit rows fix the first vertex."""
     n = len(blocks)
     bands = np.zeros((2 * BAND + 1, 4 * n - 1))
     for i in range(n):
