@@ -129,9 +129,18 @@ class State:
 
 @dataclass
 class FatFit:
-    """Log-strains (m, 6), vertices (n, 3), a row an iteration: objective, mean and max gap in mm, step.
+    """Strains of the fat in one pose, and how they were found.
 
-    figures: whether the equilibrium may be trusted, by name, as in the figures of a frame's fat.
+    Parameters
+    ----------
+    log_strains : array (m, 6)
+        Logarithms of the plastic strains.
+    vertices : array (n, 3)
+        Vertices at equilibrium in mm.
+    record : list of dict of str to float
+        A row for each iteration: objective, mean and largest gap in mm, step.
+    figures : dict of str to float
+        Whether the equilibrium is valid and settled, by name, as in the figures of a frame's fat.
     """
 
     log_strains: Array

@@ -106,9 +106,18 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Extraction:
-    """A muscle in one pose: surface and mesh vertices (n, 3), and how they were found.
+    """A muscle in one pose, and how well it was found.
 
-    seen: share of the places where neutral shows the boundary at which this image shows it on the surface.
+    Parameters
+    ----------
+    surface : Surface
+        Surface in mm.
+    vertices : array (n, 3)
+        Mesh vertices in mm.
+    fit : ShapeFit
+        The fit.
+    seen : float
+        Share of the places where neutral shows the boundary at which this image shows it on the surface.
     """
 
     surface: Surface
@@ -187,9 +196,29 @@ def extract_pose(
 ) -> Extraction:
     """The shape in an example pose, from the neutral body attached to the moved bones where it lies on them.
 
-    An end that lies on no bone is fixed where it is found. bones: neutral bone surfaces; transforms: from
-    neutral into the volume's frame; evidence: of this pose; start: mesh vertices (n, 3) of a better
-    first guess, as simulated from poses already known.
+    An end that lies on no bone is fixed where it is found.
+
+    Parameters
+    ----------
+    body : Body
+        Neutral body.
+    bones : mapping of str to Surface
+        Neutral surfaces of the bones in mm.
+    transforms : mapping of str to RigidTransform
+        Transform of each bone from neutral into the volume's frame.
+    evidence : Evidence
+        Evidence of this pose.
+    start : array (n, 3), optional
+        Mesh vertices in mm of a better first guess, as simulated from poses already known.
+    markers : MarkerSettings, optional
+        How the image is searched for the boundary.
+    options : ShapeOptions, optional
+        Weights and limits of the fit.
+
+    Returns
+    -------
+    Extraction
+        The shape in the volume's frame.
     """
     x = body.follow(bones, transforms) if start is None else start
     held = body.on_bones(bones)

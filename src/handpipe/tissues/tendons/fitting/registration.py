@@ -40,7 +40,17 @@ class Settings:
 
 @dataclass(frozen=True)
 class Registration:
-    """x (Q+1, 3) and twist (Q,) in a pose, and the rods after stages 1 and 2."""
+    """A rod in a pose, and the rods after stages 1 and 2.
+
+    Parameters
+    ----------
+    x : array (Q+1, 3)
+        Rod in mm.
+    twist : array (Q,)
+        Twist of each segment in rad.
+    rough, centred : array (Q+1, 3)
+        Rods in mm after stage 1, and after stage 2.
+    """
 
     x: Array
     twist: Array
