@@ -157,7 +157,7 @@ def _inside(points: Array, surface: Surface) -> bool:
 
 
 def depth(a: Body, xa: Array, other: Distance) -> float:
-    """Depth in mm, in a surface, of a's vertices, edge midpoints and triangle centres that are not attached."""
+    """Depth in mm, in a surface, of a's vertices, edge midpoints and triangles that are not attached."""
     triangles, edges = a.surface.triangles[~a.tied], a.surface.edges()
     edges = edges[~np.isin(edges, a.held).any(axis=1)]
     points = np.concatenate([xa[a.free], xa[edges].mean(axis=1), xa[triangles].mean(axis=1)])
