@@ -1,4 +1,4 @@
-"""A fascia: a shrunk cloth around bodies, held by fixed, sliding and contact vertices (Zheng 2022 §6)."""
+"""A fascia: a shrunk cloth around bodies, with fixed, sliding and contact vertices (Zheng 2022 §6)."""
 
 from __future__ import annotations
 
@@ -20,29 +20,56 @@ from handpipe.mesh.tets import mass_lumped
 from handpipe.tissues.fascia.regions import slender
 
 THICKNESS = 1.0  # mm, of the membrane that `young` belongs to
-SLENDER = 2.0  # mm, radius of a body around which cloth with edges of 1.5 mm has too few vertices to stay
+SLENDER = 2.0  # mm, radius of a body around which cloth with edges of 1.5 mm slips off
 
 
 @dataclass(frozen=True)
 class ClothSettings:
     """Material of the fascia.
 
-    See Zheng 2022 Table 2. Young's modulus in kPa is that of a membrane 1 mm thick; `shrink` is the rest size
-    over the true size.
+    Parameters
+    ----------
+    young : float
+        Young's modulus in kPa of a membrane 1 mm thick.
+    poisson : float
+        Poisson's ratio.
+    shrink : float
+        Rest size over true size.
+    stiffness : float
+        Stiffness of sliding and contact in kPa/mm, far above the cloth's own.
+
+    References
+    ----------
+    Zheng 2022 Table 2.
     """
 
     young: float = 0.1
     poisson: float = 0.48
     shrink: float = 0.35
-    stiffness: float = 60.0  # of sliding and contact, kPa/mm: far above the cloth's own
+    stiffness: float = 60.0
 
 
 @dataclass(frozen=True)
 class Fascia:
-    """The cloth's neutral surface, each vertex's region (n,) and the body (n,) that carries it.
+    """A cloth around bodies: its neutral surface, and how each vertex is constrained.
 
-    tied (n,): vertices that go with their body although the tissue around may slide on them. They are where a
-    body is slender: the few vertices around it would slip off over its side under the cloth's tension.
+    Parameters
+    ----------
+    name : str
+        Name of the layer.
+    surface : Surface
+        Neutral surface in mm, n vertices.
+    regions : array (n,)
+        `Region` of each vertex: fixed, sliding or contact.
+    owners : array (n,)
+        Index into `bodies` of the body that carries each vertex.
+    tied : array (n,) of bool
+        Vertices that are fixed to their body although the tissue around may slide on it. They are where a
+        body is slender: the cloth's tension would pull the few vertices around it off over its side.
+    bodies : tuple of str
+        Names of the bodies.
+    settings : ClothSettings
+        Material.
     """
 
     name: str

@@ -20,7 +20,13 @@ class FasciaLayer:
         self.needs = LAYERS[self.name].needs
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """The cloth at equilibrium. Raises `ConvergenceError` where there is none."""
+        """The cloth at equilibrium.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no equilibrium.
+        """
         fascia = self.fascia
         bodies = {name: below[self.over][name] for name in fascia.bodies}
         rest = {n: Surface(s.rest, s.cells) for n, s in bodies.items()}

@@ -1,4 +1,4 @@
-"""How each vertex of a fascia is held: fixed, sliding or in contact, found from geometry (Zheng 2022 §6).
+"""How each vertex of a fascia is constrained: fixed, sliding or in contact, from geometry (Zheng 2022 §6).
 
 The papers paint these regions by hand; here they follow from the distances to the bodies that the fascia
 wraps and from where those are attached. A file of painted values overrides them.
@@ -38,9 +38,28 @@ def muscle_regions(
     attached_radius: float,
     gap: float,
 ) -> IntArray:
-    """Fixed near insertions, contact where two muscles meet, sliding on one muscle alone: (n,).
+    """Region of each vertex of a muscle fascia: fixed, contact or sliding.
 
-    attachments (k, 3): attached points of all muscles; gap: distance in mm under which a second muscle meets.
+    Vertices near insertions are fixed. Where two muscles meet, vertices are in contact; on one muscle alone
+    they slide.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Vertices in mm.
+    muscles : mapping of str to Surface
+        Neutral surfaces in mm.
+    attachments : array (k, 3)
+        Attached points of all muscles in mm.
+    attached_radius : float
+        Distance in mm from an attached point under which a vertex is fixed.
+    gap : float
+        Distance in mm of the second nearest muscle under which a vertex is in contact.
+
+    Returns
+    -------
+    array (n,) of int
+        Values of `Region`.
     """
     distances = np.sort(distances_to(points, muscles), axis=1)
     second = distances[:, 1] if distances.shape[1] > 1 else np.full(len(points), np.inf)
@@ -52,7 +71,25 @@ def muscle_regions(
 
 
 def read_regions(path: str | Path, count: int) -> IntArray:
-    """Painted regions: JSON list with one of "contact", "sliding", "fixed" for each vertex."""
+    """Regions that a person has painted, from a JSON list with one name for each vertex.
+
+    Parameters
+    ----------
+    path : path
+        JSON list of "contact", "sliding" and "fixed".
+    count : int
+        Number of vertices.
+
+    Returns
+    -------
+    array (count,) of int
+        Values of `Region`.
+
+    Raises
+    ------
+    InputError
+        Where the list has another length, or unknown names.
+    """
     names = json.loads(Path(path).read_text(encoding="utf-8"))
     if len(names) != count:
         raise InputError(

@@ -34,11 +34,41 @@ def joint_hull(child: Surface, parent: Surface, threshold: float) -> Surface | N
 def bone_wrap(
     bones: Mapping[str, Surface], joints: Sequence[tuple[str, str]], edge: float, threshold: float = 4.0
 ) -> Surface:
-    """One closed surface of all bones and their joint spaces; joints as (parent, child); edge in mm."""
+    """One closed surface of all bones and their joint spaces.
+
+    Parameters
+    ----------
+    bones : mapping of str to Surface
+        Neutral surfaces in mm.
+    joints : sequence of (str, str)
+        Parent and child bone of each joint.
+    edge : float
+        Edge length in mm.
+    threshold : float
+        Distance in mm under which faces of two bones that face one another bound their joint's space.
+
+    Returns
+    -------
+    Surface
+        Closed surface in mm, the largest piece where there are several.
+    """
     hulls = [joint_hull(bones[child], bones[parent], threshold) for parent, child in joints]
     return wrap([*bones.values(), *(h for h in hulls if h is not None)], edge)
 
 
 def wrap(bodies: Sequence[Surface], edge: float) -> Surface:
-    """One closed surface around bodies, its largest piece where they do not touch; edge length in mm."""
+    """One closed surface around bodies.
+
+    Parameters
+    ----------
+    bodies : sequence of Surface
+        Surfaces in mm.
+    edge : float
+        Edge length in mm.
+
+    Returns
+    -------
+    Surface
+        Closed surface in mm, the largest piece where the bodies do not touch.
+    """
     return remesh(union_surface(list(bodies), 0.5 * edge), edge).largest_component()

@@ -1,4 +1,4 @@
-"""How the tissue is held by what lies below it: fixed, sliding and contact points (Zheng 2022 §7.1)."""
+"""How the bodies below constrain the tissue: fixed, sliding and contact points (Zheng 2022 §7.1)."""
 
 from __future__ import annotations
 
@@ -17,8 +17,22 @@ from handpipe.mesh.tets import mass_lumped
 class InnerPoints:
     """Points of inner bodies that touch the tissue.
 
-    layers, bodies: names; body (k,) index of each point's body; vertex (k,) its vertex there;
-    rest (k, 3) in mm; normal (k, 3) of the neutral body there, outwards; region (k,); area (k,) in mm^2.
+    Parameters
+    ----------
+    layers, bodies : tuple of str
+        Names of each body's layer, and of the body.
+    body : array (k,)
+        Index of each point's body.
+    vertex : array (k,)
+        Vertex of that body.
+    rest : array (k, 3)
+        Neutral positions in mm.
+    normal : array (k, 3)
+        Unit normals of the neutral body there, outwards.
+    region : array (k,)
+        Values of `Region`.
+    area : array (k,)
+        Area in mm^2 that belongs to each point.
     """
 
     layers: tuple[str, ...]
@@ -54,17 +68,39 @@ class InnerPoints:
 
 
 def default_region(layer: str) -> Region:
-    """Where a body says nothing: tissue is attached to bones and touches all else, tendons too."""
+    """The default where a body has no field "region": fixed on bones, in contact on all else, tendons too."""
     return Region.fixed if layer == "bones" else Region.contact
 
 
 def inner_points(
     below: Mapping[str, Shapes], layers: tuple[str, ...], inner: Surface, slack: float, valley: float = 1.5
 ) -> InnerPoints:
-    """The vertices of neutral bodies that lie on the inner surface, within `slack` mm beneath it.
+    """The vertices of neutral bodies that touch the tissue.
 
-    Only triangle bodies count; a body's field "region" (n,) decides how its vertices hold the tissue, but in
-    valleys, where no ball of radius `valley` mm fits above, sliding gives way to contact (Zheng 2022 §7.1).
+    In valleys of the inner surface sliding gives way to contact.
+
+    Parameters
+    ----------
+    below : mapping of str to Shapes
+        Neutral shapes by layer. Only bodies of triangles count. A body's field "region" (n,) says how its
+        vertices constrain the tissue; without it, bones are fixed and all else is in contact.
+    layers : tuple of str
+        Layers whose bodies count, if `below` has them.
+    inner : Surface
+        Inner surface of the tissue in mm.
+    slack : float
+        Depth in mm beneath the inner surface up to which vertices count.
+    valley : float
+        Radius in mm of a ball that does not fit above a vertex in a valley.
+
+    Returns
+    -------
+    InnerPoints
+        The vertices, in the order of the bodies.
+
+    References
+    ----------
+    Zheng 2022 §7.1.
     """
     named = [(layer, name, shape) for layer in layers for name, shape in below.get(layer, {}).items()]
     named = [(layer, name, shape) for layer, name, shape in named if shape.cells.shape[1] == 3]
@@ -85,9 +121,21 @@ def inner_points(
 
 
 def cut_end(skin: Surface, scan: Surface, tolerance: float) -> BoolArray:
-    """Skin vertices (n,) that the scan does not cover at its largest opening: where the limb was cut off.
+    """Skin vertices that the scan does not cover at its largest opening: where the limb was cut off.
 
-    tolerance: distance in mm to the scan from which a vertex counts as uncovered.
+    Parameters
+    ----------
+    skin : Surface
+        Closed skin in mm, n vertices.
+    scan : Surface
+        Scan in mm, with openings.
+    tolerance : float
+        Distance in mm to the scan from which a vertex counts as uncovered.
+
+    Returns
+    -------
+    array (n,) of bool
+        The largest connected group of uncovered vertices; none where the scan covers all.
     """
     uncovered = Distance(scan).closest(skin.vertices)[0] > tolerance
     edges = skin.edges()

@@ -1,4 +1,4 @@
-"""The flesh: one soft tissue on bones alone, which carries what lies in it before any organ is simulated."""
+"""The flesh: one soft tissue on bones alone, which carries the organs in it before any is simulated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from handpipe.fem.solver import Limits
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.fat.tissue import Tissue
 
-# What lies within is wanted to a tenth of a millimetre, and not the skin.
+# The places of organs within are needed to a tenth of a millimetre, and the skin is not needed.
 BRIEFLY = Limits(renewals=3, settled=0.05, gross=np.inf)
 
 
@@ -30,7 +30,13 @@ class FleshLayer:
         self.tissue = replace(tissue, skin_contact=False)
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """The tissue's tets at equilibrium. Raises `ConvergenceError` where there is none."""
+        """The tissue's tets at equilibrium.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no equilibrium, or tets are inverted.
+        """
         tissue, bones = self.tissue, frame.bones
         rigid = {name: bones[part.bone] for name, part in tissue.rigid.items()}
         settled = tissue.solve(below, rigid, None, tissue.pose(bones), BRIEFLY)

@@ -20,16 +20,16 @@ from handpipe.tissues.fat.tissue import Tissue
 class FatStrains:
     """Strains, nails and positions of the fat at N example poses.
 
-    Attributes
+    Parameters
     ----------
     spaces : LocalPoseSpaces
         The pose spaces in which they are interpolated.
-    log_strains : (N, m, 6)
-        Log-strains.
-    nails : mapping of str to (N, 6)
-        Corrections of the nails.
-    shifts : (N, n, 3), optional
-        `Tissue.shifts` in mm of where the fat rests under these strains, if known. Creases can rest in
+    log_strains : array (N, m, 6)
+        Logarithms of the plastic strains.
+    nails : mapping of str to array (N, 6)
+        Corrections of the nails: rotation vectors (rad) and shifts (mm).
+    shifts : array (N, n, 3), optional
+        `Tissue.shifts` in mm of the fat's equilibrium under these strains, if known. Creases can rest in
         several ways: from the blend of the bones alone an example's skin may end in another than the one its
         strains were fitted to.
     """
@@ -55,7 +55,13 @@ class FatStrains:
 
     @staticmethod
     def load(path: str | Path) -> FatStrains:
-        """Read what `save` wrote; raises `InputError` where the file is of another kind."""
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            Where the file is of another kind.
+        """
         d = artifacts.read(path, "fat_strains")
         spaces = LocalPoseSpaces.from_group(d["spaces"])
         return FatStrains(spaces, d["log_strains"], d["nails"], d.get("shifts"))
@@ -117,7 +123,10 @@ class TissueLayer:
         The skin's figures tell how its contact settled, and how deep (mm) it lies in itself; those of the
         tets tell whether they are valid, and how deep (mm) they lie in the bodies below.
 
-        Raises `ConvergenceError` where there is none, or tets are inverted.
+        Raises
+        ------
+        ConvergenceError
+            Where there is no equilibrium, or tets are inverted.
         """
         tissue, bones = self.tissue, frame.bones
         rigid, strains = self.rigid(bones), self.plastic_strains(bones)
@@ -140,12 +149,42 @@ class TissueLayer:
 
 
 def load_fat(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:
-    """The fat on all layers below, from its mesh and its strains."""
+    """The fat on all layers below.
+
+    Parameters
+    ----------
+    files : sequence of path
+        Artifacts of its mesh and of its strains.
+    _ : mapping of str to Surface
+        Not used.
+
+    Returns
+    -------
+    TissueLayer
+        The layer "fat".
+    """
     mesh, strains = files
     return TissueLayer("fat", Tissue.load(mesh), FatStrains.load(strains))
 
 
 def load_skin(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:
-    """One soft tissue around the bones (model m2 of Zheng 2022 Table 4, Wang 2019), from its mesh."""
+    """One soft tissue around the bones.
+
+    Parameters
+    ----------
+    files : sequence of path
+        The artifact of its mesh.
+    _ : mapping of str to Surface
+        Not used.
+
+    Returns
+    -------
+    TissueLayer
+        The layer "skin".
+
+    References
+    ----------
+    Zheng 2022 Table 4, model m2; Wang 2019.
+    """
     [mesh] = files
     return TissueLayer("skin", Tissue.load(mesh))

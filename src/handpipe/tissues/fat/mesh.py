@@ -16,9 +16,25 @@ LEAST_OCCUPANCY = 0.1  # a tet of the mesh keeps at least this share of its stif
 
 
 def tissue_mesh(skin: Surface, inner: Surface, edge: float) -> tuple[TetMesh, Array]:
-    """Tets (edge length in mm) inside the skin, without those inside `inner`; and each one's occupancy (m,).
+    """Tets inside the skin and outside of the inner surface, and how much of each is tissue.
 
-    The mesh conforms to neither surface: both are embedded in it, and stiffness is weighed by occupancy.
+    The mesh conforms to neither surface: both are embedded in it, and stiffness is weighted by occupancy.
+
+    Parameters
+    ----------
+    skin : Surface
+        Closed skin in mm.
+    inner : Surface
+        Closed surface of the inner bodies in mm.
+    edge : float
+        Edge length in mm.
+
+    Returns
+    -------
+    mesh : TetMesh
+        Vertices in mm, m tets.
+    occupancy : array (m,)
+        Share of each tet that is tissue, at least 0.1.
     """
     hull = remesh(skin, edge)
     hull = hull.moved(hull.vertices + 0.1 * edge * hull.vertex_normals())
@@ -31,10 +47,27 @@ def tissue_mesh(skin: Surface, inner: Surface, edge: float) -> tuple[TetMesh, Ar
 
 
 def inner_surface(bodies: Sequence[Surface], spacing: float, gap: float) -> Surface:
-    """One surface around the inner bodies, clefts narrower than 2 gap (mm) between them closed.
+    """One surface around the inner bodies, with the narrow clefts between them closed.
 
-    Fat in such a cleft would be crushed between bodies that move over one another; the papers wrap them too
-    (Zheng 2022 Fig. 21b).
+    Fat in such a cleft would be crushed between bodies that move over one another; the papers wrap them too.
+
+    Parameters
+    ----------
+    bodies : sequence of Surface
+        Surfaces in mm.
+    spacing : float
+        Grid spacing in mm at which the surface is made.
+    gap : float
+        Half the width in mm of the widest cleft that is closed.
+
+    Returns
+    -------
+    Surface
+        Closed surface in mm.
+
+    References
+    ----------
+    Zheng 2022 Fig. 21b.
     """
     grown = union_surface(list(bodies), spacing, offset=gap)
     return union_surface([grown], spacing, offset=-gap)

@@ -10,7 +10,22 @@ from handpipe.mesh.surfaces import Distance, Surface
 
 
 def nail_vertices(skin: Surface, nail: Surface, tolerance: float) -> IntArray:
-    """Skin vertices within a tolerance in mm of the nail's patch."""
+    """Skin vertices of a nail.
+
+    Parameters
+    ----------
+    skin : Surface
+        Skin in mm.
+    nail : Surface
+        Patch of the nail in mm.
+    tolerance : float
+        Distance in mm from the patch under which a vertex belongs to the nail.
+
+    Returns
+    -------
+    array (k,) of int
+        Vertex ids.
+    """
     return np.flatnonzero(Distance(nail).closest(skin.vertices)[0] < tolerance)
 
 
@@ -33,10 +48,28 @@ def on_skin(patch: Surface, skin: Surface) -> Surface:
 def fit_correction(
     points: Array, bone: RigidTransform, scan: Surface, reach: float = 3.0, iterations: int = 20
 ) -> RigidTransform:
-    """Correction in the bone's neutral frame that lays neutral nail points (n, 3) on a scan.
+    """Correction of a nail's motion that lays its neutral points on a scan.
 
-    The nail's transform from neutral is then `bone @ correction`. Point-to-plane registration; the tangential
-    slide that a smooth patch leaves open is held by a weak pull to no correction. reach in mm.
+    Point-to-plane registration. A smooth patch leaves tangential sliding free: a weak pull to no correction
+    determines it.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Neutral points of the nail in mm.
+    bone : RigidTransform
+        Transform of the nail's bone from neutral.
+    scan : Surface
+        Scan in mm.
+    reach : float
+        Distance in mm from the scan under which points count.
+    iterations : int
+        Largest number of iterations.
+
+    Returns
+    -------
+    RigidTransform
+        Correction in the bone's neutral frame: the nail's transform from neutral is `bone @ correction`.
     """
     distance = Distance(scan)
     correction = RigidTransform.identity()
@@ -59,7 +92,20 @@ def fit_correction(
 
 
 def as_vector(correction: RigidTransform, centre: Array) -> Array:
-    """Rotation vector and shift of the centre (6,): what the pose space interpolates."""
+    """The correction as the pose space interpolates it.
+
+    Parameters
+    ----------
+    correction : RigidTransform
+        Correction in the bone's neutral frame.
+    centre : array (3,)
+        Neutral centre of the nail in mm.
+
+    Returns
+    -------
+    array (6,)
+        Rotation vector (rad) and shift of the centre (mm).
+    """
     return np.concatenate([correction.rotation_vector(), correction(centre) - centre])
 
 

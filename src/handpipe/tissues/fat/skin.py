@@ -1,4 +1,4 @@
-"""The neutral skin: closed, meshed anew, and which of its vertices are rigid."""
+"""The neutral skin: closed, remeshed, and which of its vertices are rigid."""
 
 from __future__ import annotations
 
@@ -13,7 +13,15 @@ from handpipe.mesh.surfaces import Surface
 
 @dataclass(frozen=True)
 class Rigid:
-    """Skin vertices that move rigidly with a bone: a nail, or the cut end."""
+    """Skin vertices that move rigidly with a bone: a nail, or the cut end.
+
+    Parameters
+    ----------
+    bone : str
+        Name of the bone.
+    vertices : array (k,)
+        Ids of skin vertices.
+    """
 
     bone: str
     vertices: IntArray
@@ -21,7 +29,15 @@ class Rigid:
 
 @dataclass(frozen=True)
 class Skin:
-    """The neutral skin as a closed surface, and its rigid parts by name."""
+    """The neutral skin and its rigid parts.
+
+    Parameters
+    ----------
+    surface : Surface
+        Closed surface in mm.
+    rigid : mapping of str to Rigid
+        Nails and the cut end, by name.
+    """
 
     surface: Surface
     rigid: Mapping[str, Rigid]
@@ -37,13 +53,34 @@ class Skin:
 
     @staticmethod
     def load(path: str | Path) -> Skin:
-        """Read what `save` wrote; raises `InputError` where the file is of another kind."""
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            Where the file is of another kind.
+        """
         d = artifacts.read(path, "skin")
         rigid = {name: Rigid(str(part["bone"]), part["vertices"]) for name, part in d["rigid"].items()}
         return Skin(Surface(d["vertices"], d["triangles"]), rigid)
 
 
 def closed_skin(scan: Surface, edge: float) -> tuple[Surface, list[str]]:
-    """The neutral skin as a closed surface with edges of a length in mm, and what was repaired for it."""
+    """The neutral skin as a closed surface, and what was repaired for it.
+
+    Parameters
+    ----------
+    scan : Surface
+        Scan in mm.
+    edge : float
+        Edge length in mm.
+
+    Returns
+    -------
+    skin : Surface
+        Closed surface in mm.
+    notes : list of str
+        What was repaired.
+    """
     closed, notes = repair(scan)
     return remesh(closed, edge), notes

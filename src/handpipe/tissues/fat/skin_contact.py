@@ -1,4 +1,4 @@
-"""The skin kept out of itself (Zheng 2022 §7.1)."""
+"""Contact of the skin with itself (Zheng 2022 §7.1)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from handpipe.fem.potentials import Potential
 from handpipe.mesh.contact import SelfContact, self_contact
 from handpipe.mesh.surfaces import Surface
 
-TOUCH, DEEP = 1.0, 6.0  # mm above and beneath another sheet of the skin within which a vertex feels it
-BITE = 1.0  # mm of depth that one set of planes takes away at most: deep ones push from where sheets were
+TOUCH, DEEP = 1.0, 6.0  # mm above and beneath another sheet of the skin within which a vertex has contact
+BITE = 1.0  # mm of depth, at most, that one set of planes resolves: deep planes push from where sheets were
 FRICTION = 0.1  # stiffness along sheets that lie on one another, as a share of that across them
 
 
@@ -22,8 +22,8 @@ def skin_on_skin(
     """Contact of a skin (v vertices) with itself as it lies now: of two sheets each pushes and is pushed.
 
     rest: the same in neutral; matrix (v, n) from tissue to skin vertices; stiffness (v,) in mN/mm. Sheets
-    that touch stick to one another weakly while planes stand: what slides farther meets other facets, and
-    would come back when planes are taken anew.
+    that touch stick to one another weakly until planes are renewed: a vertex that slides farther meets other
+    facets, and would come back at the renewal.
     """
     found = self_contact(skin, rest, TOUCH, DEEP)
     if len(found.vertices) == 0:

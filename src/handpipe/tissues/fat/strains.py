@@ -1,7 +1,7 @@
 """Plastic strains of the fat that lay the simulated skin on a scan (Zheng 2022 §7.3, Eq. 22-24).
 
 Strains are kept as logarithms: F_p = exp(S), S symmetric (m, 6). They stay positive definite by construction,
-and the smoothness term acts on S. The linearised search direction of Eq. 24 is taken in the current shape;
+and the smoothness term acts on S. The linearised search direction of Eq. 24 is computed in the current shape;
 its strain is turned back to the rest shape by each tet's rotation before it is added, which matters as soon
 as a finger bends by tens of degrees.
 """
@@ -29,27 +29,56 @@ log = logging.getLogger(__name__)
 
 ON_THE_WAY = Limits(
     renewals=4, settled=0.01, gross=np.inf
-)  # shapes between which the search chooses may creep
+)  # while the search chooses between shapes, they may still creep
 
 
 @dataclass(frozen=True)
 class FitSettings:
-    """Weights of Eq. 22 made free of mesh size: mean squared log-strain roughness against mean squared mm."""
+    """Weights and limits of the fit of strains.
+
+    The weights of Eq. 22 are made free of mesh size: mean squared roughness of log-strains against mean
+    squared mm.
+
+    Parameters
+    ----------
+    smoothness : float
+        Weight in mm^2 of the strains' roughness.
+    hold : float
+        Weight of the constraints in the search direction, against the scan's.
+    reach : float
+        Distance in mm from the skin up to which the scan counts.
+    rim : float
+        Distance in mm from the scan's boundary up to which the scan is not used.
+    enough : float
+        Mean gap in mm at which a fit ends: the noise of a good scan.
+    iterations : int
+        Largest number of iterations.
+    least_gain : float
+        Relative decrease of the objective under which the fit has converged.
+    least_step : float
+        Smallest step of the line search.
+    largest_change : float
+        Largest change of a tet's log-strain (Frobenius norm) in one iteration.
+
+    References
+    ----------
+    Zheng 2022 §7.3, Eq. 22.
+    """
 
     smoothness: float = 0.02
-    hold: float = 10.0  # weight of the constraints in the search direction, against the scan's
-    reach: float = 6.0  # mm within which the scan is looked for
-    rim: float = 1.0  # mm around the scan's holes that say nothing
-    enough: float = 0.03  # mm of mean gap at which a fit ends: the noise of a good scan
+    hold: float = 10.0
+    reach: float = 6.0
+    rim: float = 1.0
+    enough: float = 0.03
     iterations: int = 10
-    least_gain: float = 0.01  # relative decrease under which the fit has settled
-    least_step: float = 0.1  # of the line search
-    largest_change: float = 0.5  # of a tet's log-strain (Frobenius norm) in one iteration
+    least_gain: float = 0.01
+    least_step: float = 0.1
+    largest_change: float = 0.5
 
 
 @dataclass
 class Target:
-    """A scan to be matched; area (n,) in mm^2 is each skin vertex's share, zero where it is not pulled."""
+    """A scan to match; area (n,) in mm^2 is each skin vertex's share, zero where unused."""
 
     scan: Surface
     area: Array
@@ -77,7 +106,7 @@ class Target:
 
 @dataclass(frozen=True)
 class State:
-    """Log-strains, their equilibrium, how the skin then lies against the scan, and what the solver said."""
+    """Log-strains, their equilibrium, the gaps from the scan to the skin there, and the solver's figures."""
 
     logs: Array
     x: Array
@@ -100,9 +129,18 @@ class State:
 
 @dataclass
 class FatFit:
-    """Log-strains (m, 6), vertices (n, 3), a row an iteration: objective, mean and max gap in mm, step.
+    """Strains of the fat in one pose, and how they were found.
 
-    figures: whether the equilibrium may be trusted, by name, as in the figures of a frame's fat.
+    Parameters
+    ----------
+    log_strains : array (m, 6)
+        Logarithms of the plastic strains.
+    vertices : array (n, 3)
+        Vertices at equilibrium in mm.
+    record : list of dict of str to float
+        A row for each iteration: objective, mean and largest gap in mm, step.
+    figures : dict of str to float
+        Whether the equilibrium is valid and settled, by name, as in the figures of a frame's fat.
     """
 
     log_strains: Array
@@ -141,12 +179,41 @@ def fit_strains(
     settings: FitSettings,
     name: str = "strains of the fat",
 ) -> FatFit:
-    """Log-strains so that the skin at equilibrium in a frame lies on the scan (Eq. 22-23).
+    """Log-strains that bring the skin at equilibrium in a frame onto the scan.
 
-    below, rigid, start (n, 3): as for `Tissue.solve`; scan in the frame of the simulation. Rigid parts of
-    the skin are not pulled.
-    Raises `ConvergenceError` with `name` where the equilibrium without strains fails or tets are inverted at
-    the last. Contact may be unsettled there: the figures tell.
+    Rigid parts of the skin are not pulled.
+
+    Parameters
+    ----------
+    tissue : Tissue
+        The tissue, m tets and n vertices.
+    below : mapping of str to Shapes
+        Shapes of the layers below in the frame.
+    rigid : mapping of str to RigidTransform
+        Transform from neutral of each rigid part of the skin.
+    scan : Surface
+        Scan in mm, in the frame of the simulation.
+    start : array (n, 3)
+        Initial guess of the vertices in mm.
+    settings : FitSettings
+        Weights and limits.
+    name : str
+        What errors call this fit.
+
+    Returns
+    -------
+    FatFit
+        Strains, vertices, a row for each iteration, and figures. The figures tell whether contact has
+        settled.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the equilibrium without strains fails, or tets are inverted at the end.
+
+    References
+    ----------
+    Zheng 2022 §7.3, Eq. 22-23.
     """
     mesh, skin = tissue.mesh, tissue.skin
     area = mass_lumped(skin.vertices, skin.triangles)
@@ -189,10 +256,10 @@ def fit_strains(
 
 
 def _bounded(change: Array, largest: float) -> Array:
-    """Log-strains (m, 6) cut down where they are large: there the linearised direction means nothing.
+    """Log-strains (m, 6), limited where they are large: there the linearisation does not hold.
 
     Where a thin layer is a multiple of its thickness away from the scan, it would ask for strains of several
-    hundred per cent, and leave them to the neighbouring poses.
+    hundred per cent, which neighbouring poses would then interpolate.
     """
     norms = np.linalg.norm(plasticity.to_matrices(change), axis=(1, 2))
     return change * np.minimum(1.0, largest / np.maximum(norms, 1e-12))[:, None]
@@ -225,7 +292,7 @@ def _direction(
     """The displacement (n, 3) that minimises the linearised objective (Eq. 24) and the constraints' springs.
 
     skin (3 k, 3 n): flattened skin positions from the tissue's. Without the springs the direction would move
-    what cannot move, and the line search would pay for it.
+    constrained vertices, and the line search would need shorter steps.
     """
     n, m, k = len(now.x), len(now.logs), len(now.offsets)
     rough = laplacian @ strain

@@ -1,4 +1,4 @@
-"""A soft tissue between inner bodies and the skin: its mesh, what holds it, its equilibrium in a frame."""
+"""A soft tissue between inner bodies and the skin: its mesh, its constraints, its equilibrium in a frame."""
 
 from __future__ import annotations
 
@@ -32,16 +32,26 @@ OPTIONS = Options(
 # Root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's noise;
 # gross is more than the mean error of any model of the skin: figures of such a shape would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
-CROWDED = 0.5  # mm of skin inside skin, at the start or the end, from which tissue is shrunk and grows again
-SIZES = (0.75, 0.9)  # of its own, at which it rests on the way; at 0.6 thin places are crushed
+CROWDED = 0.5  # mm of the skin's self-penetration, at the start or the end, from which tissue is shrunk
+SIZES = (0.75, 0.9)  # relative sizes of the shrunk tissue, in turn; at 0.6 thin places are crushed
 
 
 @dataclass(frozen=True)
 class TissueSettings:
     """Material of the fat, and stiffness of its constraints.
 
-    Young's modulus is in kPa (Zheng 2022 Table 2: fat 1 kPa), the stiffness of constraints in kPa/mm, per
-    area they act on.
+    Parameters
+    ----------
+    young : float
+        Young's modulus in kPa.
+    poisson : float
+        Poisson's ratio.
+    stiffness : float
+        Stiffness of the constraints in kPa/mm, per area they act on.
+
+    References
+    ----------
+    Zheng 2022 Table 2: fat 1 kPa.
     """
 
     young: float = 1.0
@@ -51,9 +61,28 @@ class TissueSettings:
 
 @dataclass(frozen=True)
 class Tissue:
-    """Mesh, occupancy (m,), neutral skin, inner points, rigid parts of skin, bone weights (n, n_bones).
+    """A soft tissue between inner bodies and the skin.
 
-    skin_contact: whether the skin is kept out of itself.
+    Parameters
+    ----------
+    mesh : TetMesh
+        Neutral tets: n vertices in mm, m tets.
+    occupancy : array (m,)
+        Share of each tet that is tissue; it scales the tet's stiffness.
+    skin : Surface
+        Neutral skin in mm, embedded in the mesh.
+    inner : InnerPoints
+        Points of inner bodies that constrain the tissue.
+    rigid : mapping of str to Rigid
+        Rigid parts of the skin, by name.
+    bones : tuple of str
+        Bones that the columns of `weights` belong to.
+    weights : array (n, n_bones)
+        Weights of the bones at each vertex.
+    settings : TissueSettings
+        Material and stiffness of constraints.
+    skin_contact : bool
+        Whether contact keeps the skin out of itself.
     """
 
     mesh: TetMesh
@@ -99,7 +128,7 @@ class Tissue:
         return blend(self.mesh.vertices + shifts, self.weights, {b: bones[b] for b in self.bones})
 
     def shifts(self, bones: Mapping[str, RigidTransform], x: Array) -> Array:
-        """What `pose` is to shift vertices by (n, 3) to have them at x (n, 3)."""
+        """Shifts (n, 3) with which `pose` gives the vertices x (n, 3)."""
         turns, translation = blended(self.weights, {b: bones[b] for b in self.bones})
         return turns.inv().apply(x - translation) - self.mesh.vertices
 
@@ -125,7 +154,7 @@ class Tissue:
         x: Array,
         share: float = 1.0,
     ) -> list[Potential]:
-        """What holds the tissue in a frame where it lies at x (n, 3), at a share of its full stiffness.
+        """Constraints of the tissue in a frame, at x (n, 3), with a share of their full stiffness.
 
         rigid: transform from neutral of each rigid part of the skin.
         """
@@ -135,9 +164,9 @@ class Tissue:
     def _on_bodies(self, below: Mapping[str, Shapes], x: Array, unit: float) -> list[Potential]:
         """The inner points, fixed, sliding or in contact (Zheng 2022 §6).
 
-        Contact planes touch the bodies where points are closest. What slides does so on the surface itself,
-        whose facets' planes would hand it to and fro; a point that is astray in a thin body has a plane on
-        its own side.
+        Contact planes touch the bodies where points are closest. Sliding points slide on the surface itself:
+        planes of its facets would push them back and forth. A point on the wrong side of a thin body has a
+        plane on its own side.
         """
         inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
@@ -161,7 +190,7 @@ class Tissue:
         return potentials
 
     def _on_skin(self, rigid: Mapping[str, RigidTransform], x: Array, unit: float) -> list[Potential]:
-        """Nails and the cut end go with their bones, and the skin is kept out of itself if it is to be."""
+        """Attachments of nails and the cut end to their bones, and the skin's self-contact if it is on."""
         skin, matrix = self.skin, self.skin_matrix
         stiffness = unit * mass_lumped(skin.vertices, skin.triangles)
         parts: list[Potential] = [
@@ -197,10 +226,9 @@ class Tissue:
     ) -> Array:
         """A start (n, 3) with open creases, from x (n, 3).
 
-        Tissue smaller than it is draws back from the creases and grows again. Skin deep in other skin finds
-        its way out only while there is room. Arguments are those of `solve`. The result is x itself where its
-        skin is hardly in itself, unless `anyway` says otherwise. A size at which no equilibrium is found is
-        passed over.
+        The tissue is shrunk, draws back from the creases, and grows again. Skin deep in other skin needs this
+        room to come out. Arguments are those of `solve`. The result is x itself where its skin hardly
+        penetrates itself, unless `anyway` says otherwise. A size without an equilibrium is skipped.
         """
         if not anyway and self.overlap(x) < CROWDED:
             return x
@@ -211,7 +239,9 @@ class Tissue:
             except ConvergenceError as error:
                 log.warning("soft tissue: no equilibrium at %.2f of its size: %s", size, error)
             else:
-                log.info("soft tissue: at %.2f of its size, skin %.2f mm in itself", size, self.overlap(x))
+                log.info(
+                    "soft tissue: at %.2f of its size, skin self-penetration %.2f mm", size, self.overlap(x)
+                )
         return x
 
     def at_rest(
@@ -221,18 +251,26 @@ class Tissue:
         strains: Array | None,
         starts: Sequence[Array],
     ) -> Settled:
-        """The equilibrium of `solve` from the first start (n, 3) that ends with its skin apart.
+        """The equilibrium of `solve` from the first start (n, 3) that ends without self-penetration.
 
-        Starts are tried in turn, opened where their skin lies in itself. A start whose skin was apart is
-        tried once more, by way of smaller sizes, if the equilibrium's skin is not. Where no start ends with
-        its skin apart, the equilibrium with least skin in itself is taken. Raises the last `ConvergenceError`
-        where no start led to an equilibrium.
+        Self-penetration is that of the skin. Starts are tried in turn, by way of smaller sizes where their
+        skin lies in itself. A start whose skin did not is tried again by way of smaller sizes if the
+        equilibrium's skin does. Where every equilibrium has self-penetration, the one with the least is
+        taken.
+
+        Raises
+        ------
+        ConvergenceError
+            The last one, where no start led to an equilibrium.
         """
         found: list[Settled] = []
         failure: ConvergenceError | None = None
         for way in self._ways(below, rigid, strains, starts):
             if found:
-                log.info("soft tissue: skin %.2f mm in itself, once more", self.overlap(found[-1].x))
+                log.info(
+                    "soft tissue: skin self-penetration %.2f mm; retrying from the next start",
+                    self.overlap(found[-1].x),
+                )
             try:
                 found.append(self.solve(below, rigid, strains, way))
             except ConvergenceError as error:
@@ -252,7 +290,7 @@ class Tissue:
         strains: Array | None,
         starts: Sequence[Array],
     ) -> Iterator[Array]:
-        """Where to begin (n, 3): at each start, opened if it has to be, and opened anyway."""
+        """Initial guesses (n, 3): each start, opened if it has to be, then opened anyway."""
         for start in starts:
             opened = self.opened(below, rigid, strains, start)
             yield opened
@@ -269,8 +307,12 @@ class Tissue:
     ) -> Settled:
         """Vertices (n, 3) at equilibrium under plastic strains (m, 6), from a start (n, 3).
 
-        Contact planes are taken anew until the skin has settled.
-        Raises `ConvergenceError` where there is no equilibrium, or the skin does not come to rest.
+        Contact planes are renewed until the skin has settled.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no equilibrium, or the skin does not come to rest.
         """
         elastic = self.elastic if strains is None else self.elastic.with_strains(strains)
         records: list[Record] = []
@@ -300,7 +342,7 @@ class Tissue:
         return equilibrium.continuation(softened, start, options=OPTIONS)
 
     def validity(self, x: Array) -> Validity:
-        """Whether the tissue may be handed on at x (n, 3)."""
+        """Whether the tissue is valid at x (n, 3)."""
         return Validity.check(self.mesh.vertices, self.mesh.tets, x)
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
@@ -322,7 +364,13 @@ class Tissue:
 
     @staticmethod
     def load(path: str | Path) -> Tissue:
-        """Read what `save` wrote; raises `InputError` where the file is not a tissue."""
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            Where the file is not a tissue.
+        """
         d = artifacts.read(path, "tissue")
         return Tissue(
             mesh=TetMesh(d["mesh"]["vertices"], d["mesh"]["tets"]).checked(path),

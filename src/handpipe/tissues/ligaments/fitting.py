@@ -25,9 +25,25 @@ def fit_ligament(
     *,
     edge: float = 1.0,
 ) -> Muscle:
-    """A ligament from its placed template, filled with tetrahedra of about `edge` mm.
+    """A ligament from its placed template, filled with tetrahedra.
 
-    parents: bone -> parent bone.
+    Parameters
+    ----------
+    name : str
+        Name of the ligament.
+    guess : Guess
+        Placed template.
+    parents : mapping of str to str
+        Parent of each bone.
+    neutral : str
+        Name of the neutral pose.
+    edge : float
+        Edge length of the tetrahedra in mm, about.
+
+    Returns
+    -------
+    Muscle
+        The ligament, with no plastic strain in any pose.
     """
     body = Body.of(guess.surface, guess.attachments, edge)
     still = {bone: RigidTransform.identity() for bone in body.attachments}

@@ -20,7 +20,12 @@ from handpipe.mesh.tets import Embedding, TetMesh
 class Bed:
     """Where a muscle's n mesh vertices lie in the flesh's tets.
 
-    beside (N, n, 3): how far in mm they are from there in the examples, the root at rest.
+    Parameters
+    ----------
+    embedding : Embedding
+        Places of the vertices in the flesh's tets.
+    beside : array (N, n, 3)
+        Offsets in mm from there to the vertices in the N examples, neutral first.
     """
 
     embedding: Embedding

@@ -31,7 +31,7 @@ Planes = tuple[sparse.csr_matrix, Array, Array]  # what is apart (c, N), by plac
 
 log = logging.getLogger(__name__)
 
-BITE = 0.5  # mm of depth that one set of planes takes away at most: all at once, thin muscles are flung about
+BITE = 0.5  # mm of depth, at most, that one set of planes resolves: more at once throws thin muscles far off
 GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, until planes are renewed
 
 
@@ -43,10 +43,12 @@ class SimulationOptions:
     ----------
     material : Material
         Material of the muscles.
-    spring, contact, sliding : float
-        Stiffnesses in mN/mm of a point: spring of attachments to bones, contact, sliding.
+    spring : float
+        Stiffness in mN/mm of an attached point.
     bed : float
         Stiffness in mN/mm of 1 mm^2 of surface, that of 2 mm of fat.
+    contact, sliding : float
+        Stiffnesses in mN/mm of a point in contact, and of one that slides.
     near : float
         Distance in mm within which neighbours slide on one another.
     touch : float
@@ -67,9 +69,18 @@ class SimulationOptions:
 
 
 class MuscleLayer:
-    """Muscles of loaded artifacts.
+    """Muscles of loaded artifacts as a layer of the simulation.
 
-    `examples` gives their surfaces in known poses, which tell what slides on what.
+    Parameters
+    ----------
+    muscles : iterable of Muscle
+        The muscles.
+    options : SimulationOptions, optional
+        Material, stiffnesses and contact limits.
+    contact : bool
+        Whether muscles touch bones and one another.
+    examples : sequence of mapping of str to Surface
+        Surfaces of the muscles in known poses, in mm, which tell what slides on what.
     """
 
     name = "muscles"
@@ -92,9 +103,9 @@ class MuscleLayer:
         self.elastic = Elastic(rest, np.concatenate(tets), self.options.material)
         self.surfaces = [self._lifted(m.body.matrix, i) for i, m in enumerate(self.muscles)]
         free = [_without(s, m.firm) for s, m in zip(self.surfaces, self.muscles, strict=True)]
-        self.unheld = sparse.vstack(free, format="csr")  # from all vertices to surfaces' that no bone holds
+        self.unheld = sparse.vstack(free, format="csr")  # from all vertices to the free ones of surfaces
         anchors = [self._lifted(m.anchors, i) for i, m in enumerate(self.muscles)]
-        self.anchors = sparse.vstack(anchors, format="csr")  # and to the points that bones hold
+        self.anchors = sparse.vstack(anchors, format="csr")  # and to the points attached to bones
         neutral = {m.name: m.body.surface for m in self.muscles}
         self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
 
@@ -109,7 +120,11 @@ class MuscleLayer:
 
         The surfaces' figures tell how the contact of all muscles settled, those of the tets whether they are
         valid.
-        Raises `ConvergenceError`.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no equilibrium.
         """
         bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
         strains = [m.strains(frame.bones) for m in self.muscles]
@@ -143,7 +158,7 @@ class MuscleLayer:
     def _in_contact(
         self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str
     ) -> Settled:
-        """Equilibria with the neighbours' contact planes renewed until the shapes rest."""
+        """Equilibria with the neighbours' contact planes renewed until the shapes have settled."""
         obstacles = [Distance(bone) for bone in bones.values()]
         records: list[Record] = []
 
@@ -162,7 +177,7 @@ class MuscleLayer:
         return next(m.name for m, p in zip(self.muscles, self.parts, strict=True) if worst < p.stop)
 
     def _bone_contacts(self, bones: Sequence[Distance], x: Array) -> list[Potential]:
-        """Surface vertices that no bone holds, and that are not far away, are kept out of every bone."""
+        """Contact with every bone of the free surface vertices that are near it."""
         points = self.unheld @ x
         near = [about(points, bone.surface, GUARDED) for bone in bones]
         return [

@@ -32,8 +32,18 @@ TOUCHING = 0.2  # mm to a neighbour: separated muscles that press on one another
 class Examples:
     """The example poses of a subject, in the rig's frame.
 
-    parents: bone -> parent; neutral: its name; transforms: pose -> bone -> from neutral, in the order of the
-    result; interpolation: of the pose space; flesh: in neutral and in each of these poses, if it is known.
+    Parameters
+    ----------
+    parents : mapping of str to str
+        Parent of each bone.
+    neutral : str
+        Name of the neutral pose.
+    transforms : mapping of str to mapping of str to RigidTransform
+        Transforms from neutral by pose and bone, in the order of the result, without the neutral pose.
+    interpolation : str
+        Interpolation of the pose space.
+    flesh : mapping of str to Shape, optional
+        Soft tissue in neutral and in each of these poses, if it is known.
     """
 
     parents: Mapping[str, str]
@@ -45,10 +55,16 @@ class Examples:
 
 @dataclass(frozen=True)
 class SeparatedShape:
-    """A muscle in an example pose: separated surface, stage 1's mesh vertices (n, 3), and what is around it.
+    """A muscle in an example pose, separated from what is around it.
 
-    Attached vertices of the surface are seated on their bones. neighbours: other muscles and bones, into
-    which it is not to be smoothed.
+    Parameters
+    ----------
+    surface : Surface
+        Separated surface in mm. Its attached vertices lie on their bones.
+    start : array (n, 3)
+        Mesh vertices of stage 1 in mm.
+    neighbours : sequence of Surface
+        Other muscles and bones, into which the muscle must not be smoothed.
     """
 
     surface: Surface
@@ -60,7 +76,7 @@ class SeparatedShape:
 class Muscle:
     """A muscle in neutral, and its plastic strains over poses.
 
-    Attributes
+    Parameters
     ----------
     name : str
         Name of the muscle.
@@ -68,11 +84,11 @@ class Muscle:
         The body in neutral.
     space : PoseSpace
         Its pose space. Neutral is one of the examples.
-    logs : (N, m, 6)
+    logs : array (N, m, 6)
         Logarithms of the plastic strains of the examples, zero for neutral. Logarithms are interpolated, so
         that every strain between the examples is positive definite whatever the weights are.
-    vertices : (N, n, 3)
-        The examples' mesh vertices.
+    vertices : array (N, n, 3)
+        The examples' mesh vertices in mm.
     bones : tuple of mapping of str to RigidTransform
         The examples' bone transforms.
     bed : Bed, optional
@@ -161,10 +177,10 @@ class Muscle:
 
     @cached_property
     def anchors(self) -> sparse.csr_matrix:
-        """Matrix (f, n) from mesh vertices to the points by which bones hold the firm vertices.
+        """Matrix (f, n) from mesh vertices to the points at which the firm vertices are attached.
 
         These are drawn in to the mesh. Where the surface is thinner than a tet its vertices lie outside, up
-        to twice the tet's height: held there they alone decide which way round the tet is.
+        to twice the tet's height: a spring there can invert the tet.
         """
         return self._anchors[self._firm]
 
@@ -215,7 +231,13 @@ class Muscle:
 
     @staticmethod
     def load(path: str | Path) -> Muscle:
-        """Read the artifact; raises `InputError` where it is not one."""
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            Where the file is of another kind.
+        """
         data = artifacts.read(path, KIND)
         known = data["examples"]
         names = [str(n) for n in known["bones"]]

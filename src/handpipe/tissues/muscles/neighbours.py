@@ -39,19 +39,19 @@ class Pairs:
     rest: Array
 
     def only(self, known: tuple[IntArray, Array] | None) -> Pairs:
-        """Those of given vertices, with their gaps."""
+        """The pairs of given vertices, with their gaps."""
         if known is None:
             return self._at(np.arange(0), np.zeros(0))
         _, here, there = np.intersect1d(self.vertices, known[0], return_indices=True)
         return self._at(here, known[1][there])
 
     def without(self, held: IntArray) -> Pairs:
-        """Those but of given vertices."""
+        """The pairs of all but given vertices."""
         chosen = np.flatnonzero(~np.isin(self.vertices, held))
         return self._at(chosen, self.rest[chosen])
 
     def within(self, distance: float) -> Pairs:
-        """Those nearer than a distance in mm."""
+        """The pairs nearer than a distance in mm."""
         chosen = np.flatnonzero(self.gaps < distance)
         return self._at(chosen, self.rest[chosen])
 
@@ -63,8 +63,8 @@ def pairs(a: Surface, b: Distance, near: float) -> Pairs:
     """Vertices of a closer than `near` mm to a surface b or inside of it.
 
     Inside a thin body the closest face may be the far one, which a's surface does not face: it would pull the
-    vertex through. Such a vertex is left free. Normals are smooth: with those of facets a slender muscle that
-    slides from one facet to the next is thrown to and fro for ever.
+    vertex through. Such a vertex is left free. Normals are smooth: with those of facets, a slender muscle
+    that slides from one facet to the next oscillates without end.
     """
     ids, other = about(a.vertices, b.surface, near), b.surface
     gap, triangles, closest, normals = b.signed(a.vertices[ids])

@@ -28,8 +28,13 @@ class TendonLayer:
 
         The rod's field "tension" (Q,) is in the unit of the pull (mN if that is); its figure "compression" is
         the largest compressive force over the pull. A compressed rod is folded: hooks before and behind a
-        joint have passed each other, which no tendon follows. Hooks follow the flesh, of
-        which `below` has the mesh, or the bones alone. Raises `ConvergenceError`.
+        joint have passed each other, which no tendon follows. Hooks follow the flesh, if `below` has its
+        mesh, or else the bones alone.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no equilibrium.
         """
         shapes: Shapes = {}
         flesh = flesh_in(below)

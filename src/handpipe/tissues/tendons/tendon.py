@@ -28,7 +28,7 @@ CALIBRATIONS = 6
 class Tendon:
     """A tendon: its rest rod, its hooks and their corrections over poses.
 
-    Attributes
+    Parameters
     ----------
     name : str
         Name of the tendon.
@@ -42,9 +42,10 @@ class Tendon:
         Pose spaces of the hooks' corrections: a hook follows the joints next to it.
     space : PoseSpace
         Pose space of all bones, in which `starts` are interpolated.
-    starts : (N, Q+1, 3)
-        From the skinned rest rod to the example rods, in the frame of the base bone. Solves start from their
-        interpolation, near their answer, where sharply bent joints would have other equilibria nearby.
+    starts : array (N, Q+1, 3)
+        Offsets in mm from the skinned rest rod to the example rods, in the frame of the base bone. Solves
+        start from their interpolation, near their answer, where sharply bent joints would have other
+        equilibria nearby.
     """
 
     name: str
@@ -56,10 +57,26 @@ class Tendon:
     starts: Array
 
     def solve(self, bones: Bones, flesh: Array | None = None, *, start: Array | None = None) -> Equilibrium:
-        """Static equilibrium (Eq. 4-12) for bone transforms from neutral; the rod x (Q+1, 3) in their frame.
+        """Static equilibrium of the rod (Eq. 4-12) in a pose.
 
-        flesh (n, 3): vertices of the soft tissue, where it carries hooks. `start` (Q+1, 3) is
-        another rod to start from. Raises `ConvergenceError`.
+        Parameters
+        ----------
+        bones : mapping of str to RigidTransform
+            Bone transforms from neutral.
+        flesh : array (n, 3), optional
+            Vertices of the soft tissue in mm, where it carries hooks.
+        start : array (Q+1, 3), optional
+            Another rod to start from, in mm.
+
+        Returns
+        -------
+        Equilibrium
+            The rod x (Q+1, 3) in mm, in the frame of the bones.
+
+        Raises
+        ------
+        ConvergenceError
+            Where there is no equilibrium.
         """
         base = bones[self.rest.bones[-1]]
         relative = relative_to(
@@ -127,7 +144,13 @@ class Tendon:
 
     @staticmethod
     def load(path: str | Path) -> Tendon:
-        """Read what `save` wrote. Raises `InputError`."""
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            Where the file is of another kind.
+        """
         data = artifacts.read(path, "tendon")
         bones = tuple(str(b) for b in data["bones"])
         rod, tube, hooks = data["rod"], data["tube"], data["hooks"]
@@ -147,8 +170,16 @@ class Tendon:
 class RegisteredRods:
     """Rods in example poses, the neutral pose among them with the rest rod and identities.
 
-    rods: pose -> x (Q+1, 3); poses: pose -> bone -> transform from neutral; parents: bone -> parent, for the
-    pose spaces; flesh: the soft tissue in each pose, if it may carry hooks.
+    Parameters
+    ----------
+    rods : mapping of str to array (Q+1, 3)
+        Rod of each pose in mm.
+    poses : mapping of str to mapping of str to RigidTransform
+        Transforms from neutral, by pose and bone.
+    parents : mapping of str to str
+        Parent of each bone, for the pose spaces.
+    flesh : mapping of str to Shape, optional
+        Soft tissue in each pose, if it may carry hooks.
     """
 
     rods: Mapping[str, Array]
@@ -164,7 +195,31 @@ def build_tendon(
     neutral_bones: Mapping[str, Surface],
     examples: RegisteredRods,
 ) -> Tendon:
-    """Fit hooks to registered rods; radius in mm."""
+    """A tendon with hooks that are fitted to registered rods.
+
+    Parameters
+    ----------
+    name : str
+        Name of the tendon.
+    rest : RestTendon
+        The tendon at rest.
+    radius : float
+        Radius in mm.
+    neutral_bones : mapping of str to Surface
+        Neutral surfaces of the bones in mm.
+    examples : RegisteredRods
+        Rods in the example poses.
+
+    Returns
+    -------
+    Tendon
+        The tendon, its corrections calibrated by simulation of the examples.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the rod has no equilibrium in an example pose.
+    """
     base, rods, poses, parents = rest.bones[-1], examples.rods, examples.poses, examples.parents
     relative = {pose: relative_to(poses[pose], base) for pose in rods}
     local = {pose: poses[pose][base].inverse()(x) for pose, x in rods.items()}

@@ -1,4 +1,4 @@
-"""A soft body between bones: a surface embedded in tetrahedra, and the surface vertices that bones hold."""
+"""A soft body between bones: a surface embedded in tetrahedra, and the surface vertices attached to bones."""
 
 from __future__ import annotations
 
@@ -20,18 +20,30 @@ from handpipe.skeleton.posing import blend, bone_weights
 
 Transforms = Mapping[str, RigidTransform]
 
-ON_BONE = 0.4  # mm from a bone within which a vertex goes with it: farther ones go ways of their own
-FEWEST = 3  # vertices by which a bone holds an end
+ON_BONE = 0.4  # mm from a bone within which a vertex moves with it; farther vertices move otherwise
+FEWEST = 3  # vertices that attach an end to a bone
 SHORTER = 0.8 ** np.arange(4)  # of the edges of a cage, until it does not cut itself
 SPREAD = 0.5  # share of harmonic weights in a blend of bones' motions
 
 
 @dataclass(frozen=True)
 class Body:
-    """The neutral shape: surface (v vertices), mesh (n vertices) that carries it, vertices held by each bone.
+    """A soft body in neutral: a surface that tetrahedra carry, attached to bones.
 
-    landmarks: surface vertex of each label. visible (v,): where the neutral image shows the boundary;
-    elsewhere another muscle lies against it.
+    Parameters
+    ----------
+    surface : Surface
+        Neutral surface in mm, v vertices.
+    mesh : TetMesh
+        Neutral tets, n vertices in mm.
+    embedding : Embedding
+        Places of the surface's vertices in the mesh.
+    attachments : dict of str to array (k,)
+        Ids of the surface vertices that are attached to each bone.
+    visible : array (v,) of bool
+        Where the neutral image shows the boundary; elsewhere another muscle lies against it.
+    landmarks : dict of str to int
+        Surface vertex of each label.
     """
 
     surface: Surface
@@ -74,7 +86,7 @@ class Body:
 
     @property
     def held(self) -> IntArray:
-        """Surface vertices (t,) that bones hold, bone by bone."""
+        """Attached surface vertices (t,), bone by bone."""
         return np.concatenate([self.attachments[b] for b in self.attachments])
 
     @property
@@ -84,10 +96,10 @@ class Body:
         return places if len(self.held) else {}
 
     def on_bones(self, bones: Mapping[str, Surface]) -> Body:
-        """The same body, held only where it lies on its bones; bones: neutral surfaces.
+        """The same body, attached only where it lies on its bones; bones: neutral surfaces.
 
         A muscle springs from tendons and from fat as well, and such an end does not go with the bone it is
-        next to. An end of which fewer than `FEWEST` vertices lie on a bone is not held at all.
+        next to. An end of which fewer than `FEWEST` vertices lie on a bone is not attached.
         """
         attachments = {}
         for bone, ids in self.attachments.items():
@@ -100,14 +112,14 @@ class Body:
         return self.carried(self.surface.vertices[self.held], transforms)
 
     def carried(self, places: Array, transforms: Transforms) -> Array:
-        """Places (t, 3) of held vertices, each moved as its bone is."""
+        """Places (t, 3) of attached vertices, each moved as its bone is."""
         ends = np.cumsum([len(ids) for ids in self.attachments.values()])[:-1]
         return np.concatenate(
             [transforms[b](p) for b, p in zip(self.attachments, np.split(places, ends), strict=True)]
         )
 
     def attached(self, transforms: Transforms) -> Attached:
-        """The held vertices at the places where the bones take them."""
+        """The attached vertices at the places to which the bones move them."""
         return Attached(self.matrix[self.held], self.targets(transforms))
 
     def landmarked(self, places: Mapping[str, Array]) -> Attached | None:
@@ -119,13 +131,13 @@ class Body:
         return Attached(self.matrix[ids], np.array([places[label] for label in labels]))
 
     def seated(self, surface: Surface, transforms: Transforms) -> Surface:
-        """A fitted surface with its held vertices exactly on the bones (Wang 2021 §6.1.4, step 3)."""
+        """A fitted surface with its attached vertices exactly on the bones (Wang 2021 §6.1.4, step 3)."""
         vertices = surface.vertices.copy()
         vertices[self.held] = self.targets(transforms)
         return surface.moved(vertices)
 
     def posed(self, vertices: Array, transforms: Transforms) -> Body:
-        """The body with its surface at vertices (v, 3) that were fitted in a pose, held ones on the bones."""
+        """The body with its surface at vertices (v, 3) fitted in a pose, attached ones on the bones."""
         return replace(self, surface=self.seated(self.surface.moved(vertices), transforms))
 
     def surface_at(self, x: Array) -> Surface:

@@ -46,7 +46,10 @@ def fibres(body: Body, coordinate: Array) -> Array:
 def contracted(body: Body, transforms: Transforms, start: Array) -> Array:
     """Mesh vertices (n, 3) of a body contracted along its fibres between moved bones, from a start (n, 3).
 
-    Raises `ConvergenceError` where no equilibrium is found at the start.
+    Raises
+    ------
+    ConvergenceError
+        Where no equilibrium is found at the start.
     """
     search = Contraction(body, transforms, start)
     options = {"maxiter": ITERATIONS, "gtol": TOLERANCE}
@@ -59,7 +62,10 @@ def contracted(body: Body, transforms: Transforms, start: Array) -> Array:
 def slack(body: Body, transforms: Transforms, start: Array) -> Array:
     """Mesh vertices (n, 3) of an elastic body between moved bones, not contracted, from a start (n, 3).
 
-    Raises `ConvergenceError` where no equilibrium is found.
+    Raises
+    ------
+    ConvergenceError
+        Where no equilibrium is found.
     """
     search = Contraction(body, transforms, start)
     search(np.zeros(HANDLES))

@@ -36,12 +36,12 @@ log = logging.getLogger(__name__)
 # In other poses the muscle is known but for its bending: it nearly keeps its volume and its guessed strains.
 # Further out than 2 mm lie the far sides of neighbours.
 SEARCH = MarkerSettings.model_validate({"search": 2.0})
-TOUCHING, NEAR = 0.3, 0.5  # mm from a neighbour, where only edges so near are taken for one's own
-WITHIN = 0.3  # mm inside a bone that a muscle's boundary is still taken for its touching it
+TOUCHING, NEAR = 0.3, 0.5  # mm from a neighbour, where only edges this near belong to the muscle itself
+WITHIN = 0.3  # mm inside a bone up to which a muscle's boundary counts as touching the bone
 SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)
-SEEN = 0.9  # share of its boundary that a fit finds in the image, with which no other guess is tried
-TRUSTED = 0.5  # share with which a fit tells where those around it have gone
-ALIKE = 0.3  # mm in the mean between guesses of which one is enough
+SEEN = 0.9  # share of its boundary in the image from which no other guess is tried
+TRUSTED = 0.5  # share from which a fit tells how the muscles around it have moved
+ALIKE = 0.3  # mm of mean distance under which one of two guesses is dropped
 # In neutral the template is known roughly: a little weight keeps from wandering what no image shows, strains
 # along a slender muscle and borders between muscles.
 NEUTRAL = ShapeOptions(strain=0.01)
@@ -52,9 +52,18 @@ POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
 class PoseData:
     """What is known of all muscles in one example pose.
 
-    transforms: bone -> from neutral into the volume's frame; volume: reads the image; points: markers (r, 3)
-    that a person has placed, by muscle; landmarks: places (3,) by muscle and label; flesh: the soft tissue,
-    in the volume's frame, where it is known.
+    Parameters
+    ----------
+    transforms : mapping of str to RigidTransform
+        Transform of each bone from neutral into the volume's frame.
+    volume : callable
+        Reads the image.
+    points : mapping of str to array (r, 3)
+        Markers in mm that a person has placed, by muscle.
+    landmarks : mapping of str to mapping of str to array (3,)
+        Places in mm, by muscle and label.
+    flesh : Shape, optional
+        Soft tissue in the volume's frame, where it is known.
     """
 
     transforms: Mapping[str, RigidTransform]
@@ -68,9 +77,18 @@ class PoseData:
 class Evidence:
     """What tells the shape of one muscle in one pose.
 
-    volume: the image; others: about where the other muscles are; bones: distance from all bones; points:
-    markers (r, 3) that a person has placed, in place of those found in the image; landmarks: places (3,) by
-    label.
+    Parameters
+    ----------
+    volume : Volume
+        The image.
+    others : sequence of Surface
+        Approximate surfaces of the other muscles, in mm.
+    bones : Distance, optional
+        Distance from all bones, in mm.
+    points : array (r, 3), optional
+        Markers in mm that a person has placed; they replace those found in the image.
+    landmarks : mapping of str to array (3,), optional
+        Places in mm by label.
     """
 
     volume: Volume
@@ -88,9 +106,18 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Extraction:
-    """A muscle in one pose: surface and mesh vertices (n, 3), and how they were found.
+    """A muscle in one pose, and how well it was found.
 
-    seen: share of the places where neutral shows the boundary at which this image shows it on the surface.
+    Parameters
+    ----------
+    surface : Surface
+        Surface in mm.
+    vertices : array (n, 3)
+        Mesh vertices in mm.
+    fit : ShapeFit
+        The fit.
+    seen : float
+        Share of the places where neutral shows the boundary at which this image shows it on the surface.
     """
 
     surface: Surface
@@ -121,8 +148,27 @@ def extract_neutral(
 ) -> tuple[Body, Extraction]:
     """The neutral shape from a placed template, and the body that later stages deform.
 
-    The fitted surface is filled with new tetrahedra of about `edge` mm, since fitting has strained the first
-    ones. evidence: of the neutral pose, with guesses of the other muscles.
+    The body has new tetrahedra, since fitting has strained the first ones.
+
+    Parameters
+    ----------
+    guess : Guess
+        Placed template.
+    evidence : Evidence
+        Evidence of the neutral pose, with guesses of the other muscles.
+    edge : float
+        Edge length of the tetrahedra in mm, about.
+    markers : MarkerSettings, optional
+        How the image is searched for the boundary.
+    options : ShapeOptions, optional
+        Weights and limits of the fit.
+
+    Returns
+    -------
+    body : Body
+        The fitted surface, filled with new tetrahedra.
+    extraction : Extraction
+        The fit, with the vertices of the new tetrahedra in mm.
     """
     first = Body.of(guess.surface, guess.attachments, edge, guess.landmarks)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
@@ -148,11 +194,31 @@ def extract_pose(
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> Extraction:
-    """The shape in an example pose, from the neutral body held by the moved bones where it lies on them.
+    """The shape in an example pose, from the neutral body attached to the moved bones where it lies on them.
 
-    An end that lies on no bone is held where it is found. bones: neutral bone surfaces; transforms: from
-    neutral into the volume's frame; evidence: of this pose; start: mesh vertices (n, 3) of a better
-    first guess, as simulated from poses already known.
+    An end that lies on no bone is fixed where it is found.
+
+    Parameters
+    ----------
+    body : Body
+        Neutral body.
+    bones : mapping of str to Surface
+        Neutral surfaces of the bones in mm.
+    transforms : mapping of str to RigidTransform
+        Transform of each bone from neutral into the volume's frame.
+    evidence : Evidence
+        Evidence of this pose.
+    start : array (n, 3), optional
+        Mesh vertices in mm of a better first guess, as simulated from poses already known.
+    markers : MarkerSettings, optional
+        How the image is searched for the boundary.
+    options : ShapeOptions, optional
+        Weights and limits of the fit.
+
+    Returns
+    -------
+    Extraction
+        The shape in the volume's frame.
     """
     x = body.follow(bones, transforms) if start is None else start
     held = body.on_bones(bones)
@@ -169,10 +235,28 @@ def extract_poses(
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
 ) -> dict[str, dict[str, Extraction]]:
-    """The shapes of all muscles in all example poses, pose -> muscle -> shape.
+    """The shapes of all muscles in all example poses.
 
-    Each pose is guessed from the flesh that carries the muscles there, where that is known, and from the most
-    similar pose that is known already; each muscle knows where its neighbours are. bones: neutral surfaces.
+    The first guesses of a pose come from the flesh that carries the muscles there, where that is known, and
+    from the most similar pose that is already fitted. Each muscle knows where its neighbours are.
+
+    Parameters
+    ----------
+    bodies : mapping of str to Body
+        Neutral bodies by muscle.
+    bones : mapping of str to Surface
+        Neutral surfaces of the bones in mm.
+    poses : mapping of str to PoseData
+        What is known of each pose.
+    markers : MarkerSettings, optional
+        How images are searched for boundaries.
+    options : ShapeOptions, optional
+        Weights and limits of the fits.
+
+    Returns
+    -------
+    dict of str to dict of str to Extraction
+        Shapes by pose and muscle, in the frames of the poses' volumes.
     """
     still = {b: RigidTransform.identity() for b in bones}
     known: dict[str, tuple[Mapping[str, RigidTransform], dict[str, Array]]] = {}
@@ -236,7 +320,7 @@ def _guesses(
 
 
 def _unlike(guesses: Sequence[Array]) -> list[Array]:
-    """Those guesses (n, 3) that are not nearly one before them."""
+    """The guesses (n, 3) that differ from all before them."""
     chosen: list[Array] = []
     for x in guesses:
         if all(np.linalg.norm(x - other, axis=1).mean() > ALIKE for other in chosen):
@@ -266,9 +350,9 @@ class _Pose:
     def fitted(self, guesses: Mapping[str, Sequence[Array]]) -> dict[str, Extraction]:
         """Extractions of all muscles, by name.
 
-        Each muscle is fitted from the guess of which most of its boundary is found, then, where that is not
-        nearly all, from where the muscles around it have gone. Among muscles that touch all is of one
-        brightness: a wrong guess looks right, its boundary does not.
+        Each muscle is fitted from the guess for which the image shows most of its boundary. Where that is not
+        nearly all, it is fitted again from the motion of the muscles around it. Muscles that touch have one
+        brightness: a wrong guess looks right inside, but not at its boundary.
         """
         self.x = {m: starts[0] for m, starts in guesses.items()}
         for name, starts in guesses.items():

@@ -122,9 +122,30 @@ def fit_pose_strains(
 ) -> PoseStrains:
     """Plastic strains of a muscle in its example poses.
 
-    rest: neutral mesh; embedding (v, n) carries its surface; shapes: in the N example poses; poses (N, d):
-    pose vectors in rad, neutral at the origin; held: surface vertices (t,) that are attached, and exact in
-    the surfaces. Raises `ConvergenceError` where a tet stays inverted.
+    Parameters
+    ----------
+    rest : TetMesh
+        Neutral mesh, n vertices in mm.
+    embedding : sparse matrix (v, n)
+        Matrix that carries the muscle's surface.
+    shapes : sequence of KnownShape
+        Shapes in the N example poses.
+    poses : array (N, d)
+        Pose vectors in rad, neutral at the origin.
+    held : array (t,), optional
+        Ids of attached surface vertices, which are exact in the surfaces.
+    options : StrainOptions, optional
+        Weights and limits.
+
+    Returns
+    -------
+    PoseStrains
+        Strains and vertices of each pose.
+
+    Raises
+    ------
+    ConvergenceError
+        Where a tet stays inverted.
     """
     options = options or StrainOptions()
     weights = np.full((len(shapes), embedding.shape[0]), options.alpha)

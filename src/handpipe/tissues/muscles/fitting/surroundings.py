@@ -1,4 +1,4 @@
-"""Where a body is in a pose, guessed from where all that lies around it has gone."""
+"""A guess of where a body is in a pose, from the motion of its surroundings."""
 
 from __future__ import annotations
 

@@ -29,7 +29,15 @@ FINEST = 0.4  # of the edge length that is asked for
 
 @dataclass(frozen=True)
 class Affine:
-    """X -> matrix @ X + offset."""
+    """The affine map X -> matrix @ X + offset.
+
+    Parameters
+    ----------
+    matrix : array (3, 3)
+        Linear part.
+    offset : array (3,)
+        Translation in mm.
+    """
 
     matrix: Array
     offset: Array
@@ -106,7 +114,22 @@ def _closest(targets: list[Distance], own: IntArray, points: Array) -> Array:
 
 
 def fit_similarity(source: Array, target: Array) -> Affine:
-    """Best rotation, scale and translation of points (n, 3) onto points (n, 3) (Umeyama 1991)."""
+    """The best rotation, scale and translation of points onto points, in the sense of least squares.
+
+    Parameters
+    ----------
+    source, target : array (n, 3)
+        Corresponding points in mm.
+
+    Returns
+    -------
+    Affine
+        Map from source to target.
+
+    References
+    ----------
+    Umeyama 1991.
+    """
     a, b = source.mean(axis=0), target.mean(axis=0)
     u, s, vt = np.linalg.svd((target - b).T @ (source - a))
     signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
@@ -146,6 +169,18 @@ class Warp:
     Each bone's affine map leaves it a little off the subject's surface; points spread over the bones are
     corrected to the closest ones there, and biharmonic interpolation of all of them carries what lies between
     the bones.
+
+    Parameters
+    ----------
+    templates : mapping of str to Surface
+        Template bones.
+    bones : mapping of str to Surface
+        The subject's neutral bones of the same names, in mm.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the affine map of a bone changes its volume by more than a factor of 5.
     """
 
     def __init__(self, templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> None:
@@ -170,7 +205,17 @@ class Warp:
 
 @dataclass(frozen=True)
 class Guess:
-    """First guess of a body: a surface, the vertices attached to each bone, the vertex of each landmark."""
+    """First guess of a body.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surface in mm.
+    attachments : dict of str to array (k,)
+        Ids of the vertices that are attached to each bone.
+    landmarks : dict of str to int
+        Vertex of each label.
+    """
 
     surface: Surface
     attachments: dict[str, IntArray]
@@ -185,11 +230,35 @@ def place(
     landmarks: Mapping[str, Array] | None = None,
     source: str | Path = "template",
 ) -> Guess:
-    """The warped template, remeshed to an edge length in mm, with its attachments.
+    """The warped template, remeshed, with its attachments.
 
     Where the template is thin the edges are shorter, lest triangles between points of its boundary cut its
-    volume away. A vertex is attached if the nearest vertex of the template is. Raises `InputError` for
-    `source` where fewer than three vertices are attached.
+    volume away. A vertex is attached if the nearest vertex of the template is.
+
+    Parameters
+    ----------
+    template : Surface
+        Template in its own frame.
+    attachments : mapping of str to array (k,)
+        Ids of the template's vertices that are attached to each bone.
+    warp : callable
+        Map of template points (n, 3) into the subject's neutral frame, in mm.
+    edge : float
+        Edge length in mm.
+    landmarks : mapping of str to array (3,), optional
+        Places in the template's frame, by label.
+    source : path
+        The file that errors name.
+
+    Returns
+    -------
+    Guess
+        Surface in mm in the subject's neutral frame.
+
+    Raises
+    ------
+    InputError
+        Where fewer than three vertices are attached to a bone.
     """
     moved = Surface(warp(template.vertices), template.triangles)
     owner = np.full(len(moved.vertices), -1)
@@ -217,10 +286,22 @@ def place(
 
 
 def read_attachments(path: str | Path, template: Surface) -> dict[str, IntArray]:
-    """Vertex ids by bone of a JSON file {bone: [ids]}.
+    """Ids of attached vertices by bone, from a JSON file {bone: [ids]}.
 
-    The id of a vertex that no triangle uses, but that is at the place of one in use, becomes that one's: so
-    are vertices of seams.
+    The id of a vertex that no triangle uses, but that is at the place of one in use, becomes the id of the
+    latter: seams have such vertices.
+
+    Parameters
+    ----------
+    path : path
+        JSON file.
+    template : Surface
+        The template whose vertices the file names.
+
+    Returns
+    -------
+    dict of str to array (k,)
+        Vertex ids of each bone, sorted.
 
     Raises
     ------
@@ -237,7 +318,23 @@ def read_attachments(path: str | Path, template: Surface) -> dict[str, IntArray]
 
 
 def read_vertex_ids(path: str | Path) -> dict[str, IntArray]:
-    """Whole numbers by bone of a JSON file {bone: [ids]}; raises `InputError` where it is malformed."""
+    """Whole numbers by bone, from a JSON file {bone: [ids]}.
+
+    Parameters
+    ----------
+    path : path
+        JSON file.
+
+    Returns
+    -------
+    dict of str to array (k,)
+        Numbers of each bone, sorted, each once.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or is malformed.
+    """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8-sig"), object_pairs_hook=_no_key_twice)
         return {str(bone): _whole_numbers(ids) for bone, ids in content.items()}
@@ -277,10 +374,26 @@ def _in_use(path: str | Path, bone: str, ids: IntArray, template: Surface) -> In
 def require_near_bones(
     path: str | Path, template: Surface, attachments: Mapping[str, IntArray], bones: Mapping[str, Surface]
 ) -> None:
-    """Raise `InputError` for a template that is far from the template bones to which it attaches.
+    """Refuse a template that is far from the template bones to which it attaches.
 
     Templates may be in any frame and unit, but all in the same one: half of the vertices that attach to a
-    bone are nearer to it than three quarters of its size. Bones without a template are left out.
+    bone are nearer to it than three quarters of its size.
+
+    Parameters
+    ----------
+    path : path
+        The file that errors name.
+    template : Surface
+        Template of a muscle or ligament.
+    attachments : mapping of str to array (k,)
+        Ids of the vertices that are attached to each bone.
+    bones : mapping of str to Surface
+        Template bones. Attachments to other bones are not checked.
+
+    Raises
+    ------
+    InputError
+        Where the template is too far; the text names a likely cause if there is one.
     """
     groups = [
         (name, template.vertices[ids], Distance(bones[name]), NEAR * _size(bones[name]))

@@ -18,16 +18,35 @@ from handpipe.tissues.muscles.separation.separation import Separation, separate
 Result = TypeVar("Result")
 log = logging.getLogger(__name__)
 
-FREE = 0.1  # mm out of every other muscle, at least, where a bone may hold one
-FARTHER = (FREE, 0.5, 1.0)  # mm, tried in turn: triangles at held vertices reach into the neighbour, too
-LEAST = 3  # vertices that each bone goes on holding
+FREE = 0.1  # mm, least distance of an attached vertex from every other muscle
+FARTHER = (FREE, 0.5, 1.0)  # mm, tried in turn: triangles at attached vertices reach into the neighbour, too
+LEAST = 3  # vertices that stay attached to each bone
 
 
 def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> Separation:
-    """Muscles of a pose, their surfaces where they are there, parted from one another and from posed bones.
+    """Muscles of a pose, separated from one another and from posed bones.
 
-    Where a muscle swells over a neighbour's attachment, that one has to give way here: it is released as far
-    from the muscle as the two cannot be parted otherwise. Raises `ConvergenceError` as `separate` does.
+    Where a muscle swells over a neighbour's attachment, that attachment is released: only as far from the
+    muscle as the separation needs.
+
+    Parameters
+    ----------
+    bodies : mapping of str to Body
+        Muscles with their surfaces in the pose, in mm.
+    bones : mapping of str to Surface
+        Posed bones in mm.
+
+    Returns
+    -------
+    Separation
+        Separated surfaces and figures.
+
+    Raises
+    ------
+    Inseparable
+        Where bodies meet however deflated.
+    ConvergenceError
+        Where volumes find no room, or the last solve has not converged.
     """
     return with_least_margin(lambda margin: _separated(bodies, bones, margin))
 
@@ -49,10 +68,23 @@ def _separated(bodies: Mapping[str, Body], bones: Mapping[str, Surface], margin:
 
 
 def drop_contested(bodies: Mapping[str, Body], least: int = LEAST, margin: float = FREE) -> dict[str, Body]:
-    """The same bodies, no longer held where that is inside another one, or within a margin in mm of it.
+    """The same bodies without the attached vertices that are inside or near another body.
 
-    What holds a vertex there forbids that the two be parted. Each bone keeps `least` vertices, those that
-    lie farthest out of the others, if more of its are inside.
+    Such attachments make a separation impossible.
+
+    Parameters
+    ----------
+    bodies : mapping of str to Body
+        Bodies by name.
+    least : int
+        Number of vertices that each bone keeps at least: those that lie farthest out of the other bodies.
+    margin : float
+        Distance in mm from another body up to which a vertex is released.
+
+    Returns
+    -------
+    dict of str to Body
+        Bodies with fewer attached vertices.
     """
     surfaces = {name: Distance(body.surface) for name, body in bodies.items()}
     found = {}
@@ -64,7 +96,7 @@ def drop_contested(bodies: Mapping[str, Body], least: int = LEAST, margin: float
         }
         dropped = len(body.held) - sum(map(len, kept.values()))
         if dropped:
-            log.info("%s: %d of %d held vertices are in other muscles", name, dropped, len(body.held))
+            log.info("%s: %d of %d attached vertices released inside others", name, dropped, len(body.held))
         found[name] = replace(body, attachments=kept)
     return found
 

@@ -17,7 +17,7 @@ from handpipe.mesh.surfaces import Distance, Surface, concatenate
 class Body:
     """A closed surface that may collide with others.
 
-    Triangles with a held vertex are tied: they meet no bone and no other tied triangle.
+    Triangles with an attached vertex are tied: they meet no bone and no other tied triangle.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Body:
 
     @cached_property
     def tied(self) -> BoolArray:
-        """Which triangles (k,) have a held vertex."""
+        """Which triangles (k,) have an attached vertex."""
         return np.asarray(np.isin(self.surface.triangles, self.held).any(axis=1))
 
     @cached_property
@@ -157,7 +157,7 @@ def _inside(points: Array, surface: Surface) -> bool:
 
 
 def depth(a: Body, xa: Array, other: Distance) -> float:
-    """Depth in mm of a's vertices, edge midpoints, triangle centres, without held ones, inside a surface."""
+    """Depth in mm, in a surface, of a's vertices, edge midpoints and triangles that are not attached."""
     triangles, edges = a.surface.triangles[~a.tied], a.surface.edges()
     edges = edges[~np.isin(edges, a.held).any(axis=1)]
     points = np.concatenate([xa[a.free], xa[edges].mean(axis=1), xa[triangles].mean(axis=1)])

@@ -27,7 +27,7 @@ SHORT, STEPS = 0.05, 40  # mm outside of a bone that a vertex goes at once, and 
 
 
 class Inseparable(ConvergenceError):
-    """Muscles meet however they are drawn in: what holds them is inside one another, or crosses."""
+    """Muscles meet however deflated: their attachments are inside one another, or cross."""
 
 
 def body_pairs(muscles: Sequence[Body], bones: Sequence[Body]) -> list[tuple[int, int]]:
@@ -39,8 +39,12 @@ def body_pairs(muscles: Sequence[Body], bones: Sequence[Body]) -> list[tuple[int
 def parted(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None:
     """Vertices (n, 3) of each muscle at which nothing meets; None where that is so at rest.
 
-    Where muscles go far for it, the nearer of two ways is taken: the second pushes out of greater depths.
-    Raises `Inseparable` naming a pair that meets however it is drawn in.
+    Where muscles move far for it, the nearer of two ways is taken: the second pushes out of greater depths.
+
+    Raises
+    ------
+    Inseparable
+        Where a pair, which it names, meets however deflated.
     """
     best, least, problem = None, np.inf, None
     for deepest in DEEPEST:

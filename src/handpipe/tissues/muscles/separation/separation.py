@@ -33,7 +33,7 @@ SOFTER = (8.0, 4.0, 2.0)  # times the clearance, of the barriers behind which bo
 FILLED = 2.0  # times the clearance, at most, where pressures fill them: from farther off they are kept small
 LOOSE = 8.0  # times the tolerance, behind those
 SEEN = 30.0  # times as much as a hidden vertex resists being moved, a seen one
-HOLD = 1e2  # times a vertex's stiffness, by which held ones are pulled back to their places
+HOLD = 1e2  # times a vertex's stiffness: springs that pull attached vertices back to their places
 ROUNDS = 6  # of the last solve, where pressures are changed again
 
 
@@ -67,7 +67,17 @@ NO_VOLUME = SeparationOptions(volume=np.inf)
 
 @dataclass(frozen=True)
 class Separation:
-    """Separated surfaces by name; penetration in mm before and after; iterations."""
+    """Separated surfaces, and how well they are separated.
+
+    Parameters
+    ----------
+    surfaces : dict of str to Surface
+        Separated surfaces in mm, by muscle.
+    penetration_before, penetration : float
+        Largest penetration in mm before and after.
+    iterations : int
+        Iterations of all solves.
+    """
 
     surfaces: dict[str, Surface]
     penetration_before: float
@@ -81,7 +91,23 @@ class Separation:
 
 
 def load_surfaces(path: str | Path) -> dict[str, Surface]:
-    """The surfaces that `Separation.save` wrote, by muscle."""
+    """The surfaces that `Separation.save` wrote.
+
+    Parameters
+    ----------
+    path : path
+        Artifact.
+
+    Returns
+    -------
+    dict of str to Surface
+        Surfaces in mm, by muscle.
+
+    Raises
+    ------
+    InputError
+        Where the file is of another kind.
+    """
     return {n: Surface(s["vertices"], s["triangles"]) for n, s in artifacts.read(path, KIND).items()}
 
 
@@ -93,15 +119,37 @@ def separate(
     held: Mapping[str, IntArray] | None = None,
     seen: Mapping[str, BoolArray] | None = None,
 ) -> Separation:
-    """Part overlapping closed surfaces, both muscles of a pair alike; `fixed` bodies stay.
+    """Separate overlapping closed surfaces, both muscles of a pair alike.
 
     Muscles are deflated until none meets another or a bone, then grow back to the displacement u from their
     given shapes that minimises thin-plate bending and size, reach^4 |lap u|^2 + |u|^2 integrated over the
     surfaces, with a barrier between them that no step crosses: surfaces that were apart never meet. Pressures
-    keep volumes. held: vertex ids of each muscle that do not move and do not collide (attachments); seen:
-    which vertices (n,) of each have places that an image shows: they hold on to these, hidden ones make way.
-    Surfaces that do not meet are handed back as they are. Raises `Inseparable` where bodies meet however
-    deflated, `ConvergenceError` where volumes find no room or the last solve has not converged.
+    keep volumes.
+
+    Parameters
+    ----------
+    muscles : mapping of str to Surface
+        Closed surfaces in mm.
+    fixed : mapping of str to Surface
+        Closed surfaces in mm that do not move, as bones.
+    options : SeparationOptions, optional
+        Limits.
+    held : mapping of str to array (k,), optional
+        Ids of each muscle's attached vertices, which neither move nor collide.
+    seen : mapping of str to array (n,) of bool, optional
+        Vertices of each muscle whose places an image shows. They resist displacement more than hidden ones.
+
+    Returns
+    -------
+    Separation
+        Separated surfaces; surfaces that do not meet are returned unchanged.
+
+    Raises
+    ------
+    Inseparable
+        Where bodies meet however deflated.
+    ConvergenceError
+        Where volumes find no room, or the last solve has not converged.
     """
     options = options or SeparationOptions()
     nothing = np.zeros(0, dtype=np.int64)
@@ -197,7 +245,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     compliances = np.array([_compliance(s, k) for s, k in zip(surfaces, plates, strict=True)])
     volumes = KeptVolumes(surfaces, scene.parts, compliances, options.volume)
     x, iterations = start, 0
-    # A barrier that is felt from afar lets bodies make way for one another before they touch.
+    # With a barrier of long range, bodies move aside for one another before they touch.
     for times in SOFTER:
         soft = _Convex(barrier.reaching(times * options.clearance))
         forces: list[Potential] = [plate, soft] if times > FILLED else [plate, soft, volumes]
@@ -217,7 +265,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
 
 
 def _plate(body: Body, reach: float) -> sparse.csr_matrix:
-    """Stiffness (n, n) of a muscle's surface, with springs that keep held and seen vertices in place."""
+    """Stiffness (n, n) of a muscle's surface, with springs that keep attached and seen vertices in place."""
     plate = thin_plate(body.surface, reach)
     pull = np.zeros(plate.shape[0])
     if body.seen is not None:
@@ -228,7 +276,7 @@ def _plate(body: Body, reach: float) -> sparse.csr_matrix:
 
 
 def _seated(scene: _Scene, rest: Array, x: Array, barrier: Barrier) -> Array:
-    """Positions x with held vertices exactly at rest, where nothing meets there."""
+    """Positions x with attached vertices exactly at rest, where nothing meets there."""
     seated, held = x.copy(), scene.held()
     seated[held] = rest[held]
     if not barrier.intersects(seated):

@@ -22,7 +22,19 @@ CLEARANCE = 0.5  # of the radius that a tendon's centre keeps from bone at least
 
 @dataclass(frozen=True)
 class NeutralTendon:
-    """Rod x (Q+1, 3) from the insertion outwards, radii (Q+1,) in mm, confidence (Q+1,) and surface."""
+    """A tendon as the neutral image shows it.
+
+    Parameters
+    ----------
+    x : array (Q+1, 3)
+        Rod in mm, from the insertion outwards.
+    radii : array (Q+1,)
+        Radii in mm.
+    confidence : array (Q+1,)
+        Confidence of each vertex's section.
+    surface : Surface
+        The tendon's surface in mm.
+    """
 
     x: Array
     radii: Array
@@ -48,11 +60,33 @@ def smoothed(values: Array, weights: Array, spacing: float, length: float) -> Ar
 def extract(
     volume: Volume, clicked: Array, radius: float, bones: Distance | None = None, spacing: float = SPACING
 ) -> NeutralTendon:
-    """The rod, radii and surface of the dark tube along clicked points (k, 3), insertion first.
+    """The rod, radii and surface of the dark tube along clicked points.
 
-    `bones` are the whole bones (with cortex) in this image: edges towards them are not believed. The ends
-    keep their place along the tendon, as they were clicked; across it they move to the tube's centre.
-    Raises `InputError` where a point lies outside the volume.
+    The ends keep their place along the tendon, as they were clicked; across it they move to the tube's
+    centre.
+
+    Parameters
+    ----------
+    volume : Volume
+        The neutral image.
+    clicked : array (k, 3)
+        Points on the tendon in mm, the insertion first.
+    radius : float
+        Approximate radius in mm.
+    bones : Distance, optional
+        Distance to the whole bones (with cortex) in this image. Edges towards bones are not trusted.
+    spacing : float
+        Length of a segment in mm, about.
+
+    Returns
+    -------
+    NeutralTendon
+        Rod, radii, confidence and surface.
+
+    Raises
+    ------
+    InputError
+        Where a point lies outside the volume.
     """
     curve = tubes.trace(volume, clicked)
     curve = np.vstack([clicked[:1], curve[np.linalg.norm(curve - clicked[0], axis=1) > spacing]])
@@ -71,9 +105,24 @@ def _through_centres(x: Array, found: tubes.Sections, spacing: float) -> Array:
 
 
 def centre_finder(volume: Volume, radius: float, bones: Distance | None = None) -> Callable:
-    """`find_centres(points, tangents) -> (centres, confidence)` of one image, for `registration.register`.
+    """The function that finds a tendon's centres in one image, for `register`.
 
     Points in or on bone are moved out of it first: rays from within a bone see no tendon.
+
+    Parameters
+    ----------
+    volume : Volume
+        The image.
+    radius : float
+        Approximate radius in mm.
+    bones : Distance, optional
+        Distance to the bones in this image.
+
+    Returns
+    -------
+    callable
+        `find_centres(points, tangents) -> (centres, confidence)`: from arrays (n, 3) to (n, 3) in mm and
+        (n,); confidence is zero outside of the volume.
     """
 
     def find(points: Array, along: Array) -> tuple[Array, Array]:

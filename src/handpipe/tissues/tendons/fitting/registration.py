@@ -40,7 +40,17 @@ class Settings:
 
 @dataclass(frozen=True)
 class Registration:
-    """x (Q+1, 3) and twist (Q,) in a pose, and the rods after stages 1 and 2."""
+    """A rod in a pose, and the rods after stages 1 and 2.
+
+    Parameters
+    ----------
+    x : array (Q+1, 3)
+        Rod in mm.
+    twist : array (Q,)
+        Twist of each segment in rad.
+    rough, centred : array (Q+1, 3)
+        Rods in mm after stage 1, and after stage 2.
+    """
 
     x: Array
     twist: Array
@@ -85,7 +95,7 @@ def _centre_hooks(x: Array, find_centres: FindCentres) -> Hooks:
     """The image's centres at the vertices' planes as hooks, with their confidences as weights."""
     centres, confidence = find_centres(x, tangents(x))
     used = np.isfinite(centres).all(axis=1) & (confidence > 0)
-    used[0] = False  # the first vertex is held
+    used[0] = False  # the first vertex is fixed
     return Hooks(centres[used], confidence[used])
 
 
@@ -122,7 +132,7 @@ def fit_surface(
 ) -> tuple[Array, Array]:
     """Stage 3: point-to-plane ICP of the skinned tube. Returns x (Q+1, 3) and twist (Q,).
 
-    `centres`, hooks of stage 2, are kept with the surface's stiffness: where the surface is not believed,
+    `centres`, hooks of stage 2, are kept with the surface's stiffness: where the surface is not trusted,
     and at the free end, they hold the rod better than its bending.
     """
     stiffness = 50.0 * PULL  # c4 : c1 of Table 2
@@ -150,11 +160,32 @@ def register(
     target: Callable[[Array], Target | None] | None = None,
     settings: Settings | None = None,
 ) -> Registration:
-    """The rod in an example pose, of the rest rod's segment lengths, first vertex on its bone.
+    """The rod in an example pose, with the rest rod's segment lengths and its first vertex on its bone.
 
-    `find_centres(points, tangents)` gives the image's centres (n, 3) and confidences (n,) in the planes
-    across a curve; `target(x)` gives the tendon's surface in the image around the rod of stage 2, or None
-    where it cannot be extracted. Raises `ConvergenceError`.
+    Parameters
+    ----------
+    tendon : RestTendon
+        The tendon at rest.
+    bones : mapping of str to RigidTransform
+        Bone transforms from neutral.
+    find_centres : callable
+        `find_centres(points, tangents)` gives the image's centres (n, 3) in mm and confidences (n,) in the
+        planes across a curve.
+    target : callable, optional
+        `target(x)` gives the tendon's surface in the image around the rod of stage 2, or None where it cannot
+        be extracted. Without a surface the rod of stage 2 is the result.
+    settings : Settings, optional
+        Lengths and limits of the stages.
+
+    Returns
+    -------
+    Registration
+        Rod in mm, twist in rad, and the rods of stages 1 and 2.
+
+    Raises
+    ------
+    ConvergenceError
+        Where a stage finds no equilibrium.
     """
     settings = settings or Settings()
     rough = follow_bones(tendon, bones, settings)
@@ -168,9 +199,23 @@ def register(
 
 
 def centreline_errors(x: Array, truth: Array) -> tuple[Array, Array]:
-    """Distances in mm from the points of a true centreline (n, 3) to the rod, and from the rod to it.
+    """Distances between a rod and a true centreline, both ways.
 
     Points beyond the other curve's ends are left out: where a centreline is cut off is arbitrary.
+
+    Parameters
+    ----------
+    x : array (Q+1, 3)
+        Rod in mm.
+    truth : array (n, 3)
+        True centreline in mm.
+
+    Returns
+    -------
+    to_rod : array (k,)
+        Distances in mm from points of the true centreline to the rod.
+    to_truth : array (l,)
+        Distances in mm from vertices of the rod to the true centreline.
     """
 
     def within(points: Array, curve: Array) -> Array:

@@ -16,16 +16,25 @@ from handpipe.tissues.tendons.rods.tube import SEGMENTS, Tube
 
 @dataclass(frozen=True)
 class Target:
-    """An extracted tendon surface, and where it can be believed.
+    """An extracted tendon surface, and where it can be trusted.
 
-    Surface points closer than `margin` mm to a bone are left out: there the tendon's dark image runs into
-    dark cortical bone. `bone_distance` gives signed distances (n,) of points (n, 3), positive outside.
+    Parameters
+    ----------
+    surface : Distance
+        Distance to the tendon's surface, in mm.
+    bone_distance : callable, optional
+        Signed distances (n,) in mm of points (n, 3) to the bones, positive outside.
+    margin : float
+        Distance in mm to a bone under which surface points are left out: there the tendon's dark image merges
+        with dark cortical bone.
+    reach : float
+        Distance in mm from the tube beyond which the surface belongs to something else.
     """
 
     surface: Distance
     bone_distance: Callable[[Array], Array] | None = None
     margin: float = 0.7
-    reach: float = 2.0  # mm; targets further than this from the tube belong to something else
+    reach: float = 2.0
 
     def closest(self, points: Array, normals: Array, along: Array) -> tuple[Array, Array, Array]:
         """Closest points (n, 3), their pseudonormals (n, 3) and robust weights (n,) in [0, 1] (Tukey).

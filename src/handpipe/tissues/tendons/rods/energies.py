@@ -118,9 +118,9 @@ class Hooks:
 
     The rod's curve is the quadratic B-spline of its vertices, tangent to every segment at its middle: on the
     polyline itself vertices catch at hooks, and a rod that must slide by many segments sticks. The closest
-    point is minimised over at every evaluation. Hooks past an end of the curve let go of it: pulling the end
-    towards them would stretch a taut rod. One that the curve reaches again holds it again, but `RETURNS`
-    times at most: let go, a rod may slide to where the hook holds it, and held, to where it lets go.
+    point is minimised over at every evaluation. Hooks past an end of the curve are released: pulling the end
+    towards them would stretch a taut rod. A hook that the curve reaches again is active again, but `RETURNS`
+    times at most: else a rod could slide back and forth between the two states without end.
     """
 
     points: Array

@@ -55,7 +55,7 @@ class Equilibrium:
 
 @njit(cache=True)
 def _kkt_bands(blocks: Array, stiffness: Array, d: Array) -> Array:
-    """The KKT matrix in LAPACK's band storage; the first vertex is held by unit rows."""
+    """The KKT matrix in LAPACK's band storage; unit rows fix the first vertex."""
     n = len(blocks)
     bands = np.zeros((2 * BAND + 1, 4 * n - 1))
     for i in range(n):
@@ -159,8 +159,12 @@ def solve(energies: Sequence[RodEnergy], x: Array, options: Options | None = Non
 
     Zheng et al. 2022, Eq. 4, 5 and 9. All segments of x must have one length. Closest points and ICP targets
     are refreshed in each iteration. A tension is added to the rod's own in the Newton system where that is
-    not convex: compressed segments and hooks beside a bend make it so. Raises `ConvergenceError` where no
-    equilibrium is reached.
+    not convex: compressed segments and hooks beside a bend make it so.
+
+    Raises
+    ------
+    ConvergenceError
+        Where no equilibrium is reached.
     """
     options = options or Options()
     residual, added = np.inf, 0.0

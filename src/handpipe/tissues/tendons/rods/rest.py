@@ -18,10 +18,21 @@ SIDES = 16
 
 @dataclass(frozen=True)
 class RestTendon:
-    """A tendon in neutral: rod x (Q+1, 3), tube, normal of its first segment, and the bones that it passes.
+    """A tendon in neutral.
 
-    `bones` go from the insertion outwards: the first holds the rod's first vertex, the last is the base that
-    the pull's direction belongs to. skinning (Q+1, n_bones) are smooth weights of the vertices.
+    Parameters
+    ----------
+    x : array (Q+1, 3)
+        Rod in mm, from the insertion outwards.
+    tube : Tube
+        The surface that the rod carries.
+    normal : array (3,)
+        Unit normal of the first segment.
+    bones : tuple of str
+        Bones that the tendon passes, from the insertion outwards. The first carries the rod's first vertex;
+        the last is the base, to which the pull's direction belongs.
+    skinning : array (Q+1, n_bones)
+        Smooth weights of the bones at the vertices.
     """
 
     x: Array

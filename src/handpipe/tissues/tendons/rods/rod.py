@@ -92,7 +92,20 @@ def segment_length(x: Array) -> float:
 
 
 def length_change(x: Array, length: float) -> float:
-    """Largest relative change of a segment's length (Eq. 5): max |‖x_i+1 - x_i‖ / length - 1|."""
+    """Largest relative change of a segment's length (Eq. 5): max |‖x_i+1 - x_i‖ / length - 1|.
+
+    Parameters
+    ----------
+    x : array (Q+1, 3)
+        Rod in mm.
+    length : float
+        Rest length of a segment in mm.
+
+    Returns
+    -------
+    float
+        Relative change, never negative.
+    """
     return float(np.abs(np.linalg.norm(np.diff(x, axis=0), axis=1) / length - 1.0).max())
 
 

@@ -54,7 +54,22 @@ class Tube:
 
 
 def round_surface(x: Array, radii: Array | float, sides: int = 12) -> Surface:
-    """Closed surface of rings of given radii (Q+1,) in mm about the vertices of a rod, with flat ends."""
+    """Closed surface of rings about the vertices of a rod, with flat ends.
+
+    Parameters
+    ----------
+    x : array (Q+1, 3)
+        Rod in mm.
+    radii : float or array (Q+1,)
+        Radii in mm.
+    sides : int
+        Number of vertices of each ring.
+
+    Returns
+    -------
+    Surface
+        Surface in mm.
+    """
     n, tangent = len(x), tangents(x)
     normal = bishop_normals(np.vstack([x, x[-1] + tangent[-1]]), perpendicular(tangent[0]))
     normal -= np.sum(normal * tangent, axis=1)[:, None] * tangent
