@@ -1,5 +1,6 @@
 """Docstrings of what faces export: numpydoc sections that agree with signatures."""
 
+import argparse
 import enum
 import inspect
 import re
@@ -30,7 +31,7 @@ def is_plain(thing: object) -> bool:
     """Classes that nobody constructs by hand, or whose fields are documented one by one."""
     if not inspect.isclass(thing):
         return False
-    bases = (enum.Enum, BaseException, pydantic.BaseModel)
+    bases = (enum.Enum, BaseException, pydantic.BaseModel, argparse.ArgumentParser)
     return issubclass(thing, bases) or is_typeddict(thing) or getattr(thing, "_is_protocol", False)
 
 

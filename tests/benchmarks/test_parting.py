@@ -13,7 +13,7 @@ def ball(x: float, z: float) -> Body:
     """A muscle of radius 3 mm whose lowest vertices a bone holds."""
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=3.0)
     held = {"bone": np.argsort(mesh.vertices[:, 2])[:3]}
-    return Body.of(Surface(np.array(mesh.vertices) + [x, 0.0, z], np.array(mesh.faces)), held, 1.5)
+    return Body.fill(Surface(np.array(mesh.vertices) + [x, 0.0, z], np.array(mesh.faces)), held, 1.5)
 
 
 BLOCK = trimesh.creation.box(extents=[30, 30, 4])

@@ -66,7 +66,7 @@ def spindle(centre=(0.0, 0.0, 0.0), edge: float = 2.5) -> Body:
     """A muscle from x = -15 to 15, held by bone "a" at its start and by bone "b" at its end."""
     surface = rod(np.asarray(centre, float), 30.0, 4.0, 3.0)
     x = surface.vertices[:, 0]
-    return Body.of(surface, {"a": np.flatnonzero(x < -13), "b": np.flatnonzero(x > 13)}, edge)
+    return Body.fill(surface, {"a": np.flatnonzero(x < -13), "b": np.flatnonzero(x > 13)}, edge)
 
 
 def hinge(angle: float, z: float = -6.0) -> dict[str, RigidTransform]:

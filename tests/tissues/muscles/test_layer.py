@@ -31,7 +31,7 @@ def known_in(poses, shapes, name: str, body, flesh=None) -> Muscle:
     known = np.reshape(shapes, (-1, *body.mesh.vertices.shape))
     strains = np.array([plasticity.exp(StretchField(body.mesh)(x)) for x in shapes])
     fit = PoseStrains(known, strains.reshape(-1, len(body.mesh.tets), 6), 0.0, np.zeros(2), (0.0, 0.0))
-    return Muscle.of(name, body, Examples(PARENTS, "neutral", poses, flesh=flesh), fit)
+    return Muscle.learn(name, body, Examples(PARENTS, "neutral", poses, flesh=flesh), fit)
 
 
 def muscle(name: str, centre=(0.0, 0.0, 0.0)) -> Muscle:

@@ -297,7 +297,23 @@ def write_labels(
 
 
 def read_label_table(path: str | Path) -> dict[str, int]:
-    """The table {name: label} beside a label volume."""
+    """The table beside a label volume.
+
+    Parameters
+    ----------
+    path : path
+        The label volume.
+
+    Returns
+    -------
+    dict of str to int
+        Label by name.
+
+    Raises
+    ------
+    InputError
+        Where the table is missing or malformed.
+    """
     beside = table_path(path)
     try:
         table = json.loads(beside.read_text(encoding="utf-8"))

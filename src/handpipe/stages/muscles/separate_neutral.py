@@ -38,7 +38,7 @@ def separate_neutral(inputs: Inputs, output: Path, edge: float) -> None:
 
     def meshed(name: str, guess: Body) -> Body:
         try:
-            body = Body.of(found.surfaces[name], guess.attachments, edge)
+            body = Body.fill(found.surfaces[name], guess.attachments, edge)
         except InputError as error:
             remedy = f"Look at its template and its markers: {name} may be too thin, or folded"
             raise InputError(name, error.field, error.problem, remedy) from error

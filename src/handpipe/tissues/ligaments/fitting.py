@@ -45,7 +45,7 @@ def fit_ligament(
     Muscle
         The ligament, with no plastic strain in any pose.
     """
-    body = Body.of(guess.surface, guess.attachments, edge)
+    body = Body.fill(guess.surface, guess.attachments, edge)
     still = {bone: RigidTransform.identity() for bone in body.attachments}
     space = PoseSpace.build(list(body.attachments), parents, {neutral: still}, "inverse-distance")
     logs = np.zeros((1, len(body.mesh.tets), 6))

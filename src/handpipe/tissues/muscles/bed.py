@@ -32,7 +32,7 @@ class Bed:
     beside: Array
 
     @staticmethod
-    def of(vertices: Array, flesh: Sequence[Shape]) -> Bed:
+    def fit(vertices: Array, flesh: Sequence[Shape]) -> Bed:
         """From the mesh vertices (N, n, 3) in the examples, neutral first, and the flesh in each of them."""
         embedding = Embedding.embed(vertices[0], TetMesh(flesh[0].rest, flesh[0].cells))
         carried = [embedding(shape.vertices) for shape in flesh]

@@ -104,7 +104,7 @@ class Muscle:
     bed: Bed | None = None
 
     @staticmethod
-    def of(name: str, body: Body, examples: Examples, fit: PoseStrains) -> Muscle:
+    def learn(name: str, body: Body, examples: Examples, fit: PoseStrains) -> Muscle:
         """From the strains of example poses.
 
         Radial functions with a linear part follow the trend between examples, where positive weights are
@@ -118,7 +118,7 @@ class Muscle:
         logs = np.stack([np.zeros((len(body.mesh.tets), 6)), *(plasticity.log(s) for s in fit.strains)])
         vertices = np.concatenate([body.mesh.vertices[None], fit.vertices])
         flesh = examples.flesh
-        bed = Bed.of(vertices, [flesh[pose] for pose in poses]) if flesh else None
+        bed = Bed.fit(vertices, [flesh[pose] for pose in poses]) if flesh else None
         return Muscle(name, body, space, logs, vertices, (still, *own), bed)
 
     @staticmethod
@@ -137,7 +137,7 @@ class Muscle:
             for s in (shapes[pose] for pose in poses)
         ]
         fit = fit_pose_strains(body.mesh, body.matrix, given, space.examples, body.held, options)
-        return Muscle.of(name, body, examples, fit), fit
+        return Muscle.learn(name, body, examples, fit), fit
 
     def places(
         self,

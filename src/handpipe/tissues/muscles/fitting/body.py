@@ -54,7 +54,7 @@ class Body:
     landmarks: dict[str, int] = field(default_factory=dict)
 
     @staticmethod
-    def of(
+    def fill(
         surface: Surface,
         attachments: Mapping[str, IntArray],
         edge: float,

@@ -170,11 +170,11 @@ def extract_neutral(
     extraction : Extraction
         The fit, with the vertices of the new tetrahedra in mm.
     """
-    first = Body.of(guess.surface, guess.attachments, edge, guess.landmarks)
+    first = Body.fill(guess.surface, guess.attachments, edge, guess.landmarks)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
     find, bones = evidence.markers(first, markers), evidence.bones
     extraction = _extract(first, still, first.mesh.vertices, find, options or NEUTRAL, evidence.landmarks)
-    body = Body.of(extraction.surface, guess.attachments, edge, guess.landmarks)
+    body = Body.fill(extraction.surface, guess.attachments, edge, guess.landmarks)
     if bones is not None:
         body = replace(body, visible=body.visible | (bones.signed(body.surface.vertices)[0] >= ON_BONE))
     if evidence.points is None:
