@@ -20,7 +20,7 @@ from handpipe.hand import named_files
 
 from .running import ENVIRONMENT, TOY, planned
 from .small_subject import LABELS, write_image
-from .test_bad_input import missing_regions, open_bone
+from .test_bad_input import edit, missing_regions, open_bone
 
 SMALL = ("small", "--stage", "segmentation", TOY)
 
@@ -184,6 +184,19 @@ def test_check_names_each_fault_in_a_line(
         "handpipe: config/datasets/small.yaml: regions.bone_fascia: small/painted.json"
     )
     assert lines[1].startswith("handpipe: small/far.ply: triangles: is open")
+
+
+def test_check_names_each_wrong_field_of_the_dataset_file(
+    small: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(small)
+    edit(small, lambda d: d.update(hand="both", units="cm"))
+    edit(small, lambda d: d["bones"]["far"].update(label=300))
+    assert main(["check", "small"]) == 1
+    said = capsys.readouterr()
+    assert said.out == "small: 3 faults\n"
+    fields = {line.split(": ")[2] for line in said.err.splitlines()}
+    assert fields == {"hand", "units", "bones.far.label"}
 
 
 def test_status_counts_jobs_as_the_workflow_does(copy: Path) -> None:

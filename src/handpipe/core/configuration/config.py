@@ -438,16 +438,38 @@ def _checked(path: str | Path, content: Any, model: type[T]) -> T:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
-        problem = first["msg"].removeprefix("Value error, ")
-        field = ".".join(str(p) for p in first["loc"] if p != "[key]")
-        if first["type"] == "string_pattern_mismatch":
-            problem = (
-                f"{first['input']!r} is no name: letters a to z, digits and {_joint_of(first)}, letter first"
-            )
-        if not field:  # checks of a whole file name the field themselves
-            field, _, problem = problem.partition(": ") if ": " in problem else ("content", "", problem)
-        raise InputError(path, field, problem, "See config/README.md") from error
+        raise _fault(path, error.errors()[0]) from error
+
+
+def _fault(path: str | Path, found: Mapping[str, Any]) -> InputError:
+    """One error of pydantic as one of ours."""
+    problem = found["msg"].removeprefix("Value error, ")
+    field = ".".join(str(p) for p in found["loc"] if p != "[key]")
+    if found["type"] == "string_pattern_mismatch":
+        problem = (
+            f"{found['input']!r} is no name: letters a to z, digits and {_joint_of(found)}, letter first"
+        )
+    if not field:  # checks of a whole file name the field themselves
+        field, _, problem = problem.partition(": ") if ": " in problem else ("content", "", problem)
+    return InputError(path, field, problem, "See config/README.md")
+
+
+def every_fault(error: InputError) -> list[InputError]:
+    """All that is wrong with the fields of a file, of which loading names the first.
+
+    Parameters
+    ----------
+    error : InputError
+        What `load_dataset`, `load_scene` or `settings_of` raised.
+
+    Returns
+    -------
+    list of InputError
+        `error` alone where it is of another kind.
+    """
+    if not isinstance(error.__cause__, ValidationError):
+        return [error]
+    return [_fault(error.source, found) for found in error.__cause__.errors()]
 
 
 def _joint_of(error: Mapping[str, Any]) -> str:
