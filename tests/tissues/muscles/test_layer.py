@@ -16,6 +16,7 @@ from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.mesh.tets.embedding import Embedding
+from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.shapes.optimisation.settings import MUSCLE
 from handpipe.shapes.strains.stretch import StretchField
 from handpipe.skeleton.posing.layer import BoneLayer
@@ -126,6 +127,20 @@ def test_an_end_that_leaves_its_bone_is_held_where_the_examples_have_it():
         slid = (start @ (rest if shape is None else shape)).mean(axis=0)
         expected = slid - [SLIDING * angle, 0.0, 0.0] if shape is None else slid
         assert np.linalg.norm(end - expected) < (0.3 if shape is None else 0.05)
+
+
+def test_a_muscle_without_examples_goes_with_its_bones():
+    body = spindle()
+    known, fit = Muscle.fit("m", body, Examples(PARENTS, "neutral", {}), {})
+    assert len(fit.distances) == 0
+    layer, rest = MuscleLayer([known], contact=False), body.mesh.vertices
+    still = solve(layer, 0.0)["m_mesh"].vertices
+    assert np.linalg.norm(still - rest, axis=1).max() < 1e-3
+    bent = solve(layer, 0.5)["m_mesh"]
+    held = body.attached(hinge(0.5))
+    assert np.linalg.norm(held.matrix @ bent.vertices - held.targets, axis=1).max() < 0.2
+    volumes = [TetMesh(x, body.mesh.tets).volumes() for x in (rest, bent.vertices)]
+    assert volumes[1].min() > 0 and volumes[1].sum() == pytest.approx(volumes[0].sum(), rel=0.03)
 
 
 def test_a_muscle_that_folds_into_itself_says_so(caplog):

@@ -59,7 +59,8 @@ def evaluate_muscles(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: 
     for path, registration in zip(inputs.separated, inputs.registrations, strict=True):
         bones = each_moved(rig.surfaces, read_registration(registration))
         depths.append(deepest(load_surfaces(path), held, bones.values()))
-    figures["penetration_max"] = (max(depths), "mm")
+    if depths:
+        figures["penetration_max"] = (max(depths), "mm")
     eigenvalues = np.concatenate(
         [plasticity.eigenvalues(plasticity.exp(m.logs.reshape(-1, 6))) for m in muscles.values()]
     )
@@ -83,9 +84,10 @@ def evaluate_muscles(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: 
             true = surfaces_in(true_pose(inputs.truth, frame.name)["muscles"])
             there = {name: surface.moved(home(surface.vertices)) for name, surface in true.items()}
             errors[frame.name] = surface_errors(simulated, there)
-    figures |= contact_figures(contacts)
     figures["inverted_tets"] = (inverted, "1")
-    figures["volume_change_max"] = (float(max(volumes)), "%")
+    if contacts:
+        figures |= contact_figures(contacts)
+        figures["volume_change_max"] = (float(max(volumes)), "%")
     for role, prefix in PREFIXES.items():
         known = [d for pose, e in errors.items() if dataset.poses[pose].role == role for d in e.values()]
         if known:

@@ -51,6 +51,9 @@ def fit_muscle_strains(inputs: Inputs, output: Path, dataset: Dataset, name: str
     examples = Examples(rig.parents, dataset.neutral, transforms, dataset.muscle_interpolation, flesh)
     muscle, fit = Muscle.fit(name, body, examples, separated_shapes)
     log.info(
-        "gamma %.3g, eigenvalues %.2f to %.2f, %.3f mm", fit.gamma, *fit.eigenvalues, fit.distances.max()
+        "gamma %.3g, eigenvalues %.2f to %.2f, %.3f mm",
+        fit.gamma,
+        *fit.eigenvalues,
+        fit.distances.max(initial=0.0),
     )
     muscle.save(output, inputs.all())

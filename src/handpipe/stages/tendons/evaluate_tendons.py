@@ -48,7 +48,8 @@ def evaluate_tendons(inputs: Inputs, output: Path, dataset: Dataset, costs: Sequ
             true = true_pose(inputs.truth, pose)["tendons"][tendon.name]
             line = rig.poses[pose].root.inverse()(true["centreline"])
             errors[dataset.poses[pose].role].append(np.concatenate(centreline_errors(x, line)))
-    figures["length_change_max"] = (float(np.max(changes)), "%")
+    if changes:
+        figures["length_change_max"] = (float(np.max(changes)), "%")
     if errors[Role.example]:
         figures |= metrics.summary("centreline_error", np.concatenate(errors[Role.example]), "mm")
     if errors[Role.heldout]:

@@ -129,8 +129,14 @@ class Muscle:
         shapes: Mapping[str, SeparatedShape],
         options: StrainOptions | None = None,
     ) -> tuple[Muscle, PoseStrains]:
-        """Stage 3: a muscle from its shapes by pose, those of all example poses."""
+        """Stage 3: a muscle from its shapes by pose, those of all example poses.
+
+        Without an example its strains are zero in every pose.
+        """
         poses = examples.transforms
+        if not poses:
+            unknown = PoseStrains.unknown(body.mesh)
+            return Muscle.learn(name, body, examples, unknown), unknown
         space = PoseSpace.build(list(body.attachments), examples.parents, poses, points=body.held_by_bone)
         given = [
             KnownShape(s.surface.vertices, s.start, touching(s.surface, s.neighbours, TOUCHING))

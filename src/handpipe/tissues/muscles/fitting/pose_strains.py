@@ -100,6 +100,12 @@ class PoseStrains:
     eigenvalues: tuple[float, float]
     objectives: list[float] = field(default_factory=list)
 
+    @staticmethod
+    def unknown(mesh: TetMesh) -> PoseStrains:
+        """Of no example pose."""
+        vertices, strains = np.zeros((0, *mesh.vertices.shape)), np.zeros((0, len(mesh.tets), 6))
+        return PoseStrains(vertices, strains, 0.0, np.zeros(0), (1.0, 1.0))
+
 
 def pose_laplacian(poses: Array) -> Array:
     """Laplacian (N, N) of the complete graph of pose vectors (N, d) (Wang 2021 §6.1.4).
