@@ -32,7 +32,7 @@ class Inputs(Files):
 
     volume: Path
     neutral: Path
-    carried: Path | None
+    carried: Path | None = None
 
 
 @dataclass(frozen=True)

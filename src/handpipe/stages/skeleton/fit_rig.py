@@ -28,7 +28,7 @@ class Inputs(Files):
     neutral: Path
     registrations: Sequence[Path]
     truth: Sequence[Path]
-    carried: Path | None
+    carried: Path | None = None
 
 
 @dataclass(frozen=True)

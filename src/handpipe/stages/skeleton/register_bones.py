@@ -18,7 +18,7 @@ class Inputs(Files):
 
     neutral: Path
     target: Path
-    carried: Path | None
+    carried: Path | None = None
 
 
 def register_bones(inputs: Inputs, output: Path, dataset: Dataset, pose: str) -> None:

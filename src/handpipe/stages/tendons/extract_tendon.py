@@ -26,7 +26,7 @@ class Inputs(Files):
     rig: Path
     volume: Path
     path: Path | None
-    carried: Path | None
+    carried: Path | None = None
 
 
 def extract_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:

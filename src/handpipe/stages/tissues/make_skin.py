@@ -24,7 +24,7 @@ class Inputs(Files):
 
     scan: Path
     nails: Sequence[Path]
-    carried: Path | None
+    carried: Path | None = None
 
 
 def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> None:
