@@ -145,6 +145,28 @@ def test_init_writes_a_dataset_that_loads(
     assert (small / "config/datasets/my-hand.yaml").read_bytes() == before
 
 
+def test_init_names_files_that_it_does_not_use(
+    small: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(small)
+    write_scans(small / "mine")
+    (small / "mine/fists.ply").touch()
+    (small / "mine/Fäuste.nii").touch()
+    assert main(["init", "my-hand", "--volumes", "mine", "--hand", "right"]) == 0
+    assert "not used: fists.ply, since no volume has its name" in capsys.readouterr().out
+    assert "F_uste" in load_dataset("config/datasets/my-hand.yaml").poses
+
+
+def test_init_of_a_name_that_is_none_writes_nothing(
+    small: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(small)
+    write_scans(small / "mine")
+    assert main(["init", "My Hand", "--volumes", "mine", "--hand", "right"]) == 1
+    assert "config/datasets/My Hand.yaml: name" in capsys.readouterr().err
+    assert not (small / "config/datasets/My Hand.yaml").exists() and not (small / "mine/template").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

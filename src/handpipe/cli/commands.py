@@ -150,7 +150,8 @@ def status(
 def view(subject: Subject) -> None:
     """Open the subject's report in the browser."""
     report = paths.at(paths.REPORT, subject=subject)
-    _require_built(report, subject)
+    if not report.is_file():
+        raise InputError(report, "file", "has not been built", f"Run: handpipe build {subject}")
     print(report)
     webbrowser.open(report.resolve().as_uri())
 
@@ -164,6 +165,9 @@ def export(
     dataset = load_dataset(_dataset_file(subject))
     for path in exports.export(subject, dataset, folder):
         print(path)
+    print(
+        f"As the last build left it: handpipe status {subject} tells what has changed since", file=sys.stderr
+    )
 
 
 def _dataset_file(subject: str) -> Path:
@@ -173,8 +177,3 @@ def _dataset_file(subject: str) -> Path:
         known = ", ".join(sorted(p.stem for p in path.parent.glob("*.yaml")))
         raise InputError(path, "file", "does not exist", f"Write it, or name one of {known}")
     return path
-
-
-def _require_built(path: Path, subject: str) -> None:
-    if not path.is_file():
-        raise InputError(path, "file", "has not been built", f"Run: handpipe build {subject}")

@@ -62,7 +62,11 @@ def init(
     path = Path(f"config/datasets/{name}.yaml")
     if path.exists():
         raise InputError(path, "file", "exists already", "Edit it, or choose another name")
-    poses = find_poses(folder)
+    found = find_poses(folder)
+    poses = {pose: files for pose, files in found.items() if "volume" in files}
+    if not poses:
+        problem = f"holds no volume ({', '.join(VOLUMES)}, or a folder of DICOM images)"
+        raise InputError(folder, "files", problem, "Name the folder of the scans")
     rest = _neutral(folder, poses, neutral)
     for pose in heldout:
         if pose not in poses:
@@ -78,12 +82,17 @@ def init(
             for pose, files in sorted(poses.items(), key=lambda item: (item[0] != rest, item[0]))
         },
     }
-    fields = shipped.install(folder / TEMPLATE, side)
-    content |= _below(TEMPLATE, fields) | {"drawn_in": "template"}
+    content |= _below(TEMPLATE, shipped.fields_of(side)) | {"drawn_in": "template"}
     text = HEADER.format(template=folder / TEMPLATE)
     write_text(path, text + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110))
-    load_dataset(path)
-    return path, [*_notes(folder, rest, poses)]
+    try:
+        load_dataset(path)
+        shipped.install(folder / TEMPLATE, side)
+    except BaseException:
+        path.unlink()  # nothing is half-written
+        raise
+    unused = [file for pose, files in found.items() if pose not in poses for file in files.values()]
+    return path, [*_notes(folder, rest, poses, unused)]
 
 
 def find_poses(folder: Path) -> dict[str, dict[str, Path]]:
@@ -97,12 +106,12 @@ def find_poses(folder: Path) -> dict[str, dict[str, Path]]:
     Returns
     -------
     dict
-        By pose and field (`volume`, `seeds`, `scan`), paths relative to the folder.
+        By pose and field (`volume`, `seeds`, `scan`), paths relative to the folder. A pose may lack any.
 
     Raises
     ------
     InputError
-        Where there is no volume, or two files for one field of a pose.
+        Where there is no such folder, or there are two files for one field of a pose.
     """
     if not folder.is_dir():
         raise InputError(folder, "folder", "does not exist", "Name the folder of the scans")
@@ -114,10 +123,6 @@ def find_poses(folder: Path) -> dict[str, dict[str, Path]]:
             problem = f"{found[kind]} and {path} are both the {kind} of {pose}"
             raise InputError(folder, "files", problem, "Rename or move one of them")
         found[kind] = path
-    poses = {pose: files for pose, files in poses.items() if "volume" in files}
-    if not poses:
-        problem = f"holds no volume ({', '.join(VOLUMES)}, or a folder of DICOM images)"
-        raise InputError(folder, "files", problem, "Name the folder of the scans")
     return poses
 
 
@@ -148,7 +153,7 @@ def _kind(path: Path, folder: Path) -> tuple[str, str]:
     if kind == "volume" and (SEEDS.search(stem) or SEEDS.search(path.parent.name)):
         kind = "seeds"
     stem = OTHER_WORDS.sub("", SEEDS.sub("", stem)) or path.parent.name or folder.name
-    pose = re.sub(r"\W+", "_", stem).strip("_")
+    pose = re.sub(r"[^A-Za-z0-9]+", "_", stem).strip("_")
     return kind, pose if pose[:1].isalpha() else f"pose_{pose}"
 
 
@@ -181,9 +186,13 @@ def _below(folder: str, fields: Mapping[str, Any]) -> dict[str, Any]:
     return {key: moved(value) for key, value in fields.items()}
 
 
-def _notes(folder: Path, neutral: str, poses: Mapping[str, Mapping[str, Path]]) -> Iterator[str]:
+def _notes(
+    folder: Path, neutral: str, poses: Mapping[str, Mapping[str, Path]], unused: list[Path]
+) -> Iterator[str]:
     for pose, files in poses.items():
         yield f"{pose}: {', '.join(f'{kind} {file}' for kind, file in files.items())}"
+    for file in unused:
+        yield f"not used: {file}, since no volume has its name. Rename it if it belongs to a pose"
     seeds = folder / poses[neutral]["seeds"]
     if not seeds.exists():
         yield f"to do: draw a stroke in each bone of {neutral} and some around them, and save them as {seeds}"

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.anatomy.shipped.template_files import HAND, install, ship
+    from handpipe.anatomy.shipped.template_files import HAND, fields_of, install, ship
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["HAND", "install", "ship"]
+__all__ = ["HAND", "fields_of", "install", "ship"]

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from handpipe.anatomy.person.subject_template import MIRROR, Side, SubjectTemplate
-from handpipe.core import Array, InputError, IntArray, write_text
+from handpipe.core import InputError, IntArray, write_text
 from handpipe.core.configuration import Dataset
-from handpipe.imaging.evidence import read_markers
+from handpipe.imaging.evidence import read_markers, write_markers
 from handpipe.mesh.surfaces import Surface, read_surface, write_surface
 
 HAND = Path(__file__).with_name("hand")  # the template that is shipped
@@ -65,10 +65,12 @@ def ship(template: SubjectTemplate, attachments: Attachments, dataset: Dataset, 
             fields[kind][name] = _write_organ(folder, f"{kind}/{name}", organ.surface, attachments[name])
     for name, tendon in template.tendons.items():
         chosen = np.linspace(0, len(tendon.path) - 1, CURVE).round().astype(int)
+        path = f"tendons/{name}.mrk.json"
+        write_markers(folder / path, tendon.path[chosen], kind="Curve")
         fields["tendons"][name] = {
             "bone": tendon.bone,
             "bones": list(tendon.bones),
-            "path": _write_curve(folder, f"tendons/{name}.mrk.json", tendon.path[chosen]),
+            "path": path,
             "radius": round(tendon.radius, 2),
         }
     for bone, patch in template.nail_patches().items():
@@ -98,7 +100,7 @@ def install(folder: Path, side: Side = SIDE, source: Path = HAND) -> Fields:
         `bones`, `joints`, `muscles`, `ligaments`, `tendons` and `nails` of a dataset, with paths relative to
         the folder.
     """
-    fields: Fields = json.loads((source / FIELDS).read_text(encoding="utf-8"))
+    fields = fields_of(side, source)
     mirror = np.ones(3) if side == SIDE else MIRROR
     for relative in _files(fields):
         path = folder / relative
@@ -108,9 +110,29 @@ def install(folder: Path, side: Side = SIDE, source: Path = HAND) -> Fields:
             moved = surface.moved(surface.vertices * mirror)
             write_surface(path, moved if side == SIDE else moved.flipped())
         elif relative.endswith(".mrk.json"):
-            _write_curve(folder, relative, read_markers(source / relative)[0] * mirror)
+            points, labels = read_markers(source / relative)
+            write_markers(path, points * mirror, labels, kind="Curve")
         else:
             shutil.copy(source / relative, path)
+    return fields
+
+
+def fields_of(side: Side = SIDE, source: Path = HAND) -> Fields:
+    """A dataset's fields for a template hand.
+
+    Parameters
+    ----------
+    side : "right" or "left"
+        Axes of a left hand are those of the mirror image.
+    source : path
+        What `ship` wrote.
+
+    Returns
+    -------
+    dict
+        As of `install`.
+    """
+    fields: Fields = json.loads((source / FIELDS).read_text(encoding="utf-8"))
     if side != SIDE:
         for joint in fields["joints"].values():
             joint["axis_hints"] = [(-np.array(axis) * MIRROR).tolist() for axis in joint["axis_hints"]]
@@ -139,14 +161,3 @@ def _write_organ(
     listed = {bone: ids.tolist() for bone, ids in attachments.items()}
     write_text(folder / f"{relative}.json", json.dumps(listed) + "\n")
     return {"template": template, "attachments": f"{relative}.json"}
-
-
-def _write_curve(folder: Path, relative: str, points: Array) -> str:
-    """Write points in RAS as an open curve of 3D Slicer."""
-    controls = [
-        {"id": str(i + 1), "label": f"{i + 1}", "position": np.round(point, 3).tolist()}
-        for i, point in enumerate(points)
-    ]
-    markup = {"type": "Curve", "coordinateSystem": "RAS", "coordinateUnits": "mm", "controlPoints": controls}
-    write_text(folder / relative, json.dumps({"markups": [markup]}) + "\n")
-    return relative
