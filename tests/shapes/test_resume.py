@@ -72,7 +72,7 @@ def test_a_killed_fit_ends_as_one_that_was_not(
     killed_after(steps - 3 - 2, path, monkeypatch)  # goes on from 3, and is killed when it has new tets
     caplog.set_level("INFO", "handpipe.shapes")
     again = fit(path)
-    assert "going on from" in caplog.text
+    assert "continuing from" in caplog.text
     assert not path.exists()
     assert again.mesh.tets.tolist() == whole.mesh.tets.tolist()
     assert again.mesh.vertices == pytest.approx(whole.mesh.vertices, abs=1e-9)
@@ -112,7 +112,7 @@ def test_a_file_that_cannot_be_read_is_left_aside(tmp_path: Path, caplog: pytest
     given, _ = written(tmp_path / "fit.h5")
     (tmp_path / "fit.h5").write_bytes((tmp_path / "fit.h5").read_bytes()[:500])
     assert FitCheckpoint(tmp_path / "fit.h5", given).read() is None
-    assert "starting anew" in caplog.text
+    assert "starting from the beginning" in caplog.text
 
 
 def test_the_digest_tells_all_input_apart() -> None:

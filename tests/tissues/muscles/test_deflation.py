@@ -6,7 +6,7 @@ import trimesh
 from tests.tissues.muscles.crossings import inside
 
 from handpipe.mesh.surfaces.surface import Surface
-from handpipe.tissues.muscles.separation.deflation import STRIDE, Deflation, inscribed_radii
+from handpipe.tissues.muscles.separation.deflation import STEP_SHARE, Deflation, inscribed_radii
 
 
 def ellipsoid(radii, subdivisions: int = 3) -> Surface:
@@ -43,6 +43,6 @@ def test_draws_in_where_it_was_met_alone():
         deflation.step(end)
     moved = np.linalg.norm(deflation.vertices() - surface.vertices, axis=1)
     far = surface.vertices[:, 0] < 0
-    way = 3 * STRIDE * inscribed_radii(surface)[end].mean()
+    way = 3 * STEP_SHARE * inscribed_radii(surface)[end].mean()
     assert 0.3 * way < moved[end].mean() < way  # directions round a thin end cancel in part
     assert moved[far].max() < 0.01 * moved[end].mean()

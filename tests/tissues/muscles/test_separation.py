@@ -45,16 +45,16 @@ def test_two_muscles_come_apart_and_keep_their_volume():
     assert gap < 0.06  # and no further than it must
 
 
-def test_what_is_seen_stays_and_what_is_hidden_makes_way():
+def test_visible_vertices_stay_and_hidden_ones_move():
     """2 mm too thick where they touch: if volumes were kept, outer sides would give what inner ones lack."""
     muscles = {"a": ellipsoid([25, 5, 4], [0, 0, 0]), "b": ellipsoid([25, 5, 4], [0, 0, 6.0])}
-    seen = {"a": muscles["a"].vertices[:, 2] < 1, "b": muscles["b"].vertices[:, 2] > 5}
+    visible = {"a": muscles["a"].vertices[:, 2] < 1, "b": muscles["b"].vertices[:, 2] > 5}
 
     def moved(result) -> float:
-        offsets = [result.surfaces[n].vertices[seen[n]] - muscles[n].vertices[seen[n]] for n in muscles]
+        offsets = [result.surfaces[n].vertices[visible[n]] - muscles[n].vertices[visible[n]] for n in muscles]
         return float(np.linalg.norm(np.concatenate(offsets), axis=1).mean())
 
-    result = separate(muscles, {}, NO_VOLUME, seen=seen)
+    result = separate(muscles, {}, NO_VOLUME, visible=visible)
     assert_apart(result.surfaces)
     assert moved(result) < 0.02 < 0.1 < moved(separate(muscles, {}))
     border = result.surfaces["a"].vertices
@@ -104,11 +104,11 @@ def test_attached_vertices_stay_inside_the_bone():
     bone = ellipsoid([30, 5, 5], [0, 0, -8.2])
     muscle = ellipsoid([25, 5, 4], [0, 0, 0])
     depth = -Distance(bone).signed(muscle.vertices)[0]
-    held = np.flatnonzero((depth > 0) & (muscle.vertices[:, 0] > 2))
-    result = separate({"a": muscle}, {"bone": bone}, held={"a": held})
+    attached = np.flatnonzero((depth > 0) & (muscle.vertices[:, 0] > 2))
+    result = separate({"a": muscle}, {"bone": bone}, attached={"a": attached})
     found = result.surfaces["a"].vertices
-    assert len(held) > 5 and np.array_equal(found[held], muscle.vertices[held])
-    free = np.setdiff1d(np.arange(len(found)), held)
+    assert len(attached) > 5 and np.array_equal(found[attached], muscle.vertices[attached])
+    free = np.setdiff1d(np.arange(len(found)), attached)
     assert not inside(found[free], bone).any()
 
 
@@ -131,7 +131,7 @@ def test_thin_coarse_muscles_across_one_another_on_a_bone(seed):
         assert found.surfaces[name].volume() == pytest.approx(start.volume(), rel=0.01)
 
 
-def test_says_what_cannot_be_parted():
+def test_says_what_cannot_be_separated():
     bone = ellipsoid([20, 6, 6], [0, 0, 0])
     with pytest.raises(ConvergenceError, match="lost and bone"):
         separate({"lost": ellipsoid([10, 2, 2], [0, 0, 1.0], 2)}, {"bone": bone})

@@ -35,7 +35,7 @@ def cleaned(mesh: TetMesh, labels: IntArray, crumb: float = CRUMB) -> IntArray:
         if not pinched.any():
             return labels
         labels = _given_away(labels, pinched, pairs, area) if number < GENTLE_ROUNDS else filled
-    log.warning("%d tets hang on vertices or edges still", pinched.sum())
+    log.warning("%d tets still share only vertices or edges with their part", pinched.sum())
     return labels
 
 

@@ -178,6 +178,9 @@ def posed(template: SubjectTemplate, target: Points) -> Biharmonic:
     best = least_squares(residuals, first, x_scale="jac", method="trf", xtol=1e-8, ftol=1e-8).x
     rest = np.linalg.norm(residuals(best)[: 3 * len(names)].reshape(-1, 3), axis=1) * POINT * scale
     log.info(
-        "posed by %d feature points: %.1f mm in the mean, %.1f at most", len(names), rest.mean(), rest.max()
+        "posed by %d feature points: mean distance %.1f mm, largest %.1f mm",
+        len(names),
+        rest.mean(),
+        rest.max(),
     )
     return skeleton.field(maps(best))

@@ -232,7 +232,11 @@ class SystemSequence:
             self._ageing = None
             raise SingularMatrix(f"{len(found.x)} unknowns: relative residual {found.residual:.1e}, {ILL}")
         if found.end is not End.CONVERGED:
-            log.warning("relative residual %.1e, not %.1e, is handed on", found.residual, tolerance)
+            log.warning(
+                "linear solve stopped at a relative residual of %.1e, tolerance %.1e; its result is used",
+                found.residual,
+                tolerance,
+            )
         return found.x
 
 

@@ -39,13 +39,13 @@ class Checkpoint:
         try:
             with np.load(self.path) as state:
                 if str(state["fingerprint"]) != self._fingerprint:
-                    log.info("%s belongs to another problem and is left aside", self.path)
+                    log.info("%s belongs to another problem; starting from the beginning", self.path)
                     return None
                 return float(state["load"]), float(state["step"]), state["x"]
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-            log.warning("%s cannot be read (%s): starting anew", self.path, error)
+            log.warning("%s cannot be read (%s); starting from the beginning", self.path, error)
             return None
 
     def at(self, load: float, step: float) -> None:

@@ -44,5 +44,5 @@ def opened(energy: Sum, x: Array, free: BoolArray, name: str) -> Array:
             x = x + energy.max_step(x, step) * step
             gap = barrier.gap(x)
         if before < narrow:
-            log.info("%s: a gap of %.2g mm at the start, opened to %.2g mm", name, before, gap)
+            log.info("%s: opened the initial gap of %.2g mm to %.2g mm", name, before, gap)
     return x

@@ -88,7 +88,7 @@ def approach(
         step = _follow(energy, barrier, x, motion, vertices - barrier.obstacle, free, workspace)
         fraction, moved = barrier.advance(x, step, vertices)
         x = x + fraction * step
-        log.info("%s: round %d moves by %.3g of what remains", options.name, number + 1, fraction)
+        log.info("%s: round %d covers %.3g of the remaining motion", options.name, number + 1, fraction)
         if moved is not barrier:
             barrier, energy = moved, Sum([*potentials, moved])
         if fraction == 1.0:

@@ -151,7 +151,7 @@ def settle(
         step = found - x
         motion = measure(step)
         moved = "" if mover is None else f", most of all {mover(step)}"
-        log.info("%s: contact planes taken %d times, motion %.3f mm%s", name, count, motion, moved)
+        log.info("%s: contact planes renewed %d times, last motion %.3f mm%s", name, count, motion, moved)
         if motion < best.motion:
             best = Settled(found, count, motion, chosen=count)
         if motion < limits.settled:

@@ -434,7 +434,7 @@ def merge(
     first, last = bounds(disputed)
     conflicts, count = ndimage.label(disputed[box(first, last)])
     for number, slices in enumerate(ndimage.find_objects(conflicts), 1):
-        logger.info("conflict %d of %d between bones", number, count)
+        logger.info("resolving conflict %d of %d between bones", number, count)
         index = np.argwhere(conflicts[slices] == number) + [s.start for s in slices] + first
         _resolve(volume, labels, index, seeds, resolved, settings)
     return labels, resolved

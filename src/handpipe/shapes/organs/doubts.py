@@ -68,7 +68,7 @@ class Doubts:
             which = np.flatnonzero(self.attachments).tolist()
             log.warning("attachments %s are left out: other points contradict them", which)
         if self.outlying > 0:
-            log.warning("%.0f %% of the marks are far from where the others are", 100 * self.outlying)
+            log.warning("%.0f %% of the marks are far from all others", 100 * self.outlying)
         if self.share < 1:
             log.warning("marks contradict each other by %.2f mm and count %g times", self.scatter, self.share)
 

@@ -43,13 +43,13 @@ class FitCheckpoint:
         try:
             content = artifacts.read(self.path, KIND)
         except InputError as error:
-            log.warning("starting anew: %s", error)
+            log.warning("starting from the beginning: %s", error)
             return None
         if content["digest"] != self.digest:
-            log.info("%s belongs to a fit of other input and is left aside", self.path)
+            log.info("%s belongs to a fit of other input; starting from the beginning", self.path)
             return None
         position = self._position(content)
-        log.info("going on from %s: %d steps are done", self.path, len(position.task.search.record))
+        log.info("continuing from %s: %d steps are done", self.path, len(position.task.search.record))
         return position
 
     def write(self, position: Position) -> None:

@@ -75,7 +75,7 @@ def register_pose(
         if registration.doubt:
             LOG.warning("%s is in doubt: %s", bone, registration.doubt)
         elif registration.rotation_deviation > UNSURE:
-            LOG.warning("%s: the image tells little of %s", bone, loosest_turn(registration, neutral[bone]))
+            LOG.warning("%s: the image determines %s poorly", bone, loosest_turn(registration, neutral[bone]))
     return checked
 
 

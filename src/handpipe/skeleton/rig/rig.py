@@ -134,9 +134,9 @@ class Rig(JointTree):
                 poses[pose] = FittedPose(bones[self.root], found.angles, found.undetermined)
                 if found.undetermined:
                     names = ", ".join(n for n in self.angle_names if n in found.undetermined)
-                    LOG.warning("%s: its bones do not tell %s", pose, names)
+                    LOG.warning("%s: its bones do not determine %s", pose, names)
             else:
-                LOG.warning("%s is left out: it lacks the root bone %s", pose, self.root)
+                LOG.warning("pose %s is left out: it lacks the root bone %s", pose, self.root)
         return poses
 
     def angles_of(self, transforms: Bones, model: Model = "full") -> Angles:

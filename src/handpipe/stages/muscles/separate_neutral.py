@@ -29,11 +29,11 @@ def separate_neutral(inputs: Inputs, output: Path, edge: float) -> None:
     """Neutral muscles without interpenetration, meshed anew: the bodies that all poses deform."""
     fitted = drop_contested({n: b for path in inputs.muscles for n, b in read_bodies(path).items()})
     bones = Rig.load(inputs.rig).surfaces
-    held = {n: b.held for n, b in fitted.items()}
-    # Volumes are the template's where nothing is seen: to keep them would push out what is.
+    attached = {n: b.held for n, b in fitted.items()}
+    # Hidden parts have the volumes of the template: keeping these would displace the visible parts.
     surfaces = {n: b.surface for n, b in fitted.items()}
-    seen = {n: b.visible for n, b in fitted.items()}
-    found = separate(surfaces, bones, NO_VOLUME, held=held, seen=seen)
+    visible = {n: b.visible for n, b in fitted.items()}
+    found = separate(surfaces, bones, NO_VOLUME, attached=attached, visible=visible)
     log.info("penetration %.3f mm before, %.3f mm after", found.penetration_before, found.penetration)
 
     def meshed(name: str, guess: Body) -> Body:

@@ -53,7 +53,7 @@ def evaluate_truth(inputs: Inputs, output: Path, dataset: Dataset, order: int, c
     found["poses"] = (len(ratios), "1")
     found["poses_cutting_themselves"] = (crossing, "1")
     one, other, apart = coupled_hand.start_difference(hand, motion, positions)
-    log.info("%s reached from %s: %.3g mm from where it is from rest", other, one, apart)
+    log.info("%s: the solution from %s differs by %.3g mm from the one from rest", other, one, apart)
     found["start_difference_max"] = (apart, "mm")
     refined, errors = coupled_hand.refinement_errors(hand, motion, positions)
     for ray, figures in errors.items():

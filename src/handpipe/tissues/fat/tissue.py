@@ -334,7 +334,7 @@ class Tissue:
         try:
             return equilibrium.solve([elastic, *self.held(below, rigid, start)], start, options=OPTIONS)
         except ConvergenceError as error:
-            log.info("%s; bringing the constraints up in steps", error)
+            log.info("%s; retrying with constraints that stiffen in steps", error)
 
         def softened(t: float) -> list[Potential]:
             return [elastic, *self.held(below, rigid, start, 1e-3 ** (1 - t))]

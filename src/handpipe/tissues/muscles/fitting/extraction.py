@@ -383,7 +383,7 @@ class _Pose:
             markers=self.markers,
             options=self.options,
         )
-        log.info("%s in %s: %s, %.2f of its boundary seen", name, self.name, guess, new.seen)
+        log.info("%s in %s: %s; the image shows %.2f of its boundary", name, self.name, guess, new.seen)
         if name not in self.found or new.seen > self.found[name].seen:
             self.found[name], self.x[name] = new, new.vertices
 

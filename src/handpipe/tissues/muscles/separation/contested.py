@@ -1,10 +1,14 @@
-"""Attachments inside a neighbour: of muscles that spring from one place, marks reach into one another."""
+"""Attachments inside a neighbour.
+
+Muscles that originate at one place have attachments that reach into one another.
+"""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -12,22 +16,22 @@ import numpy as np
 from handpipe.core import Array, IntArray
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.tissues.muscles.fitting.body import Body
-from handpipe.tissues.muscles.separation.parting import Inseparable
+from handpipe.tissues.muscles.separation.disjoint_start import Inseparable
 from handpipe.tissues.muscles.separation.separation import Separation, separate
 
 Result = TypeVar("Result")
 log = logging.getLogger(__name__)
 
-FREE = 0.1  # mm, least distance of an attached vertex from every other muscle
-FARTHER = (FREE, 0.5, 1.0)  # mm, tried in turn: triangles at attached vertices reach into the neighbour, too
-LEAST = 3  # vertices that stay attached to each bone
+CLEAR = 0.1  # mm, least distance of an attached vertex from other muscles
+MARGINS = (CLEAR, 0.5, 1.0)  # mm, in order: triangles at attached vertices can reach into the neighbour, too
+LEAST_ATTACHED = 3  # vertices that stay attached to each bone, at least
 
 
 def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> Separation:
     """Muscles of a pose, separated from one another and from posed bones.
 
-    Where a muscle swells over a neighbour's attachment, that attachment is released: only as far from the
-    muscle as the separation needs.
+    An attachment that a neighbour covers is released, within the least margin that lets the separation
+    succeed.
 
     Parameters
     ----------
@@ -53,31 +57,32 @@ def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> 
 
 def with_least_margin(part: Callable[[float], Result]) -> Result:
     """What `part` returns for the least margin in mm for which it does not raise `Inseparable`."""
-    *margins, widest = FARTHER
-    for margin in margins:
+    for margin, wider in pairwise(MARGINS):
         try:
             return part(margin)
         except Inseparable as error:
-            log.warning("%s Attachments beyond %.1f mm of another muscle are released next", error, margin)
-    return part(widest)
+            log.warning("%s Retrying: releasing attachments within %.1f mm of other muscles", error, wider)
+    return part(MARGINS[-1])
 
 
 def _separated(bodies: Mapping[str, Body], bones: Mapping[str, Surface], margin: float) -> Separation:
-    held = {name: body.held for name, body in drop_contested(bodies, 0, margin).items()}
-    return separate({name: body.surface for name, body in bodies.items()}, bones, held=held)
+    attached = {name: body.held for name, body in drop_contested(bodies, 0, margin).items()}
+    return separate({name: body.surface for name, body in bodies.items()}, bones, attached=attached)
 
 
-def drop_contested(bodies: Mapping[str, Body], least: int = LEAST, margin: float = FREE) -> dict[str, Body]:
+def drop_contested(
+    bodies: Mapping[str, Body], least: int = LEAST_ATTACHED, margin: float = CLEAR
+) -> dict[str, Body]:
     """The same bodies without the attached vertices that are inside or near another body.
 
-    Such attachments make a separation impossible.
+    With such attachments no separation exists.
 
     Parameters
     ----------
     bodies : mapping of str to Body
         Bodies by name.
     least : int
-        Number of vertices that each bone keeps at least: those that lie farthest out of the other bodies.
+        Number of vertices that each bone keeps at least: the vertices farthest outside the other bodies.
     margin : float
         Distance in mm from another body up to which a vertex is released.
 
@@ -96,13 +101,18 @@ def drop_contested(bodies: Mapping[str, Body], least: int = LEAST, margin: float
         }
         dropped = len(body.held) - sum(map(len, kept.values()))
         if dropped:
-            log.info("%s: %d of %d attached vertices released inside others", name, dropped, len(body.held))
+            log.info(
+                "%s: released %d of %d attached vertices, which are inside or near other muscles",
+                name,
+                dropped,
+                len(body.held),
+            )
         found[name] = replace(body, attachments=kept)
     return found
 
 
 def _gaps(points: Array, others: list[Distance]) -> Array:
-    """Signed distance (n,) in mm from the nearest of the others."""
+    """Signed distance (n,) in mm from the nearest other body."""
     alone = np.full(len(points), np.inf)
     return np.min([alone, *(other.signed(points)[0] for other in others)], axis=0)
 

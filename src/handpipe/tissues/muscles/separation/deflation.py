@@ -1,6 +1,6 @@
-"""Bodies drawn in towards their middle until none is inside another.
+"""Bodies deflated towards their medial surfaces until none is inside another.
 
-That is a start from which they may grow again without ever meeting.
+From this initial guess they can grow back without intersecting.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from handpipe.core import Array, IntArray
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import cotangent_laplacian, mass_lumped
 
-STRIDE = 0.15  # of the way to the medial surface, in one step
-MOST = 0.95  # of the way
-GROWTH = 1.5  # of the length over which the surface is smoothed, in one further step
-LONGEST = 0.5  # of the body's size
-BALLS = 30  # rounds in which an inscribed ball shrinks
+STEP_SHARE = 0.15  # share of the way to the medial surface, in one step
+LARGEST_SHARE = 0.95  # share of the way, in all steps
+LENGTH_GROWTH = 1.5  # growth of the smoothing length in one further step
+LONGEST_SHARE = 0.5  # largest smoothing length as a share of the body's size
+BALL_ROUNDS = 30  # rounds in which an inscribed ball may shrink
 
 
 class Deflation:
-    """A closed surface that is drawn in, step by step, where it meets others.
+    """A closed surface that is deflated step by step where it intersects others.
 
-    Towards its medial surface a body shrinks inside itself. Where that is not enough, since medial surfaces
-    cross or a tip reaches into the other body, smoothing over ever greater lengths takes tips back and turns
-    bodies to threads, which cross by accident alone.
+    A body first shrinks towards its medial surface. That does not suffice where medial surfaces cross, or
+    where a tip reaches into the other body. There smoothing over growing lengths retracts tips and turns
+    bodies into threads, which rarely cross.
     """
 
     def __init__(self, surface: Surface) -> None:
@@ -34,24 +34,26 @@ class Deflation:
         self._mass = mass_lumped(surface.vertices, surface.triangles)
         self._laplacian = cotangent_laplacian(surface.vertices, surface.triangles)
         radii = inscribed_radii(surface)
-        # Balls at neighbouring vertices differ by what the mesh has of corners.
+        # Corners of the mesh make the balls of neighbouring vertices differ.
         edge = float(np.median(surface.edge_lengths()))
         self._inwards = self._diffused(-radii[:, None] * surface.vertex_normals(), edge)
         self._around = max(float(np.median(radii)), edge)
-        self._longest = LONGEST * float(np.ptp(surface.vertices, axis=0).max())
+        self._longest = LONGEST_SHARE * float(np.ptp(surface.vertices, axis=0).max())
         self._shares, self._weights = np.zeros(len(radii)), np.zeros(len(radii))
         self._length = 0.0
 
     def thin(self, meeting: IntArray) -> bool:
-        """Whether the body is drawn in to its medial surface at the vertices (k,)."""
-        return bool(self._shares[meeting].min() >= MOST)
+        """Whether the body has reached its medial surface at the vertices (k,)."""
+        return bool(self._shares[meeting].min() >= LARGEST_SHARE)
 
     def step(self, meeting: IntArray) -> None:
-        """Draw in round the vertices (k,) that meet another body."""
+        """Deflate around the vertices (k,) that intersect another body."""
         if not self.thin(meeting):
-            self._shares = np.minimum(self._shares + STRIDE * self._spread(meeting, self._around), MOST)
+            self._shares = np.minimum(
+                self._shares + STEP_SHARE * self._spread(meeting, self._around), LARGEST_SHARE
+            )
         else:
-            self._length = min(max(GROWTH * self._length, self._around), self._longest)
+            self._length = min(max(LENGTH_GROWTH * self._length, self._around), self._longest)
             self._weights = np.maximum(self._weights, self._spread(meeting, self._length))
 
     def vertices(self) -> Array:
@@ -61,10 +63,10 @@ class Deflation:
             return x
         return x + self._weights[:, None] * (self._diffused(x, self._length) - x)
 
-    def pushed(self, vertices: IntArray, ways: Array) -> Array:
-        """Displacements (n, 3) that take vertices (k,) about their ways (k, 3) and fade from there."""
+    def pushed(self, vertices: IntArray, directions: Array) -> Array:
+        """Displacements (n, 3) that move vertices (k,) by about `directions` (k, 3), in mm, and fade."""
         fields = np.zeros((len(self._mass), 4))
-        fields[vertices] = np.column_stack([np.ones(len(vertices)), ways])
+        fields[vertices] = np.column_stack([np.ones(len(vertices)), directions])
         there, given = np.split(self._diffused(fields, self._around), [1], axis=1)
         return _fading(there, vertices) * given / np.maximum(there, 1e-12)
 
@@ -95,7 +97,7 @@ def inscribed_radii(surface: Surface) -> Array:
     tree = cKDTree(points)
     radii = np.full(len(points), 0.5 * float(np.ptp(points, axis=0).max()))
     active = np.arange(len(points))
-    for _ in range(BALLS):
+    for _ in range(BALL_ROUNDS):
         centres = points[active] - radii[active, None] * normals[active]
         distances, nearest = tree.query(centres)
         inside = (distances < radii[active] * (1 - 1e-6)) & (nearest != active)

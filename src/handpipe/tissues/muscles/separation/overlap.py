@@ -1,4 +1,4 @@
-"""Which closed surfaces meet, told by exact tests; how deep one is inside another."""
+"""Exact tests of which closed surfaces intersect, and the depth of one inside another."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from handpipe.mesh.surfaces import Distance, Surface, concatenate
 class Body:
     """A closed surface that may collide with others.
 
-    Triangles with an attached vertex are tied: they meet no bone and no other tied triangle.
+    Triangles with an attached vertex are tied: they collide with no bone and no other tied triangle.
 
     Attributes
     ----------
@@ -25,30 +25,30 @@ class Body:
         Name of the body.
     surface : Surface
         The closed surface.
-    held : (k,)
-        Vertices that neither move nor collide.
+    attached : (k,)
+        Attached vertices, which neither move nor collide.
     fixed : bool
         Whether the body is fixed, as a bone.
-    seen : (n,) bool, optional
-        Vertices whose places are known, if any are told.
+    visible : (n,) bool, optional
+        Vertices whose places an image shows; None if this is unknown.
     """
 
     name: str
     surface: Surface
-    held: IntArray
+    attached: IntArray
     fixed: bool = False
-    seen: BoolArray | None = None
+    visible: BoolArray | None = None
 
     @cached_property
     def tied(self) -> BoolArray:
         """Which triangles (k,) have an attached vertex."""
-        return np.asarray(np.isin(self.surface.triangles, self.held).any(axis=1))
+        return np.asarray(np.isin(self.surface.triangles, self.attached).any(axis=1))
 
     @cached_property
     def copies(self) -> tuple[IntArray, IntArray]:
         """Vertex (m,) of every copy, triangles (k, 3) on copies: tied triangles have vertices of their own.
 
-        So a test between copies, all that the IPC Toolkit offers, tells tied triangles from others.
+        The IPC Toolkit filters by vertex: separate copies let it tell tied triangles from others.
         """
         n, triangles = len(self.surface.vertices), self.surface.triangles.copy()
         own = np.unique(triangles[self.tied])
@@ -60,14 +60,14 @@ class Body:
     @cached_property
     def free(self) -> IntArray:
         """Vertices that collide."""
-        return np.setdiff1d(np.arange(len(self.surface.vertices)), self.held)
+        return np.setdiff1d(np.arange(len(self.surface.vertices)), self.attached)
 
 
 def collision_filter(bodies: Sequence[Body], chosen: IntArray | None = None) -> ipctk.CollisionFilter:
-    """Which copies of all bodies, one body after the other, may collide.
+    """Filter of the copies that may collide, bodies in order.
 
-    Copies of one body may not, nor two fixed ones, nor a tied one with a tied or fixed one. chosen: those
-    copies (n,) alone.
+    Excluded are copies of one body, two fixed copies, and a tied copy with a tied or fixed one. `chosen` (n,)
+    limits the filter to some copies.
     """
     counts = [len(b.copies[0]) for b in bodies]
     body = np.repeat(np.arange(len(bodies)), counts)
@@ -84,9 +84,9 @@ def collision_filter(bodies: Sequence[Body], chosen: IntArray | None = None) -> 
 
 
 def meet(a: Body, b: Body, at_a: Surface, at_b: Surface) -> bool:
-    """Whether one body, where its surface is now, cuts another or is inside it, or the other way round.
+    """Whether two bodies at their current surfaces intersect, or one contains the other.
 
-    Exact: every edge against every triangle, and winding numbers.
+    The test is exact: every edge against every triangle, and winding numbers.
     """
     xa, xb = at_a.vertices, at_b.vertices
     near_a, near_b = _in_box(xa, xb), _in_box(xb, xa)
@@ -104,7 +104,7 @@ def _in_box(points: Array, other: Array) -> BoolArray:
 
 
 def _cut(a: Body, b: Body, xa: Array, xb: Array) -> bool:
-    """Whether an edge of one cuts a triangle of the other, of the triangles in the box of both."""
+    """Whether an edge of one body cuts a triangle of the other; only triangles in both boxes are tested."""
     (of_a, triangles_a), (of_b, triangles_b) = a.copies, b.copies
     xa, xb = xa[of_a], xb[of_b]
     low, high = np.maximum(xa.min(axis=0), xb.min(axis=0)), np.minimum(xa.max(axis=0), xb.max(axis=0))
@@ -122,7 +122,7 @@ def _cut(a: Body, b: Body, xa: Array, xb: Array) -> bool:
 def crossing(a: Body, b: Body, xa: Array, xb: Array) -> IntArray:
     """Vertices (k,) of a whose edges or triangles, at xa (n, 3), cross those of b at xb (m, 3).
 
-    As in `meet`, what is tied on both sides does not count.
+    As in `meet`, crossings of two tied triangles do not count.
     """
     (of_a, triangles_a), (of_b, triangles_b) = a.copies, b.copies
     both = concatenate([Surface(xa[of_a], triangles_a), Surface(xb[of_b], triangles_b)])
@@ -132,8 +132,8 @@ def crossing(a: Body, b: Body, xa: Array, xb: Array) -> IntArray:
     found = crossings(both)
     ends, corners = both.edges()[found[:, 0]], both.triangles[found[:, 1]]
     one, other = ends[:, 0], corners[:, 0]
-    meet_there = (of_first[one] != of_first[other]) & ~(tied[one] & tied[other])
-    met = np.concatenate([ends[meet_there].ravel(), corners[meet_there].ravel()])
+    crosses = (of_first[one] != of_first[other]) & ~(tied[one] & tied[other])
+    met = np.concatenate([ends[crosses].ravel(), corners[crosses].ravel()])
     return np.unique(number[met[of_first[met]]])
 
 
@@ -145,7 +145,7 @@ def _reaching(x: Array, triangles: IntArray, low: Array, high: Array) -> IntArra
 
 
 def _probes(b: Body, xb: Array, xa: Array) -> IntArray:
-    """Vertices of b that tell whether it is inside a: of a bone, into which muscles are tied, one."""
+    """Vertices of b that show whether b is inside a. Of a bone it is one: muscles attach inside it."""
     if not b.fixed:
         return b.free
     return np.array([np.argmax(np.linalg.norm(xb - xa.mean(axis=0), axis=1))])
@@ -157,9 +157,9 @@ def _inside(points: Array, surface: Surface) -> bool:
 
 
 def depth(a: Body, xa: Array, other: Distance) -> float:
-    """Depth in mm, in a surface, of a's vertices, edge midpoints and triangles that are not attached."""
+    """Penetration in mm of a's free vertices, edge midpoints and triangle centres into a surface."""
     triangles, edges = a.surface.triangles[~a.tied], a.surface.edges()
-    edges = edges[~np.isin(edges, a.held).any(axis=1)]
+    edges = edges[~np.isin(edges, a.attached).any(axis=1)]
     points = np.concatenate([xa[a.free], xa[edges].mean(axis=1), xa[triangles].mean(axis=1)])
     near = points[_in_box(points, other.surface.vertices)]
     return float(other.depths(near).max(initial=0.0))

@@ -1,6 +1,6 @@
-"""Stage 2: surfaces of one pose pushed apart (Zheng 2022 §4.4).
+"""Separation of the surfaces of one pose: stage 2 of Zheng 2022 §4.4.
 
-No muscle is inside another or inside a bone afterwards.
+Afterwards no muscle is inside another or inside a bone.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from handpipe.fem.potentials import Potential
 from handpipe.fem.solver import equilibrium
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import mass_lumped
+from handpipe.tissues.muscles.separation.disjoint_start import body_pairs, disjoint_start
 from handpipe.tissues.muscles.separation.overlap import Body, collision_filter, depth
-from handpipe.tissues.muscles.separation.parting import body_pairs, parted
 from handpipe.tissues.muscles.separation.surface_energy import KeptVolumes, Plate, thin_plate, volume_gradient
 
 log = logging.getLogger(__name__)
 
 KIND = "separated-muscles"
-STIFFNESS = 1.0  # mm of displacement whose pressure, by size alone, finds half the clearance
-SOFTER = (8.0, 4.0, 2.0)  # times the clearance, of the barriers behind which bodies grow first
-FILLED = 2.0  # times the clearance, at most, where pressures fill them: from farther off they are kept small
-LOOSE = 8.0  # times the tolerance, behind those
-SEEN = 30.0  # times as much as a hidden vertex resists being moved, a seen one
-HOLD = 1e2  # times a vertex's stiffness: springs that pull attached vertices back to their places
-ROUNDS = 6  # of the last solve, where pressures are changed again
+BARRIER_STIFFNESS = 1.0  # mm of displacement whose pressure balances the barrier at half the clearance
+BARRIER_RANGES = (8.0, 4.0, 2.0)  # ranges of the first barriers, times the clearance
+PRESSURE_RANGE = 2.0  # longest range, times the clearance, at which pressures act
+LOOSE_TOLERANCE = 8.0  # tolerance of the solves with these barriers, times the last one's
+VISIBLE_STIFFNESS = 30.0  # resistance of a visible vertex to displacement, times that of a hidden one
+ATTACHMENT_STIFFNESS = 1e2  # of springs at attached vertices, times the vertex's own
+MOST_ROUNDS = 6  # rounds of the last solve; each changes the pressures
 
 
 @dataclass(frozen=True)
@@ -116,15 +116,14 @@ def separate(
     fixed: Mapping[str, Surface],
     options: SeparationOptions | None = None,
     *,
-    held: Mapping[str, IntArray] | None = None,
-    seen: Mapping[str, BoolArray] | None = None,
+    attached: Mapping[str, IntArray] | None = None,
+    visible: Mapping[str, BoolArray] | None = None,
 ) -> Separation:
-    """Separate overlapping closed surfaces, both muscles of a pair alike.
+    """Separate overlapping closed surfaces; both muscles of a pair move.
 
-    Muscles are deflated until none meets another or a bone, then grow back to the displacement u from their
-    given shapes that minimises thin-plate bending and size, reach^4 |lap u|^2 + |u|^2 integrated over the
-    surfaces, with a barrier between them that no step crosses: surfaces that were apart never meet. Pressures
-    keep volumes.
+    Muscles are deflated until no bodies intersect. Then they grow back: the displacement u from their given
+    shapes minimises reach^4 |lap u|^2 + |u|^2 (thin-plate bending and size) integrated over the surfaces,
+    behind a barrier that no step crosses. Pressures keep the volumes.
 
     Parameters
     ----------
@@ -134,35 +133,35 @@ def separate(
         Closed surfaces in mm that do not move, as bones.
     options : SeparationOptions, optional
         Limits.
-    held : mapping of str to array (k,), optional
+    attached : mapping of str to array (k,), optional
         Ids of each muscle's attached vertices, which neither move nor collide.
-    seen : mapping of str to array (n,) of bool, optional
+    visible : mapping of str to array (n,) of bool, optional
         Vertices of each muscle whose places an image shows. They resist displacement more than hidden ones.
 
     Returns
     -------
     Separation
-        Separated surfaces; surfaces that do not meet are returned unchanged.
+        Separated surfaces; surfaces that do not intersect are returned unchanged.
 
     Raises
     ------
     Inseparable
-        Where bodies meet however deflated.
+        If bodies intersect however deflated.
     ConvergenceError
-        Where volumes find no room, or the last solve has not converged.
+        If the volumes find no room, or the last solve has not converged.
     """
     options = options or SeparationOptions()
     nothing = np.zeros(0, dtype=np.int64)
     scene = _Scene(
         [
-            Body(n, s, np.asarray((held or {}).get(n, nothing)), seen=(seen or {}).get(n))
+            Body(n, s, np.asarray((attached or {}).get(n, nothing)), visible=(visible or {}).get(n))
             for n, s in muscles.items()
         ],
         [Body(n, s, nothing, fixed=True) for n, s in fixed.items()],
     )
     rest = scene.rest()
     before = scene.penetration(rest)
-    apart = parted(scene.muscles, scene.bones)
+    apart = disjoint_start(scene.muscles, scene.bones)
     if apart is None:
         return Separation(dict(muscles), before, before, 0)
     x, iterations = _grown(scene, rest, np.concatenate(apart), options)
@@ -172,7 +171,7 @@ def separate(
 
 @dataclass(frozen=True)
 class _Scene:
-    """Muscles, whose vertices follow one another in x (N, 3), and bones."""
+    """Muscles, with their vertices concatenated in x (N, 3), and bones."""
 
     muscles: list[Body]
     bones: list[Body]
@@ -185,12 +184,12 @@ class _Scene:
     def rest(self) -> Array:
         return np.concatenate([b.surface.vertices for b in self.muscles])
 
-    def held(self) -> IntArray:
-        """Vertices of x that stay."""
-        return np.concatenate([b.held + p.start for b, p in zip(self.muscles, self.parts, strict=True)])
+    def attached(self) -> IntArray:
+        """Attached vertices, as indices into x."""
+        return np.concatenate([b.attached + p.start for b, p in zip(self.muscles, self.parts, strict=True)])
 
     def penetration(self, x: Array) -> float:
-        """Depth in mm at most of a muscle in another or in a bone."""
+        """Largest penetration in mm of a muscle into another or into a bone."""
         bodies = self.muscles + self.bones
         at = [b.surface.moved(x[p]) for b, p in zip(self.muscles, self.parts, strict=True)]
         distances = [Distance(s) for s in [*at, *(b.surface for b in self.bones)]]
@@ -198,7 +197,7 @@ class _Scene:
         return max((depth(bodies[i], at[i].vertices, distances[j]) for i, j in both), default=0.0)
 
     def barrier(self, x: Array, clearance: float) -> Barrier:
-        """Between all that may collide, with muscles at x (N, 3)."""
+        """Barrier between the bodies, with muscles at x (N, 3)."""
         copies, triangles, start, first = [], [], 0, 0
         for body in self.muscles:
             vertices, faces = body.copies
@@ -213,7 +212,7 @@ class _Scene:
             np.concatenate(triangles),
             x,
             clearance,
-            STIFFNESS,
+            BARRIER_STIFFNESS,
             obstacle=_joined(self.bones),
             pairs=CollidingPairs(allowed=collision_filter(bodies), rest=self.rest()),
         )
@@ -228,7 +227,7 @@ def _joined(bones: Sequence[Body]) -> tuple[Array, IntArray] | None:
 
 
 def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions) -> tuple[Array, int]:
-    """Vertices (N, 3) at the minimum with volumes kept, and iterations on the way."""
+    """Vertices (N, 3) at the minimum with volumes kept, and the number of iterations."""
     surfaces = [b.surface for b in scene.muscles]
     plates = [_plate(b, options.reach) for b in scene.muscles]
     plate = Plate(sparse.block_diag(plates, format="csr"), rest)
@@ -241,23 +240,23 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
         untangle=False,
         name="separation",
     )
-    loose = replace(settings, displacement_tolerance=LOOSE * options.tolerance, force_tolerance=1.0)
+    loose = replace(settings, displacement_tolerance=LOOSE_TOLERANCE * options.tolerance, force_tolerance=1.0)
     compliances = np.array([_compliance(s, k) for s, k in zip(surfaces, plates, strict=True)])
     volumes = KeptVolumes(surfaces, scene.parts, compliances, options.volume)
     x, iterations = start, 0
-    # With a barrier of long range, bodies move aside for one another before they touch.
-    for times in SOFTER:
+    # Behind a barrier of long range, bodies move apart before they touch.
+    for times in BARRIER_RANGES:
         soft = _Convex(barrier.reaching(times * options.clearance))
-        forces: list[Potential] = [plate, soft] if times > FILLED else [plate, soft, volumes]
+        forces: list[Potential] = [plate, soft] if times > PRESSURE_RANGE else [plate, soft, volumes]
         found = equilibrium.solve(forces, x, options=loose)
         x, iterations = found.x, iterations + found.record.iterations
     hard = _Convex(barrier)
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ROUNDS):
         found = equilibrium.solve([plate, hard, volumes], x, options=settings)
         x, iterations = found.x, iterations + found.record.iterations
         log.info("separation: volumes changed by up to %.2f %%", 100 * np.abs(volumes.changes(x)).max())
         if found.record.converged and volumes.kept(x):
-            return _seated(scene, rest, x, barrier), iterations
+            return _attached_at_rest(scene, rest, x, barrier), iterations
         volumes.renew(x)
     largest = 100 * np.abs(volumes.changes(x)).max()
     problem = f"{iterations} iterations, volumes changed by up to {largest:.1f} %: {found.record.reason}"
@@ -265,35 +264,38 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
 
 
 def _plate(body: Body, reach: float) -> sparse.csr_matrix:
-    """Stiffness (n, n) of a muscle's surface, with springs that keep attached and seen vertices in place."""
+    """Stiffness (n, n) of a muscle's surface, with springs at attached and visible vertices."""
     plate = thin_plate(body.surface, reach)
     pull = np.zeros(plate.shape[0])
-    if body.seen is not None:
+    if body.visible is not None:
         mass = mass_lumped(body.surface.vertices, body.surface.triangles)
-        pull[body.seen] = SEEN * mass[body.seen]
-    pull[body.held] = HOLD * plate.diagonal()[body.held]
+        pull[body.visible] = VISIBLE_STIFFNESS * mass[body.visible]
+    pull[body.attached] = ATTACHMENT_STIFFNESS * plate.diagonal()[body.attached]
     return sparse.csr_matrix(plate + sparse.diags(pull))
 
 
-def _seated(scene: _Scene, rest: Array, x: Array, barrier: Barrier) -> Array:
-    """Positions x with attached vertices exactly at rest, where nothing meets there."""
-    seated, held = x.copy(), scene.held()
-    seated[held] = rest[held]
-    if not barrier.intersects(seated):
-        return seated
-    off = np.linalg.norm(x[held] - rest[held], axis=1).max()
-    log.warning("separation: a muscle wedged between attachments keeps one %.4f mm off its place", off)
+def _attached_at_rest(scene: _Scene, rest: Array, x: Array, barrier: Barrier) -> Array:
+    """Positions x with attached vertices exactly at rest, if no bodies intersect then."""
+    placed, attached = x.copy(), scene.attached()
+    placed[attached] = rest[attached]
+    if not barrier.intersects(placed):
+        return placed
+    off = np.linalg.norm(x[attached] - rest[attached], axis=1).max()
+    log.warning(
+        "separation: attached vertices stay up to %.4f mm off their places: at rest bodies intersect there",
+        off,
+    )
     return x
 
 
 def _compliance(surface: Surface, plate: sparse.csr_matrix) -> float:
-    """Change of a free surface's volume by its pressure, in mm^3 per mm."""
+    """Change of a free surface's volume per unit of its pressure, in mm^3 per mm."""
     gradient = volume_gradient(surface)
     return float(np.vdot(gradient, splu(plate.tocsc()).solve(gradient)))
 
 
 class _Convex:
-    """A barrier that always hands out its projected Hessian: what it touches bends little within a step."""
+    """A barrier with a Hessian that is always projected: contact directions change little within a step."""
 
     def __init__(self, barrier: Barrier) -> None:
         self.barrier = barrier

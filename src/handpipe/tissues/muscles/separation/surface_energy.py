@@ -1,4 +1,4 @@
-"""What a muscle's surface resists when it is pushed: a thin plate's bending and size; a change of volume."""
+"""Energies of a muscle's surface: bending and size of a thin plate, and pressures that keep the volume."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from handpipe.core import Array, BoolArray
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import cotangent_laplacian, mass_lumped
 
-CALM = 0.1  # mm that a body moves in a step at most, for its pressure to be changed
+SETTLED = 0.1  # mm, largest motion of a body in a step after which its pressure may change
 
 
 def thin_plate(surface: Surface, reach: float) -> sparse.csr_matrix:
     """Matrix (n, n) of the energy 1/2 of reach^4 |lap u|^2 + |u|^2 integrated over the surface.
 
-    A displacement that is forced somewhere fades over `reach` mm.
+    A local displacement fades over `reach` mm.
     """
     mass = mass_lumped(surface.vertices, surface.triangles)
     laplacian = cotangent_laplacian(surface.vertices, surface.triangles)
@@ -48,11 +48,10 @@ class Plate:
 class KeptVolumes:
     """Energy -sum p V of the volumes V inside closed surfaces, with pressures p that keep these volumes.
 
-    Between Newton's steps the pressures change until volumes are in their band; the energy's second
-    derivative is left out. A change of pressure is what a free surface would need. Neighbours leave a surface
-    a fifth and more of its compliance: so no change is too large, and a few of them suffice. Pressures are
-    small against the plate's stiffness times radii of curvature, so that Newton's method without the second
-    derivative converges by an order of magnitude in a step.
+    The pressures change between Newton steps until the volumes are in their band. Each change is the one that
+    a free surface would need. Contact leaves a surface at least a fifth of its compliance: no change is too
+    large, and a few suffice. The Hessian is zero, not the second derivative: pressures are small against the
+    plate's stiffness times radii of curvature, and Newton's method still gains an order of magnitude a step.
 
     Parameters
     ----------
@@ -100,14 +99,14 @@ class KeptVolumes:
         return self._zero
 
     def refresh(self, x: Array) -> None:
-        """Change the pressures of bodies that nearly rest: others have not answered the last ones yet."""
+        """Change the pressures of bodies that have settled: others still respond to the last change."""
         if self._last is not None:
             moved = np.linalg.norm(x - self._last, axis=1)
-            self.renew(x, np.array([moved[part].max() < CALM for _, part in self._bodies]))
+            self.renew(x, np.array([moved[part].max() < SETTLED for _, part in self._bodies]))
         self._last = x
 
     def renew(self, x: Array, chosen: BoolArray | None = None) -> None:
-        """Change the pressures, all or of chosen (bodies,), whose volumes are beyond half their band."""
+        """Change the pressures where volumes are beyond half their band: of all or of chosen (bodies,)."""
         changes, half = self.changes(x), 0.5 * self._band
         missing = self._rest * (np.clip(changes, -half, half) - changes)
         if chosen is not None:

@@ -1,9 +1,9 @@
-"""Shapes move off bones alone, and what could not be parted is counted."""
+"""Shapes move off bones alone, and scenes without an initial guess are counted."""
 
 import numpy as np
 import pytest
 import trimesh
-from benchmarks.parting.draws import Result, drawn_in, figures, varied
+from benchmarks.disjoint_start.draws import Result, figures, initial_guess, varied
 
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.tissues.muscles.fitting.body import Body
@@ -31,13 +31,13 @@ def test_each_muscle_moves_in_its_own_way_and_stays_on_bones():
     assert np.abs(ways["left"] - ways["right"]).max() > 0.2
 
 
-def test_balls_that_overlap_are_drawn_in_by_half_of_it_at_least():
+def test_balls_that_overlap_are_initial_guess_by_half_of_it_at_least():
     muscles = {"left": ball(-2.5, 0.5), "right": ball(2.5, 0.5)}
-    found = drawn_in((muscles, BONE))
+    found = initial_guess((muscles, BONE))
     assert found.margin == 0.1 and 0.5 <= found.moved < 2.0
 
 
-def test_what_is_not_parted_has_no_way_and_no_mean_is_taken_of_it():
+def test_a_failed_scene_has_no_motion_and_enters_no_mean():
     found = figures([Result(0.1, 2.0, 5.0), Result(0.5, 4.0, 9.0), Result(np.inf, np.inf, 40.0)])
-    assert [found[f"scenes{kind}"][0] for kind in ("", "_not_parted", "_let_go")] == [3, 1, 1]
+    assert [found[f"scenes{kind}"][0] for kind in ("", "_failed", "_with_released_attachments")] == [3, 1, 1]
     assert found["moved_mean"] == (pytest.approx(3.0), "mm") and found["seconds_max"] == (40.0, "s")

@@ -1,4 +1,4 @@
-"""Muscles' shapes of built poses, each muscle's moved by a field of its own, drawn in from one another."""
+"""Initial guesses of the separation: muscles of built poses, each moved by a random field of its own."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from handpipe.skeleton.rig import Rig
 from handpipe.synthetic.geometry.varied_shapes import Variation
 from handpipe.tissues.muscles.fitting import Body
 from handpipe.tissues.muscles.separation import contested, overlap
-from handpipe.tissues.muscles.separation.parting import Inseparable, parted
+from handpipe.tissues.muscles.separation.disjoint_start import Inseparable, disjoint_start
 
 NOTHING: IntArray = np.zeros(0, dtype=np.int64)
 Scene = tuple[dict[str, Body], dict[str, Surface]]  # muscles and bones in a pose
@@ -26,8 +26,8 @@ Scene = tuple[dict[str, Body], dict[str, Surface]]  # muscles and bones in a pos
 
 @dataclass(frozen=True)
 class Result:
-    """The margin in mm beyond which attachments were let go (infinite where muscles were not parted), how far
-    the vertex went in mm that went farthest, seconds of processor.
+    """Margin in mm within which attached vertices were released (infinite if no guess was found), largest
+    motion of a vertex in mm, processor time in seconds.
     """
 
     margin: float
@@ -36,7 +36,7 @@ class Result:
 
 
 def scenes(subject: Path) -> Iterator[tuple[str, Scene]]:
-    """Each pose of a subject's folder that muscles were extracted from, before they are parted."""
+    """Each pose of a subject's folder that muscles were extracted from, before the separation."""
     rig = Rig.load(subject / "rig.h5")
     groups = artifacts.read(subject / "muscles/neutral.h5", "muscle_bodies")
     bodies = {name: Body.from_group(group).on_bones(rig.surfaces) for name, group in groups.items()}
@@ -47,7 +47,7 @@ def scenes(subject: Path) -> Iterator[tuple[str, Scene]]:
 
 
 def varied(scene: Scene, seed: int, size: float) -> Scene:
-    """The scene, each muscle moved by `size` mm (standard deviation of a component), nothing on bones."""
+    """The scene, each muscle moved by `size` mm (standard deviation of a component), none of it on bones."""
     muscles, bones = scene
     near = Distance(concatenate([*bones.values()]))
     fields = {name: Variation(seed, name, size, near) for name in muscles}
@@ -56,32 +56,32 @@ def varied(scene: Scene, seed: int, size: float) -> Scene:
     }, bones
 
 
-def drawn_in(scene: Scene) -> Result:
-    """What it took to find places at which nothing meets, letting attachments go as the pipeline does."""
+def initial_guess(scene: Scene) -> Result:
+    """Find an initial guess without intersections, with attachments released as in the pipeline."""
     muscles, bones = scene
     fixed = [overlap.Body(n, s, NOTHING, fixed=True) for n, s in bones.items()]
     start = time.process_time()
 
-    def drawn_in_with(margin: float) -> Result:
+    def start_with(margin: float) -> Result:
         held = contested.drop_contested(muscles, 0, margin)
         bodies = [overlap.Body(n, b.surface, held[n].held) for n, b in muscles.items()]
-        found = parted(bodies, fixed) or [b.surface.vertices for b in bodies]
+        found = disjoint_start(bodies, fixed) or [b.surface.vertices for b in bodies]
         moved = max(largest(x - b.surface.vertices) for x, b in zip(found, bodies, strict=True))
         return Result(margin, moved, time.process_time() - start)
 
     try:
-        return contested.with_least_margin(drawn_in_with)
+        return contested.with_least_margin(start_with)
     except Inseparable:
         return Result(np.inf, np.inf, time.process_time() - start)
 
 
 def figures(results: list[Result]) -> Metrics:
-    """Counts of scenes, and how far muscles were moved where they were parted."""
+    """Counts of scenes, and the motion of muscles in successful scenes."""
     done = [r for r in results if np.isfinite(r.moved)]
     found: Metrics = {
         "scenes": (float(len(results)), "1"),
-        "scenes_not_parted": (float(len(results) - len(done)), "1"),
-        "scenes_let_go": (float(sum(r.margin > contested.FREE for r in done)), "1"),
+        "scenes_failed": (float(len(results) - len(done)), "1"),
+        "scenes_with_released_attachments": (float(sum(r.margin > contested.CLEAR for r in done)), "1"),
     }
     found |= summary("moved", [r.moved for r in done], "mm") if done else {}
     return found | summary("seconds", [r.seconds for r in results], "s")
