@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from handpipe.anatomy.shipped import HAND, install
+from handpipe.anatomy.shipped import HAND, bones_of_part, fields_of, install
+from handpipe.core import InputError
 from handpipe.core.configuration import load_dataset
 from handpipe.imaging.evidence import read_markers
 from handpipe.mesh.surfaces import Distance, concatenate, read_surface
@@ -88,3 +89,35 @@ def test_labels_and_names_are_those_of_the_generated_hand() -> None:
     assert {n: j["angles"] for n, j in fields["joints"].items()} == {
         n: list(j.angles) for n, j in dataset.joints.items()
     }
+
+
+def test_a_finger_has_what_lies_on_its_bones_alone(tmp_path: Path) -> None:
+    bones = bones_of_part(fields_of(), ["index"])
+    fields = install(tmp_path, "right", bones=bones)
+    assert bones == ["metacarpal2", "proximal2", "middle2", "distal2"] == [*fields["bones"]]
+    assert [*fields["joints"]] == ["MP2", "PIP2", "DIP2"]
+    assert {*fields["muscles"]} == {"palmar_interosseous1", "lumbrical1"}  # the dorsal one needs metacarpal1
+    assert {*fields["ligaments"]} == {"collateral_radial2", "collateral_ulnar2"} and [*fields["nails"]] == [
+        "nail2"
+    ]
+    assert {n: t["bones"] for n, t in fields["tendons"].items()} == {
+        "flexor2": ["distal2", "middle2", "proximal2", "metacarpal2"],
+        "extensor2": ["distal2", "middle2", "proximal2", "metacarpal2"],
+    }
+
+
+def test_the_tendon_of_a_part_ends_with_its_bones(tmp_path: Path) -> None:
+    install(tmp_path, "right", bones=bones_of_part(fields_of(), ["index"]))
+    ends = read_surface(tmp_path / "bones/metacarpal2.ply").vertices[:, 0]  # x points distally
+    short, _ = read_markers(tmp_path / "tendons/flexor2.mrk.json")
+    whole, _ = read_markers(HAND / "tendons/flexor2.mrk.json")
+    assert whole[-1, 0] < ends.min() - 10  # the whole hand's goes on to the wrist
+    assert short[-1, 0] == pytest.approx(ends.min(), abs=5.0) and np.allclose(short[0], whole[0], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("names", "problem"), [(["toe"], "neither a finger"), (["index", "thumb"], "no joint")]
+)
+def test_a_part_is_of_known_bones_that_joints_connect(names: list[str], problem: str) -> None:
+    with pytest.raises(InputError, match=problem):
+        bones_of_part(fields_of(), names)

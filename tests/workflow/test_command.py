@@ -15,7 +15,7 @@ from handpipe.cli import main
 from handpipe.cli.new_subject import find_poses
 from handpipe.cli.status import Stage, duration, stages
 from handpipe.core import InputError, paths
-from handpipe.core.configuration import load_dataset
+from handpipe.core.configuration import load_dataset, load_scene
 from handpipe.hand import named_files
 
 from .running import ENVIRONMENT, TOY, planned
@@ -137,12 +137,27 @@ def test_init_writes_a_dataset_that_loads(
         "Fist_2": "example",
         "hook": "heldout",
     }
+    scene = load_scene("config/scenes/my-hand.yaml")
+    assert "tendons" in scene.layers and "fat" not in scene.layers  # neutral has no scan
     missing = [field for field, path in named_files(dataset).items() if not path.exists()]
     assert missing == ["poses.neutral.seeds"]
     before = (small / "config/datasets/my-hand.yaml").read_bytes()
     assert main(asked) == 1  # nothing is overwritten
     assert "exists already" in capsys.readouterr().err
     assert (small / "config/datasets/my-hand.yaml").read_bytes() == before
+
+
+def test_init_of_one_finger_bends_its_joints(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(small)
+    write_scans(small / "mine")
+    (small / "mine/neutral.ply").touch()
+    assert main(["init", "one", "--volumes", "mine", "--hand", "right", "--only", "index"]) == 0
+    dataset = load_dataset("config/datasets/one.yaml")
+    assert [*dataset.bones] == ["metacarpal2", "proximal2", "middle2", "distal2"]
+    assert load_scene("config/scenes/one.yaml").layers[-2:] == ("fat", "skin")
+    header, *_, last = (small / "config/scenes/one.csv").read_text().splitlines()
+    assert header == "frame,MP2_flexion [deg],PIP2_flexion [deg],DIP2_flexion [deg]"
+    assert last == "bent2,19.0,22.0,16.0"  # a fifth of 95, 110 and 80
 
 
 def test_init_names_files_that_it_does_not_use(

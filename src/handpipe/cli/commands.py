@@ -14,10 +14,12 @@ import typer
 from handpipe.cli import export as exports
 from handpipe.cli import new_subject, workflow
 from handpipe.cli import status as progress
+from handpipe.cli.first_scene import scene_files
 from handpipe.core import HandpipeError, InputError, paths, reported
 from handpipe.core.configuration import every_fault, load_dataset
 from handpipe.hand import faults
 
+PARTS = "thumb, index, middle, ring, little or a bone, where the scans show a part; may be repeated"
 USAGE = 2  # exit code of a command that is called wrongly
 
 app = typer.Typer(
@@ -74,12 +76,13 @@ def init(
     hand: Annotated[Literal["right", "left"], typer.Option(help="which hand it is")],
     neutral: Annotated[str | None, typer.Option(metavar="POSE", help="if no pose is named neutral")] = None,
     heldout: Annotated[list[str] | None, typer.Option(metavar="POSE", help="only tests the result")] = None,
+    only: Annotated[list[str] | None, typer.Option(metavar="PART", help=PARTS)] = None,
 ) -> None:
     """Write config/datasets/SUBJECT.yaml for a folder of scans; the template hand gives all else."""
-    path, notes = new_subject.init(subject, volumes, hand, neutral, tuple(heldout or ()))
+    path, notes = new_subject.init(subject, volumes, hand, neutral, tuple(heldout or ()), tuple(only or ()))
     for note in notes:
         print(note)
-    print(f"{path} is written. Next: handpipe check {subject}")
+    print(f"{path} and config/scenes/{subject}.yaml are written. Next: handpipe check {subject}")
 
 
 @app.command()
@@ -111,7 +114,7 @@ def build(
 ) -> int:
     """Build the subject; go on where an earlier build ended."""
     _dataset_file(subject)
-    code = workflow.run(workflow.Build(subject, scene or (), configfile, stage), cores)
+    code = workflow.run(_asked(subject, scene, configfile, stage), cores)
     report = paths.at(paths.REPORT, subject=subject)
     if code == 0 and stage == "all":
         print(f"handpipe: done. The report is {report}")
@@ -128,7 +131,7 @@ def status(
 ) -> None:
     """Tell which jobs are done, running and to do, and how long the rest takes by earlier jobs."""
     _dataset_file(subject)
-    left, whole = workflow.job_counts(workflow.Build(subject, scene or (), configfile, stage))
+    left, whole = workflow.job_counts(_asked(subject, scene, configfile, stage))
     stages = progress.stages(left, whole, subject)
     done, to_do = sum(s.done for s in stages), sum(s.left for s in stages)
     print(f"{subject}: {done} of {done + to_do} jobs are done")
@@ -168,6 +171,12 @@ def export(
     print(
         f"As the last build left it: handpipe status {subject} tells what has changed since", file=sys.stderr
     )
+
+
+def _asked(subject: str, scenes: list[str] | None, configuration: Path | None, stage: str) -> workflow.Build:
+    """What to build: the scene of the subject's own name, if there is one and no other is asked for."""
+    own = [subject] if scene_files(subject)[0].is_file() and configuration is None else []
+    return workflow.Build(subject, scenes or own, configuration, stage)
 
 
 def _dataset_file(subject: str) -> Path:

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import yaml
 
 from handpipe.anatomy import shipped
+from handpipe.cli.first_scene import scene_files, write_first_scene
 from handpipe.core import InputError, write_text
 from handpipe.core.configuration import load_dataset
 
@@ -31,8 +32,11 @@ def init(
     side: Literal["right", "left"],
     neutral: str | None = None,
     heldout: tuple[str, ...] = (),
+    only: tuple[str, ...] = (),
 ) -> tuple[Path, list[str]]:
     """Write config/datasets/NAME.yaml for a folder of scans, and the template's files into the folder.
+
+    A first scene of that name is written to config/scenes.
 
     Parameters
     ----------
@@ -46,6 +50,8 @@ def init(
         The neutral pose, where its name does not tell.
     heldout : tuple of str
         Poses that only test the result.
+    only : tuple of str
+        Fingers or bones that the scans show; all where there are none.
 
     Returns
     -------
@@ -60,8 +66,10 @@ def init(
         Where there is such a dataset, no volume, or no pose that may be neutral.
     """
     path = Path(f"config/datasets/{name}.yaml")
-    if path.exists():
-        raise InputError(path, "file", "exists already", "Edit it, or choose another name")
+    bones = shipped.bones_of_part(shipped.fields_of(side), only) if only else None
+    for file in (path, *scene_files(name)):
+        if file.exists():
+            raise InputError(file, "file", "exists already", "Edit it, or choose another name")
     found = find_poses(folder)
     poses = {pose: files for pose, files in found.items() if "volume" in files}
     if not poses:
@@ -82,14 +90,16 @@ def init(
             for pose, files in sorted(poses.items(), key=lambda item: (item[0] != rest, item[0]))
         },
     }
-    content |= _below(TEMPLATE, shipped.fields_of(side)) | {"drawn_in": "template"}
+    content |= _below(TEMPLATE, shipped.fields_of(side, bones=bones)) | {"drawn_in": "template"}
     text = HEADER.format(template=folder / TEMPLATE)
     write_text(path, text + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110))
+    scene: list[Path] = []
     try:
-        load_dataset(path)
-        shipped.install(folder / TEMPLATE, side)
+        scene += write_first_scene(name, load_dataset(path))
+        shipped.install(folder / TEMPLATE, side, bones=bones)
     except BaseException:
-        path.unlink()  # nothing is half-written
+        for file in (path, *scene):  # nothing is half-written
+            file.unlink()
         raise
     unused = [file for pose, files in found.items() if pose not in poses for file in files.values()]
     return path, [*_notes(folder, rest, poses, unused)]

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from handpipe.anatomy.person.subject_template import MIRROR, Side, SubjectTemplate
-from handpipe.core import InputError, IntArray, write_text
+from handpipe.anatomy.shipped.part import part_of
+from handpipe.core import Array, InputError, IntArray, write_text
 from handpipe.core.configuration import Dataset
 from handpipe.imaging.evidence import read_markers, write_markers
-from handpipe.mesh.surfaces import Surface, read_surface, write_surface
+from handpipe.mesh.surfaces import Distance, Surface, read_surface, write_surface
 
 HAND = Path(__file__).with_name("hand")  # the template that is shipped
 FIELDS = "fields.json"
 SIDE: Side = "right"  # of what is shipped
 CURVE = 9  # points of a tendon's path
+SAMPLES = 400  # of a path, where it is cut
 
 Fields = dict[str, Any]
 Attachments = Mapping[str, Mapping[str, IntArray]]
@@ -82,8 +85,10 @@ def ship(template: SubjectTemplate, attachments: Attachments, dataset: Dataset, 
     write_text(folder / FIELDS, json.dumps(fields, indent=1) + "\n")
 
 
-def install(folder: Path, side: Side = SIDE, source: Path = HAND) -> Fields:
-    """Copy a template hand into a subject's folder.
+def install(
+    folder: Path, side: Side = SIDE, source: Path = HAND, bones: Collection[str] | None = None
+) -> Fields:
+    """Copy a template hand, or a part of it, into a subject's folder.
 
     Parameters
     ----------
@@ -93,6 +98,8 @@ def install(folder: Path, side: Side = SIDE, source: Path = HAND) -> Fields:
         A left hand is the mirror image of a right one: equal angles are mirror images of one another.
     source : path
         What `ship` wrote.
+    bones : collection of str, optional
+        Bones of the part; the whole hand if None.
 
     Returns
     -------
@@ -100,8 +107,9 @@ def install(folder: Path, side: Side = SIDE, source: Path = HAND) -> Fields:
         `bones`, `joints`, `muscles`, `ligaments`, `tendons` and `nails` of a dataset, with paths relative to
         the folder.
     """
-    fields = fields_of(side, source)
+    fields = fields_of(side, source, bones)
     mirror = np.ones(3) if side == SIDE else MIRROR
+    whole = {t["path"]: t["bones"] for t in fields_of(source=source)["tendons"].values()}
     for relative in _files(fields):
         path = folder / relative
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -110,15 +118,17 @@ def install(folder: Path, side: Side = SIDE, source: Path = HAND) -> Fields:
             moved = surface.moved(surface.vertices * mirror)
             write_surface(path, moved if side == SIDE else moved.flipped())
         elif relative.endswith(".mrk.json"):
-            points, labels = read_markers(source / relative)
-            write_markers(path, points * mirror, labels, kind="Curve")
+            points, _ = read_markers(source / relative)
+            if bones is not None:
+                points = _along(points, whole[relative], bones, source)
+            write_markers(path, points * mirror, kind="Curve")
         else:
             shutil.copy(source / relative, path)
     return fields
 
 
-def fields_of(side: Side = SIDE, source: Path = HAND) -> Fields:
-    """A dataset's fields for a template hand.
+def fields_of(side: Side = SIDE, source: Path = HAND, bones: Collection[str] | None = None) -> Fields:
+    """A dataset's fields for a template hand, or a part of it.
 
     Parameters
     ----------
@@ -126,6 +136,8 @@ def fields_of(side: Side = SIDE, source: Path = HAND) -> Fields:
         Axes of a left hand are those of the mirror image.
     source : path
         What `ship` wrote.
+    bones : collection of str, optional
+        Bones of the part; the whole hand if None.
 
     Returns
     -------
@@ -133,10 +145,25 @@ def fields_of(side: Side = SIDE, source: Path = HAND) -> Fields:
         As of `install`.
     """
     fields: Fields = json.loads((source / FIELDS).read_text(encoding="utf-8"))
+    if bones is not None:
+        fields = part_of(fields, bones, source)
     if side != SIDE:
         for joint in fields["joints"].values():
             joint["axis_hints"] = [(-np.array(axis) * MIRROR).tolist() for axis in joint["axis_hints"]]
     return fields
+
+
+def _along(path: Array, passed: Sequence[str], part: Collection[str], source: Path) -> Array:
+    """A tendon's path (n, 3) from its insertion while the nearest of the bones it passes is in the part."""
+    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    at = np.concatenate([[0.0], np.cumsum(lengths)])
+    curve = CubicSpline(at, path)
+    fine = np.linspace(0.0, at[-1], SAMPLES)
+    surfaces = [read_surface(source / f"bones/{bone}.ply") for bone in passed]
+    nearest = np.argmin([Distance(surface).closest(curve(fine))[0] for surface in surfaces], axis=0)
+    outside = [passed[i] not in part for i in nearest]
+    end = fine[np.argmax(outside)] if any(outside) else at[-1]
+    return np.asarray(curve(np.linspace(0.0, end, CURVE)))
 
 
 def _files(fields: Mapping[str, Any]) -> Iterator[str]:

@@ -1,0 +1,56 @@
+"""A first scene of a new subject: it bends in the joints that it has, far less than their limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from handpipe.core import write_text
+from handpipe.core.configuration import Dataset
+
+INNER = ("bones", "bone_fascia", "tendons", "muscles", "muscle_fascia", "ligaments")
+LAYERS = (*INNER, "fat", "skin")
+SHARES = {"rest": 0.0, "bent1": 0.1, "bent2": 0.2}  # frames; shares of the largest flexion of each joint
+SCENE = """\
+# Written by `handpipe init`: three frames, each joint bent by up to a fifth of its largest flexion.
+layers: [{layers}]
+frames: {frames}
+chunk: 1
+"""
+
+
+def scene_files(name: str) -> tuple[Path, Path]:
+    """The scene file and the file of its frames, for a subject's name."""
+    return Path(f"config/scenes/{name}.yaml"), Path(f"config/scenes/{name}.csv")
+
+
+def write_first_scene(name: str, dataset: Dataset) -> tuple[Path, Path]:
+    """Write a scene with every layer that the subject can have.
+
+    Parameters
+    ----------
+    name : str
+        The subject's, and so the scene's.
+    dataset : Dataset
+        Joints with their limits, and the poses' scans.
+
+    Returns
+    -------
+    tuple of path
+        As of `scene_files`.
+    """
+    largest = {
+        angle: limits[1]
+        for joint in dataset.joints.values()
+        for angle, limits in zip(joint.angles, joint.limits_deg or (), strict=False)
+        if angle.endswith("flexion")
+    }
+    rows = [",".join(["frame", *(f"{angle} [deg]" for angle in largest)])]
+    rows += [
+        ",".join([frame, *(f"{share * limit:.1f}" for limit in largest.values())])
+        for frame, share in SHARES.items()
+    ]
+    scene, frames = scene_files(name)
+    layers = LAYERS if dataset.fleshed else INNER
+    write_text(frames, "\n".join(rows) + "\n")
+    write_text(scene, SCENE.format(layers=", ".join(layers), frames=frames))
+    return scene, frames
