@@ -33,12 +33,19 @@ def test_columns_may_stand_in_any_order_and_limits_belong(tmp_path):
     )
 
 
+def test_an_angle_without_a_column_is_zero(tmp_path):
+    path = tmp_path / "f.csv"
+    path.write_text("frame,MP2_flexion [deg]\nx,45\n")
+    assert read_angles(path, LIMITS) == {"x": pytest.approx({"MP2_flexion": np.pi / 4, "MP2_abduction": 0.0})}
+    with pytest.raises(InputError, match="0 deg is outside its limits of 5 to 20 deg"):
+        read_angles(path, LIMITS | {"MP2_abduction": tuple(np.radians([5, 20]))})
+
+
 @pytest.mark.parametrize(
     ("text", "field", "problem"),
     [
         ("", "header", "frame"),
         ("time,MP2_flexion [deg]\n", "header", "frame"),
-        ("frame,MP2_flexion [deg]\nx,1\n", "MP2_abduction [deg]", "missing"),
         ("frame,MP2_flexion,MP2_abduction [deg]\n", "MP2_flexion", "unit"),
         (HEADER.replace("abduction", "twist") + "x,1,2\n", "MP2_twist", "not an angle"),
         ("frame,MP2_flexion [deg],MP2_flexion [deg],MP2_abduction [deg]\n", "MP2_flexion", "twice"),

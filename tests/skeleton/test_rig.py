@@ -209,7 +209,8 @@ def test_angles_are_those_of_numerical_derivatives(model):
 
     start = [found[n] + 0.05 for n in NAMES]
     differences = least_squares(residual, start, jac="3-point", xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-    assert [found[n] for n in NAMES] == pytest.approx(differences, abs=1e-8)
+    # Differences end within about 1e-8 of the minimum, where their objective is the larger one.
+    assert [found[n] for n in NAMES] == pytest.approx(differences, abs=5e-8)
 
 
 def test_rates_of_displacements():

@@ -1,5 +1,7 @@
 """Joint angles of frames as CSV in degrees, and the check against the limits of the joints.
 
+Angles without a column are zero.
+
 frame,MP2_flexion [deg],MP2_abduction [deg],PIP2_flexion [deg]
 fist,80,0,95
 """
@@ -67,6 +69,7 @@ def read_angles(path: str | Path, limits: Limits) -> dict[str, Angles]:
     """Joint angles of the frames in a CSV file.
 
     Cells are separated by commas, semicolons or tabs; with the latter two, numbers may have a decimal comma.
+    An angle without a column is zero in every frame.
 
     Parameters
     ----------
@@ -83,7 +86,7 @@ def read_angles(path: str | Path, limits: Limits) -> dict[str, Angles]:
     Raises
     ------
     InputError
-        If there are no frames, a column is unknown or missing, a frame is repeated, a value is not a number,
+        If there are no frames, a column is unknown, a frame is repeated, a value is not a number,
         or an angle is beyond its limits. The message names row and column.
     """
     header, lines, decimal_comma = read_table(path)
@@ -99,6 +102,7 @@ def read_angles(path: str | Path, limits: Limits) -> dict[str, Angles]:
         angles = {
             c: _radians(path, where, c, cell, decimal_comma) for c, cell in zip(columns, row[1:], strict=True)
         }
+        angles |= {name: 0.0 for name in limits if name not in angles}
         check_angles(angles, limits, path, where)
         frames[name] = angles
     if not frames:
@@ -141,9 +145,6 @@ def _columns(path: str | Path, header: list[str], limits: Limits) -> list[str]:
             )
         if names.count(name) > 1:
             raise InputError(path, f"column {name!r}", "stands twice", "Keep one of the two")
-    for name in limits:
-        if name not in names:
-            raise InputError(path, f"column {name + UNIT!r}", "is missing", f"The header is: {example}")
     return names
 
 
