@@ -71,7 +71,7 @@ def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Seq
     role_of = {pose: dataset.poses[pose].role.value for pose in errors}
     rows = skin_rows(errors, role_of)
     figures = stage_cost(costs)
-    figures |= skin_metrics(rows)
+    figures |= skin_metrics(rows) if rows else {}  # neutral alone has no pose to compare with
     roles = set(role_of.values())
     for kind, found in (("", rows), ("true_", skin_rows(true_errors, role_of))):
         totals = {row["pose"]: row for row in found}
@@ -82,7 +82,7 @@ def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Seq
                     float(total[f"{model}_{statistic}"]),
                     "mm",
                 )
-    for model, prefix in PREFIXES.items():
+    for model, prefix in PREFIXES.items() if contacts else ():
         figures |= contact_figures(contacts[model], prefix)
         figures[f"{prefix}overlap_max"] = (max(f["skin_overlap"] for f in contacts[model]), "mm")
     metrics.write(outputs.metrics, figures)
@@ -92,7 +92,7 @@ def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Seq
         for m in errors.values()
     ]
     table = xr.DataArray(
-        np.array(values),
+        np.array(values).reshape(-1, 3, 3),
         coords={"pose": list(errors), "model": ["m0", "m1", "m2"], "statistic": ["mean", "median", "max"]},
         dims=("pose", "model", "statistic"),
         name="distance",
