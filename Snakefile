@@ -49,6 +49,7 @@ onerror:
 
 localrules:
     all,
+    data,
     anatomy,
     truth,
     seeds,
@@ -72,6 +73,11 @@ rule all:
         each_subject(paths.metrics_of("build")),
         obj_sequences(),
         each_subject(paths.COMPLETE),
+
+
+rule data:
+    input:
+        [path for subject in buildable_subjects() for path in scanned_files(subject)],
 
 
 rule anatomy:

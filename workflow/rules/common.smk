@@ -614,6 +614,13 @@ def scans(subject, poses):
     return [data.path(data.poses[p].scan) for p in poses if data.poses[p].scan]
 
 
+def scanned_files(subject):
+    """What a person would have of a subject: images, scans, and seeds where a pose has its own."""
+    data = dataset(subject)
+    seeds = [data.path(pose.seeds) for pose in data.poses.values() if pose.seeds]
+    return [*volumes(subject, data.poses), *scans(subject, data.poses), *seeds]
+
+
 def neutral_volume(wildcards):
     data = dataset(wildcards.subject)
     return data.path(data.poses[data.neutral].volume)

@@ -3,12 +3,21 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
+from handpipe.anatomy.shipped import HAND
 from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces.distance import surface_errors
-from handpipe.mesh.surfaces.surface import Surface
-from handpipe.tissues.muscles.fitting.templates import Warp, fit_similarity, place, read_attachments
+from handpipe.mesh.surfaces.surface import Surface, read_surface
+from handpipe.synthetic.phantom import phantom_bones
+from handpipe.tissues.muscles.fitting.templates import (
+    Warp,
+    fit_similarity,
+    place,
+    read_attachments,
+    register_bones,
+)
 
 
 def bone(centre, lengths) -> Surface:
@@ -83,3 +92,23 @@ def test_a_template_of_two_pieces_is_refused_where_a_bone_holds_the_smaller_one(
         place(both, held, lambda points: points, 1.5, source="ligament.json")
     guess = place(both, {"a": held["a"]}, lambda points: points, 1.5)
     assert guess.surface.vertices[:, 0].max() < 8.1
+
+
+def test_bones_in_a_line_are_turned_as_their_own_shapes_tell():
+    """A finger's bones of other shapes: one similarity of all four fits as well turned by any angle."""
+    known = {name: b.surface(b.whole, 0.8) for name, b in phantom_bones.bones().items()}
+    templates = {name: read_surface(HAND / f"bones/{name}.ply") for name in known}
+    maps = register_bones(templates, {name: Surface(*parts) for name, parts in known.items()})
+    across = [polar(to.matrix)[0] @ [0.0, 1.0, 0.0] for to in maps.values()]  # both have radial along y
+    assert np.degrees(np.arccos([axis[1] for axis in across])).max() < 20.0
+
+
+def test_bones_that_no_turn_suits_better_are_named_in_doubt(caplog):
+    round_bones = {n: capsule(x) for n, x in (("a", 0.0), ("b", 45.0), ("c", 85.0))}
+    register_bones(round_bones, {n: s.moved(1.1 * s.vertices) for n, s in round_bones.items()})
+    assert "turned by" in caplog.text and "check where muscles lie" in caplog.text
+
+
+def capsule(x: float) -> Surface:
+    mesh = trimesh.creation.capsule(height=25.0, radius=5.0)
+    return Surface(mesh.vertices[:, ::-1] + [x, 0.0, 0.0], mesh.faces[:, ::-1])

@@ -22,6 +22,12 @@ log = logging.getLogger(__name__)
 
 SAMPLES = 250  # points a bone that steer the warp
 ROUND = 0.85  # of V / A, half the radius of a long round body: 15 edges around it, which cut off 3 % of it
+NEARLY = 1.25  # times the error of the best similarity: one that fits nearly as well
+TURNED = np.radians(20.0)  # rad, between similarities that differ
+OPPOSED = np.radians(75.0)  # rad, between starts of which one alone can be right
+DISTINCT = 1.25  # times the error of the best maps: a turn that the shapes of bones exclude
+FINER = (22.5, 11.25)  # deg, of turns between the starts
+CLEARLY = 0.7  # of the error of the maps from the best similarity: a reason to leave it
 NEAR = 0.75  # of a bone's size: what attaches to it is nearer
 VERTEX_IDS = "Give {bone: [template vertex ids]}"  # the remedy for a malformed file of attachments
 FINEST = 0.4  # of the edge length that is asked for
@@ -50,17 +56,87 @@ class Affine:
 def register_bones(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> dict[str, Affine]:
     """Affine maps of template bones onto the subject's bones of the same names.
 
-    One similarity of all bones together, which tells right from left and front from back, starts each bone's
-    own iterative closest points: rigid with one scale first, then affine. The template's frame may be turned
-    against the subject's by any angle about the axis of the bones' arrangement as long as the bones' shapes
-    show it.
+    Similarities of all bones together start each bone's own iterative closest points: rigid with one scale
+    first, then affine. One similarity tells right from left and front from back where bones lie side by side.
+    The bones of one finger lie in a line: similarities that are turned about it fit nearly as well. There the
+    bones' own shapes decide, after each has been registered.
     """
-    together = _similarity(templates, bones)
-    return {name: _register(templates[name], bones[name], together) for name in templates}
+    starts = _similarities(templates, bones)
+    if len(starts) == 1:
+        return _registered(templates, bones, starts[0])
+    found = [_Turned.of(templates, bones, start) for start in starts]
+    log.info("template bones turned about their line: %s mm", np.round([f.error for f in found], 2))
+    best = min(found, key=lambda f: f.error)
+    best = best if best.error < CLEARLY * found[0].error else found[0]
+    others = [f for f in found if _angle_between(f.start, best.start) > OPPOSED]
+    other = min(others, key=lambda f: f.error, default=None)
+    if other and other.error < DISTINCT * best.error:
+        report = "template bones: %.2f mm, and %.2f mm turned by %.0f deg: check where muscles lie"
+        turn = np.degrees(_angle_between(other.start, best.start))
+        log.warning(report, best.error, other.error, turn)
+    return (best if best is found[0] else _refined(templates, bones, best)).maps
 
 
-def _similarity(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> Affine:
-    """The best of several similarities from centroids, refined by closest points of all bones."""
+def _refined(templates: Mapping[str, Surface], bones: Mapping[str, Surface], best: _Turned) -> _Turned:
+    """The best of finer turns about the line of the bones."""
+    centres = np.array([bones[n].centroid() for n in templates])
+    line, middle = _long_axis(centres), centres.mean(axis=0)
+    for angle in FINER:
+        starts = [_turned(best.start, sign * angle, line, middle) for sign in (-1.0, 1.0)]
+        best = min([best, *(_Turned.of(templates, bones, s) for s in starts)], key=lambda f: f.error)
+    return best
+
+
+@dataclass(frozen=True)
+class _Turned:
+    """Maps of all bones from one start, and the distance in mm that they leave."""
+
+    start: Affine
+    maps: dict[str, Affine]
+    error: float
+
+    @staticmethod
+    def of(templates: Mapping[str, Surface], bones: Mapping[str, Surface], start: Affine) -> _Turned:
+        maps = _registered(templates, bones, start)
+        return _Turned(start, maps, _misfit(templates, bones, maps))
+
+
+def _turned(start: Affine, angle: float, axis: Array, middle: Array) -> Affine:
+    """A similarity turned by `angle` degrees about an axis through `middle`."""
+    turn = Rotation.from_rotvec(np.radians(angle) * axis).as_matrix()
+    return Affine(turn @ start.matrix, turn @ (start.offset - middle) + middle)
+
+
+def _registered(
+    templates: Mapping[str, Surface], bones: Mapping[str, Surface], start: Affine
+) -> dict[str, Affine]:
+    return {name: _register(templates[name], bones[name], start) for name in templates}
+
+
+def _misfit(
+    templates: Mapping[str, Surface], bones: Mapping[str, Surface], maps: Mapping[str, Affine]
+) -> float:
+    """Mean over bones of the distance in mm (rms, both ways) that their own maps leave."""
+    errors = []
+    for name, to_bone in maps.items():
+        moved = templates[name].moved(to_bone(templates[name].vertices))
+        forth = Distance(bones[name]).closest(sample_points(moved, 2 * SAMPLES, seed=5))[0]
+        back = Distance(moved).closest(sample_points(bones[name], 2 * SAMPLES, seed=6))[0]
+        errors.append(np.sqrt(np.mean(np.concatenate([forth, back]) ** 2)))
+    return float(np.mean(errors))
+
+
+def _angle_between(a: Affine, b: Affine) -> float:
+    """Angle in rad of the rotation from one similarity to the other."""
+    turns = [s.matrix / np.cbrt(np.linalg.det(s.matrix)) for s in (a, b)]
+    return float(Rotation.from_matrix(turns[0].T @ turns[1]).magnitude())
+
+
+def _similarities(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> list[Affine]:
+    """Similarities from centroids, refined by closest points of all bones.
+
+    The best comes first, then those that fit nearly as well and are turned against each one before.
+    """
     source = np.concatenate([sample_points(s, SAMPLES, seed=1) for s in templates.values()])
     own = np.repeat(np.arange(len(templates)), SAMPLES)
     targets = [Distance(bones[name]) for name in templates]
@@ -72,18 +148,22 @@ def _similarity(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) 
         _start(source, centres, np.vstack([b.vertices for b in bones.values()]), angle)
         for angle in range(0, 360, 45)
     ]
-    best: tuple[float, Affine] | None = None
+    found: list[tuple[float, Affine]] = []
     for start in starts:
         guess = start
         for _ in range(12):
             guess = fit_similarity(source, _closest(targets, own, guess(source)))
         moved = guess(source)
         error = float(np.sqrt(((moved - _closest(targets, own, moved)) ** 2).sum(axis=1).mean()))
-        if best is None or error < best[0]:
-            best = error, guess
-    assert best is not None
-    log.info("template bones: %.2f mm after one similarity", best[0])
-    return best[1]
+        found.append((error, guess))
+    found.sort(key=lambda pair: pair[0])
+    log.info("template bones: %.2f mm after one similarity", found[0][0])
+    chosen: list[Affine] = []
+    for error, guess in found:
+        turned = all(_angle_between(guess, other) > TURNED for other in chosen)
+        if error <= NEARLY * found[0][0] and turned:
+            chosen.append(guess)
+    return chosen
 
 
 def _start(source: Array, centres: tuple[Array, Array], target: Array, angle: float) -> Affine:
@@ -93,10 +173,7 @@ def _start(source: Array, centres: tuple[Array, Array], target: Array, angle: fl
         ends = [_long_axis(source), _long_axis(target)]
         a, b = (np.vstack([c, c + e]) for c, e in zip(centres, ends, strict=True))
     guess = fit_similarity(a, b)
-    axis = _long_axis(b)
-    turn = Rotation.from_rotvec(np.radians(angle) * axis).as_matrix()
-    middle = b.mean(axis=0)
-    return Affine(turn @ guess.matrix, turn @ (guess.offset - middle) + middle)
+    return _turned(guess, angle, _long_axis(b), b.mean(axis=0))
 
 
 def _long_axis(points: Array) -> Array:
