@@ -6,7 +6,7 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.imaging.volumes.channels import pose_channels, read_channel
-    from handpipe.imaging.volumes.label_exports import write_label_description, write_segments
+    from handpipe.imaging.volumes.label_exports import colours, write_label_description, write_segments
     from handpipe.imaging.volumes.rasterisation import rasterise
     from handpipe.imaging.volumes.same_frame import (
         Foreground,
@@ -30,6 +30,7 @@ else:
 __all__ = [
     "Foreground",
     "Volume",
+    "colours",
     "likely_cause",
     "pose_channels",
     "pose_volume",
