@@ -97,9 +97,10 @@ class Canvas:
             problem = f"has {len(drawn)} voxels; the volume has {self.drawing.size}"
             raise InputError(self.target, "drawing", problem, "Load the page again")
         values = np.frombuffer(drawn, np.uint8).reshape(self.drawing.shape, order="F")
-        unknown = np.setdiff1d(values, [0, *self.pens.values()])
-        if unknown.size:
-            raise InputError(self.target, "drawing", f"has the label {unknown[0]}", "Load the page again")
+        known = np.isin(np.arange(256), [0, *self.pens.values()])
+        wrong = values[~known[values]]
+        if wrong.size:
+            raise InputError(self.target, "drawing", f"has the label {wrong[0]}", "Load the page again")
         self._keep(self.target)
         if self.target.name.endswith(".seg.nrrd"):
             write_segments(self.target, values, self.volume.affine, self.pens)

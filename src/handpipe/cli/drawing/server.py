@@ -10,6 +10,7 @@ import logging
 import secrets
 import threading
 import webbrowser
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
@@ -20,6 +21,9 @@ from handpipe.core import HandpipeError, plain
 log = logging.getLogger(__name__)
 
 HERE = "127.0.0.1"
+PATIENCE = 60.0  # s without a byte after which a connection ends
+PAUSE = 0.2  # s without a byte after which a refused request has been sent
+UNREAD = 2**26  # bytes of a refused request that are read, at most
 VIEWER = "niivue-0.69.0.umd.js.gz"
 STATIC = {
     "": ("page.html", "text/html; charset=utf-8"),
@@ -87,6 +91,7 @@ class _Handler(BaseHTTPRequestHandler):
     """Answers requests that know the secret."""
 
     server: DrawingServer
+    timeout = PATIENCE
 
     def do_GET(self) -> None:
         name, canvas = self._asked(), self.server.canvas
@@ -154,7 +159,17 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(json.dumps({"said": text}).encode(), "application/json")
 
     def _refuse(self, status: HTTPStatus, text: str) -> None:
+        if self.command == "POST":
+            self._drain()
         self._answer(json.dumps({"said": text}).encode(), "application/json", status=status)
+
+    def _drain(self) -> None:
+        """Read what was sent, within limits: a connection with unread bytes is reset, and the answer lost."""
+        self.connection.settimeout(PAUSE)
+        left = UNREAD
+        with suppress(OSError):
+            while left > 0 and (read := self.rfile.read1(min(left, 2**16))):
+                left -= len(read)
 
     def _answer(
         self,
