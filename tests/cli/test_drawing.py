@@ -159,7 +159,12 @@ def test_proposed_seeds_are_shown_where_nothing_is_drawn(
 def test_only_who_has_the_address_is_answered(served: DrawingServer) -> None:
     blank = bytes(served.canvas.drawing.size)
     host = f"http://127.0.0.1:{served.server_port}"
-    for url in (f"{host}/", f"{host}/save", f"{host}/{'x' * 32}/save", f"{host}/{served.secret[:-1]}/drawing"):
+    for url in (
+        f"{host}/",
+        f"{host}/save",
+        f"{host}/{'x' * 32}/save",
+        f"{host}/{served.secret[:-1]}/drawing",
+    ):
         assert refused(url, blank if url.endswith("save") else None)[0] == 403
     assert refused(served.address + "save", blank, Host="elsewhere.example")[0] == 403
     assert refused(served.address + "settings.json", Host=f"elsewhere.example:{served.server_port}")[0] == 403

@@ -35,6 +35,8 @@ FORMATS = (".nii", ".nii.gz", ".seg.nrrd")
 class Canvas:
     """A volume, a drawing on it, and where the drawing is saved.
 
+    `kept` is the copy of the file as it was before the first saving, if there was one.
+
     Parameters
     ----------
     title : str
@@ -47,8 +49,6 @@ class Canvas:
         Labels at the start.
     target : Path, optional
         File of the strokes; without it the drawing can only be looked at.
-    kept : Path, optional
-        Copy of the file as it was before the first saving.
     """
 
     title: str
