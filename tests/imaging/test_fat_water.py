@@ -112,6 +112,18 @@ def test_an_image_of_fat_and_water_that_are_exchanged_is_doubted() -> None:
     assert separate(images(water, fat, np.full(SHAPE, half), times, tesla)).doubtful
 
 
+def test_a_finger_whose_field_differs_by_half_the_shift_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    times, tesla = ACQUISITIONS["three at half turns"]
+    water, fat = fingers()
+    field = off_field(tesla)
+    separate(images(water, fat, field, times, tesla))
+    assert "may be exchanged" not in caplog.text
+    field[47:] += 0.4 * 42.577 * tesla * 3.4
+    separate(images(water, fat, field, times, tesla))
+    [named] = [record.getMessage() for record in caplog.records if "may be exchanged" in record.getMessage()]
+    assert "around voxel (58, 20, " in named
+
+
 @pytest.mark.parametrize(
     ("low", "high", "turn"), [(-np.pi, np.pi, 2 * np.pi), (0, 4095, 4096), (-4096, 4094, 8192), (0, 360, 360)]
 )

@@ -8,6 +8,7 @@ growing, Yu 2005), and then again, all at once, until none changes.
 from __future__ import annotations
 
 import heapq
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ from scipy.spatial import cKDTree
 from handpipe.core import Array, BoolArray, IntArray
 from handpipe.imaging.fat_water.echo_signal import Complex, EchoSignal, abs2
 
+log = logging.getLogger(__name__)
+
 WIDEST = 6.0  # ppm to either side within which the field is sought
 STEPS = 64  # of the search, from water to fat
 MOST = 8  # values of the field that a voxel leaves possible
@@ -25,6 +28,8 @@ WORST = 0.3  # of a voxel's energy, by which a possible value may fit worse than
 REACH = 5.0  # mm around a voxel whose neighbours predict its field
 BLOCK = 4000  # voxels fitted at a time
 SWEEPS = 30
+LARGE = 200  # voxels: a part of tissue that is named if its map is doubtful
+JUMP = 0.3  # of the shift between fat and water: step across air above which it is doubtful
 PAIRS = 100  # of voxels closest to one another, across the air between two parts
 SMOOTH = 1.0  # mm: deviation of the Gaussian over the map that is used
 GAP_OF_NOISE = 0.1  # of the gap between fat and water: step that a voxel of typical energy counts as
@@ -171,9 +176,22 @@ def _linked(possible: PossibleFields, field: Array, grid: Grid, shift: float) ->
         for number in near:
             own = np.flatnonzero(part[left] == number)
             pairs = own[np.argsort(apart[own], kind="stable")[:PAIRS]]
-            field[left[own]] -= shift * np.round(np.median(steps[pairs]) / shift)
+            step = float(np.median(steps[pairs]))
+            field[left[own]] -= shift * np.round(step / shift)
+            _tell(step - shift * np.round(step / shift), possible.voxels[left[own]], shift)
         known |= np.isin(part, near)
     return possible.nearest(field)
+
+
+def _tell(step: float, voxels: IntArray, shift: float) -> None:
+    """Name a part of tissue whose map is hardly the better one of two."""
+    if len(voxels) >= LARGE and abs(step) > JUMP * shift:
+        middle = np.rint(voxels.mean(axis=0)).astype(int)
+        log.warning(
+            "the part of %d voxels around voxel %s: the field differs by %.0f Hz from the nearest tissue: fat "
+            "and water may be exchanged in it; look at the images",
+            *(len(voxels), tuple(middle.tolist()), step),
+        )
 
 
 def _window(spacing: Array) -> tuple[IntArray, Array]:

@@ -113,7 +113,7 @@ async function start() {
   settings = await (await fetch("settings.json")).json();
   element("title").textContent = document.title = settings.title;
   viewer = new niivue.Niivue({ backColor: [0.086, 0.094, 0.114, 1], crosshairWidth: 0.3, dragAndDropEnabled: false,
-    isNearestInterpolation: true, maxDrawUndoBitmaps: 32, textHeight: 0.03 });
+    isNearestInterpolation: true, maxDrawUndoBitmaps: 32 });
   await viewer.attachTo("canvas");
   await viewer.loadVolumes([{ url: "volume.nii", name: "volume.nii" }]);
   connect();
