@@ -188,8 +188,8 @@ def _tell(step: float, voxels: IntArray, shift: float) -> None:
     if len(voxels) >= LARGE and abs(step) > JUMP * shift:
         middle = np.rint(voxels.mean(axis=0)).astype(int)
         log.warning(
-            "the part of %d voxels around voxel %s: the field differs by %.0f Hz from the nearest tissue: fat "
-            "and water may be exchanged in it; look at the images",
+            "the part of %d voxels around voxel %s: the field differs by %.0f Hz from the nearest tissue: "
+            "fat and water may be exchanged in it; look at the images",
             *(len(voxels), tuple(middle.tolist()), step),
         )
 
