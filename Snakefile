@@ -14,6 +14,7 @@ include: "workflow/rules/common.smk"
 include: "workflow/rules/data.smk"
 include: "workflow/rules/anatomy.smk"
 include: "workflow/rules/truth.smk"
+include: "workflow/rules/fat_water.smk"
 include: "workflow/rules/segmentation.smk"
 include: "workflow/rules/seeds.smk"
 include: "workflow/rules/registration.smk"
@@ -52,6 +53,7 @@ localrules:
     data,
     anatomy,
     truth,
+    fat_water,
     seeds,
     segmentation,
     registration,
@@ -69,6 +71,7 @@ rule all:
     default_target: True
     input:
         subject_checks(),
+        separated_images(),
         each_subject(paths.REPORT),
         each_subject(paths.metrics_of("build")),
         obj_sequences(),
@@ -95,6 +98,12 @@ rule truth:
                 if dataset(s).generator in COUPLED_HANDS
             ],
         ),
+
+
+rule fat_water:
+    input:
+        subject_checks(),
+        separated_images(),
 
 
 rule seeds:

@@ -54,7 +54,13 @@ def _changes(where: str, table: Mapping[str, tuple[Any, str]]) -> list[Change]:
 BY_TRUTH = (
     "evaluate_muscles evaluate_registration evaluate_segmentation evaluate_skin evaluate_tendons fit_rig"
 )
-IMAGE_READERS = "correct_bone extract_muscle_shapes merge_labels register_tendon report segment_pose"
+IMAGE_READERS = (
+    "correct_bone extract_muscle_shapes merge_labels register_tendon report segment_pose separate_fat_water"
+)
+ECHOES = [
+    {"time_ms": time, "magnitude": f"echoes/{time}.nii.gz", "phase": f"echoes/{time}-phase.nii.gz"}
+    for time in (3.45, 4.6, 5.75)
+]
 CHANGES = [
     *_changes(
         "person",
@@ -63,7 +69,7 @@ CHANGES = [
                 "moved",
                 f"{BY_TRUTH} correct_bone extract_muscle extract_muscle_shapes extract_tendon "
                 "fit_fat_strains make_bone_fascia make_muscle_fascia make_skin merge_labels place_templates "
-                "register_tendon report segment_pose",
+                "register_tendon report segment_pose separate_fat_water",
             ),
             "hand": ("left", "evaluate_frames report simulate"),
             "poses.fist.role": (
@@ -74,6 +80,9 @@ CHANGES = [
             "poses.fist.volume": ("new/fist.nii.gz", IMAGE_READERS),
             "poses.fist.series": (2, IMAGE_READERS),
             "poses.fist.echo": (2, IMAGE_READERS),
+            "poses.fist.channels.opposed": ("new/opposed.nii.gz", ""),
+            "poses.fist.dixon.echoes": (ECHOES[:2], "separate_fat_water"),
+            "poses.fist.dixon.field_T": (1.5, "separate_fat_water"),
             "poses.fist.seeds": ("new/seeds.nii.gz", "correct_bone merge_labels segment_pose"),
             "poses.fist.scan": ("new/fist.ply", "evaluate_skin fit_fat_strains report"),
             "poses.fist.scribbles.distal2": ("new/distal2.nii.gz", "correct_bone merge_labels"),
@@ -264,6 +273,8 @@ def _person(finger: Mapping[str, Any]) -> dict[str, Any]:
     for key in ("generator", "truth", "seed"):
         del found[key]
     found["poses"]["fist"]["scribbles"] = {"distal2": "scribbles/fist.nii.gz"}
+    found["poses"]["fist"]["channels"] = {"opposed": "echoes/opposed.nii.gz"}
+    found["poses"]["fist"]["dixon"] = {"echoes": ECHOES, "field_T": 3.0}
     for pose in ("neutral", "fist"):
         for kind in ("markers", "landmarks"):
             found["poses"][pose][kind] = {"lumbrical1": f"{kind}/{pose}.mrk.json"}

@@ -283,6 +283,28 @@ def of_pose(field):
     return files
 
 
+def echoes_of_pose(wildcards):
+    """Input function: magnitude and phase of every echo of the pose, in the order of the dataset file."""
+    data = dataset(wildcards.subject)
+    dixon = data.poses[wildcards.pose].dixon
+    if dixon is None:
+        raise WorkflowError(
+            f"handpipe: {dataset_file(wildcards.subject)}: poses.{wildcards.pose}.dixon: is not given, but "
+            "fat and water are separated from it. Name its echoes"
+        )
+    return [data.path(p) for e in dixon.echoes for p in (e.magnitude, e.phase)]
+
+
+def separated_images():
+    """The figures of fat and water of every pose with Dixon echoes."""
+    return [
+        paths.at(paths.FAT_WATER, subject=subject, pose=name)
+        for subject in buildable_subjects()
+        for name, pose in dataset(subject).poses.items()
+        if pose.dixon is not None
+    ]
+
+
 def seeds_of_pose(wildcards):
     """The pose's seeds as the dataset names them; else those that are proposed from neutral."""
     return of_pose("seeds")(wildcards) or paths.at(paths.SEEDS, **wildcards)

@@ -11,8 +11,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from handpipe.cli import drawing, new_subject, workflow
 from handpipe.cli import export as exports
-from handpipe.cli import new_subject, workflow
 from handpipe.cli import status as progress
 from handpipe.cli.first_scene import scene_files
 from handpipe.core import HandpipeError, InputError, paths, reported
@@ -157,6 +157,26 @@ def view(subject: Subject) -> None:
         raise InputError(report, "file", "has not been built", f"Run: handpipe build {subject}")
     print(report)
     webbrowser.open(report.resolve().as_uri())
+
+
+@app.command()
+def draw(
+    subject: Subject,
+    pose: Annotated[str, typer.Argument(metavar="POSE", help="name of a pose in the dataset file")],
+    bone: Annotated[
+        str | None, typer.Option(metavar="BONE", help="draw the scribbles of this bone, not the seeds")
+    ] = None,
+    look: Annotated[bool, typer.Option("--look", help="show the segmented bones, draw nothing")] = False,
+    browser: Annotated[bool, typer.Option(help="open the page; its address is printed anyway")] = True,
+) -> None:
+    """Draw the strokes of a pose on a page in the browser, or look at its bones."""
+    source = _dataset_file(subject)
+    dataset = load_dataset(source)
+    if look:
+        canvas = drawing.labels_to_look_at(source, dataset, pose)
+    else:
+        canvas = drawing.strokes_to_draw(source, dataset, pose, bone)
+    drawing.serve(canvas, browser)
 
 
 @app.command()

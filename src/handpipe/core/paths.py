@@ -30,6 +30,12 @@ TRUE_MARROW = f"{SUBJECT}/data/truth/{{pose}}.marrow.nii.gz"
 # A scanned subject's data are where its dataset says.
 CHECK = f"{SUBJECT}/check.json"
 
+# Fat and water of a pose with Dixon echoes.
+WATER_IMAGE = f"{SUBJECT}/images/{{pose}}/water.nii.gz"
+FAT_IMAGE = f"{SUBJECT}/images/{{pose}}/fat.nii.gz"
+FIELD_MAP = f"{SUBJECT}/images/{{pose}}/field.nii.gz"
+FAT_WATER = f"{SUBJECT}/images/{{pose}}/fat_water.json"
+
 # Images to bones.
 SEEDS = f"{SUBJECT}/segmentation/{{pose}}/seeds.nii.gz"
 SEEDS_CONFIDENCE = f"{SUBJECT}/segmentation/{{pose}}/seeds.json"

@@ -12,11 +12,13 @@ from handpipe.core import HandpipeError, InputError
 from handpipe.core.configuration import Dataset, Muscle
 from handpipe.hand.subject import organs, unusable_files
 from handpipe.imaging.evidence import read_landmarks, read_markers
+from handpipe.imaging.fat_water import read_echoes
 from handpipe.imaging.segmentation import check_seeds
 from handpipe.imaging.volumes import (
     Foreground,
     Volume,
     pose_volume,
+    read_channel,
     read_labels,
     require_points_in_image,
     require_scan_in_image,
@@ -140,10 +142,15 @@ def _check_attachments(
 
 
 def _image_checks(dataset: Dataset) -> Iterator[Check]:
-    """Volumes that can be read, and the seeds and scribbles that were drawn on them."""
+    """Volumes that can be read, their channels and echoes, and the seeds and scribbles drawn on them."""
     for name, pose in dataset.poses.items():
         path, volume = dataset.path(pose.volume), cache(partial(pose_volume, dataset, name))
         yield Check((path,), partial(_check_contrast, path, volume))
+        for channel in map(dataset.path, pose.channels.values()):
+            yield Check((path, channel), partial(_check_channel, channel, volume))
+        if pose.dixon is not None:
+            files = [dataset.path(p) for e in pose.dixon.echoes for p in (e.magnitude, e.phase) if p]
+            yield Check((path, *files), partial(read_echoes, dataset, name))
         if pose.seeds is not None:
             seeds = dataset.path(pose.seeds)
             yield Check((path, seeds), partial(_check_seeds, dataset, name, seeds, volume))
@@ -155,6 +162,10 @@ def _check_contrast(path: Path, volume: Callable[[], Volume]) -> None:
     values = volume().values
     if values.min() == values.max():
         raise InputError(path, "values", f"is {values.min():g} everywhere", "Export it again")
+
+
+def _check_channel(path: Path, volume: Callable[[], Volume]) -> None:
+    _check_contrast(path, cache(partial(read_channel, path, volume())))
 
 
 def _check_seeds(dataset: Dataset, pose: str, path: Path, volume: Callable[[], Volume]) -> None:

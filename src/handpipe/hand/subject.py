@@ -25,8 +25,13 @@ def named_files(dataset: Dataset) -> dict[str, Path]:
     found: dict[str, Path | None] = {}
     for name, pose in dataset.poses.items():
         found |= {f"poses.{name}.{part}": getattr(pose, part) for part in ("volume", "seeds", "scan")}
-        for part in ("scribbles", "markers", "landmarks"):
+        for part in ("channels", "scribbles", "markers", "landmarks"):
             found |= {f"poses.{name}.{part}.{key}": path for key, path in getattr(pose, part).items()}
+        for number, echo in enumerate(pose.dixon.echoes if pose.dixon else ()):
+            found |= {
+                f"poses.{name}.dixon.echoes.{number}.{part}": getattr(echo, part)
+                for part in ("magnitude", "phase")
+            }
     found |= {f"bones.{name}.template": bone.template for name, bone in dataset.bones.items()}
     for field, organ in organs(dataset).items():
         found |= {

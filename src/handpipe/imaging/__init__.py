@@ -1,12 +1,12 @@
-"""Images: volumes in and out, segmentation of bones, and what is measured along profiles."""
+"""Images: volumes in and out, fat and water, segmentation of bones, and what is measured along profiles."""
 
 from typing import TYPE_CHECKING
 
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.imaging import bone_surfaces, evidence, formats, segmentation, volumes
+    from handpipe.imaging import bone_surfaces, evidence, fat_water, formats, segmentation, volumes
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["bone_surfaces", "evidence", "formats", "segmentation", "volumes"]
+__all__ = ["bone_surfaces", "evidence", "fat_water", "formats", "segmentation", "volumes"]

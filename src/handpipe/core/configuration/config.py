@@ -52,6 +52,35 @@ class Role(StrEnum):
     heldout = "heldout"
 
 
+class Echo(Model):
+    """One gradient echo of a Dixon acquisition."""
+
+    time_ms: float = Field(gt=0, lt=100, description="echo time in ms")
+    magnitude: Path = Field(description="magnitude, on the grid of `volume`; any format of `volume`")
+    phase: Path | None = Field(
+        None, description="phase in radians, degrees or the scanner's whole numbers; needed"
+    )
+
+
+class Dixon(Model):
+    """Gradient echoes of one pose from which fat and water are separated."""
+
+    echoes: tuple[Echo, ...] = Field(min_length=2, description="in the order of their times")
+    field_T: float = Field(ge=0.2, le=12, description="field strength of the scanner in T")
+
+    @model_validator(mode="after")
+    def _separable(self) -> Dixon:
+        times = [echo.time_ms for echo in self.echoes]
+        if any(later <= earlier for earlier, later in zip(times, times[1:], strict=False)):
+            raise ValueError("echoes: time_ms has to increase from echo to echo")
+        if any(echo.phase is None for echo in self.echoes):
+            raise ValueError(
+                "echoes: without phase nobody can tell fat from water: a voxel of fat is as bright as one of "
+                "water; give the phase of every echo"
+            )
+        return self
+
+
 class Pose(Model):
     """What was acquired in one pose. Paths are relative to the dataset's root."""
 
@@ -62,6 +91,12 @@ class Pose(Model):
     )
     echo: int | None = Field(
         None, ge=1, description="of a DICOM series with several echoes: 1 is the one of the shortest time"
+    )
+    channels: dict[Name, Path] = Field(
+        {}, description="further volumes of the same pose on the grid of `volume`, by name, e.g. fat"
+    )
+    dixon: Dixon | None = Field(
+        None, description="gradient echoes with phase: fat and water are separated from them"
     )
     seeds: Path | None = Field(
         None,
@@ -521,6 +556,9 @@ def _paths(content: Any, field: str = "") -> Iterator[tuple[str, Path]]:
     elif isinstance(content, dict):
         for key, value in content.items():
             yield from _paths(value, f"{field}.{key}" if field else str(key))
+    elif isinstance(content, tuple):
+        for number, value in enumerate(content):
+            yield from _paths(value, f"{field}.{number}")
 
 
 def _dataset(path: str | Path) -> Dataset:

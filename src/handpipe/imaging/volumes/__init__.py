@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.imaging.volumes.label_exports import write_label_description, write_segments
+    from handpipe.imaging.volumes.channels import pose_channels, read_channel
+    from handpipe.imaging.volumes.label_exports import colours, write_label_description, write_segments
     from handpipe.imaging.volumes.rasterisation import rasterise
     from handpipe.imaging.volumes.same_frame import (
         Foreground,
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
         read_labels,
         read_volume,
         write_labels,
+        write_volume,
     )
 else:
     __getattr__ = face(__name__)
@@ -28,9 +30,12 @@ else:
 __all__ = [
     "Foreground",
     "Volume",
+    "colours",
     "likely_cause",
+    "pose_channels",
     "pose_volume",
     "rasterise",
+    "read_channel",
     "read_label_table",
     "read_labels",
     "read_volume",
@@ -40,4 +45,5 @@ __all__ = [
     "write_label_description",
     "write_labels",
     "write_segments",
+    "write_volume",
 ]

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         merge_labels,
         propose_seeds,
         segment_pose,
+        separate_fat_water,
     )
 else:
     __getattr__ = face(__name__)
@@ -25,4 +26,5 @@ __all__ = [
     "merge_labels",
     "propose_seeds",
     "segment_pose",
+    "separate_fat_water",
 ]
