@@ -74,6 +74,8 @@ def smooth_field(
 
 def _solved(matrix: sp.csr_matrix, right: Array, start: Array) -> Array:
     """Solution (n,) of a positive system by conjugate gradients, scaled by its diagonal."""
+    if not float(right @ right) > 0:  # zero, or so small that its square is
+        return np.zeros_like(right)
     scaling = sp.diags(1 / matrix.diagonal())
     solution, stalled = cg(matrix, right, x0=start, rtol=1e-8, atol=0.0, M=scaling)
     if stalled:

@@ -40,7 +40,7 @@ AMOUNTS: dict[ImageEffect, Amount] = {
     "skin": Amount(1.2, 2.2, "mm", "thickness of the dermis"),
     "septa": Amount(0.15, 0.4, "mm", "thickness of septa in subcutaneous fat"),
     "palmar_fascia": Amount(0.5, 1.0, "mm", "thickness of the palmar fascia"),
-    "trabeculae": Amount(0.35, 0.8, "1", "share of trabecular tissue in marrow at a bone's ends"),
+    "trabeculae": Amount(0.9, 1.1, "1", "share of marrow among trabeculae at a bone's ends"),
 }
 BANDWIDTH = 440.0  # Hz/voxel that turns a field's deviation into a shift, unless chemical_shift says
 EFFECTS: tuple[ImageEffect, ...] = get_args(ImageEffect)

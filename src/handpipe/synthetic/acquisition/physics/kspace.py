@@ -10,21 +10,28 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from handpipe.synthetic.acquisition.physics.effects import BANDWIDTH, Effects
+from handpipe.synthetic.acquisition.physics.sequences import Sequence, frequency
 
 Complex = NDArray[np.complex64]
 NEIGHBOUR = 0.55  # of the field of view along the phase direction: where what folds in appears
 BREATH = 8.3  # lines of one period of the motion
 
 
-def fat_shift(frequency: float, bandwidth: float) -> float:
-    """Shift of fat along the readout in voxels: its frequency in Hz over the bandwidth in Hz/voxel."""
-    return frequency / bandwidth
+def of_fat(n: int, sequence: Sequence, hertz: float | None) -> Complex:
+    """What turns k-space of fat (n, …) into that of its peaks at the echo, as a factor (n,) of each sample.
+
+    hertz: bandwidth in Hz/voxel, over which a peak's frequency is its shift along the readout; None: none.
+    """
+    factor = np.zeros(n, np.complex128)
+    for (ppm, _), signal in zip(sequence.spectrum, sequence.fat_peaks, strict=True):
+        voxels = 0.0 if hertz is None else frequency(sequence.field, ppm) / hertz
+        factor += signal * shift(n, voxels)
+    return factor.astype(np.complex64)
 
 
-def shifted(k: Complex, voxels: float) -> Complex:
-    """k-space of an image that moves along the readout by a number of voxels, periodically."""
-    turns = np.exp(-2j * np.pi * fft.fftfreq(k.shape[0]) * voxels)
-    return k * turns.astype(np.complex64)[:, None, None]
+def shift(n: int, voxels: float) -> NDArray[np.complex128]:
+    """Factor (n,) of k-space of an image that moves along the readout by a number of voxels, periodically."""
+    return np.exp(-2j * np.pi * fft.fftfreq(n) * voxels)
 
 
 def folded(k: Complex, share: float, place: float = NEIGHBOUR) -> Complex:

@@ -31,7 +31,7 @@ class Times:
 class Tissue:
     """Proton density relative to water, share of it that is fat, and times at 1.5 T and 3 T.
 
-    fat: share of the proton density in the main peak of fat; water and fat of a tissue share its times.
+    fat: share of the proton density that is fat; water and fat of a tissue share its times.
     """
 
     density: float
@@ -53,10 +53,10 @@ def _tissue(
 
 
 TISSUES = {
-    "fat": _tissue(0.95, 0.92, (288, 165), (371, 133), 25.0),
-    "marrow": _tissue(0.90, 0.88, (288, 165), (365, 133), 14.0),
+    "fat": _tissue(0.95, 0.87, (288, 165), (371, 133), 20.0),
+    "marrow": _tissue(0.90, 0.92, (288, 165), (365, 133), 20.0),
     # Marrow among trabeculae: shorter T2*, and bone in place of some of it.
-    "trabeculae": _tissue(0.70, 0.80, (288, 120), (365, 100), 3.0),
+    "trabeculae": _tissue(0.72, 0.92, (288, 120), (365, 100), 8.0),
     "muscle": _tissue(0.80, 0.02, (1130, 35), (1420, 32), 24.0),
     "cartilage": _tissue(0.75, 0.0, (1060, 42), (1240, 37), 20.0),
     "fluid": _tissue(0.98, 0.0, (2850, 1210), (3620, 767), 100.0),

@@ -15,7 +15,7 @@ from handpipe.synthetic.acquisition.physics.anatomy import Anatomy
 from handpipe.synthetic.acquisition.physics.effects import Effects
 from handpipe.synthetic.acquisition.physics.fields import Field
 from handpipe.synthetic.acquisition.physics.relaxation import TISSUES
-from handpipe.synthetic.acquisition.physics.sequences import Sequence, fat_frequency
+from handpipe.synthetic.acquisition.physics.sequences import Sequence
 from handpipe.synthetic.acquisition.physics.streams import Streams
 from handpipe.synthetic.acquisition.physics.structures import detailed
 
@@ -51,12 +51,9 @@ def scan(
     for image in (water, fat):
         image[...] = received(image, grid, effects, streams)
     k = fft.fft2(water, axes=PLANE, norm="ortho")
-    fat_k = fft.fft2(fat, axes=PLANE, norm="ortho") * np.complex64(sequence.fat_phase)
-    if effects.of("chemical_shift"):
-        voxels = kspace.fat_shift(fat_frequency(sequence.field), kspace.bandwidth(effects))
-        fat_k = kspace.shifted(fat_k, voxels)
-    k += fat_k
-    del water, fat, fat_k
+    peaks = kspace.of_fat(grid.shape[0], sequence, effects.of("chemical_shift"))
+    k += fft.fft2(fat, axes=PLANE, norm="ortho") * peaks[:, None, None]
+    del water, fat
     found = np.abs(fft.ifft2(sampled(k, grid, sequence, effects, streams), axes=PLANE, norm="ortho"))
     gain = streams.of("gain").uniform(300.0, 1500.0) / sequence.reference
     return (found * gain).astype(np.float32)
@@ -65,12 +62,11 @@ def scan(
 def signals(
     anatomy: Anatomy, grid: Grid, sequence: Sequence, effects: Effects, streams: Streams
 ) -> tuple[Field, Field]:
-    """Magnitudes (nx, ny, nz) of the signals of water and of fat in each voxel, for an ideal scanner."""
+    """Magnitudes (nx, ny, nz) of water and of fat (its peaks in phase) in each voxel, of an ideal scanner."""
     water, fat = np.zeros(grid.shape, np.float32), np.zeros(grid.shape, np.float32)
     for tissue, share in detailed(anatomy, grid, effects, streams):
-        levels = sequence.signal(TISSUES[tissue])
-        for image, level in zip((water, fat), levels, strict=True):
-            image += np.asarray(share, np.float32) * (np.float32(abs(level)) - image)
+        for image, level in zip((water, fat), sequence.levels(TISSUES[tissue]), strict=True):
+            image += np.asarray(share, np.float32) * (np.float32(level) - image)
     return water, fat
 
 
