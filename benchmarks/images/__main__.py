@@ -1,4 +1,4 @@
-"""`python -m benchmarks.images`: the image model from physics beside real images, and bones under its effects.
+"""`python -m benchmarks.images`: the physical image model beside real images, and bones under its effects.
 
 Writes the figures to results/benchmarks/images.json, the rows beside it and, with --document, the tables and
 the figure of docs/hard-cases-images.md.
@@ -43,11 +43,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "sweep": rows.sweep,
     }
     options.output.parent.mkdir(parents=True, exist_ok=True)
-    rows.measure("compiles", "", rows.Setting(spacing=rows.COARSE))
+    if options.what:
+        rows.measure("compiles", "", rows.Setting(spacing=rows.COARSE))
     for part in [p for p in options.what if p in studies]:
         tables[part] = [rows.measure(*setting) for setting in studies[part]()]
         write_text(kept, json.dumps({p: [asdict(r) for r in t] for p, t in tables.items()}, indent=1) + "\n")
-    found = rows.figures(tables.get("effects", []), tables.get("coarse", []))
+    found = metrics.read(options.output) if options.output.exists() else {}
+    found |= rows.figures(tables.get("effects", []), tables.get("coarse", []))
     if "calibration" in options.what:
         levels = [*calibration.real(), *(calibration.modelled(echo) for echo in calibration.ECHOES)]
         found |= calibration.figures(levels)
@@ -79,7 +81,8 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     unknown = set(options.what) - set(PARTS)
     if unknown:
         parser.error(f"unknown: {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
-    options.what = options.what or list(PARTS)
+    if not options.what and not options.document:
+        options.what = list(PARTS)
     return options
 
 
