@@ -11,6 +11,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import nibabel
 import numpy as np
@@ -62,7 +63,8 @@ def real(folder: Path = DATA) -> Iterator[Levels]:
         for echo, file in regions[series]["files"].items():
             path = folder / series / file
             if path.exists():
-                volume = np.asarray(nibabel.load(path).dataobj, dtype=float)  # type: ignore[attr-defined]
+                image_file: Any = nibabel.load(path)
+                volume = np.asarray(image_file.dataobj, dtype=np.float64)
                 edges = [_box(volume, box) for box in regions[series]["edge"]]
                 values = {t: _within(volume, regions[series][t]) for t in TISSUES}
                 yield _levels(series, echo, values, edges)
@@ -73,7 +75,7 @@ def modelled(echo: str, spacing: float = FINEST) -> Levels:
     finger, voxels = posed(), grid(spacing)
     sequence = PulseSequence(FIELD, REPETITION, float(echo), FLIP)
     anatomy = anatomy_of(finger, voxels)
-    values = scan(anatomy, voxels, sequence, Effects({}, "usual"), [1, 0, 6])
+    values = scan(anatomy, voxels, sequence, Effects({}, "usual"), [1, 0, 6]).astype(np.float64)
     edge = _box(values.transpose(0, 2, 1), _below(voxels))
     return _levels("model", echo, {t: values[m] for t, m in _pure(voxels).items()}, [edge])
 

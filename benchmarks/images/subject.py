@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.bones.subject import Scan
 from handpipe.core.configuration import ImageEffect, Strength
@@ -74,6 +75,7 @@ def finger_scan(setting: Setting) -> Scan:
     """The finger's volume under a setting, with seeds and truth."""
     finger, voxels = posed(), grid(setting.spacing)
     anatomy = anatomy_of(finger, voxels)
+    values: NDArray
     if setting.sequence is None:
         clean = image.paint_layers(anatomy.layers, image.INTENSITIES, voxels)
         values = image.acquire(clean, voxels, np.random.default_rng([SEED, setting.draw, 3]))[0]

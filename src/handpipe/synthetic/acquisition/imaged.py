@@ -7,8 +7,8 @@ import zlib
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
-from handpipe.core import Array
 from handpipe.core.configuration import Dataset, Images, Scanner
 from handpipe.synthetic.acquisition import image
 from handpipe.synthetic.acquisition.physics import Anatomy, Effects, Sequence, scan
@@ -25,7 +25,7 @@ def imaged(
     *,
     levels: Mapping[str, float] = image.INTENSITIES,
     scanner: Scanner | None = None,
-) -> Array:
+) -> NDArray:
     """Image (nx, ny, nz) of a pose; levels, scanner and rng are the painted model's alone."""
     if dataset.images is None or dataset.images.model == "painted":
         known = scanner or Scanner()

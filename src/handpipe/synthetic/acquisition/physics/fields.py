@@ -32,7 +32,7 @@ def vanishing(grid: Grid, lengths: Lengths, rng: np.random.Generator) -> Field:
         slope += _spread(coefficients, steep) ** 2
     np.sqrt(slope, out=slope)
     typical = max(float(slope.mean()), 1e-6)
-    return np.abs(values) / np.maximum(slope, 0.2 * typical)
+    return (np.abs(values) / np.maximum(slope, 0.2 * typical)).astype(np.float32)
 
 
 def sheet(distance: Field, thickness: float, spacing: float) -> Field:
@@ -51,7 +51,8 @@ def strand(distance: Field, radius: float, spacing: float) -> Field:
 
 def _bases(grid: Grid, lengths: Lengths) -> list[Field]:
     return [
-        _splines(np.arange(n) * grid.spacing / length) for n, length in zip(grid.shape, lengths, strict=True)
+        _splines(np.arange(n, dtype=np.float64) * (grid.spacing / length))
+        for n, length in zip(grid.shape, lengths, strict=True)
     ]
 
 

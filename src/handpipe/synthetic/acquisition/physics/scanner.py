@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from handpipe.core import Array
 from handpipe.synthetic.acquisition.image import Grid
 from handpipe.synthetic.acquisition.physics import kspace, receive
 from handpipe.synthetic.acquisition.physics.anatomy import Anatomy
@@ -70,7 +69,7 @@ def signals(
     return water, fat
 
 
-def received(image: Field, grid: Grid, effects: Effects, streams: Streams) -> Array:
+def received(image: Field, grid: Grid, effects: Effects, streams: Streams) -> Field:
     """One species' signal after distortion, the coil and the slices."""
     if hertz := effects.of("distortion"):
         voxels = hertz / kspace.bandwidth(effects)
