@@ -1,8 +1,8 @@
 """The image model beside real gradient echoes: levels, spreads and edges of tissues.
 
 Real regions are boxes placed by hand (`tests/data/tissue_regions.json`). The model images the phantom finger
-with the series' times, voxels of about the hand's size in its plane and all effects at usual strength; its
-regions are the voxels that one tissue fills.
+with the series' times, voxels of about the hand's size in its plane and all effects but the coil's at usual
+strength; its regions are the voxels that one tissue fills.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def modelled(echo: str, spacing: float = FINEST) -> Levels:
     finger, voxels = posed(), grid(spacing)
     sequence = PulseSequence(FIELD, REPETITION, float(echo), FLIP)
     anatomy = anatomy_of(finger, voxels)
-    values = scan(anatomy, voxels, sequence, Effects({}, "usual"), [1, 0, 6]).astype(np.float64)
+    values = scan(anatomy, voxels, sequence, Effects({"coil": "none"}, "usual"), [1, 0, 6]).astype(np.float64)
     edge = _box(values.transpose(0, 2, 1), _below(voxels))
     return _levels("model", echo, {t: values[m] for t, m in _pure(voxels).items()}, [edge])
 

@@ -1,7 +1,6 @@
 """The physical image model against signal equations, Fourier analysis and the statistics of noise."""
 
 import math
-
 from pathlib import Path
 
 import nibabel
@@ -183,7 +182,7 @@ def test_a_dataset_selects_the_model_and_keeps_seeds_and_truth(tmp_path) -> None
         volume, drawn = (nibabel.load(found.path(f)).get_fdata() for f in (files.volume, files.seeds))
         return volume, drawn, found.path("truth/neutral.marrow.nii.gz").read_bytes()
 
-    absent, painted = made("absent"), made("painted", model="painted", effects="severe")
+    absent, painted = made("absent"), made("painted", model="painted", strength="severe")
     np.testing.assert_array_equal(absent[0], painted[0])
     first = made("first", model="physics", sequence="gradient_echo_opposed")
     again = made("again", model="physics", sequence="gradient_echo_opposed")
@@ -192,5 +191,5 @@ def test_a_dataset_selects_the_model_and_keeps_seeds_and_truth(tmp_path) -> None
     assert np.corrcoef(first[0].ravel(), absent[0].ravel())[0, 1] < 0.97
     assert first[2] == absent[2]
     assert set(np.unique(first[1])) == set(np.unique(absent[1]))
-    one = made("one", model="physics", effects={"noise": "severe"})
+    one = made("one", model="physics", strength="none", effects={"noise": "severe"})
     assert one[0][0].min() > 0

@@ -203,9 +203,8 @@ class Images(Model):
     )
     sequence: Literal["spin_echo", "gradient_echo_in_phase", "gradient_echo_opposed"] = "spin_echo"
     field: float = Field(default=3.0, description="T, 1.5 or 3")
-    effects: Strength | dict[ImageEffect, Strength] = Field(
-        default="usual", description="strength of all effects, or of each; what is not named is none"
-    )
+    strength: Strength = Field(default="usual", description="of all effects that `effects` does not name")
+    effects: dict[ImageEffect, Strength] = Field(default={}, description="strength of single effects")
 
     @field_validator("field")
     @classmethod

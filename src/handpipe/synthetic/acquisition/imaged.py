@@ -43,6 +43,4 @@ def sequence_of(images: Images) -> Sequence:
 
 def effects_of(images: Images) -> Effects:
     """The effects that a dataset asks for."""
-    if isinstance(images.effects, str):
-        return Effects({}, images.effects)
-    return Effects(images.effects)
+    return Effects(images.effects, images.strength)
