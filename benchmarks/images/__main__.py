@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from benchmarks.threads import take_threads
 
 if TYPE_CHECKING:  # loading them loads numba, which reads its number of threads then
-    from benchmarks.images.rows import Row
+    from benchmarks.images.document import Table
 
 CHECKOUT = Path(__file__).parents[2]
 OUTPUT = CHECKOUT / "results" / "benchmarks" / "images.json"
@@ -36,7 +36,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     kept = options.output.with_name(f"{options.output.stem}-rows.json")
     stored = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
-    tables = {part: [rows.Row(**row) for row in found] for part, found in stored.items()}
+    tables = {
+        part: document.Table(found["commit"], [rows.Row(**row) for row in found["rows"]])
+        for part, found in stored.items()
+    }
     studies = {
         "effects": lambda: rows.settings(),
         "coarse": lambda: rows.settings(rows.COARSE),
@@ -46,10 +49,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.what:
         rows.measure("compiles", "", rows.Setting(spacing=rows.COARSE))
     for part in [p for p in options.what if p in studies]:
-        tables[part] = [rows.measure(*setting) for setting in studies[part]()]
-        write_text(kept, json.dumps({p: [asdict(r) for r in t] for p, t in tables.items()}, indent=1) + "\n")
+        measured = [rows.measure(*setting) for setting in studies[part]()]
+        tables[part] = document.Table(document.commit(), measured)
+        write_text(kept, json.dumps({p: asdict(t) for p, t in tables.items()}, indent=1) + "\n")
     found = metrics.read(options.output) if options.output.exists() else {}
-    found |= rows.figures(tables.get("effects", []), tables.get("coarse", []))
+    nothing = document.Table("", [])
+    found |= rows.figures(tables.get("effects", nothing).rows, tables.get("coarse", nothing).rows)
     if "calibration" in options.what:
         levels = [*calibration.real(), *(calibration.modelled(echo) for echo in calibration.ECHOES)]
         found |= calibration.figures(levels)
@@ -61,14 +66,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         document.write(_texts(tables), DOCUMENT)
 
 
-def _texts(tables: dict[str, list[Row]]) -> dict[str, str]:
+def _texts(tables: dict[str, Table]) -> dict[str, str]:
     from benchmarks.images import document
 
     texts = {"amounts": document.effects_table()}
-    for part, rows in tables.items():
-        texts[part] = document.rows_table(rows)
+    for part, table in tables.items():
+        texts[part] = document.rows_table(table)
     if "effects" in tables:
-        texts["effects"] += "\n\n" + document.words(tables["effects"])
+        texts["effects"] += "\n\n" + document.words(tables["effects"].rows)
     return texts
 
 

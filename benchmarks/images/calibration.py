@@ -39,7 +39,7 @@ REPETITION, FLIP, FIELD = 23.0, 5.0, 3.0  # of the series: ms, degrees, T
 class Levels:
     """Values of each tissue over the mean of muscle, of one image.
 
-    edge: width in voxels in which the signal rises from 10 % to 90 % from air into the skin.
+    edge: voxels in which the signal rises from 10 % to 90 % of its first peak, from air into the skin.
     """
 
     series: str
@@ -131,8 +131,14 @@ def _levels(series: str, echo: str, values: Mapping[str, Array], edges: Sequence
 
 
 def edge_width(line: Array) -> float:
-    """Voxels in which values (n,) rise from 10 % to 90 % between the first ones and the largest ones."""
-    low, high = float(np.mean(line[:2])), float(np.median(np.sort(line)[-4:]))
+    """Voxels in which values (n,) rise from 10 % to 90 % between the first ones and their first peak.
+
+    A peak is higher than a quarter of the largest value.
+    """
+    low = float(np.mean(line[:2]))
+    start = int(np.argmax(line > low + 0.25 * (float(line.max()) - low)))
+    falls = np.flatnonzero(np.diff(line[start:]) <= 0)
+    high = float(line[start + falls[0]]) if len(falls) else float(line[-1])
     at = []
     for share in (0.1, 0.9):
         level = low + share * (high - low)

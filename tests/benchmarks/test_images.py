@@ -48,4 +48,4 @@ def test_tissue_ratios_of_the_model_are_near_the_real_foot_and_hand() -> None:
         model, real = (found[f"image_{tissue}_over_muscle_4_60_{which}"][0] for which in ("model", "real"))
         assert 0.75 < model / real < 1.35
     muscle = [v.spread("muscle") for v in levels if v.echo == "4.60" and v.series != "calf_dixon"]
-    assert max(muscle) < 2.0 * min(muscle)
+    assert max(muscle) < 4.0 * min(muscle)
