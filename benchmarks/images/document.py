@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.images.rows import Row
@@ -15,6 +16,14 @@ COLUMNS = (
     "image", "strength", "Dice mean / min", "surface, worst bone [mm]", "wrong", "of these silent",
     "false alarms", "seconds",
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of one study and the commit at which they were measured."""
+
+    commit: str
+    rows: list[Row]
 
 
 def write(parts: dict[str, str], path: Path) -> None:
@@ -36,10 +45,12 @@ def commit() -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
-def rows_table(rows: Sequence[Row], seconds: bool = True) -> str:
-    """Rows as a Markdown table, and the words of the library where bones are wrong or doubted."""
-    lines = ["| " + " | ".join(COLUMNS) + " |", "|" + " --- |" * len(COLUMNS)]
-    for row in rows:
+def rows_table(table: Table) -> str:
+    """Rows as a Markdown table."""
+    silent = sum(bool(row.silent) for row in table.rows)
+    lines = [f"{len(table.rows)} rows at commit {table.commit}; in {silent} a wrong bone is silent.", ""]
+    lines += ["| " + " | ".join(COLUMNS) + " |", "|" + " --- |" * len(COLUMNS)]
+    for row in table.rows:
         cells = (
             _named(row.effect),
             row.strength,
@@ -48,13 +59,10 @@ def rows_table(rows: Sequence[Row], seconds: bool = True) -> str:
             "; ".join(row.wrong) or "none",
             "; ".join(row.silent) or ("none" if row.wrong else ""),
             str(row.alarms),
-            f"{row.seconds:.1f}" if seconds else "",
+            f"{row.seconds:.1f}",
         )
         lines.append("| " + " | ".join(cells) + " |")
-    silent = sum(bool(row.silent) for row in rows)
-    return "\n".join(
-        [f"{len(rows)} rows at commit {commit()}; in {silent} a wrong bone is silent.", "", *lines]
-    )
+    return "\n".join(lines)
 
 
 def words(rows: Sequence[Row]) -> str:

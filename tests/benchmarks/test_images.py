@@ -32,7 +32,7 @@ def test_an_ideal_image_is_right_and_a_poor_one_is_noticed() -> None:
     assert right.dice is not None and right.dice[1] > 0.95 and not right.wrong
     refused = rows.measure("all", "usual", Setting(others="usual", spacing=1.2))
     assert refused.wrong and not refused.silent and refused.said
-    assert "all" in document.rows_table([right, refused])
+    assert "all" in document.rows_table(document.Table("abc", [right, refused]))
 
 
 def test_the_width_of_an_edge_is_that_of_its_ramp() -> None:
