@@ -22,6 +22,7 @@ from handpipe.core.configuration import Dataset, load_dataset
 from handpipe.imaging.volumes import Volume
 from handpipe.imaging.volumes.volume import Labels
 from handpipe.synthetic.acquisition import image, seeds
+from handpipe.synthetic.acquisition.posed import PosedAnatomy
 from handpipe.synthetic.phantom import phantom_hand
 from handpipe.synthetic.phantom.posed_hand import MIRROR, PosedHand, clean_image
 
@@ -93,7 +94,7 @@ class Scan:
 
     volume: Volume
     seeds: Labels
-    posed: PosedHand
+    posed: PosedHand | PosedAnatomy
     labels: dict[str, int]
 
     @cached_property

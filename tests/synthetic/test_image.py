@@ -42,7 +42,8 @@ def test_surfaces_of_one_tissue_that_touch_show_no_seam():
     right = trimesh.creation.box(bounds=[[5.13, 0, 0], [10, 10, 10]])
     surfaces = [(np.asarray(m.vertices), np.asarray(m.faces, dtype=np.int64)) for m in (left, right)]
     grid = image.Grid.around(np.vstack([s[0] for s in surfaces]), 2.0, 0.8)
-    painted = image.paint([(0.45, surfaces)], grid, 0.9)
+    painted = np.full(grid.shape, 0.9)
+    image.paint_shares(painted, 0.45, (s for one in surfaces for s in image.local_occupancy(one, grid)))
     centre = painted[4:-4, 6:-6, 6:-6]
     np.testing.assert_allclose(centre, 0.45, atol=1e-12)
     assert painted.max() == 0.9
@@ -51,7 +52,8 @@ def test_surfaces_of_one_tissue_that_touch_show_no_seam():
 def test_later_tissues_cover_earlier_ones(ball):
     small = (ball[0].mean(axis=0) + 0.5 * (ball[0] - ball[0].mean(axis=0)), ball[1])
     grid = image.Grid.around(ball[0], 2.0, 0.8)
-    painted = image.paint([(0.1, [ball]), (1.0, [small])], grid, 0.0)
+    layers = [("outer", image.occupancy(ball, grid)), ("inner", image.occupancy(small, grid))]
+    painted = image.paint_layers(layers, {"air": 0.0, "outer": 0.1, "inner": 1.0}, grid)
     core = binary_erosion(image.occupancy(small, grid) == 1.0)
     assert np.all(painted[core] == 1.0)
     shell = (image.occupancy(ball, grid) == 1.0) & (image.occupancy(small, grid) == 0.0)

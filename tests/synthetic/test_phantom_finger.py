@@ -203,9 +203,8 @@ def test_same_seed_same_files(dataset, tmp_path):
 def test_tissues_have_their_intensities(fingers):
     finger = fingers["bow"]
     grid = image.Grid.around(finger.skin[0], 6.0, 0.8)
-    scanned, bias, gain = image.acquire(
-        posed.clean_image(finger, grid), grid, np.random.default_rng(4), noise=0.03
-    )
+    clean = image.paint_layers(posed.layers(finger, grid), image.INTENSITIES, grid)
+    scanned, bias, gain = image.acquire(clean, grid, np.random.default_rng(4), noise=0.03)
     corrected = scanned / (gain * bias)
     regions = {
         "marrow": finger.marrow["metacarpal2"],

@@ -81,6 +81,7 @@ rule coupled_images:
             "anatomy",
             "seed",
             "scanner",
+            "images",
             "truth",
             "root",
             "poses.{pose}.volume",

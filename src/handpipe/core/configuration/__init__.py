@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from handpipe.core.configuration.config import (
         COUPLED_HANDS,
         Dataset,
+        ImageEffect,
+        Images,
         Interpolation,
         Joint,
         Length,
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
         Role,
         Scanner,
         Scene,
+        Strength,
         Vector,
         every_fault,
         load_dataset,
@@ -32,6 +35,8 @@ else:
 __all__ = [
     "COUPLED_HANDS",
     "Dataset",
+    "ImageEffect",
+    "Images",
     "Interpolation",
     "Joint",
     "Length",
@@ -41,6 +46,7 @@ __all__ = [
     "Role",
     "Scanner",
     "Scene",
+    "Strength",
     "Vector",
     "every_fault",
     "load_dataset",

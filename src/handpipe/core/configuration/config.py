@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from handpipe.core.artifacts import read_text
 from handpipe.core.errors import InputError
@@ -20,6 +28,28 @@ Vector = tuple[float, float, float]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 Subject = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
 Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
+Strength = Literal["none", "usual", "severe"]
+ImageEffect = Literal[
+    "coil",
+    "noise",
+    "chemical_shift",
+    "gibbs",
+    "partial_fourier",
+    "ghosts",
+    "slice_profile",
+    "slice_thickness",
+    "wrap",
+    "distortion",
+    "vessels_void",
+    "vessels_bright",
+    "nerves",
+    "muscle_streaks",
+    "joints",
+    "skin",
+    "septa",
+    "palmar_fascia",
+    "trabeculae",
+]
 HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
 COUPLED_HANDS = ("phantom-hand-complete", "zanatomy-hand")  # generators whose truth is a coupled simulation
 SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
@@ -199,6 +229,26 @@ class Scanner(Model):
     )
 
 
+class Images(Model):
+    """How the images of a generated subject are made."""
+
+    model: Literal["painted", "physics"] = Field(
+        default="painted",
+        description="levels painted by tissue, or signal equations and artefacts",
+    )
+    sequence: Literal["spin_echo", "gradient_echo_in_phase", "gradient_echo_opposed"] = "spin_echo"
+    field: float = Field(default=3.0, description="T, 1.5 or 3")
+    strength: Strength = Field(default="usual", description="of all effects that `effects` does not name")
+    effects: dict[ImageEffect, Strength] = Field(default={}, description="strength of single effects")
+
+    @field_validator("field")
+    @classmethod
+    def _known(cls, value: float) -> float:
+        if value not in (1.5, 3.0):
+            raise ValueError("relaxation times are known at 1.5 and at 3 T")
+        return value
+
+
 class Truth(Model):
     """Known truth of a phantom in each pose: `folder`/{pose}.h5 and label volumes beside it."""
 
@@ -227,6 +277,9 @@ class Dataset(Model):
     seed: int = Field(0, ge=0)
     scanner: Scanner | None = Field(
         None, description="generated whole hands: voxel size, bias field and noise"
+    )
+    images: Images | None = Field(
+        None, description="generated subjects: image model, sequence, field and effects"
     )
     anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
@@ -265,6 +318,8 @@ class Dataset(Model):
             raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds")
         if self.scanner is not None and self.generator not in SCANNED_HANDS:
             raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
+        if self.images is not None and self.generator is None:
+            raise ValueError("images: is only for generated subjects; a scanned one names its volumes")
         for kind, named in (
             *((f"poses.{k}.scribbles", tuple(p.scribbles)) for k, p in self.poses.items()),
             *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),

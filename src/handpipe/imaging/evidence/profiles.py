@@ -12,6 +12,7 @@ from handpipe.imaging.volumes.volume import Volume
 from handpipe.mesh.surfaces import Surface, averaging
 
 BLUR = 0.5  # voxels: deviation of a voxel's box, 0.29, and of trilinear interpolation, 0.41, together
+NOTHING = 1e-100  # mm; the squares of smaller numbers underflow, and conjugate gradients divide by them
 
 
 def sample_profiles(volume: Volume, points: Array, directions: Array, offsets: Array) -> Array:
@@ -74,6 +75,8 @@ def smooth_field(
 
 def _solved(matrix: sp.csr_matrix, right: Array, start: Array) -> Array:
     """Solution (n,) of a positive system by conjugate gradients, scaled by its diagonal."""
+    if np.abs(right).max(initial=0.0) < NOTHING:
+        return np.zeros_like(right)
     scaling = sp.diags(1 / matrix.diagonal())
     solution, stalled = cg(matrix, right, x0=start, rtol=1e-8, atol=0.0, M=scaling)
     if stalled:

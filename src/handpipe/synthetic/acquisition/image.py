@@ -6,7 +6,7 @@ scanner's gain follow.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import nibabel
@@ -134,7 +134,7 @@ Share = tuple[Block, Array]
 """Shares in [0, 1] of the voxels of a block of the grid; none of any other voxel."""
 
 
-def _local_distance(surface: Surface, grid: Grid, width: float) -> Share | None:
+def local_distance(surface: Surface, grid: Grid, width: float) -> Share | None:
     """Signed distances in mm, at most `width`, in the block of voxels about a surface, if any is there."""
     vertices, triangles = surface
     local = grid.indices(vertices)
@@ -152,14 +152,14 @@ def _local_distance(surface: Surface, grid: Grid, width: float) -> Share | None:
 def signed_distance(surface: Surface, grid: Grid, width: float) -> Array:
     """Signed distance in mm (negative inside) of each voxel centre to a closed surface, at most `width`."""
     result = np.full(grid.shape, width)
-    if found := _local_distance(surface, grid, width):
+    if found := local_distance(surface, grid, width):
         result[found[0]] = found[1]
     return result
 
 
 def local_occupancy(surface: Surface, grid: Grid) -> list[Share]:
     """As `occupancy`, in the block of voxels that the surface can fill; empty where it is off the grid."""
-    found = _local_distance(surface, grid, grid.spacing)
+    found = local_distance(surface, grid, grid.spacing)
     return [(found[0], np.clip(0.5 - found[1] / grid.spacing, 0.0, 1.0))] if found else []
 
 
@@ -174,25 +174,33 @@ def occupancy(surface: Surface, grid: Grid) -> Array:
     return result
 
 
-def paint(tissues: Sequence[tuple[float, Sequence[Surface]]], grid: Grid, background: float) -> Array:
-    """Noise-free image of tissues in paint order: each is an intensity and its closed surfaces.
+def paint_shares(image: Array, intensity: float, shares: Iterable[Share]) -> None:
+    """Paint one tissue over an image, in place; its shares add up to at most one."""
+    _paint_layer(image, intensity, total_share(shares, image.shape))
 
-    Surfaces of one tissue share voxels: their occupancies add, so that two that touch show no seam.
+
+def total_share(shares: Iterable[Share], shape: tuple[int, ...]) -> Array:
+    """The sum of one tissue's shares, at most one."""
+    total = np.zeros(shape)
+    for block, share in shares:
+        total[block] += share
+    return np.minimum(total, 1.0, out=total)
+
+
+def paint_layers(layers: Iterable[tuple[str, NDArray]], levels: Mapping[str, float], grid: Grid) -> Array:
+    """Noise-free image of tissues in paint order over air: each has a level and a share of each voxel.
+
+    The arrays of shares are used up.
     """
-    image = np.full(grid.shape, background)
-    for intensity, surfaces in tissues:
-        paint_shares(image, intensity, (s for surface in surfaces for s in local_occupancy(surface, grid)))
+    image = np.full(grid.shape, levels["air"])
+    for tissue, share in layers:
+        _paint_layer(image, levels[tissue], share)
     return image
 
 
-def paint_shares(image: Array, intensity: float, shares: Iterable[Share]) -> None:
-    """Paint one tissue over an image, in place; its shares add up to at most one."""
-    total = np.zeros_like(image)
-    for block, share in shares:
-        total[block] += share
-    np.minimum(total, 1.0, out=total)
-    total *= intensity - image
-    image += total
+def _paint_layer(image: Array, intensity: float, share: NDArray) -> None:
+    share *= intensity - image
+    image += share
 
 
 def label_volume(surfaces: Mapping[int, Surface], grid: Grid) -> NDArray[np.uint8]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,13 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array, IntArray, RigidTransform, artifacts
 from handpipe.core.configuration import Dataset
 from handpipe.synthetic.acquisition import image, seeds
+from handpipe.synthetic.acquisition.imaged import imaged
+from handpipe.synthetic.acquisition.physics import Anatomy
 from handpipe.synthetic.geometry.kinematics import Posture
 
 Surface = tuple[Array, IntArray]
+
+PALM = np.array([0.0, 0.0, -1.0])  # from the back of a neutral hand to its palm
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,7 @@ def write_pose(
     files = dataset.poses[pose]
     grid = image.Grid.around(posed.skin[0], margin, spacing)
     rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 2])
-    scanned, _, _ = image.acquire(clean_image(posed, grid), grid, rng)
+    scanned = imaged(dataset, pose, anatomy_of(posed, grid), grid, rng)
     image.write_volume(dataset.path(files.volume), scanned.astype(np.float32), grid)
 
     labels = {name: bone.label for name, bone in dataset.bones.items()}
@@ -75,18 +80,25 @@ def write_pose(
         write_truth(folder / f"{pose}.h5", posed)
 
 
-def clean_image(posed: PosedAnatomy, grid: image.Grid) -> Array:
-    """Noise-free image of a posed subject."""
-    value = image.INTENSITIES
-    layers = [
-        (value["fat"], [posed.skin]),
-        (value["muscle"], list(posed.muscles.values())),
-        (value["ligament"], list(posed.ligaments.values())),
-        (value["tendon"], list(posed.tendon_tubes.values())),
-        (value["cortical"], list(posed.bones.values())),
-        (value["marrow"], list(posed.marrow.values())),
-    ]
-    return image.paint(layers, grid, value["air"])
+def anatomy_of(posed: PosedAnatomy, grid: image.Grid) -> Anatomy:
+    """What an image model takes of a posed subject."""
+    root = next(iter(posed.transforms.values()))
+    return Anatomy(layers(posed, grid), [*posed.bones.values()], root.rotation @ PALM)
+
+
+def layers(posed: PosedAnatomy, grid: image.Grid) -> Iterator[tuple[str, Array]]:
+    """The subject's tissues in paint order, and their shares of each voxel."""
+    surfaces: dict[str, Iterable[Surface]] = {
+        "fat": [posed.skin],
+        "muscle": posed.muscles.values(),
+        "ligament": posed.ligaments.values(),
+        "tendon": posed.tendon_tubes.values(),
+        "cortical": posed.bones.values(),
+        "marrow": posed.marrow.values(),
+    }
+    for tissue, organs in surfaces.items():
+        shares = (s for surface in organs for s in image.local_occupancy(surface, grid))
+        yield tissue, image.total_share(shares, grid.shape)
 
 
 def write_truth(path: Path, posed: PosedAnatomy) -> None:

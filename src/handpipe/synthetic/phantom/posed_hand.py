@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import logging
 import zlib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handpipe.core import Array, InputError, IntArray, RigidTransform, artifacts
 from handpipe.core.configuration import Dataset, Scanner
 from handpipe.synthetic.acquisition import image
-from handpipe.synthetic.acquisition.posed import repositioning, write_surface
+from handpipe.synthetic.acquisition.imaged import imaged
+from handpipe.synthetic.acquisition.physics import Anatomy
+from handpipe.synthetic.acquisition.posed import PALM, repositioning, write_surface
 from handpipe.synthetic.geometry.kinematics import KnownJoint, Posture
 from handpipe.synthetic.phantom import hand_tissue as tissue
 from handpipe.synthetic.phantom.hand_tissue import Surroundings, Tissues
@@ -27,7 +30,7 @@ Surface = tuple[Array, IntArray]
 LOG = logging.getLogger(__name__)
 
 MARGIN = 13.0  # mm of the volume around the bones: soft tissue and some air
-CARTILAGE = 0.55  # its intensity
+LEVELS = {**image.INTENSITIES, "cartilage": 0.55}  # of the painted image
 MIRROR = np.array([1.0, -1.0, 1.0])
 
 
@@ -129,26 +132,31 @@ class Motion:
 
 
 def clean_image(posed: PosedHand, grid: image.Grid) -> Array:
-    """Noise-free image of a posed hand."""
-    value, cones = image.INTENSITIES, posed.tissues
-    painted = np.full(grid.shape, value["air"])
+    """Noise-free painted image of a posed hand."""
+    return image.paint_layers(layers(posed, grid), LEVELS, grid)
 
+
+def anatomy_of(posed: PosedHand, grid: image.Grid) -> Anatomy:
+    """What an image model takes of a posed hand."""
+    root = next(iter(posed.transforms.values()))
+    return Anatomy(layers(posed, grid), [*posed.bones.values()], root.rotation @ PALM)
+
+
+def layers(posed: PosedHand, grid: image.Grid) -> Iterator[tuple[str, NDArray]]:
+    """The hand's tissues in paint order, and their shares of each voxel."""
+    cones = posed.tissues
     inside = tissue.share_of_cones(cones.skin, grid, tissue.SKIN_BLEND)
-    painted += inside * (value["fat"] - painted)
-
-    def soft(intensity: float, rows: Array, blend: float = 0.0) -> None:
-        share = np.minimum(tissue.share_of_cones(rows, grid, blend), inside)
-        share *= intensity - painted  # voxel by voxel: what the tissue changes
-        np.add(painted, share, out=painted)
-
-    soft(value["muscle"], cones.muscle, 2.0)
-    soft(CARTILAGE, cones.cartilage, 1.0)
-    soft(value["ligament"], cones.ligament)
-    soft(value["tendon"], cones.tendon)
-    for level, surfaces in ((value["cortical"], posed.bones), (value["marrow"], posed.marrow)):
+    yield "fat", inside.astype(np.float64)
+    for name, rows, blend in (
+        ("muscle", cones.muscle, 2.0),
+        ("cartilage", cones.cartilage, 1.0),
+        ("ligament", cones.ligament, 0.0),
+        ("tendon", cones.tendon, 0.0),
+    ):
+        yield name, np.minimum(tissue.share_of_cones(rows, grid, blend), inside)
+    for name, surfaces in (("cortical", posed.bones), ("marrow", posed.marrow)):
         shares = (s for surface in surfaces.values() for s in image.local_occupancy(surface, grid))
-        image.paint_shares(painted, level, shares)
-    return painted
+        yield name, image.total_share(shares, grid.shape)
 
 
 def volume_grid(bones: Mapping[str, Surface], names: Iterable[str], spacing: float) -> image.Grid:
@@ -167,7 +175,7 @@ def write_pose(dataset: Dataset, pose: str, posed: PosedHand) -> None:
     grid = volume_grid(posed.bones, dataset.bones, scanner.spacing)
     LOG.info("%s: %d x %d x %d voxels of %g mm", pose, *grid.shape, grid.spacing)
     rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 2])
-    scanned, _, _ = image.acquire(clean_image(posed, grid), grid, rng, bias=scanner.bias, noise=scanner.noise)
+    scanned = imaged(dataset, pose, anatomy_of(posed, grid), grid, rng, levels=LEVELS, scanner=scanner)
     image.write_volume(dataset.path(files.volume), scanned.astype(np.float32), grid)
     labels = {name: bone.label for name, bone in dataset.bones.items()}
     whole = image.label_volume({label: posed.bones[n] for n, label in labels.items()}, grid)

@@ -20,7 +20,8 @@ from handpipe.fem.solver import Options, solve
 from handpipe.mesh.contact import crossings
 from handpipe.mesh.surfaces import Distance, Surface, concatenate
 from handpipe.synthetic.acquisition import image, scans
-from handpipe.synthetic.acquisition.posed import PosedAnatomy, clean_image, write_surface, write_truth
+from handpipe.synthetic.acquisition.imaged import imaged
+from handpipe.synthetic.acquisition.posed import PosedAnatomy, anatomy_of, write_surface, write_truth
 from handpipe.synthetic.continuum.surfaces import outer_faces
 from handpipe.synthetic.coupled import anatomy_file
 from handpipe.synthetic.coupled.body import Anatomy, Body, Pose
@@ -263,7 +264,7 @@ def write_pose(dataset: Dataset, pose: str, hand: HandBody, x: Array) -> None:
     grid = volume_grid(found.bones, found.bones, scanner.spacing)
     log.info("%s: %d x %d x %d voxels of %g mm", pose, *grid.shape, grid.spacing)
     rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 5])
-    scanned, _, _ = image.acquire(clean_image(found, grid), grid, rng, bias=scanner.bias, noise=scanner.noise)
+    scanned = imaged(dataset, pose, anatomy_of(found, grid), grid, rng, scanner=scanner)
     image.write_volume(dataset.path(files.volume), scanned.astype(np.float32), grid)
     if files.scan is not None:
         rest = Surface(hand.body.rest, hand.body.skin_faces).compact().vertices
