@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from skin_images import Body, ball, capsule, image, surface
 
 from handpipe.core import InputError, RigidTransform
 from handpipe.imaging.skin import PosedBones, VolumeSkin, skin_of_volume
 from handpipe.imaging.volumes.volume import Volume, read_volume
 from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.surfaces import Distance, Surface
-from tests.imaging.skin_images import Body, ball, capsule, image, surface
 
 QUARTER = 0.25  # of a voxel
 SPACINGS = [0.5, 1.0, (0.5, 0.5, 1.0)]
@@ -92,7 +92,9 @@ def test_volumes_without_a_skin_are_refused() -> None:
     with pytest.raises(InputError, match="everywhere"):
         skin_of_volume(Volume(np.ones((20, 20, 20), np.float32), np.eye(4)))
     with pytest.raises(InputError, match="no (air|body)"):
-        skin_of_volume(Volume(np.random.default_rng(0).uniform(90, 110, (30, 30, 30)).astype("f4"), np.eye(4)))
+        skin_of_volume(
+            Volume(np.random.default_rng(0).uniform(90, 110, (30, 30, 30)).astype("f4"), np.eye(4))
+        )
 
 
 RADIUS, BONE = 7.0, 3.0

@@ -1,8 +1,8 @@
 """Where parts of a limb touch: told by the bones, by the dark line between them, and by the neutral skin.
 
-Between two fingers that touch the image shows no air. Every voxel of the body goes to a bone: the watershed of
-the distance to the bones, raised where the image is dark, ends at the skin's line, and half-way where there is
-none. The faces between two bones' voxels are a contact only where the bones are parts with skin between them:
+Between two fingers that touch the image shows no air. Every voxel of the body goes to a bone: the watershed
+of the distance to the bones, raised where the image is dark, ends at the skin's line, and half-way where
+there is none. The faces between two bones' voxels are a contact only where the bones are parts with skin between them:
 in a bent pose where the neutral skin lies there, moved by either bone, and faces the other bone; in neutral
 itself between digits beyond the web.
 """
@@ -108,7 +108,9 @@ class Contacts:
         second[tuple(faces.second[kept].T)] = True
         for low in np.unique(faces.owners[kept, 0]):
             others = np.unique(faces.owners[kept][faces.owners[kept, 0] == low, 1])
-            gap |= (owner == low) & ndimage.binary_dilation(second & np.isin(owner, others), np.ones((3, 3, 3)))
+            gap |= (owner == low) & ndimage.binary_dilation(
+                second & np.isin(owner, others), np.ones((3, 3, 3))
+            )
         return Contacts(gap, _averaged(places[kept], AROUND * float(volume.spacing.mean())))
 
 

@@ -10,8 +10,8 @@ from skimage import measure
 
 from handpipe.core import Array, BoolArray, InputError
 from handpipe.imaging.skin.body import Body, measured
-from handpipe.imaging.skin.edge import refined
 from handpipe.imaging.skin.contacts import Contacts, PosedBones
+from handpipe.imaging.skin.edge import refined
 from handpipe.imaging.volumes.volume import Volume
 from handpipe.mesh.contact import crossings, cuts_itself
 from handpipe.mesh.surfaces import Surface, averaging, component_labels, taubin
@@ -90,7 +90,9 @@ def skin_of_volume(volume: Volume, bones: PosedBones | None = None) -> VolumeSki
     """
     if volume.spacing.max() > COARSEST:
         problem = f"are {volume.spacing.max():.3g} mm apart: between them nothing tells where the skin is"
-        raise InputError("volume", "slices", problem, f"Give a scan of the skin, or slices of {COARSEST:g} mm")
+        raise InputError(
+            "volume", "slices", problem, f"Give a scan of the skin, or slices of {COARSEST:g} mm"
+        )
     volume = measured(volume)
     longer = _prolonged(volume)
     body = Body.find(longer)
@@ -121,7 +123,7 @@ def _first_surface(volume: Volume, body: Body, gap: BoolArray) -> tuple[Surface,
 
 
 def _contour(volume: Volume, field: np.ndarray) -> Surface:
-    """The closed surface of what is above 1, its largest part; half a voxel beyond the border of the image."""
+    """The closed surface of what is above 1, its largest part; closed half a voxel beyond the border."""
     padded = np.pad(field, 1, constant_values=0.0)
     vertices, triangles, _, _ = measure.marching_cubes(padded, 1.0, gradient_direction="ascent")
     surface = Surface(volume.to_world(vertices - 1.0), triangles.astype(np.int64)).largest_component()
@@ -134,7 +136,7 @@ def genus(surface: Surface) -> int:
 
 
 def _untangled(surface: Surface, first: Surface) -> Surface:
-    """The surface, where it crosses itself moved back towards the first one, as at the end of a narrow gap."""
+    """The surface, moved back towards the first one where it crosses itself, as at the end of a gap."""
     mean = averaging(surface)
     for _ in range(UNTANGLING):
         if not cuts_itself(surface):
