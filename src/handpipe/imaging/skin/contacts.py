@@ -3,8 +3,8 @@
 Between two fingers that touch the image shows no air. Every voxel of the body goes to a bone: the watershed
 of the distance to the bones, raised where the image is dark, ends at the skin's line, and half-way where
 there is none. The faces between two bones' voxels are a contact only where the bones are parts with skin
-between them: in a bent pose where the neutral skin lies there, moved by either bone, and faces the other bone; in neutral
-itself between digits beyond the web.
+between them: in a bent pose where the neutral skin lies there, moved by either bone, and faces the other
+bone; in neutral itself between digits beyond the web.
 """
 
 from __future__ import annotations
