@@ -85,6 +85,7 @@ CHANGES = [
             "poses.fist.dixon.field_T": (1.5, "separate_fat_water"),
             "poses.fist.seeds": ("new/seeds.nii.gz", "correct_bone merge_labels segment_pose"),
             "poses.fist.scan": ("new/fist.ply", "evaluate_skin fit_fat_strains report"),
+            "skin_from_volume": (True, ""),
             "poses.fist.scribbles.distal2": ("new/distal2.nii.gz", "correct_bone merge_labels"),
             "poses.neutral.markers.lumbrical1": ("new/n.mrk.json", "extract_muscle"),
             "poses.fist.markers.lumbrical1": ("new/m.mrk.json", "extract_muscle_shapes"),

@@ -36,7 +36,7 @@ from handpipe.hand import (
     part_of,
     require_files,
     require_plain,
-    require_scan,
+    require_skin,
 )
 from handpipe.skeleton.drivers import frame_names
 from handpipe.synthetic import generators
@@ -572,9 +572,42 @@ def curve_folder(subject, path):
 
 
 def scanned(subject):
-    """Poses with a scan, other than neutral."""
+    """Poses with a skin, of a scan or of their volume, other than neutral."""
     data = dataset(subject)
-    return [n for n in data.poses if n != data.neutral and data.poses[n].scan]
+    return [n for n in data.poses if n != data.neutral and data.has_skin(n)]
+
+
+def skin_of(subject, pose):
+    """The skin of a pose that has one: its scan, else what its volume gives."""
+    data = dataset(subject)
+    if data.poses[pose].scan is None:
+        return paths.at(paths.VOLUME_SKIN, subject=subject, pose=pose)
+    return data.path(data.poses[pose].scan)
+
+
+def skins_from_volumes(wildcards):
+    """Input function: figures of the skins that come from volumes."""
+    data = dataset(wildcards.subject)
+    bare = [p for p, pose in data.poses.items() if data.has_skin(p) and not pose.scan]
+    return expand(paths.VOLUME_SKIN_FIGURES, subject=wildcards.subject, pose=bare)
+
+
+def neutral_from_volume(wildcards):
+    """Input function: figures of the neutral skin, where it comes from the volume."""
+    data = dataset(wildcards.subject)
+    if data.poses[data.neutral].scan or not data.has_skin(data.neutral):
+        return []
+    return in_neutral(paths.VOLUME_SKIN_FIGURES)(wildcards)
+
+
+def neutral_skin(wildcards):
+    """Input function: the neutral skin, which tells parts that touch in another pose apart."""
+    subject = wildcards.subject
+    if wildcards.pose == neutral(subject) or not dataset(subject).has_skin(
+        neutral(subject)
+    ):
+        return []
+    return skin_of(subject, neutral(subject))
 
 
 def report_stages(subject):
@@ -631,9 +664,10 @@ def volumes(subject, poses):
 
 
 def scans(subject, poses):
-    """The scans of those poses that have one."""
-    data = dataset(subject)
-    return [data.path(data.poses[p].scan) for p in poses if data.poses[p].scan]
+    """The scans of those poses that have one; what volumes give, too, where the fat is fitted to it."""
+    data, fat = dataset(subject), "fat" in scene_layers()
+    has = data.has_skin if fat else lambda pose: data.poses[pose].scan is not None
+    return [skin_of(subject, p) for p in poses if has(p)]
 
 
 def scanned_files(subject):
@@ -658,13 +692,14 @@ def example_scan(wildcards):
 
 
 def needed_scan(subject, pose, layer):
-    """A pose's scan that a layer is made of; where there is none the build ends before it begins."""
+    """A pose's skin that a layer is made of; where there is none the build ends before it begins."""
     if len(dataset(subject).bones) < len(whole_dataset(subject).bones):
         raise WorkflowError(
             f"handpipe: {', '.join(SETTINGS.scenes)}: only: {layer} is made of the skin around all bones. "
             "Remove `only` from the scenes, or build another target"
         )
-    return checked(require_scan, dataset_file(subject), dataset(subject), pose, layer)
+    checked(require_skin, dataset_file(subject), dataset(subject), pose, layer)
+    return skin_of(subject, pose)
 
 
 def of_muscles(pattern):
