@@ -75,6 +75,11 @@ CHANGES = [
             "poses.fist.series": (2, IMAGE_READERS),
             "poses.fist.echo": (2, IMAGE_READERS),
             "poses.fist.seeds": ("new/seeds.nii.gz", "correct_bone merge_labels segment_pose"),
+            "poses.fist.labels": (
+                "new/labels.nii.gz",
+                "correct_bone extract_muscle_shapes merge_labels segment_pose",
+            ),
+            "poses.fist.labels_show": ("marrow", "correct_bone merge_labels segment_pose"),
             "poses.fist.scan": ("new/fist.ply", "evaluate_skin fit_fat_strains report"),
             "poses.fist.scribbles.distal2": ("new/distal2.nii.gz", "correct_bone merge_labels"),
             "poses.neutral.markers.lumbrical1": ("new/n.mrk.json", "extract_muscle"),

@@ -24,7 +24,9 @@ def named_files(dataset: Dataset) -> dict[str, Path]:
     """
     found: dict[str, Path | None] = {}
     for name, pose in dataset.poses.items():
-        found |= {f"poses.{name}.{part}": getattr(pose, part) for part in ("volume", "seeds", "scan")}
+        found |= {
+            f"poses.{name}.{part}": getattr(pose, part) for part in ("volume", "seeds", "labels", "scan")
+        }
         for part in ("scribbles", "markers", "landmarks"):
             found |= {f"poses.{name}.{part}.{key}": path for key, path in getattr(pose, part).items()}
     found |= {f"bones.{name}.template": bone.template for name, bone in dataset.bones.items()}

@@ -6,6 +6,7 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.imaging.volumes.label_exports import write_label_description, write_segments
+    from handpipe.imaging.volumes.label_map import LabelMap, labelled_names, read_label_map, require_known
     from handpipe.imaging.volumes.rasterisation import rasterise
     from handpipe.imaging.volumes.same_frame import (
         Foreground,
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
         unit_of,
     )
     from handpipe.imaging.volumes.volume import (
+        Labels,
         Volume,
         pose_volume,
         read_label_table,
@@ -27,13 +29,18 @@ else:
 
 __all__ = [
     "Foreground",
+    "LabelMap",
+    "Labels",
     "Volume",
+    "labelled_names",
     "likely_cause",
     "pose_volume",
     "rasterise",
+    "read_label_map",
     "read_label_table",
     "read_labels",
     "read_volume",
+    "require_known",
     "require_points_in_image",
     "require_scan_in_image",
     "unit_of",
