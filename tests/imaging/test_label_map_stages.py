@@ -132,4 +132,4 @@ def test_a_muscle_of_the_map_gives_points_on_its_boundary(finger, truth, tmp_pat
     for name, surface in true.items():
         away = igl.point_mesh_squared_distance(points[name], surface.vertices, surface.triangles)[0]
         assert np.sqrt(away).mean() < 0.2
-        assert cKDTree(points[name]).query(surface.vertices)[0].max() < 2.0
+        assert cKDTree(points[name]).query(surface.vertices)[0].max() < 3.0

@@ -70,8 +70,8 @@ class Pose(Model):
     )
     labels: Path | None = Field(
         None,
-        description="a person's own label map in the frame of `volume`: its bones are not segmented, its muscles "
-        "are fitted to it; .seg.nrrd by the segments' names, or a label volume",
+        description="a person's own label map in the frame of `volume`: its bones are not segmented, its "
+        "muscles are fitted to it; .seg.nrrd by the segments' names, or a label volume",
     )
     labels_show: Literal["whole", "marrow"] = Field(
         "whole", description="what `labels` show of a bone: all of it with its cortex, or its marrow"

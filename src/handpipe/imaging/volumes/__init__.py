@@ -6,7 +6,7 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.imaging.volumes.label_exports import write_label_description, write_segments
-    from handpipe.imaging.volumes.label_map import LabelMap, labelled_names, read_label_map, require_known
+    from handpipe.imaging.volumes.label_map import LabelMap, holds_background, labelled_names, read_label_map, require_known
     from handpipe.imaging.volumes.rasterisation import rasterise
     from handpipe.imaging.volumes.same_frame import (
         Foreground,
@@ -32,6 +32,7 @@ __all__ = [
     "LabelMap",
     "Labels",
     "Volume",
+    "holds_background",
     "labelled_names",
     "likely_cause",
     "pose_volume",

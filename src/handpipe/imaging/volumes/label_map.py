@@ -98,6 +98,16 @@ def read_label_map(path: str | Path, bones: Mapping[str, int]) -> LabelMap:
     return LabelMap(path, labels, stored.affine, numbers)
 
 
+def holds_background(path: Path) -> bool:
+    """Whether a label volume or segmentation has strokes of the background, as seeds do and label maps do not."""
+    try:
+        if is_segmentation(path):
+            return BACKGROUND_NAME in map(str.casefold, segment_names(path))
+        return bool((stored_labels(path).values == BACKGROUND).any())
+    except InputError:
+        return False  # the check of the subject's files says what is wrong
+
+
 def labelled_names(path: str | Path, bones: Mapping[str, int], names: Collection[str]) -> list[str]:
     """The names that a label map holds.
 
