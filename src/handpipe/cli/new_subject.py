@@ -112,7 +112,8 @@ def find_poses(folder: Path) -> dict[str, dict[str, Path]]:
     Returns
     -------
     dict
-        By pose and field (`volume`, `seeds`, `labels`, `scan`), paths relative to the folder. A pose may lack any.
+        By pose and field (`volume`, `seeds`, `labels`, `scan`), paths relative to the folder. A pose may lack
+        any.
 
     Raises
     ------
@@ -204,7 +205,7 @@ def _notes(
     for file in unused:
         yield f"not used: {file}, since no volume has its name. Rename it if it belongs to a pose"
     for pose in (pose for pose, files in poses.items() if "labels" in files):
-        yield f"the label map of {pose} is taken for whole bones; write `labels_show: marrow` if it shows that"
+        yield f"the label map of {pose} shows whole bones? If it shows marrow, write `labels_show: marrow`"
     drawn = poses[neutral].get("seeds")
     if drawn is not None and not (seeds := folder / drawn).exists():
         yield f"to do: draw a stroke in each bone of {neutral} and some around them, and save them as {seeds}"

@@ -21,7 +21,18 @@ BETWEEN = 1.0  # mm between the points on a muscle's boundary
 
 
 def names_of_labels(dataset: Dataset) -> list[str]:
-    """All names that a subject's label maps may hold: bones, other bones, and muscles."""
+    """All names that a subject's label maps may hold.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        The subject.
+
+    Returns
+    -------
+    list of str
+        Names of bones, other bones, and muscles.
+    """
     return [*dataset.seed_labels, *dataset.muscles]
 
 

@@ -6,7 +6,13 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.imaging.volumes.label_exports import write_label_description, write_segments
-    from handpipe.imaging.volumes.label_map import LabelMap, holds_background, labelled_names, read_label_map, require_known
+    from handpipe.imaging.volumes.label_map import (
+        LabelMap,
+        holds_background,
+        labelled_names,
+        read_label_map,
+        require_known,
+    )
     from handpipe.imaging.volumes.rasterisation import rasterise
     from handpipe.imaging.volumes.same_frame import (
         Foreground,

@@ -99,7 +99,18 @@ def read_label_map(path: str | Path, bones: Mapping[str, int]) -> LabelMap:
 
 
 def holds_background(path: Path) -> bool:
-    """Whether a label volume or segmentation has strokes of the background, as seeds do and label maps do not."""
+    """Whether a segmentation has strokes of the background, as seeds do and label maps do not.
+
+    Parameters
+    ----------
+    path : Path
+        A segmentation of 3D Slicer, or a label volume.
+
+    Returns
+    -------
+    bool
+        False, too, where the file cannot be read.
+    """
     try:
         if is_segmentation(path):
             return BACKGROUND_NAME in map(str.casefold, segment_names(path))
