@@ -84,6 +84,11 @@ CHANGES = [
             "poses.fist.dixon.echoes": (ECHOES[:2], "separate_fat_water"),
             "poses.fist.dixon.field_T": (1.5, "separate_fat_water"),
             "poses.fist.seeds": ("new/seeds.nii.gz", "correct_bone merge_labels segment_pose"),
+            "poses.fist.labels": (
+                "new/labels.nii.gz",
+                "correct_bone extract_muscle_shapes merge_labels segment_pose",
+            ),
+            "poses.fist.labels_show": ("marrow", "correct_bone merge_labels segment_pose"),
             "poses.fist.scan": ("new/fist.ply", "evaluate_skin fit_fat_strains report"),
             "skin_from_volume": (True, ""),
             "poses.fist.scribbles.distal2": ("new/distal2.nii.gz", "correct_bone merge_labels"),

@@ -17,6 +17,7 @@ from handpipe.cli.status import Stage, duration, stages
 from handpipe.core import InputError, paths
 from handpipe.core.configuration import load_dataset, load_scene
 from handpipe.hand import named_files
+from handpipe.imaging.volumes import write_segments
 
 from .running import ENVIRONMENT, TOY, planned
 from .small_subject import LABELS, write_image
@@ -113,6 +114,12 @@ def test_init_finds_the_poses_of_a_folder(tmp_path: Path) -> None:
         "Fist_2": {"volume": Path("Fist 2.nrrd"), "scan": Path("scans/Fist 2 skin.stl")},
         "hook": {"volume": Path("hook mri")},
     }
+    table = {"proximal2": 1, "background": 255}
+    write_segments(tmp_path / "hook.seg.nrrd", np.zeros((4, 4, 4), np.uint8), np.eye(4), table)
+    write_segments(tmp_path / "Fist 2.seg.nrrd", np.zeros((4, 4, 4), np.uint8), np.eye(4), {"proximal2": 1})
+    found = find_poses(tmp_path)
+    assert found["hook"]["seeds"] == Path("hook.seg.nrrd")
+    assert found["Fist_2"]["labels"] == Path("Fist 2.seg.nrrd")
     (tmp_path / "hook.mha").touch()
     with pytest.raises(InputError, match="are both the volume of hook"):
         find_poses(tmp_path)

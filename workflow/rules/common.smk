@@ -33,11 +33,14 @@ from handpipe.hand import (
     joint_limits,
     layer_loading,
     named_files,
+    names_of_labels,
     part_of,
     require_files,
     require_plain,
+    require_seeds,
     require_skin,
 )
+from handpipe.imaging.volumes import labelled_names
 from handpipe.skeleton.drivers import frame_names
 from handpipe.synthetic import generators
 
@@ -127,10 +130,27 @@ def of_labels(wildcards):
         "other_labels",
         "neutral",
         "poses.{pose}.scribbles",
+        "poses.{pose}.labels_show",
     ]
     if wildcards.pose == neutral(wildcards.subject):
         fields += ["joints.*.parent", "joints.*.child", "joints.*.angles"]
     return reads(*fields)(wildcards)
+
+
+def reads_with_maps(poses, *fields):
+    """As `reads`, and what the reading of muscles in label maps needs where one of the poses has a map.
+
+    poses: names of poses by subject.
+    """
+
+    def values(wildcards):
+        data = dataset(wildcards.subject)
+        if all(data.poses[pose].labels is None for pose in poses(data)):
+            return reads(*fields)(wildcards)
+        names = ("bones.*.label", "other_labels", "muscles.names")
+        return reads(*fields, *names)(wildcards)
+
+    return values
 
 
 def reads_scene(*fields):
@@ -306,13 +326,36 @@ def separated_images():
 
 
 def seeds_of_pose(wildcards):
-    """The pose's seeds as the dataset names them; else those that are proposed from neutral."""
-    return of_pose("seeds")(wildcards) or paths.at(paths.SEEDS, **wildcards)
+    """The pose's seeds as the dataset names them, none where a label map answers; else the proposed ones."""
+    given = of_pose("seeds")(wildcards)
+    if given or wildcards.pose not in proposed_poses(wildcards.subject):
+        return given
+    return paths.at(paths.SEEDS, **wildcards)
 
 
+@functools.cache
+def in_label_map(subject, pose):
+    """What a person's label map of a pose holds, by the names of the dataset; every name is checked."""
+    data = whole_dataset(subject)
+    file = data.poses[pose].labels
+    if file is None:
+        return ()
+    names = names_of_labels(data)
+    return tuple(checked(labelled_names, data.path(file), data.seed_labels, names))
+
+
+@functools.cache
 def proposed_poses(subject):
-    """Poses without seeds of their own; neutral always has some."""
-    return [name for name, pose in dataset(subject).poses.items() if pose.seeds is None]
+    """Poses whose seeds are proposed: without seeds, and with bones that no label map of theirs holds."""
+    data = dataset(subject)
+    missing = {
+        name: [b for b in data.bones if b not in in_label_map(subject, name)]
+        for name, pose in data.poses.items()
+        if pose.seeds is None
+    }
+    whole = len(data.bones) == len(whole_dataset(subject).bones)
+    checked(require_seeds, dataset_file(subject), data, missing, whole)
+    return [name for name, bones in missing.items() if bones]
 
 
 def in_poses(pattern, *roles):
@@ -718,6 +761,22 @@ def of_muscle(field):
         return [] if path is None else data.path(path)
 
     return files
+
+
+def labels_of_muscle(wildcards):
+    """Input function: the label map of neutral, where it holds the muscle."""
+    data = dataset(wildcards.subject)
+    held = in_label_map(wildcards.subject, data.neutral)
+    return (
+        data.path(data.poses[data.neutral].labels) if wildcards.muscle in held else []
+    )
+
+
+def labels_of_examples(wildcards):
+    """Input function: the label maps of the example poses, in their order."""
+    data = dataset(wildcards.subject)
+    maps = [data.poses[pose].labels for pose in data.examples]
+    return [data.path(file) for file in maps if file is not None]
 
 
 def all_of_muscles(field):

@@ -30,6 +30,7 @@ rule extract_muscle:
         volume=neutral_volume,
         markers=of_muscle("markers"),
         landmarks=of_muscle("landmarks"),
+        labels=labels_of_muscle,
     output:
         paths.FITTED_MUSCLE,
     log:
@@ -41,7 +42,12 @@ rule extract_muscle:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads(*image_of("{neutral}"), "neutral", "muscles.names"),
+        dataset=reads_with_maps(
+            lambda data: [data.neutral],
+            *image_of("{neutral}"),
+            "neutral",
+            "muscles.names",
+        ),
     message:
         "{wildcards.subject}: shape of {wildcards.muscle} in neutral"
     script:
@@ -81,6 +87,7 @@ rule extract_muscle_shapes:
         flesh=in_flesh(Role.example),
         markers=all_of_muscles("markers"),
         landmarks=all_of_muscles("landmarks"),
+        labels=labels_of_examples,
     output:
         paths.MUSCLE_SHAPES,
     log:
@@ -92,11 +99,13 @@ rule extract_muscle_shapes:
         mem_mb=2000,
         runtime=60,
     params:
-        dataset=reads(
+        dataset=reads_with_maps(
+            lambda data: data.examples,
             *image_of("{examples}"),
             "examples",
             "poses.{examples}.markers",
             "poses.{examples}.landmarks",
+            "poses.{examples}.labels",
         ),
     message:
         "{wildcards.subject}: shapes of the muscles in the example poses"

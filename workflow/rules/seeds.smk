@@ -28,6 +28,7 @@ rule propose_seeds:
             "joints.*.axis_hints",
             "joints.*.limits_deg",
         ),
+        labelled=lambda w: in_label_map(w.subject, w.pose),
     message:
         "{wildcards.subject}: propose seeds of {wildcards.pose}"
     script:

@@ -5,6 +5,7 @@ rule segment_pose:
     input:
         volume=of_pose("volume"),
         seeds=seeds_of_pose,
+        labels=of_pose("labels"),
     output:
         paths.SEGMENTED,
     log:
@@ -22,6 +23,7 @@ rule segment_pose:
             "other_labels",
             "neutral",
             "poses.{pose}.seeds",
+            "poses.{pose}.labels_show",
         ),
         scribbled=scribbled_bones,
     message:
@@ -36,6 +38,7 @@ rule correct_bone:
         volume=of_pose("volume"),
         seeds=seeds_of_pose,
         scribbles=lambda w: scribbles(w.subject, w.pose, w.bone),
+        labels=of_pose("labels"),
     output:
         paths.CORRECTED,
     log:
@@ -47,7 +50,9 @@ rule correct_bone:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads(*image_of(), "bones.*.label", "other_labels"),
+        dataset=reads(
+            *image_of(), "bones.*.label", "other_labels", "poses.{pose}.labels_show"
+        ),
     message:
         "{wildcards.subject}: segment {wildcards.bone} in {wildcards.pose} with its scribbles"
     script:
@@ -62,6 +67,7 @@ rule merge_labels:
         corrected=corrected_bones,
         scribbles=all_scribbles,
         neutral=neutral_looks,
+        labels=of_pose("labels"),
     output:
         labels=paths.LABELS,
         table=paths.LABEL_TABLE,

@@ -10,4 +10,5 @@ with stage(snakemake):
         outputs_of(snakemake, Outputs),
         dataset_of(snakemake),
         snakemake.wildcards.pose,
+        snakemake.params.labelled,
     )

@@ -13,10 +13,13 @@ from handpipe.anatomy import shipped
 from handpipe.cli.first_scene import scene_files, write_first_scene
 from handpipe.core import InputError, write_text
 from handpipe.core.configuration import load_dataset
+from handpipe.imaging.volumes import holds_background
 
+SEGMENTATION = ".seg.nrrd"
 VOLUMES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 SCANS = (".ply", ".obj", ".stl")
-SEEDS = re.compile(r"[ _.-]*(seeds?|labels?|strokes?|seg|segmentation)$", re.IGNORECASE)
+SEEDS = re.compile(r"[ _.-]*(seeds?|strokes?)$", re.IGNORECASE)
+LABELS = re.compile(r"[ _.-]*(labels?|labelmap|seg|segmentation)$", re.IGNORECASE)
 OTHER_WORDS = re.compile(r"[ _.-]*(scan|skin|mri|mr|image|volume)$", re.IGNORECASE)
 NEUTRAL = ("neutral", "rest", "relaxed", "flat")  # names of a pose that is taken for neutral, best first
 TEMPLATE = "template"  # folder of the template's files beside the scans
@@ -79,7 +82,8 @@ def init(
     for pose in heldout:
         if pose not in poses:
             raise InputError(folder, "heldout", f"has no pose {pose}", f"The poses are {', '.join(poses)}")
-    poses[rest].setdefault("seeds", Path(f"{rest}-seeds.seg.nrrd"))
+    if "labels" not in poses[rest]:
+        poses[rest].setdefault("seeds", Path(f"{rest}-seeds.seg.nrrd"))
     content: dict[str, Any] = {
         "name": name,
         "root": str(folder),
@@ -106,7 +110,9 @@ def init(
 
 
 def find_poses(folder: Path) -> dict[str, dict[str, Path]]:
-    """Volumes, seeds and scans of each pose, told by the names of files.
+    """Volumes, seeds, label maps and scans of each pose, told by the names of files.
+
+    A segmentation is seeds where its name says so or where it has the background, else a label map.
 
     Parameters
     ----------
@@ -116,7 +122,8 @@ def find_poses(folder: Path) -> dict[str, dict[str, Path]]:
     Returns
     -------
     dict
-        By pose and field (`volume`, `seeds`, `scan`), paths relative to the folder. A pose may lack any.
+        By pose and field (`volume`, `seeds`, `labels`, `scan`), paths relative to the folder. A pose may lack
+        any.
 
     Raises
     ------
@@ -157,12 +164,16 @@ def _is_dicom(path: Path) -> bool:
 def _kind(path: Path, folder: Path) -> tuple[str, str]:
     """The field that a file is for, and its pose: its name without what tells its kind."""
     name = path.name
-    suffix = next((s for s in (*VOLUMES, *SCANS) if name.lower().endswith(s)), "")
+    suffix = next((s for s in (SEGMENTATION, *VOLUMES, *SCANS) if name.lower().endswith(s)), "")
     stem = name[: len(name) - len(suffix)]
     kind = "scan" if suffix in SCANS else "volume"
     if kind == "volume" and (SEEDS.search(stem) or SEEDS.search(path.parent.name)):
         kind = "seeds"
-    stem = OTHER_WORDS.sub("", SEEDS.sub("", stem)) or path.parent.name or folder.name
+    elif kind == "volume" and (
+        suffix == SEGMENTATION or LABELS.search(stem) or LABELS.search(path.parent.name)
+    ):
+        kind = "seeds" if holds_background(folder / path) else "labels"
+    stem = OTHER_WORDS.sub("", LABELS.sub("", SEEDS.sub("", stem))) or path.parent.name or folder.name
     pose = re.sub(r"[^A-Za-z0-9]+", "_", stem).strip("_")
     return kind, pose if pose[:1].isalpha() else f"pose_{pose}"
 
@@ -203,8 +214,10 @@ def _notes(
         yield f"{pose}: {', '.join(f'{kind} {file}' for kind, file in files.items())}"
     for file in unused:
         yield f"not used: {file}, since no volume has its name. Rename it if it belongs to a pose"
-    seeds = folder / poses[neutral]["seeds"]
-    if not seeds.exists():
+    for pose in (pose for pose, files in poses.items() if "labels" in files):
+        yield f"the label map of {pose} shows whole bones? If it shows marrow, write `labels_show: marrow`"
+    drawn = poses[neutral].get("seeds")
+    if drawn is not None and not (seeds := folder / drawn).exists():
         yield f"to do: draw a stroke in each bone of {neutral} and some around them, and save them as {seeds}"
     bare = [pose for pose, files in poses.items() if "scan" not in files]
     if bare:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         read_simulated,
         write_frames,
     )
+    from handpipe.hand.labelled import labelled_bones, labelled_muscles, names_of_labels, require_seeds
     from handpipe.hand.layer_loading import load_layers
     from handpipe.hand.part import part_of
     from handpipe.hand.resume import key_of
@@ -46,15 +47,19 @@ __all__ = [
     "finished_frames",
     "joint_limits",
     "key_of",
+    "labelled_bones",
+    "labelled_muscles",
     "layer_loading",
     "load_layers",
     "named_files",
+    "names_of_labels",
     "opacity",
     "part_of",
     "read_frames",
     "read_simulated",
     "require_files",
     "require_plain",
+    "require_seeds",
     "require_skin",
     "shown",
     "simulate",

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from handpipe.core import HandpipeError, InputError
 from handpipe.core.configuration import Dataset, Muscle
+from handpipe.hand.labelled import labelled_bones, labelled_muscles, names_of_labels, require_seeds
 from handpipe.hand.subject import organs, unusable_files
 from handpipe.imaging.evidence import read_landmarks, read_markers
 from handpipe.imaging.fat_water import read_echoes
@@ -17,6 +18,7 @@ from handpipe.imaging.segmentation import check_seeds
 from handpipe.imaging.volumes import (
     Foreground,
     Volume,
+    labelled_names,
     pose_volume,
     read_channel,
     read_labels,
@@ -151,9 +153,13 @@ def _image_checks(dataset: Dataset) -> Iterator[Check]:
         if pose.dixon is not None:
             files = [dataset.path(p) for e in pose.dixon.echoes for p in (e.magnitude, e.phase) if p]
             yield Check((path, *files), partial(read_echoes, dataset, name))
+        labels = () if pose.labels is None else (dataset.path(pose.labels),)
+        for file in labels:
+            yield Check((file,), partial(_labelled, dataset, name))
+            yield Check((path, file), partial(_check_labels, dataset, name, file, volume))
         if pose.seeds is not None:
             seeds = dataset.path(pose.seeds)
-            yield Check((path, seeds), partial(_check_seeds, dataset, name, seeds, volume))
+            yield Check((path, seeds, *labels), partial(_check_seeds, dataset, name, seeds, volume))
         for scribbles in map(dataset.path, pose.scribbles.values()):
             yield Check((path, scribbles), partial(_check_scribbles, dataset, scribbles, volume))
 
@@ -170,7 +176,29 @@ def _check_channel(path: Path, volume: Callable[[], Volume]) -> None:
 
 def _check_seeds(dataset: Dataset, pose: str, path: Path, volume: Callable[[], Volume]) -> None:
     seeds = read_labels(path, volume(), dataset.seed_labels)
-    check_seeds(path, seeds, dataset.labels, dataset.poses[pose].scribbles, dataset.other_labels)
+    answered = {*dataset.poses[pose].scribbles, *_labelled(dataset, pose)}
+    check_seeds(path, seeds, dataset.labels, answered, dataset.other_labels)
+
+
+def _labelled(dataset: Dataset, pose: str) -> list[str]:
+    """What the label map of a pose holds."""
+    file = dataset.poses[pose].labels
+    if file is None:
+        return []
+    return labelled_names(dataset.path(file), dataset.seed_labels, names_of_labels(dataset))
+
+
+def _check_labels(dataset: Dataset, pose: str, path: Path, volume: Callable[[], Volume]) -> None:
+    """Raise `InputError` for bones and muscles that cannot be used, that have scribbles, or lack seeds."""
+    held = _labelled(dataset, pose)
+    labelled_bones(path, dataset, pose, volume())
+    labelled_muscles(path, dataset)
+    for bone in (bone for bone in dataset.poses[pose].scribbles if bone in held):
+        problem = f"holds {bone}, which has scribbles, too"
+        raise InputError(path, f"poses.{pose}.scribbles", problem, "Remove one of them")
+    if dataset.poses[pose].seeds is None:
+        missing = [bone for bone in dataset.bones if bone not in held]
+        require_seeds(dataset.name, dataset, {pose: missing})
 
 
 def _check_scribbles(dataset: Dataset, path: Path, volume: Callable[[], Volume]) -> None:

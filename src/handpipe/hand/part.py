@@ -71,7 +71,7 @@ def part_of(sources: Mapping[Path, Scene], dataset_file: Path, dataset: Dataset)
         _require_layers(file, scene, dataset)
     needed = {layer for scene in sources.values() for layer in scene.needed}
     for pose, acquired in dataset.poses.items():
-        if acquired.seeds is None:
+        if acquired.seeds is None and acquired.labels is None:
             problem = f"is not given; seeds are proposed from all bones, but the scenes model {_words(bones)}"
             remedy = f"Draw the seeds of these bones in {pose}, or remove `{FIELD}` from the scenes"
             raise InputError(dataset_file, f"poses.{pose}.seeds", problem, remedy)

@@ -24,7 +24,9 @@ def named_files(dataset: Dataset) -> dict[str, Path]:
     """
     found: dict[str, Path | None] = {}
     for name, pose in dataset.poses.items():
-        found |= {f"poses.{name}.{part}": getattr(pose, part) for part in ("volume", "seeds", "scan")}
+        found |= {
+            f"poses.{name}.{part}": getattr(pose, part) for part in ("volume", "seeds", "labels", "scan")
+        }
         for part in ("channels", "scribbles", "markers", "landmarks"):
             found |= {f"poses.{name}.{part}.{key}": path for key, path in getattr(pose, part).items()}
         for number, echo in enumerate(pose.dixon.echoes if pose.dixon else ()):

@@ -133,6 +133,14 @@ class Pose(Model):
         description="seeds: label volume on the grid of `volume`, 0 none, bone labels, 255 background; or a "
         "segmentation (.seg.nrrd) with segments named as the bones are, and `background`",
     )
+    labels: Path | None = Field(
+        None,
+        description="a person's own label map in the frame of `volume`: its bones are not segmented, its "
+        "muscles are fitted to it; .seg.nrrd by the segments' names, or a label volume",
+    )
+    labels_show: Literal["whole", "marrow"] = Field(
+        "whole", description="what `labels` show of a bone: all of it with its cortex, or its marrow"
+    )
     scan: Path | None = Field(
         None, description="skin scan: PLY, OBJ or STL in mm, in the frame of `volume`; may have holes"
     )
@@ -319,8 +327,9 @@ class Dataset(Model):
     def _consistent(self) -> Dataset:
         if [p.role for p in self.poses.values()].count(Role.neutral) != 1:
             raise ValueError("poses: exactly one pose has the role neutral")
-        if self.poses[self.neutral].seeds is None:
-            raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds")
+        rest = self.poses[self.neutral]
+        if rest.seeds is None and rest.labels is None:
+            raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds, or labels of its bones")
         if self.scanner is not None and self.generator not in SCANNED_HANDS:
             raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
         if self.images is not None and self.generator is None:

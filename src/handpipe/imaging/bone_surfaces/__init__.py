@@ -6,8 +6,9 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.imaging.bone_surfaces.cortical import whole_bone
+    from handpipe.imaging.bone_surfaces.labelled import APART, in_image, labelled_surfaces
     from handpipe.imaging.bone_surfaces.marrow import marrow_surface
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["marrow_surface", "whole_bone"]
+__all__ = ["APART", "in_image", "labelled_surfaces", "marrow_surface", "whole_bone"]

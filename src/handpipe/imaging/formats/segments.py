@@ -31,6 +31,29 @@ def is_segmentation(path: Path) -> bool:
     return path.name.lower().endswith(".seg.nrrd")
 
 
+def segment_names(path: Path) -> list[str]:
+    """Names of a segmentation's segments, from its header alone.
+
+    Parameters
+    ----------
+    path : Path
+        Segmentation of 3D Slicer, .seg.nrrd.
+
+    Returns
+    -------
+    list of str
+        In the order of the header.
+
+    Raises
+    ------
+    InputError
+        As `read_nrrd` does of its header.
+    """
+    header = read_header(path)
+    with reading(path, "segmentation"):
+        return [segment.name for segment in _segments(header)]
+
+
 def read_segments(path: Path, bones: Mapping[str, int]) -> Stored:
     """Labels of the segments that are named as bones are, or `background` (255).
 

@@ -7,8 +7,10 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.imaging.segmentation import claims
     from handpipe.imaging.segmentation.claims import Appearance, read_looks, save, segment
+    from handpipe.imaging.segmentation.labelled_marrow import labelled_bone, require_shown, with_labelled
     from handpipe.imaging.segmentation.proposed_seeds import marrow_core, propose, share_outside
     from handpipe.imaging.segmentation.segmentation import (
+        BoneProbability,
         SegmentationSettings,
         add_scribbles,
         check_seeds,
@@ -20,16 +22,20 @@ else:
 
 __all__ = [
     "Appearance",
+    "BoneProbability",
     "SegmentationSettings",
     "add_scribbles",
     "check_seeds",
     "claims",
+    "labelled_bone",
     "marrow_core",
     "merge",
     "propose",
     "read_looks",
+    "require_shown",
     "save",
     "segment",
     "segment_bone",
     "share_outside",
+    "with_labelled",
 ]

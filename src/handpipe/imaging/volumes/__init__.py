@@ -7,6 +7,13 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.imaging.volumes.channels import pose_channels, read_channel
     from handpipe.imaging.volumes.label_exports import colours, write_label_description, write_segments
+    from handpipe.imaging.volumes.label_map import (
+        LabelMap,
+        holds_background,
+        labelled_names,
+        read_label_map,
+        require_known,
+    )
     from handpipe.imaging.volumes.rasterisation import rasterise
     from handpipe.imaging.volumes.same_frame import (
         Foreground,
@@ -16,6 +23,7 @@ if TYPE_CHECKING:
         unit_of,
     )
     from handpipe.imaging.volumes.volume import (
+        Labels,
         Volume,
         pose_volume,
         read_label_table,
@@ -29,16 +37,22 @@ else:
 
 __all__ = [
     "Foreground",
+    "LabelMap",
+    "Labels",
     "Volume",
     "colours",
+    "holds_background",
+    "labelled_names",
     "likely_cause",
     "pose_channels",
     "pose_volume",
     "rasterise",
     "read_channel",
+    "read_label_map",
     "read_label_table",
     "read_labels",
     "read_volume",
+    "require_known",
     "require_points_in_image",
     "require_scan_in_image",
     "unit_of",

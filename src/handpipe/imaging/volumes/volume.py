@@ -251,13 +251,18 @@ def read_labels(
         As `read_volume` does; for values that are not labels, segments that are no bones, or another grid.
     """
     path = Path(path)
+    turned = stored_labels(path, bones)
+    if like is None:
+        return turned.values
+    return on_grid(path, turned, like.shape, like.affine, is_segmentation(path))
+
+
+def stored_labels(path: Path, bones: Mapping[str, int] | None = None) -> Stored:
+    """Labels on their own grid, axes in the order closest to RAS; arguments and errors of `read_labels`."""
     if is_segmentation(path):
-        stored, part = _segmentation(path, bones), True
-    else:
-        stored, part = _read(path), False
-        stored = Stored(_as_labels(path, stored.values), stored.affine)
-    turned = to_ras(path, stored)
-    return turned.values if like is None else on_grid(path, turned, like.shape, like.affine, part)
+        return to_ras(path, _segmentation(path, bones))
+    stored = _read(path)
+    return to_ras(path, Stored(_as_labels(path, stored.values), stored.affine))
 
 
 def _segmentation(path: Path, bones: Mapping[str, int] | None) -> Stored:

@@ -9,12 +9,14 @@ from pathlib import Path
 
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset
+from handpipe.hand import labelled_bones
 from handpipe.imaging.bone_surfaces import marrow_surface, whole_bone
 from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, claims, merge
 from handpipe.imaging.volumes import pose_volume, rasterise, read_labels, write_labels
 from handpipe.skeleton.bones import write_surfaces
 from handpipe.skeleton.registration import neutral_doubts
 from handpipe.stages.files import Files
+from handpipe.stages.images.known_seeds import known_seeds
 
 log = logging.getLogger(__name__)
 
@@ -24,11 +26,12 @@ class Inputs(Files):
     """What the stage reads."""
 
     volume: Path
-    seeds: Path
+    seeds: Path | None
     bones: Path
     corrected: Sequence[Path]
     scribbles: Sequence[Path]
     neutral: Path | None
+    labels: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -45,11 +48,14 @@ def merge_labels(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) 
     """Labels of a pose without conflicts between bones, and the bones' surfaces."""
     volume = pose_volume(dataset, pose)
     table = dataset.labels
-    known = dataset.seed_labels
-    seeds = read_labels(inputs.seeds, volume, known)
+    labelled = labelled_bones(inputs.labels, dataset, pose, volume)
+    shown = {dataset.poses[pose].labels_show: labelled} if labelled else {}
+    seeds = known_seeds(inputs.seeds, volume, dataset, labelled)
     corrected = dataset.poses[pose].scribbles
     for name, path in zip(corrected, inputs.scribbles, strict=True):
-        seeds = add_scribbles(seeds, read_labels(path, volume, known), dataset.bones[name].label)
+        scribbles = read_labels(path, volume, dataset.seed_labels)
+        seeds = add_scribbles(seeds, scribbles, dataset.bones[name].label)
+    answered = {*corrected, *labelled}  # by a person: doubts are logged alone
     names = {label: name for name, label in table.items()}
 
     found = claims.load(inputs.bones, inputs.corrected)
@@ -60,17 +66,21 @@ def merge_labels(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) 
     looks = claims.appearances(volume, bones)
     neutral = claims.read_looks(inputs.neutral)[0] if inputs.neutral else {}
     left_out = {name: "it has no seeds in its marrow" for name in table if name not in bones}
-    left_out |= claims.doubted(looks, neutral, corrected)
-    marrows = {name: marrow_surface(volume, b) for name, b in bones.items() if name not in left_out}
+    left_out |= claims.doubted(looks, neutral, answered)
+    marrows = {
+        name: shown.get("marrow", {}).get(name) or marrow_surface(volume, b)
+        for name, b in bones.items()
+        if name not in left_out
+    }
     if pose == dataset.neutral:
         for name, reason in neutral_doubts(marrows, dataset.joints).items():
             log.warning("%s: doubted, since %s", name, reason)
-            if name not in corrected:
+            if name not in answered:
                 left_out[name] = reason
     if left_out and pose == dataset.neutral:
         problem = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         remedy = f"Mend its strokes, or name a label volume of more under poses.{pose}.scribbles"
-        raise InputError(inputs.seeds, "seeds", problem, remedy)
+        raise InputError(inputs.seeds or f"poses.{pose}", "seeds", problem, remedy)
     for name, reason in left_out.items():
         log.warning("%s is left out: %s", name, reason)
     bones = {name: bone for name, bone in bones.items() if name not in left_out}
@@ -79,7 +89,8 @@ def merge_labels(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) 
     if pose == dataset.neutral:
         for name, marrow in marrows.items():
             others = [marrows[other] for other in marrows if other != name]
-            surfaces[name]["whole"] = whole_bone(volume, bones[name], marrow, others)
+            drawn = shown.get("whole", {}).get(name)
+            surfaces[name]["whole"] = drawn or whole_bone(volume, bones[name], marrow, others)
     for name, parts in surfaces.items():
         log.info("%s: marrow of %.0f mm^3", name, parts["marrow"].volume())
     outermost = {table[name]: parts.get("whole", parts["marrow"]) for name, parts in surfaces.items()}

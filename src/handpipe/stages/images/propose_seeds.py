@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,7 +45,9 @@ class Outputs(Files):
     located: Path
 
 
-def propose_seeds(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) -> None:
+def propose_seeds(
+    inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str, labelled: Sequence[str] = ()
+) -> None:
     """Seeds of a pose from the neutral bones and the pose's image, and how sure each bone's place is."""
     dataset = with_carried_hints(dataset, inputs.carried)
     labels = dataset.labels
@@ -53,6 +56,7 @@ def propose_seeds(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str)
     hand = HandModel.build(dataset, marrow, whole)
     motions = locate(hand, evidence)
     motions, sure = search_again(hand, evidence, motions, confidences(hand, evidence.fine, motions))
+    sure = {bone: confidence for bone, confidence in sure.items() if bone not in labelled}
     for bone, confidence in sure.items():
         log.info("%s: %s", bone, confidence.verdict)
         log.info("    %s", confidence)
@@ -76,7 +80,7 @@ def propose_seeds(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str)
     )
     seeds = propose(evidence.fine, marrows, wholes, unsure=[labels[b] for b in marked])
     write_labels(outputs.seeds, seeds, evidence.fine.affine)
-    write_located(outputs.located, motions, sure, inputs.all())
+    write_located(outputs.located, {bone: motions[bone] for bone in sure}, sure, inputs.all())
     figures = {f"confidence_{b}": (c.value, "1") for b, c in sure.items()}
     figures |= {f"marked_{b}": (float(c.marked), "1") for b, c in sure.items()}
     figures |= {f"doubtful_{b}": (1.0, "1") for b, c in sure.items() if c.near}

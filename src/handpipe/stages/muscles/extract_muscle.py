@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handpipe.core.configuration import Dataset
+from handpipe.hand import labelled_muscles
 from handpipe.imaging.evidence import read_landmarks, read_markers
 from handpipe.imaging.volumes import pose_volume
 from handpipe.mesh.surfaces import Distance, concatenate
@@ -27,19 +28,22 @@ class Inputs(Files):
     volume: Path
     markers: Path | None
     landmarks: Path | None
+    labels: Path | None = None
 
 
 def extract_muscle(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:
     """The neutral shape of one muscle, from its placed template and the image (Wang 2021 §5.3 and 5.4)."""
     guesses = read_guesses(inputs.templates, dataset.muscles)
     others = [guess.surface for other, guess in guesses.items() if other != name]
-    placed, known = inputs.markers, inputs.landmarks
+    points = labelled_muscles(inputs.labels, dataset).get(name)
+    if inputs.markers:
+        points = read_markers(inputs.markers)[0]
     evidence = Evidence(
         pose_volume(dataset, dataset.neutral),
         others=others,
         bones=Distance(concatenate(list(Rig.load(inputs.rig).surfaces.values()))),
-        points=read_markers(placed)[0] if placed else None,
-        landmarks=read_landmarks(known) if known else None,
+        points=points,
+        landmarks=read_landmarks(inputs.landmarks) if inputs.landmarks else None,
     )
     body, extraction = extract_neutral(guesses[name], evidence)
     for figure, (value, unit) in extraction.metrics().items():

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from handpipe.core import artifacts
+from handpipe.core import Array, artifacts
 from handpipe.core.configuration import Dataset
+from handpipe.hand import labelled_muscles
 from handpipe.imaging.evidence import read_landmarks, read_markers
 from handpipe.imaging.volumes import pose_volume
 from handpipe.skeleton.bones import read_registration
@@ -30,6 +31,7 @@ class Inputs(Files):
     flesh: Sequence[Path]
     markers: Sequence[Path]
     landmarks: Sequence[Path]
+    labels: Sequence[Path] = ()
 
 
 def extract_muscle_shapes(inputs: Inputs, output: Path, dataset: Dataset) -> None:
@@ -48,7 +50,7 @@ def extract_muscle_shapes(inputs: Inputs, output: Path, dataset: Dataset) -> Non
         pose: PoseData(
             moved,
             partial(pose_volume, dataset, pose),
-            {m: read_markers(dataset.path(path))[0] for m, path in dataset.poses[pose].markers.items()},
+            _points(dataset, pose),
             {m: read_landmarks(dataset.path(path)) for m, path in dataset.poses[pose].landmarks.items()},
             flesh.get(pose),
         )
@@ -61,3 +63,10 @@ def extract_muscle_shapes(inputs: Inputs, output: Path, dataset: Dataset) -> Non
     }
     units = {f"{p}/{m}/{k}": "mm" for p, ms in data.items() for m, ks in ms.items() for k in ks}
     artifacts.write(output, data, kind="muscle_shapes", units=units, inputs=inputs.all())
+
+
+def _points(dataset: Dataset, pose: str) -> dict[str, Array]:
+    """Points (n, 3) in mm on muscles in a pose: markers that a person placed, else of the label map."""
+    given = dataset.poses[pose]
+    drawn = labelled_muscles(dataset.path(given.labels), dataset) if given.labels else {}
+    return drawn | {m: read_markers(dataset.path(path))[0] for m, path in given.markers.items()}
