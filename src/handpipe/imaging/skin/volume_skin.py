@@ -1,0 +1,126 @@
+"""The skin in the volume of a pose, as a closed surface (Wang 2019, Sec. 5.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+from skimage import measure
+
+from handpipe.core import BoolArray, InputError
+from handpipe.imaging.skin.body import Body, measured
+from handpipe.imaging.skin.edge import refined
+from handpipe.imaging.volumes.volume import Volume
+from handpipe.mesh.surfaces import Surface, component_labels, taubin
+
+COARSEST = 4.0  # mm: a finger has fewer than four thicker slices
+SMOOTHING = (0.0, 0.5, 0.8, 1.2)  # voxels; the first that leaves no handle
+FIRST_SMOOTHING = 10  # rounds, of the voxels' steps
+
+
+@dataclass(frozen=True)
+class VolumeSkin:
+    """The skin in a volume.
+
+    Parameters
+    ----------
+    closed : Surface
+        Closed surface that faces outwards, in world mm; flat where the border of the image cuts the limb.
+    cut : array (k,) of bool
+        Triangles of these flat ends.
+    sure : float
+        Share of the other vertices at which the image shows an edge that the neighbours' edges confirm.
+    handles : int
+        Genus of the surface: 0 unless parts of the body touch.
+    others : int
+        Other large parts in the image that are not in the surface.
+    """
+
+    closed: Surface
+    cut: BoolArray
+    sure: float
+    handles: int
+    others: int
+
+    @property
+    def open(self) -> Surface:
+        """As a scan shows it: without the flat ends."""
+        return Surface(self.closed.vertices, self.closed.triangles[~self.cut]).compact()
+
+    @property
+    def ends(self) -> int:
+        """Number of flat ends."""
+        return 0 if not self.cut.any() else int(component_labels(self.closed.triangles[self.cut]).max()) + 1
+
+
+def skin_of_volume(volume: Volume) -> VolumeSkin:
+    """The skin in a volume, below the voxel size.
+
+    The body is what is brighter than the air around it and than a share of the tissue nearby, without holes.
+    Along the normals of its surface the skin is where the intensity is half-way from the air's to that of the
+    tissue at the edge, so that the coil's fall-off and the tissue under the skin do not move it.
+
+    Parameters
+    ----------
+    volume : Volume
+        Image of the pose, with air around the limb.
+
+    Returns
+    -------
+    VolumeSkin
+        The skin in world mm.
+
+    Raises
+    ------
+    InputError
+        Where the image shows no body, no air, or slices that are too thick for a closed surface.
+    ConvergenceError
+        If the smooth displacement does not converge.
+    """
+    if volume.spacing.max() > COARSEST:
+        problem = f"are {volume.spacing.max():.3g} mm apart: between them nothing tells where the skin is"
+        raise InputError("volume", "slices", problem, f"Give a scan of the skin, or slices of {COARSEST:g} mm")
+    volume = measured(volume)
+    body = Body.find(volume)
+    surface, handles = _first_surface(volume, body)
+    surface, weights = refined(volume, surface, body.air)
+    surface, cut = _ended(volume, surface)
+    return VolumeSkin(surface, cut, float((weights > 0.25).mean()), handles, body.others)
+
+
+def _first_surface(volume: Volume, body: Body) -> tuple[Surface, int]:
+    """Surface of the body by the threshold nearby, and its genus."""
+    edge = body.inside & ~ndimage.binary_erosion(body.inside, border_value=1)
+    ratio = np.clip(volume.values / np.maximum(body.threshold, 1e-6 * volume.bright), 0.0, 2.0)
+    ratio = np.where(body.inside, np.where(edge, np.maximum(ratio, 1.01), 2.0), np.minimum(ratio, 0.99))
+    for deviation in SMOOTHING:
+        field = ndimage.gaussian_filter(ratio, deviation, mode="nearest") if deviation else ratio
+        surface = _contour(volume, field)
+        handles = genus(surface)
+        if handles == 0:
+            break
+    return taubin(surface, FIRST_SMOOTHING), handles
+
+
+def _contour(volume: Volume, field: np.ndarray) -> Surface:
+    """The closed surface of what is above 1, its largest part; half a voxel beyond the border of the image."""
+    padded = np.pad(field, 1, constant_values=0.0)
+    vertices, triangles, _, _ = measure.marching_cubes(padded, 1.0, gradient_direction="ascent")
+    surface = Surface(volume.to_world(vertices - 1.0), triangles.astype(np.int64)).largest_component()
+    return surface if surface.volume() > 0 else surface.flipped()
+
+
+def genus(surface: Surface) -> int:
+    """Number of handles of a closed surface of one part."""
+    return 1 - (len(surface.vertices) - len(surface.edges()) + len(surface.triangles)) // 2
+
+
+def _ended(volume: Volume, surface: Surface) -> tuple[Surface, BoolArray]:
+    """The surface with what lies beyond the border flattened on to it, and which triangles are flat ends."""
+    lowest, highest = np.zeros(3), np.array(volume.shape) - 1.0
+    index = volume.to_index(surface.vertices)
+    near = (index < lowest + 0.1) | (index > highest - 0.1)
+    corners = near[surface.triangles].all(axis=1).any(axis=1)
+    seen = np.clip(index, lowest, highest)
+    return surface.moved(volume.to_world(seen)), corners
