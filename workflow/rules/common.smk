@@ -555,6 +555,15 @@ def scanned(subject):
     return [n for n in data.poses if n != data.neutral and data.poses[n].scan]
 
 
+def aligned_scans(subject):
+    """Poses whose scan is aligned for the scenes: neutral's for any skin, the others' for fat."""
+    data, layers = dataset(subject), scene_layers()
+    needed_in = [data.neutral] if "skin" in layers else []
+    needed_in = data.poses if "fat" in layers else needed_in
+    own = [n for n in needed_in if data.poses[n].scan_frame == "own"]
+    return [n for n in own if data.poses[n].scan]
+
+
 def report_stages(subject):
     """The stages that the scenes ask for, by the names of their figures."""
     data, layers = dataset(subject), scene_layers()
@@ -562,6 +571,7 @@ def report_stages(subject):
     stages += ["segmentation", "registration", "rig"]
     stages += ["tendons"] if "tendons" in layers and data.tendons else []
     stages += ["muscles"] if "muscles" in layers and data.muscles else []
+    stages += [f"scan-{pose}" for pose in aligned_scans(subject)]
     stages += ["skin"] if "fat" in layers else []
     stages += ["poses"] if report_poses(subject) else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]
@@ -610,8 +620,15 @@ def volumes(subject, poses):
 
 def scans(subject, poses):
     """The scans of those poses that have one."""
+    return [scan_file(subject, p) for p in poses if dataset(subject).poses[p].scan]
+
+
+def scan_file(subject, pose):
+    """The scan of a pose: as the dataset names it, or aligned where it is given in its own frame."""
     data = dataset(subject)
-    return [data.path(data.poses[p].scan) for p in poses if data.poses[p].scan]
+    if data.poses[pose].scan_frame == "own":
+        return paths.at(paths.ALIGNED_SCAN, subject=subject, pose=pose)
+    return data.path(data.poses[pose].scan)
 
 
 def neutral_volume(wildcards):
@@ -635,7 +652,8 @@ def needed_scan(subject, pose, layer):
             f"handpipe: {', '.join(SETTINGS.scenes)}: only: {layer} is made of the skin around all bones. "
             "Remove `only` from the scenes, or build another target"
         )
-    return checked(require_scan, dataset_file(subject), dataset(subject), pose, layer)
+    checked(require_scan, dataset_file(subject), dataset(subject), pose, layer)
+    return scan_file(subject, pose)
 
 
 def of_muscles(pattern):

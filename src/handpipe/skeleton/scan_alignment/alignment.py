@@ -12,7 +12,7 @@ from handpipe.skeleton.scan_alignment.articulated import Articulation, articulat
 from handpipe.skeleton.scan_alignment.image_skin import ImageSkin
 from handpipe.skeleton.scan_alignment.matches import Matches
 from handpipe.skeleton.scan_alignment.rigid_start import rigid_start
-from handpipe.skeleton.scan_alignment.smooth_offset import smooth_offset
+from handpipe.skeleton.scan_alignment.smooth_offset import smooth_offset, vertex_areas
 
 NEAR = 1.5  # mm; vertices farther than this off the skin after the joints are turned do not fit
 
@@ -32,7 +32,7 @@ class Alignment:
     residual : float
         Mean distance in mm from the skin after the joints are turned, before the smooth field.
     off : float
-        Share of the scan's area that is then more than `NEAR` mm from the skin, or faces another way.
+        Share of the scan's area that is then more than `NEAR` mm from the skin.
     off_parts : dict of str to float
         The same of the part of the skin at each bone.
     volume_ratio : float
@@ -66,32 +66,33 @@ def align_scan(scan: Surface, skin: ImageSkin) -> Alignment:
     Alignment
         Also where the scan does not fit: `require_same_hand` judges the figures.
     """
-    turned = scan if scan.volume() > 0 else scan.flipped()
-    found = articulate(turned, skin, rigid_start(turned, skin.surface, skin.trusted))
-    straight = _straightened(turned, skin, found)
-    match = Matches.find(straight.vertices, straight.vertex_normals(), Distance(skin.surface), skin.trusted)
-    areas = np.bincount(turned.triangles.ravel(), np.repeat(turned.triangle_areas() / 3, 3), len(turned.vertices))
-    on_skin = skin.trusted[match.corners].all(axis=1)
-    off = (np.abs(match.signed) > NEAR) | ~match.valid
-    parts = skin.part[match.corners[:, 0]]
+    outwards = scan if scan.volume() > 0 else scan.flipped()
+    found = articulate(outwards, skin, rigid_start(outwards, skin.surface, skin.trusted))
+    straight = _straightened(outwards, skin, found)
     aligned = smooth_offset(straight, skin)
-    after = Matches.find(aligned.vertices, aligned.vertex_normals(), Distance(skin.surface), skin.trusted)
-    counted = areas * on_skin
-    fits = areas * match.valid
+    areas = vertex_areas(straight)
+    before, after = _matched(straight, skin), _matched(aligned, skin)
+    fits, on_skin = areas * before.valid, areas * skin.trusted[before.corners].all(axis=1)
+    off = (np.abs(before.signed) > NEAR).astype(float)
+    part = skin.part[before.corners[:, 0]]
     return Alignment(
-        scan.moved(aligned.vertices),
+        aligned if outwards is scan else aligned.flipped(),
         found.motion,
         found.angles(skin.free),
-        _mean(np.abs(match.signed), fits),
-        _mean(off, counted),
-        {bone: _mean(off, counted * (parts == i)) for i, bone in enumerate(skin.bones)},
-        1.0 + float((fits * match.signed * (np.abs(match.signed) < NEAR)).sum()) / abs(skin.surface.volume()),
+        _mean(np.abs(before.signed), fits),
+        _mean(off, on_skin),
+        {bone: _mean(off, on_skin * (part == i)) for i, bone in enumerate(skin.bones)},
+        1.0 + float(fits @ before.signed) / abs(skin.surface.volume()),
         _mean(np.abs(after.signed), areas * after.valid),
     )
 
 
+def _matched(scan: Surface, skin: ImageSkin) -> Matches:
+    return Matches.find(scan.vertices, scan.vertex_normals(), Distance(skin.surface), skin.trusted)
+
+
 def _mean(values: Array, weights: Array) -> float:
-    return float(weights @ values / max(float(weights.sum()), 1e-12)) 
+    return float(weights @ values / max(float(weights.sum()), 1e-12))
 
 
 def _straightened(scan: Surface, skin: ImageSkin, found: Articulation) -> Surface:

@@ -15,12 +15,12 @@ from handpipe.skeleton.scan_alignment.image_skin import Hinge, ImageSkin
 from handpipe.skeleton.scan_alignment.matches import Matches
 from handpipe.skeleton.scan_alignment.rigid_start import FINE, thinned
 
-ROUNDS = 40
+ROUNDS = 30
 ABOUT, ASIDE = 4.0, 1.0  # deg, standard deviations of turns about a joint's axes and across them
 NOISE = 0.3  # mm, of a patch's distance
 PATCH = 30.0  # mm^2 of skin that count as one distance
 LARGEST_STEP = 0.05  # rad
-STILL = 2e-5  # rad, and mm over 100
+STILL = 1e-4  # rad, and mm over 100
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Articulation:
 
 
 def articulate(scan: Surface, skin: ImageSkin, motion: RigidTransform) -> Articulation:
-    """The motion and turns of least distances to tangent planes, with small turns preferred (Gauss-Newton)."""
+    """The motion and turns of least distances to tangent planes, small turns preferred (Gauss-Newton)."""
     points, normals = thinned(scan, FINE)
     found = Articulation(motion, np.zeros((len(skin.free), 3)))
     patches = max(scan.area() / PATCH, 1.0)

@@ -40,8 +40,11 @@ class Matches:
     @staticmethod
     def find(points: Array, normals: Array, skin: Distance, trusted: BoolArray) -> Matches:
         """Matches of points (k, 3) with unit normals (k, 3) on a skin, of which some vertices are trusted."""
-        signed, triangles, feet, at = skin.smooth(points)
+        distances, triangles, feet = skin.closest(points)
         corners = skin.surface.triangles[triangles]
+        at = skin.surface.smooth_normals(barycentric_matrix(feet, corners, skin.surface.vertices))
+        outside = np.einsum("ij,ij->i", points - feet, at) > 0
+        signed = np.where(outside, distances, -distances)
         agree = np.einsum("ij,ij->i", at, normals) > AGREEING
         return Matches(signed, feet, at, corners, agree & trusted[corners].all(axis=1))
 

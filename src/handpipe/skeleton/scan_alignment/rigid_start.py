@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array, BoolArray, RigidTransform
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.scan_alignment.matches import Matches
+from handpipe.skeleton.scan_alignment.smooth_offset import vertex_areas
 
 COARSE, FINE = 400, 4000  # vertices of the scan that are matched
 ROLLS = 6  # starts about the long axis
@@ -36,9 +37,9 @@ def rigid_start(scan: Surface, skin: Surface, trusted: BoolArray) -> RigidTransf
 
 
 def thinned(scan: Surface, count: int) -> tuple[Array, Array]:
-    """About `count` vertices (k, 3) with their normals, spread evenly over their numbers."""
+    """`count` vertices (k, 3) at most with their normals (k, 3), drawn by the area around them."""
     rng = np.random.default_rng(0)
-    areas = np.bincount(scan.triangles.ravel(), np.repeat(scan.triangle_areas(), 3), len(scan.vertices))
+    areas = vertex_areas(scan)
     count = min(count, int((areas > 0).sum()))
     chosen = np.sort(rng.choice(len(areas), count, replace=False, p=areas / areas.sum()))
     return scan.vertices[chosen], scan.vertex_normals()[chosen]

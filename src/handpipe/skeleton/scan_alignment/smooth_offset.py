@@ -26,7 +26,7 @@ def smooth_offset(scan: Surface, skin: ImageSkin) -> Surface:
     some millimetres stay as they were scanned. The enclosed volume changes by no more than a hundredth.
     """
     distance, moved = Distance(skin.surface), scan
-    mass = np.maximum(_areas(scan), 1e-9)
+    mass = np.maximum(vertex_areas(scan), 1e-9)
     bending = _bending(scan, mass)
     total = np.zeros_like(scan.vertices)
     for _ in range(ROUNDS):
@@ -38,9 +38,10 @@ def smooth_offset(scan: Surface, skin: ImageSkin) -> Surface:
     return scan.moved(scan.vertices + _within_volume(scan, total, mass))
 
 
-def _areas(scan: Surface) -> Array:
+def vertex_areas(scan: Surface) -> Array:
+    """Area (n,) in mm^2 that belongs to each vertex: a third of its triangles'."""
     thirds = np.repeat(scan.triangle_areas() / 3, 3)
-    return np.bincount(scan.triangles.ravel(), thirds, len(scan.vertices))
+    return np.asarray(np.bincount(scan.triangles.ravel(), thirds, len(scan.vertices)), dtype=float)
 
 
 def _bending(scan: Surface, mass: Array) -> sparse.csr_matrix:
@@ -48,9 +49,7 @@ def _bending(scan: Surface, mass: Array) -> sparse.csr_matrix:
     return (LENGTH**4 * laplacian.T @ sparse.diags(1 / mass) @ laplacian).tocsr()
 
 
-def _solved(
-    normals: Array, weights: Array, right: Array, mass: Array, bending: sparse.csr_matrix
-) -> Array:
+def _solved(normals: Array, weights: Array, right: Array, mass: Array, bending: sparse.csr_matrix) -> Array:
     """Displacements (n, 3) of least energy: those along the normals by `right` (n,) where weights are."""
     n = len(mass)
     blocks = weights[:, None, None] * normals[:, :, None] * normals[:, None, :]
@@ -62,7 +61,7 @@ def _solved(
 
 
 def _within_volume(scan: Surface, field: Array, mass: Array) -> Array:
-    """The field with a uniform offset along the normals, if needed to change the volume by a hundredth only."""
+    """The field, where needed with an offset along the normals: the volume changes by a hundredth at most."""
     normals = scan.vertex_normals()
     change = float(mass @ np.einsum("ij,ij->i", normals, field))
     allowed = VOLUME * abs(scan.volume())

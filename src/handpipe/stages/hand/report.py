@@ -54,6 +54,10 @@ def report(
         found["skin"] = {"skin": data["skin"]}
         return {kind: [*surfaces_in(group).values()] for kind, group in found.items()}
 
+    def scan_file(pose: str, given: Path) -> Path:
+        """The scan that other stages read: as it is given, or aligned."""
+        return given if given in inputs.scans else next(p for p in inputs.scans if p.stem == pose)
+
     def view(pose: str) -> PoseView:
         files = {p.stem.split("-")[0]: p for p in inputs.poses if p.parent.name == pose}
         [(frame, layers)] = read_frames(files["inner"])
@@ -67,7 +71,7 @@ def report(
             data.role.value,
             rig.poses[pose].root,
             sample=pose_volume(dataset, pose).sample,
-            scan=read_scan(dataset.path(data.scan)) if data.scan else None,
+            scan=read_scan(scan_file(pose, dataset.path(data.scan))) if data.scan else None,
             truth=truth_of(pose),
         )
 
