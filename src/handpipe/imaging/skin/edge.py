@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import erfc
 
-from handpipe.core import Array
+from handpipe.core import Array, BoolArray
 from handpipe.imaging.evidence.profiles import BLUR, graph_laplacian, smooth_field, summed_curvature
 from handpipe.imaging.skin.body import Air
 from handpipe.imaging.volumes.volume import Volume
@@ -21,30 +21,31 @@ from handpipe.mesh.surfaces import Surface, taubin
 
 STEP = 0.1  # voxels between samples of a profile
 REACH = 1.5  # voxels that the edge may lie off the surface
-INWARDS, OUTWARDS = 0.8, 1.5  # voxels either side of the edge at which the step is looked at
+INWARDS, OUTWARDS = 0.3, 1.5  # voxels either side of the edge at which the step is looked at
 ROUNDS = 3
-STIFFNESS = 0.5
+STIFFNESS = 1.0
 OUTLIER = 0.5  # voxels from the neighbours' edge
 ALIKE = 0.97  # correlation of a profile with the step, from which it is one
 
 
-def refined(volume: Volume, surface: Surface, air: Air, blur: float = BLUR) -> tuple[Surface, Array]:
+def refined(volume: Volume, surface: Surface, air: Air, free: BoolArray) -> tuple[Surface, Array]:
     """A surface moved along its normals on to the skin's edge, and each vertex's confidence (n,).
 
-    A vertex whose profile shows no edge follows its neighbours.
+    A vertex whose profile shows no edge follows its neighbours. Only free vertices (n,) move.
     """
     laplacian = graph_laplacian(surface.triangles, len(surface.vertices))
     voxel = float(volume.spacing.min())
     weights = np.zeros(len(surface.vertices))
     for _ in range(ROUNDS):
-        offset, confidence = edge_offsets(volume, surface, air, blur)
-        move, weights = smooth_field(laplacian, offset, confidence, STIFFNESS, OUTLIER * voxel)
+        offset, confidence = edge_offsets(volume, surface, air)
+        move, weights = smooth_field(laplacian, offset, confidence * free, STIFFNESS, OUTLIER * voxel)
         moved = surface.vertices + move[:, None] * surface.vertex_normals()
-        surface = taubin(surface.moved(moved), 3)
+        smooth = taubin(surface.moved(moved), 3)
+        surface = smooth.moved(np.where(free[:, None], smooth.vertices, surface.vertices))
     return surface, weights
 
 
-def edge_offsets(volume: Volume, surface: Surface, air: Air, blur: float = BLUR) -> tuple[Array, Array]:
+def edge_offsets(volume: Volume, surface: Surface, air: Air) -> tuple[Array, Array]:
     """Offsets (n,) in mm of the skin's edge along the normals of a surface, and confidences (n,) in [0, 1].
 
     Blur moves the edge of a curved surface by half its variance times the summed curvature: the offsets are
@@ -56,10 +57,10 @@ def edge_offsets(volume: Volume, surface: Surface, air: Air, blur: float = BLUR)
     profiles = volume.sample(surface.vertices[:, None] + (voxel[:, None] * depth)[..., None] * normals[:, None])
     outside = volume.like(air.level).sample(surface.vertices)
     signal = _signal(np.maximum(profiles, outside[:, None]), outside, air)
-    place, height, likeness = _steps(signal, blur)
+    place, height, likeness = _steps(signal)
     clear = height > 4 * air.noise
     confidence = clear * np.exp(-np.maximum(ALIKE - likeness, 0.0) / 0.02)
-    shift = 0.5 * (blur * voxel) ** 2 * np.clip(summed_curvature(surface), -1 / voxel, 1 / voxel)
+    shift = 0.5 * (BLUR * voxel) ** 2 * np.clip(summed_curvature(surface), -1 / voxel, 1 / voxel)
     return place * voxel + shift, confidence
 
 
@@ -71,13 +72,13 @@ def _signal(seen: Array, outside: Array, air: Air) -> Array:
     return lifted - np.sqrt(np.maximum(outside[:, None] ** 2 - air.noise**2, 0.0))
 
 
-def _steps(signal: Array, blur: float) -> tuple[Array, Array, Array]:
+def _steps(signal: Array) -> tuple[Array, Array, Array]:
     """Place (n,) in voxels and height of the blurred step that each profile is most like, and how alike.
 
     The likeness is the cosine between profile and step in a window around the step.
     """
     window = np.arange(-INWARDS, OUTWARDS + 1e-9, STEP)
-    step = 0.5 * erfc(window / (blur * math.sqrt(2)))
+    step = 0.5 * erfc(window / (BLUR * math.sqrt(2)))
     views = sliding_window_view(signal, len(window), axis=1)
     product = views @ step
     norms = np.sqrt(np.einsum("nkw,nkw->nk", views, views))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 from skimage import measure
 
-from handpipe.core import BoolArray, InputError
+from handpipe.core import Array, BoolArray, InputError
 from handpipe.imaging.skin.body import Body, measured
 from handpipe.imaging.skin.edge import refined
 from handpipe.imaging.volumes.volume import Volume
@@ -17,6 +17,8 @@ from handpipe.mesh.surfaces import Surface, component_labels, taubin
 COARSEST = 4.0  # mm: a finger has fewer than four thicker slices
 SMOOTHING = (0.0, 0.5, 0.8, 1.2)  # voxels; the first that leaves no handle
 FIRST_SMOOTHING = 10  # rounds, of the voxels' steps
+BEYOND = 2  # voxels beyond the border of the image
+SURE = 0.25  # of a full weight
 
 
 @dataclass(frozen=True)
@@ -82,11 +84,13 @@ def skin_of_volume(volume: Volume) -> VolumeSkin:
         problem = f"are {volume.spacing.max():.3g} mm apart: between them nothing tells where the skin is"
         raise InputError("volume", "slices", problem, f"Give a scan of the skin, or slices of {COARSEST:g} mm")
     volume = measured(volume)
-    body = Body.find(volume)
-    surface, handles = _first_surface(volume, body)
-    surface, weights = refined(volume, surface, body.air)
+    longer = _prolonged(volume)
+    body = Body.find(longer)
+    surface, handles = _first_surface(longer, body)
+    beyond = _beyond(volume, surface) > BEYOND
+    surface, weights = refined(longer, surface, body.air, ~beyond)
     surface, cut = _ended(volume, surface)
-    return VolumeSkin(surface, cut, float((weights > 0.25).mean()), handles, body.others)
+    return VolumeSkin(surface, cut, float((weights[~beyond] > SURE).mean()), handles, body.others)
 
 
 def _first_surface(volume: Volume, body: Body) -> tuple[Surface, int]:
@@ -116,11 +120,22 @@ def genus(surface: Surface) -> int:
     return 1 - (len(surface.vertices) - len(surface.edges()) + len(surface.triangles)) // 2
 
 
+def _prolonged(volume: Volume) -> Volume:
+    """The volume with its border repeated, so that the skin is found up to the border."""
+    affine = volume.affine.copy()
+    affine[:3, 3] = volume.to_world(np.full((1, 3), -float(BEYOND)))[0]
+    return Volume(np.pad(volume.values, BEYOND, mode="edge"), affine)
+
+
+def _beyond(volume: Volume, surface: Surface) -> Array:
+    """How far (n,) vertices lie beyond the border of the image, in voxels."""
+    index = volume.to_index(surface.vertices)
+    return np.max(np.maximum(-index, index - (np.array(volume.shape) - 1.0)), axis=1)
+
+
 def _ended(volume: Volume, surface: Surface) -> tuple[Surface, BoolArray]:
     """The surface with what lies beyond the border flattened on to it, and which triangles are flat ends."""
-    lowest, highest = np.zeros(3), np.array(volume.shape) - 1.0
+    ends = (_beyond(volume, surface) > 0.0)[surface.triangles].any(axis=1)
     index = volume.to_index(surface.vertices)
-    near = (index < lowest + 0.1) | (index > highest - 0.1)
-    corners = near[surface.triangles].all(axis=1).any(axis=1)
-    seen = np.clip(index, lowest, highest)
-    return surface.moved(volume.to_world(seen)), corners
+    seen = np.clip(index, 0.0, np.array(volume.shape) - 1.0)
+    return surface.moved(volume.to_world(seen)), ends
