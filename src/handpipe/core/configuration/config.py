@@ -74,7 +74,7 @@ class Pose(Model):
     )
     scan_frame: Literal["volume", "own"] = Field(
         "volume",
-        description="frame of the scan: that of `volume`, or its own, from which it is aligned to the skin in "
+        description="frame of the scan: that of `volume`, or its own; from that it is aligned to the skin in "
         "`volume`",
     )
     scribbles: dict[Name, Path] = Field({}, description="extra seeds for one bone, same format as `seeds`")

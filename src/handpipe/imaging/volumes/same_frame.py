@@ -186,7 +186,8 @@ def require_scan_in_image(
         )
     elif own < REFUSED:
         remedy = (
-            f"{_boxes(scan.compact().vertices, image.box)}. Give it in RAS mm in the image's frame and pose"
+            f"{_boxes(scan.compact().vertices, image.box)}. Give it in RAS mm in the image's frame and pose, or "
+            "write scan_frame: own"
         )
     else:
         log.warning("%s: %s; is it of this pose?", path, problem)

@@ -8,10 +8,12 @@ from functools import cached_property
 
 import numpy as np
 from scipy import sparse
+from scipy.spatial import cKDTree
 
 from handpipe.core import Array, BoolArray, IntArray, RigidTransform
 from handpipe.fem.linear import factorise
-from handpipe.mesh.surfaces import Distance, Surface, averaging
+from handpipe.imaging.skin import VolumeSkin
+from handpipe.mesh.surfaces import Surface, averaging
 from handpipe.skeleton.rig.rig import Rig
 
 POWER = 3.0  # of the distance to a bone, in a vertex's weights
@@ -44,6 +46,13 @@ class Hinge:
     child: int
 
 
+def uncut(seen: VolumeSkin) -> BoolArray:
+    """Vertices (n,) of the skin in a volume that are not on its flat ends."""
+    kept = np.ones(len(seen.closed.vertices), dtype=bool)
+    kept[seen.closed.triangles[seen.cut]] = False
+    return kept
+
+
 @dataclass(frozen=True)
 class ImageSkin:
     """The skin in the image of a pose, with the bones and joints under it.
@@ -66,17 +75,15 @@ class ImageSkin:
     hinges: Sequence[Hinge]
 
     @staticmethod
-    def build(surface: Surface, trusted: BoolArray, rig: Rig, pose: str) -> ImageSkin:
+    def build(seen: VolumeSkin, rig: Rig, pose: str) -> ImageSkin:
         """The skin with the rig's bones and joints as it explains the pose.
 
         Bones whose place the pose does not determine are left out.
 
         Parameters
         ----------
-        surface : Surface
-            Closed surface of the skin in the pose's frame, mm.
-        trusted : array (n,) of bool
-            Vertices that are skin.
+        seen : VolumeSkin
+            Skin in the pose's volume.
         rig : Rig
             The fitted rig.
         pose : str
@@ -106,7 +113,7 @@ class ImageSkin:
             if joint.child in placed
         ]
         bones = {n: rig.surfaces[n].moved(placed[n](rig.surfaces[n].vertices)) for n in names}
-        return ImageSkin(surface, trusted, bones, hinges)
+        return ImageSkin(seen.closed, uncut(seen), bones, hinges)
 
     @cached_property
     def free(self) -> list[Hinge]:
@@ -136,8 +143,8 @@ class ImageSkin:
         normals = self.surface.vertex_normals()
         weights = np.empty((len(self.surface.vertices), len(self.bones)))
         for i, bone in enumerate(self.bones.values()):
-            distances, _, closest = Distance(bone).closest(self.surface.vertices)
-            inwards = -np.einsum("ij,ij->i", closest - self.surface.vertices, normals)
+            distances, nearest = cKDTree(bone.vertices).query(self.surface.vertices)
+            inwards = np.einsum("ij,ij->i", self.surface.vertices - bone.vertices[nearest], normals)
             cosine = inwards / np.maximum(distances, 1e-9)
             weights[:, i] = (distances + 1.0) ** -POWER * np.clip(cosine, ASIDE, 1.0)
         weights /= weights.sum(axis=1, keepdims=True)

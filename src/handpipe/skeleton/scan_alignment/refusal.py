@@ -19,7 +19,7 @@ OFF, OFF_PART = 0.06, 0.20  # share of the whole area, and of that of one bone's
 SIZES = (0.6, 1.6)  # times the extent of the image's skin: forearms may be longer or shorter
 
 ANOTHER = "Check that the scan is of this hand and in mm"
-POSE = "Give the scan of this pose, or scan the hand again in its mould"
+POSE = "Give the scan of this hand in this pose, or scan it again in its mould"
 
 
 def require_same_size(path: str | Path, scan: Surface, skin: Surface) -> None:
@@ -49,6 +49,29 @@ def require_same_size(path: str | Path, scan: Surface, skin: Surface) -> None:
     )
 
 
+def limits_used(found: Alignment) -> dict[str, float]:
+    """How much of each limit of a right scan an alignment uses; above 1 the scan is refused.
+
+    Parameters
+    ----------
+    found : Alignment
+        How a scan was aligned.
+
+    Returns
+    -------
+    dict of str to float
+        Share of the limit of the mean distance ("distance"), of a joint's turn ("turn"), of the area off the
+        skin ("off"), of that of one bone's part ("off_part"), and of the difference in volume ("volume").
+    """
+    return {
+        "distance": found.residual / RESIDUAL,
+        "turn": max(found.joint_angles.values(), default=0.0) / ANGLE,
+        "off": found.off / OFF,
+        "off_part": max(found.off_parts.values()) / OFF_PART,
+        "volume": abs(found.volume_ratio - 1.0) / VOLUME,
+    }
+
+
 def require_same_hand(path: str | Path, found: Alignment) -> None:
     """Check that an aligned scan is of the hand and the pose of the image.
 
@@ -65,31 +88,38 @@ def require_same_hand(path: str | Path, found: Alignment) -> None:
         If a joint turned too far, the volumes differ, or too much of the scan is off the skin. The message
         names the figure and its limit.
     """
-    joint = max(found.joint_angles, key=lambda name: found.joint_angles[name], default="")
+    wrong = [name for name, share in limits_used(found).items() if share > 1]
+    if not wrong:
+        return
     part = max(found.off_parts, key=lambda name: found.off_parts[name])
-    if found.residual > RESIDUAL:
-        problem = (
-            f"is {found.residual:.2f} mm off the skin in its pose's image on average (at most {RESIDUAL:g})"
-        )
-        raise InputError(
-            path, "fit", f"{problem}, most at {part}", f"{POSE}; {ANOTHER[0].lower()}{ANOTHER[1:]}"
-        )
-    if joint and found.joint_angles[joint] > ANGLE:
-        problem = (
-            f"fits the image of its pose only with {joint} turned by {found.joint_angles[joint]:.1f} deg"
-        )
-        raise InputError(path, "pose", f"{problem} (at most {ANGLE:g})", POSE)
-    if found.off > OFF or found.off_parts[part] > OFF_PART:
-        problem = (
-            f"has {100 * found.off:.0f} % of its area more than {NEAR:g} mm off the skin in its pose's image"
-        )
-        problem += f", and {100 * found.off_parts[part]:.0f} % at {part}"
-        limits = f"at most {100 * OFF:g} % of all and {100 * OFF_PART:g} % at a bone"
-        raise InputError(path, "fit", f"{problem} ({limits})", f"{POSE}; {ANOTHER[0].lower()}{ANOTHER[1:]}")
-    if abs(found.volume_ratio - 1) > VOLUME:
-        problem = f"has {found.volume_ratio:.2f} times the volume of the body in its pose's image"
-        problem += f" (at most {100 * VOLUME:g} % more or less)"
-        raise InputError(path, "volume", problem, ANOTHER)
+    joint = max(found.joint_angles, key=lambda name: found.joint_angles[name], default="")
+    off = f"{100 * found.off:.0f} % of its area, {100 * found.off_parts[part]:.0f} % of that at {part}"
+    problems = {
+        "distance": (
+            "fit",
+            f"is {found.residual:.2f} mm off on average (at most {RESIDUAL:g}), most at {part}",
+        ),
+        "turn": (
+            "pose",
+            f"fits only with {joint} turned by {_angle(found, joint):.1f} deg (at most {ANGLE:g})",
+        ),
+        "off": ("fit", f"is more than {NEAR:g} mm off at {off} (at most {100 * OFF:g} %)"),
+        "off_part": (
+            "fit",
+            f"is more than {NEAR:g} mm off at {off} (at most {100 * OFF_PART:g} % at a bone)",
+        ),
+        "volume": (
+            "volume",
+            f"has {found.volume_ratio:.2f} times its volume (at most {100 * VOLUME:g} % more or less)",
+        ),
+    }
+    field, problem = problems[wrong[0]]
+    remedy = {"turn": POSE, "volume": ANOTHER}.get(wrong[0], f"{POSE}; check, too, that it is in mm")
+    raise InputError(path, field, f"compared with the skin in its pose's image, it {problem}", remedy)
+
+
+def _angle(found: Alignment, joint: str) -> float:
+    return found.joint_angles.get(joint, 0.0)
 
 
 def _extent(surface: Surface) -> float:

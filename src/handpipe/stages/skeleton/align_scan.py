@@ -44,11 +44,8 @@ def align_scan(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) ->
     with metrics.measured(figures):
         scan, seen = read_scan(inputs.scan), _skin(inputs.volume, dataset, pose)
         require_same_size(inputs.scan, scan, seen.closed)
-        trusted = np.ones(len(seen.closed.vertices), dtype=bool)
-        trusted[seen.closed.triangles[seen.cut]] = False
-        found = scan_alignment.align_scan(
-            scan, ImageSkin.build(seen.closed, trusted, Rig.load(inputs.rig), pose)
-        )
+        target = ImageSkin.build(seen, Rig.load(inputs.rig), pose)
+        found = scan_alignment.align_scan(scan, target)
     figures |= _figures(found)
     log.info(
         "%s: %s", pose, ", ".join(f"{name} {value:.3g} {unit}" for name, (value, unit) in figures.items())
