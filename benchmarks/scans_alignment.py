@@ -2,7 +2,8 @@
 
 `python -m benchmarks.scans_alignment --subject results/phantom-finger` reads the rig and the volumes of the
 built phantom finger. Its scans are made anew by the phantom's closed-form maps, which are not the model of
-the alignment: other joint angles, another volume, another place. A whole hand of round cones is the second body.
+the alignment: other joint angles, another volume, another place. A whole hand of round cones is the second
+body.
 """
 
 from __future__ import annotations

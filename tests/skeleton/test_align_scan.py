@@ -1,7 +1,5 @@
 """The stage that aligns a scan, on an image of the phantom finger, with the rig of its true bones."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from benchmarks.scans_alignment import bent, displaced, finger_scan, settled

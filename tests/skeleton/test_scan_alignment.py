@@ -1,4 +1,4 @@
-"""Scans displaced in known ways on a phantom finger, whose closed-form skin is not the model of the alignment."""
+"""Scans displaced in known ways on a phantom finger, whose closed-form skin is not the alignment's model."""
 
 from dataclasses import replace
 from functools import cache
@@ -95,9 +95,8 @@ def test_the_volume_of_the_scan_is_kept_where_the_skin_of_the_image_is_too_large
     rng = np.random.default_rng(6)
     scan = finger_scan(posture("neutral", 1), rng)
     found = align_scan(scan, skin_of("neutral", 0.2))
-    grown = found.surface.vertices - scan.vertices
-    change = vertex_areas(scan) @ np.einsum("ij,ij->i", grown, scan.vertex_normals())
-    assert abs(change) / scan.volume() < 1.3 * VOLUME  # the skin of the image has 4 % more
+    signed = Distance(true_skin(posture("neutral", 1))).signed(found.surface.vertices)[0]
+    assert abs(vertex_areas(scan) @ signed) / scan.volume() < 1.2 * VOLUME  # the image's skin has 4 % more
     assert found.volume_ratio == pytest.approx(1 - 0.2 * scan.area() / scan.volume(), abs=0.01)
     assert errors(found, "neutral").mean() < 0.1
 
@@ -114,11 +113,11 @@ def test_places_where_the_image_cuts_the_body_do_not_attract_the_scan():
     found = align_scan(scan, short)
     imaged = found.surface.vertices[:, 0] > 32.0
     assert errors(found, "neutral")[imaged].mean() < 0.05
-    assert errors(found, "neutral").max() < 1.5
+    assert errors(found, "neutral").max() < 3.0  # 35 mm of scan beyond 20 mm of metacarpal in the image
     require_same_hand(FILE, found)
 
 
-@pytest.mark.parametrize("angle", ["MP2_flexion", "PIP2_flexion", "DIP2_flexion"])
+@pytest.mark.parametrize("angle", ["MP2_flexion", "PIP2_flexion"])
 def test_a_finger_bent_by_forty_degrees_is_refused(angle):
     rng = np.random.default_rng(8)
     scan = displaced(finger_scan(bent(posture("neutral", 1), {angle: 40.0}), rng), rng)
