@@ -69,7 +69,7 @@ def align_scan(scan: Surface, skin: ImageSkin) -> Alignment:
     outwards = scan if scan.volume() > 0 else scan.flipped()
     found = articulate(outwards, skin, rigid_start(outwards, skin.surface, skin.trusted))
     straight = _straightened(outwards, skin, found)
-    aligned = smooth_offset(straight, skin)
+    aligned = smooth_offset(straight, skin, outwards.volume())
     areas = vertex_areas(straight)
     before, after = _matched(straight, skin), _matched(aligned, skin)
     fits, on_skin = areas * before.valid, areas * skin.trusted[before.corners].all(axis=1)

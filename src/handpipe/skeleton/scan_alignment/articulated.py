@@ -20,7 +20,7 @@ ABOUT, ASIDE = 4.0, 1.0  # deg, standard deviations of turns about a joint's axe
 NOISE = 0.3  # mm, of a patch's distance
 PATCH = 30.0  # mm^2 of skin that count as one distance
 LARGEST_STEP = 0.05  # rad
-STILL = 1e-4  # rad, and mm over 100
+STILL = 3e-4  # rad, and mm over 100
 
 
 @dataclass(frozen=True)

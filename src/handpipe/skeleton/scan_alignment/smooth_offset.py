@@ -15,15 +15,15 @@ from handpipe.skeleton.scan_alignment.matches import Matches
 LENGTH = 3.0  # mm: waves of 2 pi times this length are followed by half
 TIED = 0.02  # weight of no displacement at all against the distances
 NOISE = 0.2  # mm; distances beyond five times the bulk's are outliers
-VOLUME = 0.01  # share of the scan's volume that the field may change
+VOLUME = 0.01  # share of the scan's volume that the alignment may change
 ROUNDS = 2
 
 
-def smooth_offset(scan: Surface, skin: ImageSkin) -> Surface:
+def smooth_offset(scan: Surface, skin: ImageSkin, volume: float) -> Surface:
     """The scan moved by a smooth field onto the skin.
 
     The field minimises distances to tangent planes and its bending energy along the scan; waves shorter than
-    some millimetres stay as they were scanned. The enclosed volume changes by no more than a hundredth.
+    some millimetres stay as they were scanned. The enclosed volume stays near `volume` (mm^3).
     """
     distance, moved = Distance(skin.surface), scan
     mass = np.maximum(vertex_areas(scan), 1e-9)
@@ -35,7 +35,7 @@ def smooth_offset(scan: Surface, skin: ImageSkin) -> Surface:
         right = -match.signed + np.einsum("ij,ij->i", match.normals, total)
         total = _solved(match.normals, weights, right, mass, bending)
         moved = scan.moved(scan.vertices + total)
-    return scan.moved(scan.vertices + _within_volume(scan, total, mass))
+    return scan.moved(scan.vertices + _within_volume(scan, total, mass, volume))
 
 
 def vertex_areas(scan: Surface) -> Array:
@@ -60,10 +60,9 @@ def _solved(normals: Array, weights: Array, right: Array, mass: Array, bending: 
     return np.asarray(found).reshape(n, 3)
 
 
-def _within_volume(scan: Surface, field: Array, mass: Array) -> Array:
-    """The field, where needed with an offset along the normals: the volume changes by a hundredth at most."""
+def _within_volume(scan: Surface, field: Array, mass: Array, volume: float) -> Array:
+    """The field, where needed with an offset along the normals that keeps the volume near `volume`."""
     normals = scan.vertex_normals()
-    change = float(mass @ np.einsum("ij,ij->i", normals, field))
-    allowed = VOLUME * abs(scan.volume())
-    excess = change - np.clip(change, -allowed, allowed)
+    found = scan.volume() + float(mass @ np.einsum("ij,ij->i", normals, field))
+    excess = found - np.clip(found, (1.0 - VOLUME) * volume, (1.0 + VOLUME) * volume)
     return field - excess / mass.sum() * normals
