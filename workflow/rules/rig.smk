@@ -66,6 +66,7 @@ rule align_scan:
         scan=of_pose("scan"),
         volume=of_pose("volume"),
         rig=paths.RIG,
+        neutral=neutral_skin,
     output:
         scan=paths.ALIGNED_SCAN,
         metrics=paths.metrics_of("scan-{pose}"),

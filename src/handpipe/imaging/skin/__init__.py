@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.imaging.skin.contacts import PosedBones
     from handpipe.imaging.skin.volume_skin import VolumeSkin, skin_of_volume
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["VolumeSkin", "skin_of_volume"]
+__all__ = ["PosedBones", "VolumeSkin", "skin_of_volume"]

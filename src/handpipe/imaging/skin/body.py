@@ -73,6 +73,8 @@ class Body:
         Its voxels, without holes.
     threshold : array (nx, ny, nz)
         Intensity at the body's edge nearby, roughly.
+    tissue : array (nx, ny, nz)
+        Mean intensity of tissue nearby.
     air : Air
         What is around it.
     others : int
@@ -81,6 +83,7 @@ class Body:
 
     inside: BoolArray
     threshold: NDArray[np.float32]
+    tissue: NDArray[np.float32]
     air: Air
     others: int
 
@@ -106,7 +109,7 @@ class Body:
         inside = filled(bright & ndimage.binary_dilation(core, THIN))
         if inside.all():
             raise InputError("volume", "values", "show no air around the body", "Give a larger field of view")
-        return Body(inside, threshold, air, int((sizes > LARGE * sizes.max()).sum()) - 1)
+        return Body(inside, threshold, tissue, air, int((sizes > LARGE * sizes.max()).sum()) - 1)
 
 
 def measured(volume: Volume) -> Volume:

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.spatial import cKDTree
 from scipy.special import erfc
 
 from handpipe.core import Array, BoolArray
@@ -25,24 +26,43 @@ INWARDS, OUTWARDS = 0.3, 1.5  # voxels either side of the edge at which the step
 ROUNDS = 3
 STIFFNESS = 1.0
 OUTLIER = 0.5  # voxels from the neighbours' edge
+AT_CONTACT = 1.8  # voxels from a contact, within which it gives the edge
+GAP = 0.3  # voxels between parts that touch
 ALIKE = 0.97  # correlation of a profile with the step, from which it is one
 
 
-def refined(volume: Volume, surface: Surface, air: Air, free: BoolArray) -> tuple[Surface, Array]:
+def refined(
+    volume: Volume, surface: Surface, air: Air, free: BoolArray, contacts: Array
+) -> tuple[Surface, Array]:
     """A surface moved along its normals on to the skin's edge, and each vertex's confidence (n,).
 
-    A vertex whose profile shows no edge follows its neighbours. Only free vertices (n,) move.
+    A vertex whose profile shows no edge follows its neighbours. Only free vertices (n,) move. At contacts, known
+    by places (k, 3) on them, the surface ends a little before the contact.
     """
+    touching = cKDTree(contacts) if len(contacts) else None
     laplacian = graph_laplacian(surface.triangles, len(surface.vertices))
     voxel = float(volume.spacing.min())
     weights = np.zeros(len(surface.vertices))
     for _ in range(ROUNDS):
         offset, confidence = edge_offsets(volume, surface, air)
+        if touching is not None:
+            offset, confidence = _before_contacts(surface, touching, voxel, offset, confidence)
         move, weights = smooth_field(laplacian, offset, confidence * free, STIFFNESS, OUTLIER * voxel)
         moved = surface.vertices + move[:, None] * surface.vertex_normals()
         smooth = taubin(surface.moved(moved), 3)
         surface = smooth.moved(np.where(free[:, None], smooth.vertices, surface.vertices))
     return surface, weights
+
+
+def _before_contacts(
+    surface: Surface, contacts: cKDTree, voxel: float, offset: Array, confidence: Array
+) -> tuple[Array, Array]:
+    """Offsets and confidences (n,) of the edge, with those of vertices at contacts half a gap before them."""
+    off, nearest = contacts.query(surface.vertices, k=1)
+    way = contacts.data[nearest] - surface.vertices
+    along = np.einsum("ij,ij->i", way, surface.vertex_normals())
+    at = (off < AT_CONTACT * voxel) & (np.linalg.norm(way, axis=1) < abs(along) + 0.7 * voxel)
+    return np.where(at, along - 0.5 * GAP * voxel, offset), np.where(at, 1.0, confidence)
 
 
 def edge_offsets(volume: Volume, surface: Surface, air: Air) -> tuple[Array, Array]:

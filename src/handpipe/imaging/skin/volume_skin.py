@@ -11,6 +11,7 @@ from skimage import measure
 from handpipe.core import Array, BoolArray, InputError
 from handpipe.imaging.skin.body import Body, measured
 from handpipe.imaging.skin.edge import refined
+from handpipe.imaging.skin.contacts import Contacts, PosedBones
 from handpipe.imaging.volumes.volume import Volume
 from handpipe.mesh.surfaces import Surface, component_labels, taubin
 
@@ -37,6 +38,8 @@ class VolumeSkin:
         Genus of the surface: 0 unless parts of the body touch.
     others : int
         Other large parts in the image that are not in the surface.
+    contact_faces : int
+        Faces of voxels at which parts that touch were told apart.
     """
 
     closed: Surface
@@ -44,6 +47,7 @@ class VolumeSkin:
     sure: float
     handles: int
     others: int
+    contact_faces: int
 
     @property
     def open(self) -> Surface:
@@ -56,7 +60,7 @@ class VolumeSkin:
         return 0 if not self.cut.any() else int(component_labels(self.closed.triangles[self.cut]).max()) + 1
 
 
-def skin_of_volume(volume: Volume) -> VolumeSkin:
+def skin_of_volume(volume: Volume, bones: PosedBones | None = None) -> VolumeSkin:
     """The skin in a volume, below the voxel size.
 
     The body is what is brighter than the air around it and than a share of the tissue nearby, without holes.
@@ -67,6 +71,8 @@ def skin_of_volume(volume: Volume) -> VolumeSkin:
     ----------
     volume : Volume
         Image of the pose, with air around the limb.
+    bones : PosedBones, optional
+        The pose's bones, by which parts that touch are told apart. Without them parts that touch stay joined.
 
     Returns
     -------
@@ -86,18 +92,22 @@ def skin_of_volume(volume: Volume) -> VolumeSkin:
     volume = measured(volume)
     longer = _prolonged(volume)
     body = Body.find(longer)
-    surface, handles = _first_surface(longer, body)
+    contacts = Contacts.find(longer, body, bones) if bones else Contacts.none(longer)
+    surface, handles = _first_surface(longer, body, contacts.gap)
     beyond = _beyond(volume, surface) > BEYOND
-    surface, weights = refined(longer, surface, body.air, ~beyond)
+    surface, weights = refined(longer, surface, body.air, ~beyond, contacts.places)
     surface, cut = _ended(volume, surface)
-    return VolumeSkin(surface, cut, float((weights[~beyond] > SURE).mean()), handles, body.others)
+    sure = float((weights[~beyond] > SURE).mean())
+    return VolumeSkin(surface, cut, sure, handles, body.others, len(contacts.places))
 
 
-def _first_surface(volume: Volume, body: Body) -> tuple[Surface, int]:
+def _first_surface(volume: Volume, body: Body, gap: BoolArray) -> tuple[Surface, int]:
     """Surface of the body by the threshold nearby, and its genus."""
-    edge = body.inside & ~ndimage.binary_erosion(body.inside, border_value=1)
+    inside = body.inside & ~gap
+    edge = inside & ~ndimage.binary_erosion(inside, border_value=1)
     ratio = np.clip(volume.values / np.maximum(body.threshold, 1e-6 * volume.bright), 0.0, 2.0)
-    ratio = np.where(body.inside, np.where(edge, np.maximum(ratio, 1.01), 2.0), np.minimum(ratio, 0.99))
+    ratio = np.where(inside, np.where(edge, np.maximum(ratio, 1.01), 2.0), np.minimum(ratio, 0.99))
+    ratio[gap] = 0.0
     for deviation in SMOOTHING:
         field = ndimage.gaussian_filter(ratio, deviation, mode="nearest") if deviation else ratio
         surface = _contour(volume, field)

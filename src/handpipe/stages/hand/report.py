@@ -45,6 +45,13 @@ def report(
     """One HTML file with pictures, tables, figures and costs of a subject."""
     rig = Rig.load(inputs.rig)
 
+    given = {name: dataset.path(pose.scan) for name, pose in dataset.poses.items() if pose.scan is not None}
+    scans = {
+        path.parent.name: path for path in inputs.scans
+    }  # of volumes and aligned: in a folder of the pose
+    scans |= {name: path for name, path in given.items() if path in inputs.scans}
+    bare = [name for name in dataset.poses if name in scans and dataset.poses[name].scan is None]
+
     def truth_of(pose: str) -> dict[str, list[Surface]]:
         """True surfaces by tissue, where the subject has a truth."""
         if dataset.truth is None:
@@ -53,10 +60,6 @@ def report(
         found = {kind: data.get(kind, {}) for kind in ("bones", "muscles", "ligaments")}
         found["skin"] = {"skin": data["skin"]}
         return {kind: [*surfaces_in(group).values()] for kind, group in found.items()}
-
-    def scan_file(pose: str, given: Path) -> Path:
-        """The scan that other stages read: as it is given, or aligned."""
-        return given if given in inputs.scans else next(p for p in inputs.scans if p.stem == pose)
 
     def view(pose: str) -> PoseView:
         files = {p.stem.split("-")[0]: p for p in inputs.poses if p.parent.name == pose}
@@ -71,7 +74,7 @@ def report(
             data.role.value,
             rig.poses[pose].root,
             sample=pose_volume(dataset, pose).sample,
-            scan=read_scan(scan_file(pose, dataset.path(data.scan))) if data.scan else None,
+            scan=read_scan(scans[pose]) if pose in scans else None,
             truth=truth_of(pose),
         )
 
@@ -90,6 +93,8 @@ def report(
     }
     warnings = pose_warnings(tables.get("poses", []))
     warnings += [said for name in scenes for said in frame_warnings(name, tables[f"frames-{name}"])]
+    if bare:
+        warnings.append(f"Skin without a scan, from the volume: {', '.join(bare)}. Nails are not in it.")
     write_report(
         output,
         ReportInput(

@@ -10,9 +10,9 @@ import numpy as np
 
 from handpipe.core import InputError, Metrics, metrics
 from handpipe.core.configuration import Dataset
-from handpipe.imaging.skin import VolumeSkin, skin_of_volume
+from handpipe.imaging.skin import PosedBones, VolumeSkin, skin_of_volume
 from handpipe.imaging.volumes import pose_volume
-from handpipe.mesh.surfaces import read_scan, write_surface
+from handpipe.mesh.surfaces import each_moved, read_scan, write_surface
 from handpipe.skeleton import scan_alignment
 from handpipe.skeleton.rig import Rig
 from handpipe.skeleton.scan_alignment import Alignment, ImageSkin, require_same_hand, require_same_size
@@ -28,6 +28,7 @@ class Inputs(Files):
     scan: Path
     volume: Path
     rig: Path
+    neutral: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,10 @@ def align_scan(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) ->
     """A scan in its own frame, aligned to the skin in the volume of its pose."""
     figures: Metrics = {}
     with metrics.measured(figures):
-        scan, seen = read_scan(inputs.scan), _skin(inputs.volume, dataset, pose)
+        scan, rig = read_scan(inputs.scan), Rig.load(inputs.rig)
+        seen = _skin(inputs, dataset, pose, rig)
         require_same_size(inputs.scan, scan, seen.closed)
-        target = ImageSkin.build(seen, Rig.load(inputs.rig), pose)
+        target = ImageSkin.build(seen, rig, pose)
         found = scan_alignment.align_scan(scan, target)
     figures |= _figures(found)
     log.info(
@@ -55,13 +57,19 @@ def align_scan(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) ->
     metrics.write(outputs.metrics, figures)
 
 
-def _skin(path: Path, dataset: Dataset, pose: str) -> VolumeSkin:
+def _skin(inputs: Inputs, dataset: Dataset, pose: str, rig: Rig) -> VolumeSkin:
+    """The skin in the pose's volume; bones and the neutral skin tell parts that touch apart."""
+    known = rig.scanned_bones(pose)
+    motions = {bone: rig.poses[pose].root @ moved for bone, moved in known.items()}
+    surfaces = each_moved({bone: rig.surfaces[bone] for bone in motions}, motions)
+    joints = [(j.parent, j.child) for j in rig.joints if j.child in motions]
+    neutral = None if inputs.neutral is None else read_scan(inputs.neutral)
     try:
-        return skin_of_volume(pose_volume(dataset, pose))
+        return skin_of_volume(pose_volume(dataset, pose), PosedBones(surfaces, joints, motions, neutral))
     except InputError as error:
         if error.source != "volume":
             raise
-        raise InputError(path, error.field, error.problem, error.remedy) from error
+        raise InputError(inputs.volume, error.field, error.problem, error.remedy) from error
 
 
 def _figures(found: Alignment) -> Metrics:
