@@ -46,11 +46,11 @@ def missing_regions(folder: Path) -> None:
 
 
 def no_scan_of_an_example(folder: Path) -> None:
-    edit(folder, lambda d: d["poses"]["bent"].pop("scan"))
+    edit(folder, lambda d: (d["poses"]["bent"].pop("scan"), d.update(skin_from_volume=False)))
 
 
 def no_scan_of_neutral(folder: Path) -> None:
-    edit(folder, lambda d: d["poses"]["flat"].pop("scan"))
+    edit(folder, lambda d: (d["poses"]["flat"].pop("scan"), d.update(skin_from_volume=False)))
 
 
 def unknown_pose(folder: Path) -> None:

@@ -143,7 +143,31 @@ def test_scan_of_an_example_is_not_needed_by_the_soft_tissue(small: Path) -> Non
     del subject["poses"]["bent"]["scan"]
     write_dataset(small, subject)
     write_scene(small, "outer", "layers: [skin]")
-    assert "make_skin" in planned(small, "all", "--config", "subjects=[small]", "scenes=[outer]")
+    rules = planned(small, "all", "--config", "subjects=[small]", "scenes=[outer]")
+    assert "make_skin" in rules and "extract_skin" not in rules
+
+
+@pytest.mark.parametrize(
+    ("poses", "from_volume", "layers", "extracted"),
+    [
+        (("flat", "bent"), None, "[skin]", 1),
+        (("flat", "bent"), None, "[fat]", 2),
+        (("bent",), None, "[fat]", 1),
+        ((), True, "[fat]", 0),
+        (("flat", "bent"), None, "[muscles]", 0),
+        (("flat", "bent"), True, "[muscles]", 1),
+    ],
+)
+def test_volumes_give_the_skins_that_scans_do_not(
+    small: Path, poses: tuple[str, ...], from_volume: bool | None, layers: str, extracted: int
+) -> None:
+    subject = yaml.safe_load((small / "config/datasets/small.yaml").read_text(encoding="utf-8"))
+    for pose in poses:
+        del subject["poses"][pose]["scan"]
+    write_dataset(small, subject | ({} if from_volume is None else {"skin_from_volume": from_volume}))
+    write_scene(small, "asked", f"layers: {layers}")
+    rules = planned(small, "all", "--config", "subjects=[small]", "scenes=[asked]")
+    assert rules.get("extract_skin", 0) == extracted
 
 
 @pytest.mark.parametrize("target", ["simulation", "all"])

@@ -565,11 +565,19 @@ def skin_of(subject, pose):
     return data.path(data.poses[pose].scan)
 
 
-def skins_of_volumes(subject, poses):
-    """Figures of the skins that come from volumes."""
-    data = dataset(subject)
-    bare = [p for p in poses if data.has_skin(p) and data.poses[p].scan is None]
-    return expand(paths.VOLUME_SKIN_FIGURES, subject=subject, pose=bare)
+def skins_from_volumes(wildcards):
+    """Input function: figures of the skins that come from volumes."""
+    data = dataset(wildcards.subject)
+    bare = [p for p, pose in data.poses.items() if data.has_skin(p) and not pose.scan]
+    return expand(paths.VOLUME_SKIN_FIGURES, subject=wildcards.subject, pose=bare)
+
+
+def neutral_from_volume(wildcards):
+    """Input function: figures of the neutral skin, where it comes from the volume."""
+    data = dataset(wildcards.subject)
+    if data.poses[data.neutral].scan or not data.has_skin(data.neutral):
+        return []
+    return in_neutral(paths.VOLUME_SKIN_FIGURES)(wildcards)
 
 
 def neutral_skin(wildcards):
@@ -646,9 +654,10 @@ def volumes(subject, poses):
 
 
 def scans(subject, poses):
-    """The skins of those poses that have one."""
-    data = dataset(subject)
-    return [skin_of(subject, p) for p in poses if data.has_skin(p)]
+    """The scans of those poses that have one; what volumes give, too, where the fat is fitted to it."""
+    data, fat = dataset(subject), "fat" in scene_layers()
+    has = data.has_skin if fat else lambda pose: data.poses[pose].scan is not None
+    return [skin_of(subject, p) for p in poses if has(p)]
 
 
 def neutral_volume(wildcards):

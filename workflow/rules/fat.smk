@@ -28,7 +28,7 @@ rule extract_skin:
 rule make_skin:
     input:
         scan=neutral_scan,
-        from_volume=lambda w: skins_of_volumes(w.subject, [neutral(w.subject)]),
+        from_volume=neutral_from_volume,
         nails=lambda w: nail_files(w.subject),
         carried=carried_template,
     output:
@@ -203,7 +203,7 @@ rule evaluate_skin:
             pose=scanned(w.subject),
             allow_missing=True,
         ),
-        from_volume=lambda w: skins_of_volumes(w.subject, dataset(w.subject).poses),
+        from_volume=skins_from_volumes,
         truth=in_truth(paths.TRUTH),
     output:
         metrics=paths.metrics_of("skin"),

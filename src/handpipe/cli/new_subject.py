@@ -198,6 +198,6 @@ def _notes(
         yield f"to do: draw a stroke in each bone of {neutral} and some around them, and save them as {seeds}"
     bare = [pose for pose, files in poses.items() if "scan" not in files]
     if bare:
-        yield f"no skin scan: {', '.join(bare)}. Choose a scene without fat and skin, or add the scans"
+        yield f"no skin scan: {', '.join(bare)}. The volume gives the skin there, with air around the hand"
     if len(poses) == 1:
         yield "one pose only: the rig needs others to show how the joints move"

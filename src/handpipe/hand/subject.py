@@ -126,7 +126,7 @@ def require_skin(source: str | Path, dataset: Dataset, pose: str, layer: str) ->
     scan = dataset.poses[pose].scan
     if not dataset.has_skin(pose):
         problem = f"is not given, but the layer {layer} is made of it"
-        remedy = "Name one, set skin_from_volume: true, or leave the layer out (skin needs neutral, fat all examples)"
+        remedy = "Name one, set skin_from_volume: true, or leave the layer out"
         raise InputError(source, f"poses.{pose}.scan", problem, remedy)
     return None if scan is None else dataset.path(scan)
 

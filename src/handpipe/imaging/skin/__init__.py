@@ -1,4 +1,4 @@
-"""The skin in a volume: the body's edge below the voxel size, closed, its parts told apart where they touch."""
+"""The skin in a volume: its edge below the voxel size, closed, parts told apart where they touch."""
 
 from typing import TYPE_CHECKING
 

@@ -1,8 +1,8 @@
 """Where parts of a limb touch: told by the bones, by the dark line between them, and by the neutral skin.
 
-Between two fingers that touch the image shows no air. Every voxel of the body goes to a bone: the watershed of
-the distance to the bones, raised where the image is dark, ends at the skin's line, and half-way where there is
-none. The faces between two bones' voxels are a contact only where the bones are parts with skin between them:
+Between two fingers that touch the image shows no air. Every voxel of the body goes to a bone: the watershed
+of the distance to the bones, raised where the image is dark, ends at the skin's line, and half-way where
+there is none. The faces between two bones' voxels are a contact only where the bones are parts with skin between them:
 in a bent pose where the neutral skin lies there, moved by either bone, and faces the other bone; in neutral
 itself between digits beyond the web.
 """
@@ -95,23 +95,22 @@ class Contacts:
         names = list(bones.surfaces)
         marks = rasterise(volume, dict(enumerate(bones.surfaces.values(), 1)))
         marks = np.where(body.inside, marks, 0)
-        owner, nearest = _owners(volume, body, marks)
-        faces = _faces(owner, [(names.index(a) + 1, names.index(b) + 1) for a, b in bones.joints if a in names and b in names])
+        owner = _owners(volume, body, marks)
+        joined = [(names.index(a) + 1, names.index(b) + 1) for a, b in bones.joints if {a, b} <= set(names)]
+        faces = _faces(owner, joined)
         places = volume.to_world((faces.first + faces.second) / 2)
-        ways = _ways(volume, nearest, faces)
-        touching = np.zeros(len(places), bool)
         rule = _beyond_webs if bones.neutral is None else _between_skins
-        if len(places):
-            touching = rule(bones, names, faces, places, ways)
-        gap = np.zeros(volume.shape, bool)
-        kept = np.flatnonzero(touching)
+        kept = np.flatnonzero(rule(bones, names, faces, places))
         if len(kept) < FEW:
-            return Contacts(gap, np.zeros((0, 3)))
+            return Contacts.none(volume)
+        gap = np.zeros(volume.shape, bool)
         second = np.zeros(volume.shape, bool)
         second[tuple(faces.second[kept].T)] = True
         for low in np.unique(faces.owners[kept, 0]):
             others = np.unique(faces.owners[kept][faces.owners[kept, 0] == low, 1])
-            gap |= (owner == low) & ndimage.binary_dilation(second & np.isin(owner, others), np.ones((3, 3, 3)))
+            gap |= (owner == low) & ndimage.binary_dilation(
+                second & np.isin(owner, others), np.ones((3, 3, 3))
+            )
         return Contacts(gap, _averaged(places[kept], AROUND * float(volume.spacing.mean())))
 
 
@@ -124,13 +123,13 @@ class _Faces:
     owners: IntArray  # (k, 2)
 
 
-def _owners(volume: Volume, body: Body, marks: NDArray[np.uint8]) -> tuple[IntArray, IntArray]:
-    """The bone (nx, ny, nz) to which each voxel of the body goes, and the bone's voxel nearest to each."""
-    distance, nearest = ndimage.distance_transform_edt(marks == 0, sampling=volume.spacing, return_indices=True)
+def _owners(volume: Volume, body: Body, marks: NDArray[np.uint8]) -> IntArray:
+    """The bone (nx, ny, nz) to which each voxel of the body goes."""
+    distance = ndimage.distance_transform_edt(marks == 0, sampling=volume.spacing)
     dark = np.clip(1.0 - volume.values / np.maximum(body.tissue, 1e-6 * volume.bright), 0.0, 1.0)
     height = distance + DARK_LINE * dark * (distance > CORTEX)
     owner = watershed(height.astype(np.float32), marks.astype(np.int32), mask=body.inside)
-    return np.asarray(owner), nearest
+    return np.asarray(owner)
 
 
 def _faces(owner: IntArray, joined: Sequence[tuple[int, int]]) -> _Faces:
@@ -155,18 +154,22 @@ def _faces(owner: IntArray, joined: Sequence[tuple[int, int]]) -> _Faces:
     return _Faces(a, b, np.sort(owners, axis=1))
 
 
-def _ways(volume: Volume, nearest: IntArray, faces: _Faces) -> Array:
+def _ways(bones: Sequence[Surface], faces: _Faces, places: Array) -> Array:
     """Unit directions (k, 3) from the first bone to the second across each face."""
-    ends = [volume.to_world(nearest[(slice(None), *voxels.T)].T) for voxels in (faces.first, faces.second)]
+    ends = np.zeros((2, *places.shape))
+    for side in (0, 1):
+        for number in np.unique(faces.owners[:, side]):
+            mine = faces.owners[:, side] == number
+            vertices = bones[number - 1].vertices
+            ends[side, mine] = vertices[cKDTree(vertices).query(places[mine])[1]]
     way = ends[1] - ends[0]
-    return way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    return np.asarray(way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9))
 
 
-def _between_skins(
-    bones: PosedBones, names: Sequence[str], faces: _Faces, places: Array, ways: Array
-) -> BoolArray:
+def _between_skins(bones: PosedBones, names: Sequence[str], faces: _Faces, places: Array) -> BoolArray:
     """Faces at which the neutral skin, moved by either bone, lies and faces the other bone."""
     assert bones.neutral is not None
+    ways = _ways(list(bones.surfaces.values()), faces, places)
     distance = Distance(bones.neutral)
     normals = bones.neutral.triangle_normals()
     touching = np.ones(len(places), bool)
@@ -174,15 +177,15 @@ def _between_skins(
         for number in np.unique(faces.owners[:, side]):
             motion = bones.motions[names[number - 1]]
             mine = np.flatnonzero((faces.owners[:, side] == number) & touching)
+            if len(mine) == 0:
+                continue
             off, triangles, _ = distance.closest(motion.inverse()(places[mine]))[:3]
             facing = np.einsum("ij,ij->i", normals[triangles] @ motion.rotation.T, sign * ways[mine])
             touching[mine] = (off < NEAR_SKIN) & (facing > FACING)
     return touching
 
 
-def _beyond_webs(
-    bones: PosedBones, names: Sequence[str], faces: _Faces, places: Array, ways: Array
-) -> BoolArray:
+def _beyond_webs(bones: PosedBones, names: Sequence[str], faces: _Faces, places: Array) -> BoolArray:
     """Faces between two digits, beyond the web."""
     digit = np.full(len(names) + 1, -1)
     touching = np.ones(len(places), bool)

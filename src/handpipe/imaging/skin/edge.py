@@ -1,8 +1,8 @@
 """The skin's edge below the voxel size: where the profile along the normal falls like a blurred step to air.
 
-The tissue at the edge is about a voxel of dermis, and brighter or darker than what lies under it. A level that is
-half-way from air to the tissue some voxels inside would lie in the dermis or outside of it, depending on the
-echo. Of a blurred step the outer flank alone tells place and height together.
+The tissue at the edge is about a voxel of dermis, and brighter or darker than what lies under it. A level that
+is half-way from air to the tissue some voxels inside would lie in the dermis or outside of it, depending on
+the echo. Of a blurred step the outer flank alone tells place and height together.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def refined(
 ) -> tuple[Surface, Array]:
     """A surface moved along its normals on to the skin's edge, and each vertex's confidence (n,).
 
-    A vertex whose profile shows no edge follows its neighbours. Only free vertices (n,) move. At contacts, known
-    by places (k, 3) on them, the surface ends a little before the contact.
+    A vertex whose profile shows no edge follows its neighbours. Only free vertices (n,) move. At contacts,
+    known by places (k, 3) on them, the surface ends a little before the contact.
     """
     touching = cKDTree(contacts) if len(contacts) else None
     laplacian = graph_laplacian(surface.triangles, len(surface.vertices))
@@ -74,7 +74,9 @@ def edge_offsets(volume: Volume, surface: Surface, air: Air) -> tuple[Array, Arr
     normals = surface.vertex_normals()
     voxel = np.linalg.norm(normals @ volume.affine[:3, :3], axis=1)
     depth = np.arange(-REACH - INWARDS, REACH + OUTWARDS + 1e-9, STEP)
-    profiles = volume.sample(surface.vertices[:, None] + (voxel[:, None] * depth)[..., None] * normals[:, None])
+    profiles = volume.sample(
+        surface.vertices[:, None] + (voxel[:, None] * depth)[..., None] * normals[:, None]
+    )
     outside = volume.like(air.level).sample(surface.vertices)
     signal = _signal(np.maximum(profiles, outside[:, None]), outside, air)
     place, height, likeness = _steps(signal)

@@ -10,14 +10,16 @@ from skimage import measure
 
 from handpipe.core import Array, BoolArray, InputError
 from handpipe.imaging.skin.body import Body, measured
-from handpipe.imaging.skin.edge import refined
 from handpipe.imaging.skin.contacts import Contacts, PosedBones
+from handpipe.imaging.skin.edge import refined
 from handpipe.imaging.volumes.volume import Volume
-from handpipe.mesh.surfaces import Surface, component_labels, taubin
+from handpipe.mesh.contact import crossings, cuts_itself
+from handpipe.mesh.surfaces import Surface, averaging, component_labels, taubin
 
 COARSEST = 4.0  # mm: a finger has fewer than four thicker slices
 SMOOTHING = (0.0, 0.5, 0.8, 1.2)  # voxels; the first that leaves no handle
 FIRST_SMOOTHING = 10  # rounds, of the voxels' steps
+UNTANGLING = 12  # rounds
 BEYOND = 2  # voxels beyond the border of the image
 SURE = 0.25  # of a full weight
 
@@ -88,14 +90,17 @@ def skin_of_volume(volume: Volume, bones: PosedBones | None = None) -> VolumeSki
     """
     if volume.spacing.max() > COARSEST:
         problem = f"are {volume.spacing.max():.3g} mm apart: between them nothing tells where the skin is"
-        raise InputError("volume", "slices", problem, f"Give a scan of the skin, or slices of {COARSEST:g} mm")
+        raise InputError(
+            "volume", "slices", problem, f"Give a scan of the skin, or slices of {COARSEST:g} mm"
+        )
     volume = measured(volume)
     longer = _prolonged(volume)
     body = Body.find(longer)
     contacts = Contacts.find(longer, body, bones) if bones else Contacts.none(longer)
-    surface, handles = _first_surface(longer, body, contacts.gap)
-    beyond = _beyond(volume, surface) > BEYOND
-    surface, weights = refined(longer, surface, body.air, ~beyond, contacts.places)
+    first, handles = _first_surface(longer, body, contacts.gap)
+    beyond = _beyond(volume, first) > BEYOND
+    surface, weights = refined(longer, first, body.air, ~beyond, contacts.places)
+    surface = _untangled(surface, first)
     surface, cut = _ended(volume, surface)
     sure = float((weights[~beyond] > SURE).mean())
     return VolumeSkin(surface, cut, sure, handles, body.others, len(contacts.places))
@@ -118,7 +123,7 @@ def _first_surface(volume: Volume, body: Body, gap: BoolArray) -> tuple[Surface,
 
 
 def _contour(volume: Volume, field: np.ndarray) -> Surface:
-    """The closed surface of what is above 1, its largest part; half a voxel beyond the border of the image."""
+    """The closed surface of what is above 1, its largest part; closed half a voxel beyond the border."""
     padded = np.pad(field, 1, constant_values=0.0)
     vertices, triangles, _, _ = measure.marching_cubes(padded, 1.0, gradient_direction="ascent")
     surface = Surface(volume.to_world(vertices - 1.0), triangles.astype(np.int64)).largest_component()
@@ -128,6 +133,20 @@ def _contour(volume: Volume, field: np.ndarray) -> Surface:
 def genus(surface: Surface) -> int:
     """Number of handles of a closed surface of one part."""
     return 1 - (len(surface.vertices) - len(surface.edges()) + len(surface.triangles)) // 2
+
+
+def _untangled(surface: Surface, first: Surface) -> Surface:
+    """The surface, moved back towards the first one where it crosses itself, as at the end of a gap."""
+    mean = averaging(surface)
+    for _ in range(UNTANGLING):
+        if not cuts_itself(surface):
+            break
+        pairs = crossings(surface)
+        back = np.zeros(len(surface.vertices))
+        back[surface.edges()[pairs[:, 0]]] = back[surface.triangles[pairs[:, 1]]] = 1.0
+        back = np.minimum(back + mean @ back + mean @ (mean @ back), 1.0)[:, None]
+        surface = surface.moved(surface.vertices + 0.5 * back * (first.vertices - surface.vertices))
+    return surface
 
 
 def _prolonged(volume: Volume) -> Volume:

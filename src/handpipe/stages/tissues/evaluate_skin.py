@@ -104,7 +104,7 @@ def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Seq
 
 
 def _of_volumes(files: Sequence[Path]) -> metrics.Metrics:
-    """Figures of the skins that come from volumes: how many, and the worst of each; none where all are scans."""
+    """Figures of the skins that come from volumes: how many, and the worst; none where all are scans."""
     if not files:
         return {}
     read = [metrics.read(path) for path in files]

@@ -87,7 +87,9 @@ def _warn(pose: str, skin: VolumeSkin) -> None:
         share = 100 * skin.sure
         log.warning("%s: the image shows the skin clearly at %.0f %% of it alone: look at it", pose, share)
     if skin.handles > 0:
-        log.warning("%s: the skin has %d handles: parts of the limb touch and stay joined", pose, skin.handles)
+        log.warning(
+            "%s: the skin has %d handles: parts of the limb touch and stay joined", pose, skin.handles
+        )
     if skin.ends > 1:
         log.warning("%s: the border of the image cuts the limb in %d places", pose, skin.ends)
     if skin.others > 0:
