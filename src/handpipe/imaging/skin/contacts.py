@@ -2,8 +2,8 @@
 
 Between two fingers that touch the image shows no air. Every voxel of the body goes to a bone: the watershed
 of the distance to the bones, raised where the image is dark, ends at the skin's line, and half-way where
-there is none. The faces between two bones' voxels are a contact only where the bones are parts with skin between them:
-in a bent pose where the neutral skin lies there, moved by either bone, and faces the other bone; in neutral
+there is none. The faces between two bones' voxels are a contact only where the bones are parts with skin
+between them: in a bent pose where the neutral skin lies there, moved by either bone, and faces the other bone; in neutral
 itself between digits beyond the web.
 """
 
@@ -63,8 +63,8 @@ class PosedBones:
         found = []
         for tip in (bone for bone in self.surfaces if bone not in children and bone in parents):
             chain = [tip]
-            while (parent := parents.get(chain[0])) and len(children[parent]) == 1:
-                chain.insert(0, parent)
+            while chain[0] in parents and len(children[parents[chain[0]]]) == 1:
+                chain.insert(0, parents[chain[0]])
             found.append(chain)
         return found
 
@@ -135,9 +135,9 @@ def _owners(volume: Volume, body: Body, marks: NDArray[np.uint8]) -> IntArray:
 def _faces(owner: IntArray, joined: Sequence[tuple[int, int]]) -> _Faces:
     count = int(owner.max()) + 1
     apart = np.ones((count, count), bool)
-    for a, b in joined:
-        if max(a, b) < count:
-            apart[a, b] = apart[b, a] = False
+    for parent, child in joined:
+        if max(parent, child) < count:
+            apart[parent, child] = apart[child, parent] = False
     apart[0] = apart[:, 0] = False
     np.fill_diagonal(apart, False)
     first, second = [], []
@@ -147,7 +147,7 @@ def _faces(owner: IntArray, joined: Sequence[tuple[int, int]]) -> _Faces:
         at = np.argwhere((low != high) & apart[low, high])
         first.append(at)
         second.append(at + np.eye(3, dtype=np.int64)[axis])
-    a, b = np.concatenate(first), np.concatenate(second)
+    a, b = (np.concatenate(side).astype(np.int64) for side in (first, second))
     owners = np.stack([owner[tuple(a.T)], owner[tuple(b.T)]], axis=1)
     turned = owners[:, 0] > owners[:, 1]
     a[turned], b[turned] = b[turned], a[turned]

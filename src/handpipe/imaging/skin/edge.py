@@ -1,8 +1,8 @@
 """The skin's edge below the voxel size: where the profile along the normal falls like a blurred step to air.
 
-The tissue at the edge is about a voxel of dermis, and brighter or darker than what lies under it. A level that
-is half-way from air to the tissue some voxels inside would lie in the dermis or outside of it, depending on
-the echo. Of a blurred step the outer flank alone tells place and height together.
+The tissue at the edge is about a voxel of dermis, and brighter or darker than what lies under it. A level
+half-way from air to the tissue some voxels inside would lie in the dermis or outside of it, depending on the
+echo. Of a blurred step the outer flank alone tells place and height together.
 """
 
 from __future__ import annotations
@@ -80,10 +80,10 @@ def edge_offsets(volume: Volume, surface: Surface, air: Air) -> tuple[Array, Arr
     outside = volume.like(air.level).sample(surface.vertices)
     signal = _signal(np.maximum(profiles, outside[:, None]), outside, air)
     place, height, likeness = _steps(signal)
-    clear = height > 4 * air.noise
+    clear: BoolArray = height > 4 * air.noise
     confidence = clear * np.exp(-np.maximum(ALIKE - likeness, 0.0) / 0.02)
     shift = 0.5 * (BLUR * voxel) ** 2 * np.clip(summed_curvature(surface), -1 / voxel, 1 / voxel)
-    return place * voxel + shift, confidence
+    return place * voxel + shift, np.asarray(confidence, float)
 
 
 def _signal(seen: Array, outside: Array, air: Air) -> Array:

@@ -167,4 +167,4 @@ def _ended(volume: Volume, surface: Surface) -> tuple[Surface, BoolArray]:
     ends = (_beyond(volume, surface) > 0.0)[surface.triangles].any(axis=1)
     index = volume.to_index(surface.vertices)
     seen = np.clip(index, 0.0, np.array(volume.shape) - 1.0)
-    return surface.moved(volume.to_world(seen)), ends
+    return surface.moved(volume.to_world(seen)), np.asarray(ends)

@@ -37,7 +37,7 @@ def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> No
     if inputs.carried is None:
         patches = {name: read_surface(dataset.path(nail.surface)) for name, nail in dataset.nails.items()}
     else:
-        patches = Carried.load(inputs.carried).nails
+        patches = dict(Carried.load(inputs.carried).nails)
     if inputs.carried is not None or inputs.from_volume is not None:
         patches = {name: on_skin(patch, skin) for name, patch in patches.items()}
     parts = {
