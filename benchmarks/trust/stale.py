@@ -90,6 +90,7 @@ CHANGES = [
             ),
             "poses.fist.labels_show": ("marrow", "correct_bone merge_labels segment_pose"),
             "poses.fist.scan": ("new/fist.ply", "evaluate_skin fit_fat_strains report"),
+            "poses.fist.scan_frame": ("own", "align_scan evaluate_skin fit_fat_strains report"),
             "skin_from_volume": (True, ""),
             "poses.fist.scribbles.distal2": ("new/distal2.nii.gz", "correct_bone merge_labels"),
             "poses.neutral.markers.lumbrical1": ("new/n.mrk.json", "extract_muscle"),

@@ -286,6 +286,19 @@ def test_all_faults_of_all_files_are_found_at_once(small: Path, monkeypatch: pyt
     assert {(fault.source, fault.field) for fault in found if isinstance(fault, InputError)} == expected
 
 
+def test_a_scan_in_its_own_frame_need_not_lie_in_the_image(
+    small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(small)
+    write_mesh(small / "small" / "bent.ply", body().apply_translation([300.0, 0.0, 0.0]))
+    [fault] = found_faults()
+    assert isinstance(fault, InputError)
+    assert (fault.source, fault.field) == ("small/bent.ply", "frame")
+    assert "scan_frame: own" in fault.remedy
+    edit(small, lambda d: d["poses"]["bent"].update(scan_frame="own"))
+    assert found_faults() == []
+
+
 def test_checks_find_nothing_in_a_good_subject(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(small)
     assert found_faults() == []

@@ -621,10 +621,12 @@ def scanned(subject):
 
 
 def skin_of(subject, pose):
-    """The skin of a pose that has one: its scan, else what its volume gives."""
+    """The skin of a pose that has one: its scan, aligned if in its own frame, else what its volume gives."""
     data = dataset(subject)
     if data.poses[pose].scan is None:
         return paths.at(paths.VOLUME_SKIN, subject=subject, pose=pose)
+    if data.poses[pose].scan_frame == "own":
+        return paths.at(paths.ALIGNED_SCAN, subject=subject, pose=pose)
     return data.path(data.poses[pose].scan)
 
 
@@ -653,6 +655,15 @@ def neutral_skin(wildcards):
     return skin_of(subject, neutral(subject))
 
 
+def aligned_scans(subject):
+    """Poses whose scan is aligned for the scenes: neutral's for any skin, the others' for fat."""
+    data, layers = dataset(subject), scene_layers()
+    needed_in = [data.neutral] if "skin" in layers else []
+    needed_in = data.poses if "fat" in layers else needed_in
+    own = [n for n in needed_in if data.poses[n].scan_frame == "own"]
+    return [n for n in own if data.poses[n].scan]
+
+
 def report_stages(subject):
     """The stages that the scenes ask for, by the names of their figures."""
     data, layers = dataset(subject), scene_layers()
@@ -660,6 +671,7 @@ def report_stages(subject):
     stages += ["segmentation", "registration", "rig"]
     stages += ["tendons"] if "tendons" in layers and data.tendons else []
     stages += ["muscles"] if "muscles" in layers and data.muscles else []
+    stages += [f"scan-{pose}" for pose in aligned_scans(subject)]
     stages += ["skin"] if "fat" in layers else []
     stages += ["poses"] if report_poses(subject) else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]

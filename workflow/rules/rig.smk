@@ -59,3 +59,28 @@ rule fit_rig:
         "{wildcards.subject}: fit the rig"
     script:
         "../scripts/fit_rig.py"
+
+
+rule align_scan:
+    input:
+        scan=of_pose("scan"),
+        volume=of_pose("volume"),
+        rig=paths.RIG,
+        neutral=neutral_skin,
+    output:
+        scan=paths.ALIGNED_SCAN,
+        metrics=paths.metrics_of("scan-{pose}"),
+    log:
+        paths.log_of("align_scan", "pose"),
+    benchmark:
+        paths.cost_of("align_scan", "pose")
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=10,
+    params:
+        dataset=reads(*image_of()),
+    message:
+        "{wildcards.subject}: align the scan of {wildcards.pose} to the skin in its image"
+    script:
+        "../scripts/align_scan.py"

@@ -54,6 +54,9 @@ REGISTRATION = f"{SUBJECT}/registration/{{pose}}.h5"
 RIG = f"{SUBJECT}/rig.h5"
 CARRIED_TEMPLATE = f"{SUBJECT}/carried_template.h5"
 
+# Scans that are given in their own frame.
+ALIGNED_SCAN = f"{SUBJECT}/scans/{{pose}}/aligned.ply"
+
 # Tendons, muscles, ligaments.
 NEUTRAL_TENDON = f"{SUBJECT}/tendons/{{tendon}}/neutral.h5"
 POSED_TENDON = f"{SUBJECT}/tendons/{{tendon}}/poses/{{pose}}.h5"

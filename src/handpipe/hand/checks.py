@@ -208,12 +208,13 @@ def _check_scribbles(dataset: Dataset, path: Path, volume: Callable[[], Volume])
 def _frame_checks(dataset: Dataset) -> Iterator[Check]:
     """Scans, marks, tendons' paths and nails that lie in the image of their pose.
 
-    Others are in another frame or unit, or of another pose.
+    Others are in another frame or unit, or of another pose. Scans in their own frame are judged when they are
+    aligned.
     """
     images = {name: cache(partial(_image, dataset, name)) for name in dataset.poses}
     volumes = {name: dataset.path(pose.volume) for name, pose in dataset.poses.items()}
     for name, pose in dataset.poses.items():
-        if pose.scan is not None:
+        if pose.scan is not None and pose.scan_frame == "volume":
             path = dataset.path(pose.scan)
             yield Check((path, volumes[name]), partial(_check_scan, path, name, images))
         for marks in map(dataset.path, (*pose.markers.values(), *pose.landmarks.values())):

@@ -142,7 +142,13 @@ class Pose(Model):
         "whole", description="what `labels` show of a bone: all of it with its cortex, or its marrow"
     )
     scan: Path | None = Field(
-        None, description="skin scan: PLY, OBJ or STL in mm, in the frame of `volume`; may have holes"
+        None,
+        description="skin scan: PLY, OBJ or STL in mm, in the frame that `scan_frame` tells; may have holes",
+    )
+    scan_frame: Literal["volume", "own"] = Field(
+        "volume",
+        description="frame of the scan: that of `volume`, or its own; from that it is aligned to the skin in "
+        "`volume`",
     )
     scribbles: dict[Name, Path] = Field({}, description="extra seeds for one bone, same format as `seeds`")
     markers: dict[Name, Path] = Field(

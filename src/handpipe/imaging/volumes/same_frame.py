@@ -185,9 +185,8 @@ def require_scan_in_image(
             f"It would fit if it is in {cause}" if "mirrored" not in cause else f"It would fit if {cause}"
         )
     elif own < REFUSED:
-        remedy = (
-            f"{_boxes(scan.compact().vertices, image.box)}. Give it in RAS mm in the image's frame and pose"
-        )
+        boxes = _boxes(scan.compact().vertices, image.box)
+        remedy = f"{boxes}. Give it in RAS mm in the image's frame and pose, or write scan_frame: own"
     else:
         log.warning("%s: %s; is it of this pose?", path, problem)
         return own

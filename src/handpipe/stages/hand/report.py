@@ -45,8 +45,11 @@ def report(
     """One HTML file with pictures, tables, figures and costs of a subject."""
     rig = Rig.load(inputs.rig)
 
-    scans = {path.parent.name: path for path in inputs.scans}  # of volumes, in a folder of their pose
-    scans |= {name: dataset.path(pose.scan) for name, pose in dataset.poses.items() if pose.scan is not None}
+    given = {name: dataset.path(pose.scan) for name, pose in dataset.poses.items() if pose.scan is not None}
+    scans = {
+        path.parent.name: path for path in inputs.scans
+    }  # of volumes and aligned: in a folder of the pose
+    scans |= {name: path for name, path in given.items() if path in inputs.scans}
     bare = [name for name in dataset.poses if name in scans and dataset.poses[name].scan is None]
 
     def truth_of(pose: str) -> dict[str, list[Surface]]:
