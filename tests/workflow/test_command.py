@@ -145,7 +145,7 @@ def test_init_writes_a_dataset_that_loads(
         "hook": "heldout",
     }
     scene = load_scene("config/scenes/my-hand.yaml")
-    assert "tendons" in scene.layers and "fat" not in scene.layers  # neutral has no scan
+    assert dataset.skin_from_volume and "fat" in scene.layers  # neutral has no scan
     missing = [field for field, path in named_files(dataset).items() if not path.exists()]
     assert missing == ["poses.neutral.seeds"]
     before = (small / "config/datasets/my-hand.yaml").read_bytes()

@@ -31,7 +31,7 @@ def write_first_scene(name: str, dataset: Dataset) -> tuple[Path, Path]:
     name : str
         The subject's, and so the scene's.
     dataset : Dataset
-        Joints with their limits, and the poses' scans.
+        Joints with their limits, and what gives the skin.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def write_first_scene(name: str, dataset: Dataset) -> tuple[Path, Path]:
         for frame, share in SHARES.items()
     ]
     scene, frames = scene_files(name)
-    layers = LAYERS if dataset.fleshed else INNER
+    layers = LAYERS if dataset.has_skin(dataset.neutral) else INNER
     write_text(frames, "\n".join(rows) + "\n")
     write_text(scene, SCENE.format(layers=", ".join(layers), frames=frames))
     return scene, frames

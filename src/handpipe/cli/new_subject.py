@@ -94,6 +94,8 @@ def init(
             for pose, files in sorted(poses.items(), key=lambda item: (item[0] != rest, item[0]))
         },
     }
+    if "scan" not in poses[rest]:
+        content["skin_from_volume"] = True
     content |= _below(TEMPLATE, shipped.fields_of(side, bones=bones)) | {"drawn_in": "template"}
     text = HEADER.format(template=folder / TEMPLATE)
     write_text(path, text + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110))
@@ -219,6 +221,7 @@ def _notes(
     drawn = poses[neutral].get("seeds")
     if drawn is not None and not (seeds := folder / drawn).exists():
         yield f"to do: draw a stroke in each bone of {neutral} and some around them, and save them as {seeds}"
+        yield f"to draw: 3D Slicer, ITK-SNAP, or handpipe draw SUBJECT {neutral}"
     bare = [pose for pose, files in poses.items() if "scan" not in files]
     if bare:
         yield f"no skin scan: {', '.join(bare)}. The volume gives the skin there, with air around the hand"
