@@ -15,7 +15,9 @@ if TYPE_CHECKING:
         unit_of,
     )
     from handpipe.imaging.volumes.volume import (
+        Labels,
         Volume,
+        box,
         pose_volume,
         read_label_table,
         read_labels,
@@ -27,7 +29,9 @@ else:
 
 __all__ = [
     "Foreground",
+    "Labels",
     "Volume",
+    "box",
     "likely_cause",
     "pose_volume",
     "rasterise",
