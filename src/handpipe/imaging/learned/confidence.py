@@ -19,8 +19,8 @@ from handpipe.imaging.volumes import Labels
 BLOCK = 12.0  # mm, of the strokes that are left out together
 BLOCKS = 4  # along a bone at least
 NEAR = 6.0  # mm from a bone: strokes of the background there say where it ends
-LEAST_AGREEMENT = 0.85
-MOST_MISSED = 0.1  # of the strokes left out
+LEAST_AGREEMENT = 0.8
+MOST_MISSED = 0.2  # of the strokes left out
 
 
 @dataclass(frozen=True)
