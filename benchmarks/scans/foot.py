@@ -77,7 +77,7 @@ class Segmented:
 
 @dataclass(frozen=True)
 class Agreement:
-    """How one bone of two images agrees: Dice coefficient; turn in deg and shift in mm from the known motion."""
+    """How one bone of two images agrees: Dice coefficient, turn in deg and shift in mm beside the motion."""
 
     dice: float
     turn: float
@@ -139,7 +139,7 @@ def noise(volume: Volume) -> float:
 
 
 def thick(volume: Volume, seeds: Labels) -> tuple[Volume, Labels]:
-    """A copy with slices twice as thick along the first axis; strokes of two labels in a voxel are dropped."""
+    """A copy of slices twice as thick along the first axis; voxels with strokes of two labels get none."""
     count = volume.shape[0] // 2
     pairs = volume.values[: 2 * count].reshape(count, 2, *volume.shape[1:])
     marks = seeds[: 2 * count].reshape(count, 2, *volume.shape[1:])

@@ -24,7 +24,7 @@ def write_strokes(strokes: Path, image: Path, seeds: Path) -> dict[str, int]:
     Returns the bones' labels.
     """
     drawn = json.loads(strokes.read_text(encoding="utf-8"))
-    stored = nibabel.load(image)
+    stored = nibabel.Nifti1Image.from_filename(image)
     values, labels = rasterised(drawn, stored.shape)
     nibabel.save(nibabel.Nifti1Image(values, stored.affine), seeds)
     return labels

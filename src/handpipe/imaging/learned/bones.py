@@ -61,7 +61,7 @@ def segment_learned(
     known = np.where(np.isin(seeds, [*bones.values(), 0]), seeds, np.uint8(BACKGROUND))
     _check(known)
     drawn = {name: label for name, label in bones.items() if (known == label).any()}
-    wrong = {name: "it has no strokes: draw them within the bone" for name in bones.keys() - drawn.keys()}
+    wrong = dict.fromkeys(bones.keys() - drawn.keys(), "it has no strokes: draw them within the bone")
     lower, upper = _region(known, channels[0])
     crops = [volume.crop(lower, upper) for volume in channels]
     known = known[box(lower, upper)]
@@ -138,7 +138,8 @@ def _region(seeds: Labels, volume: Volume) -> tuple[IntArray, IntArray]:
 
 def _check(seeds: Labels) -> None:
     """Raise `InputError` where strokes teach no look of bone, or none of the background."""
-    for which, strokes in (("bones", (seeds > 0) & (seeds < BACKGROUND)), ("background", seeds == BACKGROUND)):
+    outside = seeds == BACKGROUND
+    for which, strokes in (("bones", (seeds > 0) & ~outside), ("background", outside)):
         count = int(np.count_nonzero(strokes))
         if count < FEWEST:
             problem = f"strokes of the {which} have {count} voxels, which teach no look"

@@ -6,7 +6,6 @@ A bone whose border the image and the look decide comes out the same; the stroke
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np

@@ -38,9 +38,7 @@ def _appearance(volume: Volume, bone: BoneProbability) -> Appearance:
     return Appearance(**claims.extent(volume, bone), level=level, relative_level=1.0, enclosed=1.0)
 
 
-def learned_doubts(
-    bones: Mapping[str, BoneProbability], corrected: Collection[str] = ()
-) -> dict[str, str]:
+def learned_doubts(bones: Mapping[str, BoneProbability], corrected: Collection[str] = ()) -> dict[str, str]:
     """The bones that their strokes do not decide, with the reasons; each doubt is logged.
 
     Parameters
