@@ -232,10 +232,9 @@ class Dataset(Model):
             raise ValueError("poses: exactly one pose has the role neutral")
         if self.poses[self.neutral].seeds is None:
             raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds")
-        for pose in (
-            name for name, p in self.poses.items() if self.contrast == "learned" and p.seeds is None
-        ):
-            raise ValueError(f"poses.{pose}: needs seeds, since contrast is learned from them")
+        unmarked = [name for name, pose in self.poses.items() if pose.seeds is None]
+        if self.contrast == "learned" and unmarked:
+            raise ValueError(f"poses.{unmarked[0]}: needs seeds, since contrast is learned from them")
         if self.scanner is not None and self.generator not in SCANNED_HANDS:
             raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
         for kind, named in (
