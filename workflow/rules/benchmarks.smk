@@ -134,7 +134,9 @@ rule benchmark_anatomy:
         "../scripts/benchmark.py"
 
 
-SCANS = ["foot"]  # parts of the benchmark of real scans
+SCANS = {  # parts of the benchmark of scans: the module of `benchmarks` and its arguments
+    "foot": ("scans", ["foot"]),
+}
 
 
 rule benchmark_scans_part:
@@ -151,8 +153,8 @@ rule benchmark_scans_part:
         mem_mb=4000,
         runtime=60,
     params:
-        name="scans",
-        arguments=lambda w: [w.part],
+        name=lambda w: SCANS[w.part][0],
+        arguments=lambda w: SCANS[w.part][1],
     message:
         "what comes of real scans, without a truth: {wildcards.part}"
     script:

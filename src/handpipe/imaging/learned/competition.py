@@ -18,7 +18,7 @@ from handpipe.imaging.learned.share import Share, tidied
 from handpipe.imaging.segmentation import BACKGROUND, Stop, harmonic
 from handpipe.imaging.volumes import Labels
 
-CONTRAST = 3.0  # weight of squared differences of relative intensities, and of the look, along an edge
+CONTRAST = 6.0  # weight of squared differences of relative intensities, and of the look, along an edge
 PRIOR = 0.03  # of a voxel's own look, against an edge without contrast
 APART = 4  # power of the share of bone that an edge between bones has
 LEAST_BONE = 0.1  # that this power is taken of

@@ -12,7 +12,7 @@ from scipy import ndimage
 from handpipe.core import BoolArray
 from handpipe.imaging.volumes import Labels
 
-SMOOTHING = 0.85  # voxels: what a border of single voxels says is noise
+SMOOTHING = 0.7  # voxels: what a border of single voxels says is noise
 
 
 @dataclass
