@@ -1,4 +1,6 @@
-"""`python -m benchmarks.scans PART --output FILE`: figures of one part; `merge FILE…` puts parts together.
+"""`python -m benchmarks.scans PART --output FILE`: figures of one part.
+
+`merge FILE…` puts parts together; `picture` draws the foot.
 
 A part is a module of this package with `measure(results: Path) -> Metrics`.
 """
@@ -19,7 +21,7 @@ PARTS = ("foot",)
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure one part, or merge."""
     parser = argparse.ArgumentParser(prog="benchmarks.scans", description=__doc__)
-    parser.add_argument("part", choices=(*PARTS, "merge"))
+    parser.add_argument("part", choices=(*PARTS, "merge", "picture"))
     parser.add_argument("files", type=Path, nargs="*", help="of `merge`: the parts' figures")
     parser.add_argument("--results", type=Path, default=Path("results"), help="folder of built subjects")
     parser.add_argument("--output", type=Path, required=True, help="JSON of the figures")
@@ -32,6 +34,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     if options.part == "merge":
         merge(options.files, options.output)
+        return
+    if options.part == "picture":
+        from benchmarks.scans.foot import Segmented, foot
+        from benchmarks.scans.picture import draw
+
+        volumes, seeds, labels = foot()
+        draw([Segmented.of(volume, seeds, labels) for volume in volumes], list(labels), options.output)
         return
     metrics.write(
         options.output, importlib.import_module(f"benchmarks.scans.{options.part}").measure(options.results)

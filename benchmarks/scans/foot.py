@@ -36,6 +36,7 @@ ECHOES = CHECKOUT.parent / "shared" / "data" / "real_mri" / "foot_dixon"
 DRAWN_ON = 1  # of the echoes
 TURN = 20.0  # deg
 NOISIER = 1.5
+MOST_TURN, MOST_SHIFT = 0.5, 0.3  # deg and mm: what a rig wants of a bone
 PADDED = 20  # voxels around a turned image
 AROUND = 5.0  # mm around a bone whose voxels are compared
 
@@ -77,21 +78,38 @@ class Segmented:
 
 @dataclass(frozen=True)
 class Agreement:
-    """How one bone of two images agrees: Dice coefficient, turn in deg and shift in mm beside the motion."""
+    """How one bone of two images agrees: Dice coefficient, turn in deg and shift in mm beside the motion.
+
+    `deviation` is that of the turn in deg, as the registration estimates it.
+    """
 
     dice: float
     turn: float
     shift: float
+    deviation: float
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the motion is the known one within the limits."""
+        return self.turn <= MOST_TURN and self.shift <= MOST_SHIFT
+
+    def __str__(self) -> str:
+        return (
+            f"Dice {self.dice:.3f}, turn {self.turn:.2f} deg (deviation {self.deviation:.2f}), "
+            f"shift {self.shift:.2f} mm"
+        )
 
 
 def agreement(a: Segmented, b: Segmented, name: str, motion: RigidTransform) -> Agreement:
     """Agreement of a bone of `a`, moved, with that of `b`."""
     first, second = a.surface(name), b.surface(name)
-    found = register(first, second, start=motion).transform
+    registration = register(first, second, start=motion)
+    found = registration.transform
     middle = first.vertices.mean(axis=0, keepdims=True)
     turn = Rotation.from_matrix(motion.rotation.T @ found.rotation).magnitude()
     shift = float(np.linalg.norm(found(middle) - motion(middle)))
-    return Agreement(_dice(a, b, name, motion), float(np.degrees(turn)), shift)
+    deviation = float(registration.rotation_deviation)
+    return Agreement(_dice(a, b, name, motion), float(np.degrees(turn)), shift, deviation)
 
 
 def _dice(a: Segmented, b: Segmented, name: str, motion: RigidTransform) -> float:
@@ -150,16 +168,23 @@ def thick(volume: Volume, seeds: Labels) -> tuple[Volume, Labels]:
     return Volume(pairs.mean(axis=1), affine), np.where((low > 0) & (low < high), 0, high).astype(np.uint8)
 
 
-def measure(results: Path) -> Metrics:
-    """Figures of agreement; none where the shared data are absent."""
+def foot() -> tuple[list[Volume], Labels, dict[str, int]]:
+    """The echoes, the strokes as voxels, and the bones' labels; no echoes without the shared data."""
     paths = sorted(ECHOES.glob("*.nii.gz"))
     if not paths:
         log.warning("%s has no images: nothing is measured", ECHOES)
-        return {}
+        return [], np.zeros((0, 0, 0), np.uint8), {}
     with tempfile.TemporaryDirectory() as folder:
         labels = write_strokes(STROKES, paths[DRAWN_ON], Path(folder) / "seeds.nii.gz")
         volumes = [read_volume(path) for path in paths]
-        seeds = read_labels(Path(folder) / "seeds.nii.gz", volumes[DRAWN_ON])
+        return volumes, read_labels(Path(folder) / "seeds.nii.gz", volumes[DRAWN_ON]), labels
+
+
+def measure(results: Path) -> Metrics:
+    """Figures of agreement; none where the shared data are absent."""
+    volumes, seeds, labels = foot()
+    if not volumes:
+        return {}
     start = time.perf_counter()
     echoes = [Segmented.of(volume, seeds, labels) for volume in volumes]
     seconds = (time.perf_counter() - start) / len(echoes)
@@ -172,10 +197,13 @@ def measure(results: Path) -> Metrics:
         for name in sure
     }
     for (a, b, name), one in found.items():
-        log.info("echoes %d, %d, %s: Dice %.3f, %.2f deg, %.2f mm", a, b, name, one.dice, one.turn, one.shift)
+        log.info("echoes %d, %d, %s: %s", a, b, name, one)
+    rigid = [name for name in sure if all(one.rigid for (_, _, other), one in found.items() if other == name)]
+    log.info("within %.1f deg and %.1f mm in all echoes: %s", MOST_TURN, MOST_SHIFT, ", ".join(rigid))
     figures: Metrics = {
         "foot_bones": (float(len(sure)), "1"),
         "foot_doubted": (float(len(labels) - len(sure)), "1"),
+        "foot_rigid_bones": (float(len(rigid)), "1"),
         "foot_seconds": (seconds, "s"),
         "foot_strokes_share": (_share(seeds, echoes[DRAWN_ON]), "1"),
     }
@@ -191,7 +219,7 @@ def measure(results: Path) -> Metrics:
         both = [name for name in sure if name not in copy.doubts]
         compared = {name: agreement(original, copy, name, known) for name in both}
         for name, one in compared.items():
-            log.info("%s, %s: Dice %.3f, %.2f deg, %.2f mm", kind, name, one.dice, one.turn, one.shift)
+            log.info("%s, %s: %s", kind, name, one)
         figures[f"foot_{kind}_bones"] = (float(len(both)), "1")
         figures |= _figures(f"foot_{kind}", list(compared.values()))
     return figures
@@ -205,10 +233,11 @@ def _share(seeds: Labels, segmented: Segmented) -> float:
 
 def _figures(name: str, found: Sequence[Agreement]) -> Metrics:
     """Smallest Dice coefficient, largest turn and shift."""
-    dice = [one.dice for one in found]
+    dice, turns = [one.dice for one in found], [one.turn for one in found]
     return {
         f"{name}_dice_min": (min(dice), "1"),
         f"{name}_dice_mean": (float(np.mean(dice)), "1"),
-        f"{name}_rotation_max": (max(one.turn for one in found), "deg"),
+        f"{name}_rotation_max": (max(turns), "deg"),
+        f"{name}_rotation_median": (float(np.median(turns)), "deg"),
         f"{name}_shift_max": (max(one.shift for one in found), "mm"),
     }

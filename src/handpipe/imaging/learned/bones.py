@@ -9,9 +9,9 @@ import numpy as np
 from scipy import ndimage
 
 from handpipe.core import InputError, IntArray
-from handpipe.imaging.learned.classifier import learn
+from handpipe.imaging.learned.classifier import NEARBY, learn
 from handpipe.imaging.learned.competition import compete
-from handpipe.imaging.learned.confidence import Confidence, confidence, halves
+from handpipe.imaging.learned.confidence import Confidence, Runs, confidence, halves
 from handpipe.imaging.learned.features import features, relative
 from handpipe.imaging.learned.share import Share, labelled
 from handpipe.imaging.segmentation import BACKGROUND, BoneProbability
@@ -29,7 +29,8 @@ def segment_learned(
     """All bones of one pose from strokes that teach how its tissues look.
 
     A classifier learns from the strokes which looks are bone. All bones and the background then compete by
-    random walkers. The same by each half of the strokes tells how far the strokes decide each bone.
+    random walkers. The same by each half of the strokes, and by looks alone wherever a voxel is, tells how
+    far the strokes decide each bone.
 
     Parameters
     ----------
@@ -72,12 +73,9 @@ def segment_learned(
             wrong[name] = "its strokes claim nothing: draw them along both sides of its border"
             logger.warning("%s: %s", name, wrong[name])
             continue
-        sure = trust[name]
         offset = lower + [s.start for s in share.region]
-        found[name] = BoneProbability(
-            offset, share.values.astype(np.float32), trust=(sure.agreement, sure.missed)
-        )
-        logger.info("%s: agreement %.2f, missed %.3f", name, sure.agreement, sure.missed)
+        found[name] = BoneProbability(offset, share.values.astype(np.float32), trust=tuple(trust[name]))
+        logger.info("%s: %s", name, trust[name])
     return found, wrong
 
 
@@ -100,12 +98,12 @@ class Scene:
         self.images = np.stack([relative(volume) for volume in channels])
         self.features = features(channels, self.at)
 
-    def shares(self, seeds: Labels, bones: Mapping[str, int]) -> dict[str, Share]:
+    def shares(self, seeds: Labels, bones: Mapping[str, int], nearby: float = NEARBY) -> dict[str, Share]:
         """Shares of all bones by some of the strokes."""
         marks = seeds[self.at]
         drawn = marks > 0
         look = np.zeros(seeds.shape, np.float32)
-        learned = learn(self.features[drawn], marks[drawn] < BACKGROUND)
+        learned = learn(self.features[drawn], marks[drawn] < BACKGROUND, nearby)
         look[self.at] = learned.probability(self.features)
         present = {name: label for name, label in bones.items() if (marks == label).any()}
         return compete(self.images, look, seeds, self.spacing, present)
@@ -116,16 +114,11 @@ def _with_confidence(
 ) -> tuple[dict[str, Share], dict[str, Confidence]]:
     """Shares by all strokes, and how far they are those by half of the strokes."""
     shares = scene.shares(seeds, bones)
-    first, second = halves(seeds, scene.spacing)
-    whole, one, other = (
-        labelled(found, seeds.shape)
-        for found in (shares, scene.shares(first, bones), scene.shares(second, bones))
-    )
-    trust = {
-        name: confidence(whole, (one, other), (first, second), label, scene.spacing)
-        for name, label in bones.items()
-    }
-    return shares, trust
+    kept = halves(seeds, scene.spacing)
+    parts = [labelled(scene.shares(half, bones), seeds.shape) for half in kept]
+    plain = labelled(scene.shares(seeds, bones, nearby=0.0), seeds.shape)
+    runs = Runs(seeds, labelled(shares, seeds.shape), plain, kept, (parts[0], parts[1]))
+    return shares, {name: confidence(runs, label, scene.spacing) for name, label in bones.items()}
 
 
 def _region(seeds: Labels, volume: Volume) -> tuple[IntArray, IntArray]:

@@ -60,7 +60,7 @@ def _lifted(features: NDArray, waves: NDArray, phases: NDArray) -> NDArray:
     return np.asarray(np.cos(features.astype(np.float32) @ waves + phases) * np.float32(len(phases) ** -0.5))
 
 
-def learn(features: NDArray, bone: BoolArray, seed: int = 0) -> Classifier:
+def learn(features: NDArray, bone: BoolArray, nearby: float = NEARBY) -> Classifier:
     """Fit a classifier to labelled looks.
 
     Parameters
@@ -69,18 +69,18 @@ def learn(features: NDArray, bone: BoolArray, seed: int = 0) -> Classifier:
         Looks of the strokes' voxels; the last `AXES` columns are their places.
     bone : array (n,) of bool
         Which of them are bone.
-    seed : int, optional
-        Of the waves.
+    nearby : float, optional
+        How much a voxel's place counts; 0 for looks alone.
 
     Returns
     -------
     Classifier
         The learned look.
     """
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     middle, deviation = features.mean(axis=0, dtype=float), features.std(axis=0, dtype=float)
     waves = random.standard_normal((features.shape[1], WAVES)) / WIDTH
-    waves[-AXES:] *= NEARBY
+    waves[-AXES:] *= nearby
     waves = (waves / np.maximum(deviation, 1e-6)[:, None]).astype(np.float32)
     phases = random.uniform(0, 2 * np.pi, WAVES).astype(np.float32)
     weights = _fitted(_lifted(features - middle, waves, phases), bone)

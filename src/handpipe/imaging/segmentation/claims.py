@@ -139,8 +139,7 @@ def load(path: str | Path, corrected: Iterable[str | Path] = ()) -> dict[str, Bo
 
 def _bone(group: Mapping[str, Any]) -> BoneProbability:
     x, y, z = group["undecided_at"].tolist()
-    agreement, missed = group["trust"].tolist() if "trust" in group else (1.0, 0.0)
-    trust = (agreement, missed) if "trust" in group else None
+    trust = tuple(group["trust"].tolist()) if "trust" in group else None
     return BoneProbability(group["offset"], group["probability"], float(group["undecided"]), (x, y, z), trust)
 
 
