@@ -6,6 +6,8 @@ fat in between; a receive coil's fall-off makes far muscle darker than near marr
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from phalanx import capsule, grid_points, voxelised
@@ -31,9 +33,7 @@ def distance(name, points):
 def intensity(points):
     """Intensities of the tissues, by the coil's fall-off along x and z."""
     bones = np.minimum(distance("proximal", points), distance("distal", points))
-    texture = (
-        0.03 * np.sin(2.1 * points[..., 0]) * np.sin(1.9 * points[..., 1]) * np.sin(1.7 * points[..., 2])
-    )
+    texture = 0.03 * np.prod(np.sin(points * [2.1, 1.9, 1.7]), axis=-1)
     value = np.where(points[..., 2] > 9.0, 0.8, 1.0)  # fat above muscle
     value = np.where(capsule(points, *TENDON) < FAT, 0.15, value)
     joint = (bones < CARTILAGE) & (np.abs(points[..., 0]) < 9.0)
@@ -157,10 +157,7 @@ def test_strokes_that_do_not_decide_are_doubted(joint) -> None:
 
 
 def test_doubts_are_only_logged_once_a_person_has_corrected(joint, found) -> None:
-    loose = {
-        name: type(bone)(bone.offset, bone.probability, trust=(0.3, 0.5, 0.5, 0.0))
-        for name, bone in found.items()
-    }
+    loose = {name: replace(bone, trust=(0.3, 0.5, 0.5, 0.0)) for name, bone in found.items()}
     assert set(learned_doubts(loose)) == set(LABELS)
     assert set(learned_doubts(loose, ["proximal"])) == {"distal"}
 

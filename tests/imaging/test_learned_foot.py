@@ -1,4 +1,4 @@
-"""A real foot at three echo times: bones learned from strokes on one echo agree in all three, or are named."""
+"""A real foot at three echo times: bones learned from strokes on one echo agree in all, or are named."""
 
 from __future__ import annotations
 
