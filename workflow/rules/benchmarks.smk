@@ -134,9 +134,8 @@ rule benchmark_anatomy:
         "../scripts/benchmark.py"
 
 
-SCANS = {  # parts of the benchmark of scans: the module of `benchmarks` and its arguments
-    "foot": ("scans", ["foot"]),
-}
+# Parts of the benchmark of scans: the module of `benchmarks`, and its arguments.
+SCANS = {"foot": ("scans", ["foot"])}
 
 
 rule benchmark_scans_part:
