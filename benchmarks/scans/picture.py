@@ -15,7 +15,7 @@ from benchmarks.scans.foot import Segmented
 
 SLICES = ((0, 50), (0, 42), (0, 36), (1, 114))  # axis and voxel, RAS
 ECHO_TIMES = ("3.45 ms", "4.60 ms", "5.75 ms")
-COLOURS = 96  # of the file
+COLOURS = 128  # of the file
 
 
 def draw(echoes: Sequence[Segmented], labels: Sequence[str], output: Path) -> None:
@@ -32,19 +32,19 @@ def draw(echoes: Sequence[Segmented], labels: Sequence[str], output: Path) -> No
     figure.tight_layout(pad=0.3)
     figure.savefig(output, dpi=80)
     pyplot.close(figure)
-    Image.open(output).convert("RGB").quantize(COLOURS).save(output, optimize=True)
+    Image.open(output).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(output, optimize=True)
 
 
 def _panel(place: Axes, echo: Segmented, labels: Sequence[str], axis: int, at: int) -> None:
     """A slice with contours."""
     image = np.take(echo.volume.values, at, axis).T
-    place.imshow(image, cmap="gray", origin="lower", vmax=float(np.percentile(image, 99)))
-    colours = matplotlib.colormaps["tab20"]
+    place.imshow(image, cmap="gray", origin="lower", interpolation="bicubic", vmax=float(np.percentile(image, 99)))
+    colours = matplotlib.colormaps["hsv"]
     for number, name in enumerate(labels):
         inside = np.take(_whole(echo, name), at, axis).T
         if name in echo.bones and inside.any():
             style = "dashed" if name in echo.doubts else "solid"
-            place.contour(inside, [0.5], colors=[colours(number)], linewidths=1.0, linestyles=style)
+            place.contour(inside, [0.5], colors=[colours(number / len(labels))], linewidths=1.6, linestyles=style)
     rows, columns = np.nonzero(image > 0.1 * np.percentile(image, 99))
     place.set_xlim(columns.min(), columns.max())
     place.set_ylim(rows.min(), rows.max())
