@@ -38,14 +38,16 @@ def draw(echoes: Sequence[Segmented], labels: Sequence[str], output: Path) -> No
 def _panel(place: Axes, echo: Segmented, labels: Sequence[str], axis: int, at: int) -> None:
     """A slice with contours."""
     image = np.take(echo.volume.values, at, axis).T
-    place.imshow(image, cmap="gray", origin="lower", interpolation="bicubic", vmax=float(np.percentile(image, 99)))
+    bright = float(np.percentile(image, 99))
+    place.imshow(image, cmap="gray", origin="lower", interpolation="bicubic", vmax=bright)
     colours = matplotlib.colormaps["hsv"]
     for number, name in enumerate(labels):
         inside = np.take(_whole(echo, name), at, axis).T
         if name in echo.bones and inside.any():
             style = "dashed" if name in echo.doubts else "solid"
-            place.contour(inside, [0.5], colors=[colours(number / len(labels))], linewidths=1.6, linestyles=style)
-    rows, columns = np.nonzero(image > 0.1 * np.percentile(image, 99))
+            colour = colours(number / len(labels))
+            place.contour(inside, [0.5], colors=[colour], linewidths=1.6, linestyles=style)
+    rows, columns = np.nonzero(image > 0.1 * bright)
     place.set_xlim(columns.min(), columns.max())
     place.set_ylim(rows.min(), rows.max())
     place.axis("off")
