@@ -134,8 +134,7 @@ rule benchmark_anatomy:
         "../scripts/benchmark.py"
 
 
-# Parts of the benchmark of scans: the module of `benchmarks`, and its arguments.
-SCANS = {"foot": ("scans", ["foot"])}
+SCANS = ["foot"]  # parts of the benchmark of scans: modules of benchmarks.scans
 
 
 rule benchmark_scans_part:
@@ -152,8 +151,8 @@ rule benchmark_scans_part:
         mem_mb=4000,
         runtime=60,
     params:
-        name=lambda w: SCANS[w.part][0],
-        arguments=lambda w: SCANS[w.part][1],
+        name="scans",
+        arguments=lambda w: [w.part],
     message:
         "what comes of real scans, without a truth: {wildcards.part}"
     script:
