@@ -99,6 +99,7 @@ CHANGES = [
             "bones.distal2.label": (9, "correct_bone evaluate_segmentation merge_labels segment_pose"),
             "bones.distal2.template": ("new/distal2.ply", "place_templates"),
             "other_labels.sesamoid1": (9, "correct_bone merge_labels segment_pose"),
+            "contrast": ("learned", "correct_bone merge_labels segment_pose"),
             "joints.DIP2.parent": (
                 "proximal2",
                 "fit_rig make_bone_fascia merge_labels mesh_soft_tissue register_bones",

@@ -21,6 +21,7 @@ rule segment_pose:
             *image_of(),
             "bones.*.label",
             "other_labels",
+            "contrast",
             "neutral",
             "poses.{pose}.seeds",
             "poses.{pose}.labels_show",
@@ -51,7 +52,11 @@ rule correct_bone:
         runtime=10,
     params:
         dataset=reads(
-            *image_of(), "bones.*.label", "other_labels", "poses.{pose}.labels_show"
+            *image_of(),
+            "bones.*.label",
+            "other_labels",
+            "contrast",
+            "poses.{pose}.labels_show",
         ),
     message:
         "{wildcards.subject}: segment {wildcards.bone} in {wildcards.pose} with its scribbles"

@@ -304,6 +304,10 @@ class Dataset(Model):
     other_labels: dict[Name, int] = Field(
         {}, description="labels of other bones in the seeds: known not to be any of `bones`, and not modelled"
     )
+    contrast: Literal["bright_marrow", "learned"] = Field(
+        "bright_marrow",
+        description="how bones show: as bright marrow within a dark shell, or as their strokes teach",
+    )
     joints: dict[Name, Joint]
     muscles: dict[Name, Muscle] = {}
     ligaments: dict[Name, Muscle] = {}
@@ -336,6 +340,12 @@ class Dataset(Model):
         rest = self.poses[self.neutral]
         if rest.seeds is None and rest.labels is None:
             raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds, or labels of its bones")
+        unmarked = [name for name, pose in self.poses.items() if pose.seeds is None]
+        if self.contrast == "learned" and unmarked:
+            raise ValueError(f"poses.{unmarked[0]}: needs seeds, since contrast is learned from them")
+        labelled = [name for name, pose in self.poses.items() if pose.labels is not None]
+        if self.contrast == "learned" and labelled:
+            raise ValueError(f"poses.{labelled[0]}.labels: contrast is learned from seeds: give these alone")
         if self.scanner is not None and self.generator not in SCANNED_HANDS:
             raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
         if self.images is not None and self.generator is None:

@@ -8,7 +8,8 @@ if TYPE_CHECKING:
     from handpipe.imaging.bone_surfaces.cortical import whole_bone
     from handpipe.imaging.bone_surfaces.labelled import APART, in_image, labelled_surfaces
     from handpipe.imaging.bone_surfaces.marrow import marrow_surface
+    from handpipe.imaging.bone_surfaces.outline import outline_surface
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["APART", "in_image", "labelled_surfaces", "marrow_surface", "whole_bone"]
+__all__ = ["APART", "in_image", "labelled_surfaces", "marrow_surface", "outline_surface", "whole_bone"]

@@ -9,7 +9,9 @@ if TYPE_CHECKING:
     from handpipe.imaging.segmentation.claims import Appearance, read_looks, save, segment
     from handpipe.imaging.segmentation.labelled_marrow import labelled_bone, require_shown, with_labelled
     from handpipe.imaging.segmentation.proposed_seeds import marrow_core, propose, share_outside
+    from handpipe.imaging.segmentation.random_walker import Stop, harmonic
     from handpipe.imaging.segmentation.segmentation import (
+        BACKGROUND,
         BoneProbability,
         SegmentationSettings,
         add_scribbles,
@@ -21,13 +23,16 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "BACKGROUND",
     "Appearance",
     "BoneProbability",
     "SegmentationSettings",
+    "Stop",
     "add_scribbles",
     "check_seeds",
     "claims",
     "labelled_bone",
+    "harmonic",
     "marrow_core",
     "merge",
     "propose",

@@ -58,12 +58,15 @@ class BoneProbability:
         Volume in mm^3 of the largest bright part that the strokes do not decide.
     undecided_at : tuple of 3 floats
         Middle of that part, in voxels of the whole volume.
+    trust : tuple of floats, optional
+        Of a bone whose look was learned from strokes: the figures of its `Confidence`.
     """
 
     offset: IntArray
     probability: NDArray[np.float32]
     undecided: float = 0.0
     undecided_at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    trust: tuple[float, ...] | None = None
 
     @property
     def slices(self) -> tuple[slice, slice, slice]:

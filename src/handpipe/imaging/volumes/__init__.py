@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from handpipe.imaging.volumes.volume import (
         Labels,
         Volume,
+        box,
         pose_volume,
         read_label_table,
         read_labels,
@@ -40,6 +41,7 @@ __all__ = [
     "LabelMap",
     "Labels",
     "Volume",
+    "box",
     "colours",
     "holds_background",
     "labelled_names",

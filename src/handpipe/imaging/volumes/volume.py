@@ -97,7 +97,18 @@ class Volume:
 
 
 def box(lower: IntArray, upper: IntArray) -> tuple[slice, slice, slice]:
-    """Slices of the voxels lower <= index < upper."""
+    """Slices of a box of voxels.
+
+    Parameters
+    ----------
+    lower, upper : array (3,) of int
+        First voxel along each axis, and the one after the last.
+
+    Returns
+    -------
+    tuple of 3 slices
+        The voxels lower <= index < upper.
+    """
     x, y, z = (slice(int(a), int(b)) for a, b in zip(lower, upper, strict=True))
     return x, y, z
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset
 from handpipe.hand import labelled_bones
+from handpipe.imaging.learned import segment_learned
 from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, check_seeds, save, segment_bone
 from handpipe.imaging.volumes import pose_volume, read_labels
 from handpipe.stages.files import Files
@@ -36,5 +37,11 @@ def correct_bone(inputs: Inputs, output: Path, dataset: Dataset, pose: str, bone
     seeds = add_scribbles(seeds, read_labels(path, volume, dataset.seed_labels))
     others = set(dataset.bones) - {bone}
     check_seeds(path, seeds, dataset.labels, others, dataset.other_labels)
-    found = segment_bone(volume, seeds, dataset.bones[bone].label, SegmentationSettings())
+    if dataset.contrast == "learned":
+        learned, wrong = segment_learned([volume], seeds, dataset.labels)
+        if bone in wrong:
+            raise InputError(path, "scribbles", f"{bone}: {wrong[bone]}", "Draw more of them")
+        found = learned[bone]
+    else:
+        found = segment_bone(volume, seeds, dataset.bones[bone].label, SegmentationSettings())
     save(output, {bone: found}, inputs.all())

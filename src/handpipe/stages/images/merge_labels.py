@@ -10,7 +10,8 @@ from pathlib import Path
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset
 from handpipe.hand import labelled_bones
-from handpipe.imaging.bone_surfaces import marrow_surface, whole_bone
+from handpipe.imaging.bone_surfaces import marrow_surface, outline_surface, whole_bone
+from handpipe.imaging.learned import learned_appearances, learned_doubts
 from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, claims, merge
 from handpipe.imaging.volumes import pose_volume, rasterise, read_labels, write_labels
 from handpipe.skeleton.bones import write_surfaces
@@ -63,12 +64,16 @@ def merge_labels(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) 
         volume, {table[name]: bone for name, bone in found.items()}, seeds, SegmentationSettings()
     )
     bones = {names[label]: bone for label, bone in merged.items()}
-    looks = claims.appearances(volume, bones)
+    learned = dataset.contrast == "learned"
+    looks = (learned_appearances if learned else claims.appearances)(volume, bones)
     neutral = claims.read_looks(inputs.neutral)[0] if inputs.neutral else {}
     left_out = {name: "it has no seeds in its marrow" for name in table if name not in bones}
     left_out |= claims.doubted(looks, neutral, answered)
+    if learned:
+        left_out |= learned_doubts(bones, corrected)
+    surface = outline_surface if learned else marrow_surface  # a learned bone holds its cortex
     marrows = {
-        name: shown.get("marrow", {}).get(name) or marrow_surface(volume, b)
+        name: shown.get("marrow", {}).get(name) or surface(volume, b)
         for name, b in bones.items()
         if name not in left_out
     }
@@ -89,7 +94,7 @@ def merge_labels(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) 
     if pose == dataset.neutral:
         for name, marrow in marrows.items():
             others = [marrows[other] for other in marrows if other != name]
-            drawn = shown.get("whole", {}).get(name)
+            drawn = marrow if learned else shown.get("whole", {}).get(name)
             surfaces[name]["whole"] = drawn or whole_bone(volume, bones[name], marrow, others)
     for name, parts in surfaces.items():
         log.info("%s: marrow of %.0f mm^3", name, parts["marrow"].volume())

@@ -1,4 +1,7 @@
-"""Marrow probability of every bone in one pose, each in a region around its seeds or of a label map."""
+"""Probability of every bone in one pose: of its marrow, or of the whole bone where its look is learned.
+
+A label map answers for the bones that it holds.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from pathlib import Path
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset
 from handpipe.hand import labelled_bones
+from handpipe.imaging.learned import segment_learned
 from handpipe.imaging.segmentation import (
     BoneProbability,
     SegmentationSettings,
@@ -36,7 +40,7 @@ class Inputs(Files):
 
 
 def segment_pose(inputs: Inputs, output: Path, dataset: Dataset, pose: str, scribbled: Sequence[str]) -> None:
-    """Marrow probability of every bone in one pose, each in a region around its seeds or of a label map."""
+    """Probability of every bone in one pose, each from its seeds or from a label map."""
     volume = pose_volume(dataset, pose)
     labelled = labelled_bones(inputs.labels, dataset, pose, volume)
     found = _segmented(inputs, dataset, pose, scribbled, volume, labelled)
@@ -64,7 +68,10 @@ def _segmented(
     drawn = dataset.poses[pose].seeds is not None  # else proposed, but for bones that a person has to look at
     others = {name: label for name, label in dataset.seed_labels.items() if name not in bones}
     check_seeds(path, seeds, bones, scribbled if drawn else bones, others)
-    found, wrong = segment(volume, seeds, bones, SegmentationSettings())
+    if dataset.contrast == "learned":
+        found, wrong = segment_learned([volume], seeds, bones)
+    else:
+        found, wrong = segment(volume, seeds, bones, SegmentationSettings())
     missing = [name for name in wrong if name not in scribbled]
     if pose == dataset.neutral and missing:
         problem = "; ".join(f"{name}: {wrong[name]}" for name in missing)
