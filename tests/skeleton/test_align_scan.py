@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from benchmarks.scans_alignment import bent, displaced, finger_scan, settled
+from benchmarks.scans.alignment import bent, displaced, finger_scan, settled
 
 from handpipe.core import InputError, metrics
 from handpipe.core.configuration import Dataset, load_dataset

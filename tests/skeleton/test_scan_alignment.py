@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.scans_alignment import bent, displaced, finger_scan, settled
+from benchmarks.scans.alignment import bent, displaced, finger_scan, settled
 from scipy.spatial.transform import Rotation
 
 from handpipe.core import InputError, RigidTransform

@@ -134,10 +134,17 @@ rule benchmark_anatomy:
         "../scripts/benchmark.py"
 
 
-SCANS = ["foot"]  # parts of the benchmark of scans: modules of benchmarks.scans
+SCANS = {  # parts of the benchmark of scans, modules of benchmarks.scans: what each needs to be built
+    "foot": [],
+    "skin": [],
+    "alignment": expand(paths.metrics_of("rig"), subject="phantom-finger"),
+    "effects": [],
+}
 
 
 rule benchmark_scans_part:
+    input:
+        lambda w: SCANS[w.part],
     output:
         paths.benchmark_of("scans/{part}.json"),
     log:

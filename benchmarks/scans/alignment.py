@@ -1,17 +1,13 @@
 """Scans in a frame of their own against the true skin, and wrong scans: are they refused?
 
-`python -m benchmarks.scans_alignment --subject results/phantom-finger` reads the rig and the volumes of the
-built phantom finger. Its scans are made anew by the phantom's closed-form maps, which are not the model of
-the alignment: other joint angles, another volume, another place. A whole hand of round cones is the second
-body.
+The rig and the volumes are those of the built phantom finger. Scans are made anew by the phantom's closed-form
+maps, which are not the model of the alignment: other joint angles, another volume, another place. A whole hand
+of round cones is the second body.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import logging
-import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +17,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from handpipe.core import Array, RigidTransform, artifacts
+from handpipe.core import Array, Metrics, RigidTransform
 from handpipe.imaging.skin import skin_of_volume
 from handpipe.imaging.volumes import Volume, read_volume
 from handpipe.mesh.generation import Grid, isosurface, remesh
@@ -34,12 +30,9 @@ from handpipe.synthetic.phantom import hand_skin, phantom_finger, phantom_hand
 from handpipe.synthetic.phantom.hand_tissue import cone_rows, field_of_cones, skin
 from handpipe.synthetic.phantom.phantom_hand_bones import WITH_ROOT
 
-log = logging.getLogger("benchmarks.scans_alignment")
+log = logging.getLogger("benchmarks.scans.alignment")
 
-Figures = dict[str, dict[str, float | str]]
-CHECKOUT = Path(__file__).parents[1]
-OUTPUT = CHECKOUT / "results" / "benchmarks" / "scans" / "alignment.json"
-SUBJECT = CHECKOUT / "results" / "phantom-finger"
+SUBJECT = "phantom-finger"
 SEED = 1  # of the phantom finger's poses
 POSES = ("neutral", "bow", "fist", "spread", "curl", "half")
 TIMES = 2  # displacements of each pose
@@ -73,8 +66,15 @@ class Outcome:
         return max(limits_used(self.found).values())
 
 
-def figures(rig: Path, volumes: Mapping[str, Path]) -> Figures:
-    """The figures of the alignment, by name: {"value", "unit"}.
+def measure(results: Path) -> Metrics:
+    """Figures of the alignment, with the rig and the volumes of the built phantom finger."""
+    subject = results / SUBJECT
+    volumes = {pose: subject / "data" / "volumes" / f"{pose}.nii.gz" for pose in POSES}
+    return figures(subject / "rig.h5", volumes)
+
+
+def figures(rig: Path, volumes: Mapping[str, Path]) -> Metrics:
+    """The figures of the alignment, by name.
 
     rig: of the built phantom finger; volumes: of its poses, by name.
     """
@@ -117,25 +117,25 @@ def run(case: Case, target: ImageSkin) -> Outcome:
     return outcome
 
 
-def _errors(name: str, outcomes: Sequence[Outcome]) -> Figures:
+def _errors(name: str, outcomes: Sequence[Outcome]) -> Metrics:
     means = [outcome.mean for outcome in outcomes]
     return {
-        f"{name}_error_mean": {"value": float(np.mean(means)), "unit": "mm"},
-        f"{name}_error_max": {"value": float(np.max(means)), "unit": "mm"},
-        f"{name}_vertex_error_max": {"value": max(outcome.largest for outcome in outcomes), "unit": "mm"},
-        f"{name}_cases": {"value": len(outcomes), "unit": "1"},
-        f"{name}_seconds": {"value": float(np.mean([outcome.seconds for outcome in outcomes])), "unit": "s"},
+        f"{name}_error_mean": (float(np.mean(means)), "mm"),
+        f"{name}_error_max": (float(float(np.max(means))), "mm"),
+        f"{name}_vertex_error_max": (float(max(outcome.largest for outcome in outcomes)), "mm"),
+        f"{name}_cases": (float(len(outcomes)), "1"),
+        f"{name}_seconds": (float(float(np.mean([outcome.seconds for outcome in outcomes]))), "s"),
     }
 
 
-def _verdicts(right: Sequence[Outcome], wrong: Sequence[Outcome]) -> Figures:
+def _verdicts(right: Sequence[Outcome], wrong: Sequence[Outcome]) -> Metrics:
     """How many scans are refused, and how near to the limits the nearest ones are."""
     return {
-        "alignment_refused_wrong": {"value": sum(outcome.used > 1 for outcome in wrong), "unit": "1"},
-        "alignment_wrong": {"value": len(wrong), "unit": "1"},
-        "alignment_refused_right": {"value": sum(outcome.used > 1 for outcome in right), "unit": "1"},
-        "alignment_limits_used_right_max": {"value": max(outcome.used for outcome in right), "unit": "1"},
-        "alignment_limits_used_wrong_min": {"value": min(outcome.used for outcome in wrong), "unit": "1"},
+        "alignment_refused_wrong": (float(sum(outcome.used > 1 for outcome in wrong)), "1"),
+        "alignment_wrong": (float(len(wrong)), "1"),
+        "alignment_refused_right": (float(sum(outcome.used > 1 for outcome in right)), "1"),
+        "alignment_limits_used_right_max": (float(max(outcome.used for outcome in right)), "1"),
+        "alignment_limits_used_wrong_min": (float(min(outcome.used for outcome in wrong)), "1"),
     }
 
 
@@ -280,20 +280,3 @@ def wrong_hands(pose: str, posture: Posture) -> Iterator[Case]:
         scans[f"pose {other}"] = hand_scan(phantom_hand.posture(other, SEED), rng)
     for name, wrong in scans.items():
         yield Case(f"hand, {pose}, {name}", displaced(wrong, rng), None)
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Write the figures of a built phantom finger, and of the hand."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.scans_alignment", description=__doc__)
-    parser.add_argument("--subject", type=Path, default=SUBJECT, help="folder of the built phantom finger")
-    parser.add_argument("--output", type=Path, default=OUTPUT)
-    options = parser.parse_args(arguments)
-    volumes = {pose: options.subject / "data" / "volumes" / f"{pose}.nii.gz" for pose in POSES}
-    found = figures(options.subject / "rig.h5", volumes)
-    artifacts.write_text(options.output, json.dumps(dict(sorted(found.items())), indent=1) + "\n")
-
-
-if __name__ == "__main__":
-    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(name)s: %(message)s", stream=sys.stderr)
-    logging.getLogger("benchmarks").setLevel(logging.INFO)
-    main()
