@@ -1,8 +1,8 @@
 """Scans in a frame of their own against the true skin, and wrong scans: are they refused?
 
-The rig and the volumes are those of the built phantom finger. Scans are made anew by the phantom's closed-form
-maps, which are not the model of the alignment: other joint angles, another volume, another place. A whole hand
-of round cones is the second body.
+The rig and the volumes are those of the built phantom finger. Scans are made anew by the closed-form maps of
+the phantom, which are not the model of the alignment: other joint angles, another volume, another place. A
+whole hand of round cones is the second body.
 """
 
 from __future__ import annotations
