@@ -22,6 +22,7 @@ from handpipe.core import (
 )
 from handpipe.core.configuration import (
     COUPLED_HANDS,
+    LIMB,
     Role,
     load_dataset,
     load_scene,
@@ -194,6 +195,7 @@ def bones_alone():
         subject
         for subject, content in unchecked_datasets().items()
         if "generator" in content
+        and content["generator"] != LIMB
         and not any("scan" in pose for pose in content.get("poses", {}).values())
     ]
 
@@ -212,6 +214,7 @@ def generated_by(*generators):
     return "|".join(found) or "-"
 
 
+LIMBS = generated_by(LIMB)  # real images, whose unit and strokes the dataset tells
 COUPLED = generated_by(
     *COUPLED_HANDS
 )  # images and truth come from a coupled simulation
@@ -246,6 +249,12 @@ def take_lock():
     HELD_LOCKS.append(
         file
     )  # a file that nothing refers to is closed, and its lock is gone
+
+
+def source_image(subject, pose):
+    """The file of a real limb's pose, as it was acquired."""
+    data = whole_dataset(subject)
+    return data.anatomy / data.images.volumes[pose]
 
 
 def given_files(wildcards):

@@ -20,6 +20,7 @@ rule segment_pose:
             *image_of(),
             "bones.*.label",
             "other_labels",
+            "segmentation",
             "neutral",
             "poses.{pose}.seeds",
         ),
@@ -47,7 +48,9 @@ rule correct_bone:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads(*image_of(), "bones.*.label", "other_labels"),
+        dataset=reads(
+            *image_of(), "bones.*.label", "other_labels", "segmentation"
+        ),
     message:
         "{wildcards.subject}: segment {wildcards.bone} in {wildcards.pose} with its scribbles"
     script:

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from handpipe.core.configuration import selection
     from handpipe.core.configuration.config import (
         COUPLED_HANDS,
+        LIMB,
         Dataset,
         Interpolation,
         Joint,
@@ -31,6 +32,7 @@ else:
 
 __all__ = [
     "COUPLED_HANDS",
+    "LIMB",
     "Dataset",
     "Interpolation",
     "Joint",

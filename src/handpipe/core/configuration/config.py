@@ -22,6 +22,7 @@ Subject = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
 Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
 HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
 COUPLED_HANDS = ("phantom-hand-complete", "zanatomy-hand")  # generators whose truth is a coupled simulation
+LIMB = "real-limb"  # generator that makes a subject of a folder of real images
 SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
 
 
@@ -164,6 +165,35 @@ class Scanner(Model):
     )
 
 
+class Images(Model):
+    """Where the images of a `real-limb` are, their unit, and the strokes drawn on the neutral one."""
+
+    unit: float = Field(gt=0, le=1000, description="mm a unit of lengths in the volumes' headers")
+    shrunk: float = Field(
+        1.0,
+        gt=0,
+        le=100,
+        description="the limb is built so many times smaller than it is: lengths in the pipeline are a hand's",
+    )
+    volumes: dict[Name, Path] = Field(description="file of each pose in `anatomy`")
+    strokes: Path = Field(
+        description="JSON of the strokes on the neutral volume, as polylines of voxels of the file"
+    )
+
+
+class Segmentation(Model):
+    """How bones are told from other tissue where they are not a hand's."""
+
+    marks: Literal["intensity", "distance"] = Field(
+        "intensity",
+        description="what tells the voxels that need no random walker: how far the intensity departs on the "
+        "way to a stroke, or how long the way is: for limbs, whose fat is as bright as marrow",
+    )
+    neck: float = Field(
+        0.0, ge=0, description="what hangs on the strokes by less than this thickness is cut off, mm"
+    )
+
+
 class Truth(Model):
     """Known truth of a phantom in each pose: `folder`/{pose}.h5 and label volumes beside it."""
 
@@ -186,6 +216,7 @@ class Dataset(Model):
             "myohand-bones",
             "zanatomy-bones",
             "zanatomy-hand",
+            "real-limb",
         ]
         | None
     ) = None
@@ -193,6 +224,8 @@ class Dataset(Model):
     scanner: Scanner | None = Field(
         None, description="generated whole hands: voxel size, bias field and noise"
     )
+    images: Images | None = Field(None, description="of a real-limb: its images, their unit, its strokes")
+    segmentation: Segmentation | None = Field(None, description="of bones that are not a hand's")
     anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
     units: Literal["mm"] = "mm"
@@ -230,6 +263,10 @@ class Dataset(Model):
             raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds")
         if self.scanner is not None and self.generator not in SCANNED_HANDS:
             raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
+        if (self.images is not None) != (self.generator == LIMB):
+            raise ValueError(f"images: belongs to the generator {LIMB}, which needs it")
+        if self.images is not None and set(self.images.volumes) != set(self.poses):
+            raise ValueError("images: volumes: needs the file of each pose, and of no other")
         for kind, named in (
             *((f"poses.{k}.scribbles", tuple(p.scribbles)) for k, p in self.poses.items()),
             *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),
@@ -507,7 +544,7 @@ def _require_own_folder(path: str | Path, dataset: Dataset) -> None:
     if not dataset.root.resolve().is_relative_to(folder.resolve()):
         problem = f"is {dataset.root}, but what is generated stays under {folder}"
         raise InputError(path, "root", problem, f"Write {folder}/data")
-    written = dataset.model_dump(exclude={"root", "anatomy"}, exclude_none=True)
+    written = dataset.model_dump(exclude={"root", "anatomy", "images"}, exclude_none=True)
     for field, relative in _paths(written):
         if not dataset.path(relative).resolve().is_relative_to(dataset.root.resolve()):
             problem = f"is {relative}, which leads out of {dataset.root}"

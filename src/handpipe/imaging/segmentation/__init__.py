@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         merge,
         segment_bone,
     )
+    from handpipe.imaging.segmentation.strokes import painted
 else:
     __getattr__ = face(__name__)
 
@@ -26,6 +27,7 @@ __all__ = [
     "claims",
     "marrow_core",
     "merge",
+    "painted",
     "propose",
     "read_looks",
     "save",

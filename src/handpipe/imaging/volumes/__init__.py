@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         require_scan_in_image,
         unit_of,
     )
+    from handpipe.imaging.volumes.shading import without_shading
     from handpipe.imaging.volumes.volume import (
         Volume,
         pose_volume,
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
         read_labels,
         read_volume,
         write_labels,
+        write_volume,
     )
 else:
     __getattr__ = face(__name__)
@@ -37,7 +39,9 @@ __all__ = [
     "require_points_in_image",
     "require_scan_in_image",
     "unit_of",
+    "without_shading",
     "write_label_description",
     "write_labels",
     "write_segments",
+    "write_volume",
 ]

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
         evaluate_seeds,
         evaluate_segmentation,
         merge_labels,
+        paint_strokes,
+        prepare_image,
         propose_seeds,
         segment_pose,
     )
@@ -23,6 +25,8 @@ __all__ = [
     "evaluate_seeds",
     "evaluate_segmentation",
     "merge_labels",
+    "paint_strokes",
+    "prepare_image",
     "propose_seeds",
     "segment_pose",
 ]

@@ -28,5 +28,5 @@ def correct_bone(inputs: Inputs, output: Path, dataset: Dataset, pose: str, bone
     seeds = add_scribbles(read_labels(inputs.seeds, volume, known), read_labels(path, volume, known))
     others = set(dataset.bones) - {bone}
     check_seeds(path, seeds, dataset.labels, others, dataset.other_labels)
-    found = segment_bone(volume, seeds, dataset.bones[bone].label, SegmentationSettings())
+    found = segment_bone(volume, seeds, dataset.bones[bone].label, SegmentationSettings.of(dataset))
     save(output, {bone: found}, inputs.all())

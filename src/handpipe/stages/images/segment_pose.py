@@ -29,7 +29,7 @@ def segment_pose(inputs: Inputs, output: Path, dataset: Dataset, pose: str, scri
     seeds = read_labels(path, volume, dataset.seed_labels)
     drawn = dataset.poses[pose].seeds is not None  # else proposed, but for bones that a person has to look at
     check_seeds(path, seeds, bones, scribbled if drawn else bones, dataset.other_labels)
-    found, wrong = segment(volume, seeds, bones, SegmentationSettings())
+    found, wrong = segment(volume, seeds, bones, SegmentationSettings.of(dataset))
     missing = [name for name in wrong if name not in scribbled]
     if pose == dataset.neutral and missing:
         problem = "; ".join(f"{name}: {wrong[name]}" for name in missing)
