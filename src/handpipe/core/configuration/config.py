@@ -189,6 +189,11 @@ class Segmentation(Model):
         description="what tells the voxels that need no random walker: how far the intensity departs on the "
         "way to a stroke, or how long the way is: for limbs, whose fat is as bright as marrow",
     )
+    level: Literal["local", "even"] = Field(
+        "local",
+        description="of marrow where bones are looked for: that of the brightest tissue around a place, or one "
+        "for the whole image, for images without shading whose fat outshines the marrow",
+    )
     neck: float = Field(
         0.0, ge=0, description="what hangs on the strokes by less than this thickness is cut off, mm"
     )

@@ -68,7 +68,7 @@ class SegmentationSettings(Model):
         SegmentationSettings
         """
         given = dataset.segmentation
-        return SegmentationSettings() if given is None else SegmentationSettings(**given.model_dump())
+        return SegmentationSettings() if given is None else SegmentationSettings(marks=given.marks, neck=given.neck)
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,8 @@ def propose_seeds(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str)
     """Seeds of a pose from the neutral bones and the pose's image, and how sure each bone's place is."""
     dataset = with_carried_hints(dataset, inputs.carried)
     labels = dataset.labels
-    evidence = MarrowEvidence.measure(pose_volume(dataset, pose))
+    even = dataset.segmentation is not None and dataset.segmentation.level == "even"
+    evidence = MarrowEvidence.measure(pose_volume(dataset, pose), even)
     marrow, whole = (read_surfaces(inputs.neutral, part) for part in ("marrow", "whole"))
     hand = HandModel.build(dataset, marrow, whole)
     motions = locate(hand, evidence)
