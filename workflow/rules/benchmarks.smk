@@ -134,6 +134,53 @@ rule benchmark_anatomy:
         "../scripts/benchmark.py"
 
 
+SCANS = ["foot"]  # parts of the benchmark of real scans
+
+
+rule benchmark_scans_part:
+    output:
+        paths.benchmark_of("scans/{part}.json"),
+    log:
+        paths.benchmark_of("logs/benchmark_scans_part/{part}.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_scans_part/{part}.tsv")
+    wildcard_constraints:
+        part="|".join(SCANS),
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        name="scans",
+        arguments=lambda w: [w.part],
+    message:
+        "what comes of real scans, without a truth: {wildcards.part}"
+    script:
+        "../scripts/benchmark.py"
+
+
+rule benchmark_scans:
+    input:
+        expand(paths.benchmark_of("scans/{part}.json"), part=SCANS),
+    output:
+        paths.benchmark_of("scans.json"),
+    log:
+        paths.benchmark_of("logs/benchmark_scans.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_scans.tsv")
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        name="scans",
+        arguments=lambda w, input: ["merge", *input],
+    message:
+        "what comes of real scans: all figures"
+    script:
+        "../scripts/benchmark.py"
+
+
 TRUST = {  # parts of the benchmark of trust: what each needs to be built
     "solver": [],
     "frames": expand(paths.metrics_of("skin"), subject="phantom-hand-preview"),

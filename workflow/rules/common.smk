@@ -126,6 +126,7 @@ def of_labels(wildcards):
         *image_of(),
         "bones.*.label",
         "other_labels",
+        "contrast",
         "neutral",
         "poses.{pose}.scribbles",
     ]

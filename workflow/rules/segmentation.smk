@@ -21,6 +21,7 @@ rule segment_pose:
             "bones.*.label",
             "other_labels",
             "segmentation",
+            "contrast",
             "neutral",
             "poses.{pose}.seeds",
         ),
@@ -49,7 +50,7 @@ rule correct_bone:
         runtime=10,
     params:
         dataset=reads(
-            *image_of(), "bones.*.label", "other_labels", "segmentation"
+            *image_of(), "bones.*.label", "other_labels", "segmentation", "contrast"
         ),
     message:
         "{wildcards.subject}: segment {wildcards.bone} in {wildcards.pose} with its scribbles"

@@ -240,6 +240,10 @@ class Dataset(Model):
     other_labels: dict[Name, int] = Field(
         {}, description="labels of other bones in the seeds: known not to be any of `bones`, and not modelled"
     )
+    contrast: Literal["bright_marrow", "learned"] = Field(
+        "bright_marrow",
+        description="how bones show: as bright marrow within a dark shell, or as their strokes teach",
+    )
     joints: dict[Name, Joint]
     muscles: dict[Name, Muscle] = {}
     ligaments: dict[Name, Muscle] = {}
@@ -266,6 +270,10 @@ class Dataset(Model):
             raise ValueError("poses: exactly one pose has the role neutral")
         if self.poses[self.neutral].seeds is None:
             raise ValueError(f"poses.{self.neutral}: the neutral pose needs seeds")
+        for pose in (
+            name for name, p in self.poses.items() if self.contrast == "learned" and p.seeds is None
+        ):
+            raise ValueError(f"poses.{pose}: needs seeds, since contrast is learned from them")
         if self.scanner is not None and self.generator not in SCANNED_HANDS:
             raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
         if (self.images is not None) != (self.generator == LIMB):

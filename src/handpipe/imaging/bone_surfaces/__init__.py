@@ -7,7 +7,8 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.imaging.bone_surfaces.cortical import whole_bone
     from handpipe.imaging.bone_surfaces.marrow import marrow_surface
+    from handpipe.imaging.bone_surfaces.outline import outline_surface
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["marrow_surface", "whole_bone"]
+__all__ = ["marrow_surface", "outline_surface", "whole_bone"]

@@ -8,7 +8,10 @@ if TYPE_CHECKING:
     from handpipe.imaging.segmentation import claims
     from handpipe.imaging.segmentation.claims import Appearance, read_looks, save, segment
     from handpipe.imaging.segmentation.proposed_seeds import marrow_core, propose, share_outside
+    from handpipe.imaging.segmentation.random_walker import Stop, harmonic
     from handpipe.imaging.segmentation.segmentation import (
+        BACKGROUND,
+        BoneProbability,
         SegmentationSettings,
         add_scribbles,
         check_seeds,
@@ -20,11 +23,15 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "BACKGROUND",
     "Appearance",
+    "BoneProbability",
     "SegmentationSettings",
+    "Stop",
     "add_scribbles",
     "check_seeds",
     "claims",
+    "harmonic",
     "marrow_core",
     "merge",
     "painted",

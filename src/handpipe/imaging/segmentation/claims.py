@@ -102,6 +102,7 @@ def save(path: str | Path, bones: Mapping[str, BoneProbability], inputs: Iterabl
             "probability": b.probability,
             "undecided": np.float64(b.undecided),
             "undecided_at": np.array(b.undecided_at),
+            **({} if b.trust is None else {"trust": np.array(b.trust)}),
         }
         for name, b in bones.items()
     }
@@ -138,7 +139,9 @@ def load(path: str | Path, corrected: Iterable[str | Path] = ()) -> dict[str, Bo
 
 def _bone(group: Mapping[str, Any]) -> BoneProbability:
     x, y, z = group["undecided_at"].tolist()
-    return BoneProbability(group["offset"], group["probability"], float(group["undecided"]), (x, y, z))
+    agreement, missed = group["trust"].tolist() if "trust" in group else (1.0, 0.0)
+    trust = (agreement, missed) if "trust" in group else None
+    return BoneProbability(group["offset"], group["probability"], float(group["undecided"]), (x, y, z), trust)
 
 
 @dataclass(frozen=True)
@@ -279,13 +282,10 @@ def _appearance(
     others = sorted((n for n in levels if n != name), key=lambda n: np.linalg.norm(places[n] - places[name]))
     around = float(np.median([levels[n] for n in others[:NEIGHBOURS] or [name]]))
     return Appearance(
-        volume=float(claimed.sum()) * voxel,
-        border=_border(claimed),
+        **extent(volume, bone),
         level=levels[name],
         relative_level=levels[name] / max(around, 1e-12),
         enclosed=_enclosed(volume, bone, claimed, levels[name]),
-        cut_off=_cut_off(bone, claimed, volume.shape),
-        spans=_spans(bone, claimed, volume.shape),
         open_area=patch.area,
         open_at=_place(volume, patch.middle + bone.offset),
         open_limit=OPEN_FACES * voxel ** (2 / 3),
@@ -294,6 +294,17 @@ def _appearance(
         unclaimed=left.volume,
         unclaimed_at=_place(volume, left.middle),
     )
+
+
+def extent(volume: Volume, bone: BoneProbability) -> dict[str, Any]:
+    """How large a bone is and whether the volume's border cuts it: fields of `Appearance`."""
+    claimed = bone.probability > 0.5
+    return {
+        "volume": float(claimed.sum()) * float(np.prod(volume.spacing)),
+        "border": _border(claimed),
+        "cut_off": _cut_off(bone, claimed, volume.shape),
+        "spans": _spans(bone, claimed, volume.shape),
+    }
 
 
 def _left_over(volume: Volume, bones: Mapping[str, BoneProbability], name: str, level: float) -> Unclaimed:

@@ -99,11 +99,39 @@ def random_walker(
         (size.min() / size) ** 2,
         MINIMUM_WEIGHT,
     )
-    levels = _hierarchy(edges, ground)
     guess = np.pad(np.zeros(seeds.shape) if start is None else np.where(free, start, 0.0), 1)
-    solution = _conjugate_gradients(levels, load, guess, stop or Stop())
-    solution = solution[1:-1, 1:-1, 1:-1]
-    return np.where(free, np.clip(solution, 0, 1), seeds == INSIDE)
+    solution = harmonic(edges, ground, load, guess, stop or Stop())
+    return np.where(free, solution, seeds == INSIDE)
+
+
+def harmonic(edges: Array, ground: Array, load: Array, start: Array, stop: Stop) -> Array:
+    """Probability whose edges, pulls towards 1 and pulls towards 0 are in balance at every voxel.
+
+    Parameters
+    ----------
+    edges : array (3, nx + 2, ny + 2, nz + 2)
+        Weight from each voxel to its next along each axis; none to the rim or between seeds.
+    ground : array (nx + 2, ny + 2, nz + 2)
+        Weight of all that pulls a voxel: seeds beside it, and what is known of the voxel itself.
+    load : array (nx + 2, ny + 2, nz + 2)
+        Its part that pulls towards 1.
+    start : array (nx + 2, ny + 2, nz + 2)
+        Initial guess.
+    stop : Stop
+        When a solution is near enough.
+
+    Returns
+    -------
+    array (nx, ny, nz)
+        The probability, without the rim.
+
+    Raises
+    ------
+    ConvergenceError
+        If the iterations do not suffice.
+    """
+    solution = _conjugate_gradients(_hierarchy(edges, ground), load, start, stop)
+    return np.clip(solution[1:-1, 1:-1, 1:-1], 0, 1)
 
 
 @njit(cache=True)

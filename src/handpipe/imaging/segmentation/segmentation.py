@@ -85,12 +85,16 @@ class BoneProbability:
         Volume in mm^3 of the largest bright part that the strokes do not decide.
     undecided_at : tuple of 3 floats
         Middle of that part, in voxels of the whole volume.
+    trust : tuple of 2 floats, optional
+        Of a bone whose look was learned from strokes: agreement of the bone by half of the strokes with the
+        bone by all, and the share of the strokes left out that end on the wrong side.
     """
 
     offset: IntArray
     probability: NDArray[np.float32]
     undecided: float = 0.0
     undecided_at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    trust: tuple[float, float] | None = None
 
     @property
     def slices(self) -> tuple[slice, slice, slice]:

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     )
     from handpipe.imaging.volumes.shading import without_shading
     from handpipe.imaging.volumes.volume import (
+        Labels,
         Volume,
+        box,
         pose_volume,
         read_label_table,
         read_labels,
@@ -29,7 +31,9 @@ else:
 
 __all__ = [
     "Foreground",
+    "Labels",
     "Volume",
+    "box",
     "likely_cause",
     "pose_volume",
     "rasterise",

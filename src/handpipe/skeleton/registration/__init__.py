@@ -8,12 +8,14 @@ if TYPE_CHECKING:
     from handpipe.skeleton.registration.neutral_bones import neutral_doubts
     from handpipe.skeleton.registration.odd_bones import without_odd_bones
     from handpipe.skeleton.registration.pose_registration import register_pose, unmoved
+    from handpipe.skeleton.registration.registration import register
     from handpipe.skeleton.registration.registration_table import registration_figures, registration_rows
 else:
     __getattr__ = face(__name__)
 
 __all__ = [
     "neutral_doubts",
+    "register",
     "register_pose",
     "registration_figures",
     "registration_rows",

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset
-from handpipe.imaging.bone_surfaces import marrow_surface, whole_bone
+from handpipe.imaging.bone_surfaces import marrow_surface, outline_surface, whole_bone
+from handpipe.imaging.learned import learned_appearances, learned_doubts
 from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, claims, merge
 from handpipe.imaging.volumes import pose_volume, rasterise, read_labels, write_labels
 from handpipe.skeleton.bones import write_surfaces
@@ -57,11 +58,15 @@ def merge_labels(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) 
         volume, {table[name]: bone for name, bone in found.items()}, seeds, SegmentationSettings()
     )
     bones = {names[label]: bone for label, bone in merged.items()}
-    looks = claims.appearances(volume, bones)
+    learned = dataset.contrast == "learned"
+    looks = (learned_appearances if learned else claims.appearances)(volume, bones)
     neutral = claims.read_looks(inputs.neutral)[0] if inputs.neutral else {}
     left_out = {name: "it has no seeds in its marrow" for name in table if name not in bones}
     left_out |= claims.doubted(looks, neutral, corrected)
-    marrows = {name: marrow_surface(volume, b) for name, b in bones.items() if name not in left_out}
+    if learned:
+        left_out |= learned_doubts(bones, corrected)
+    surface = outline_surface if learned else marrow_surface  # a learned bone holds its cortex
+    marrows = {name: surface(volume, b) for name, b in bones.items() if name not in left_out}
     if pose == dataset.neutral:
         for name, reason in neutral_doubts(marrows, dataset.joints).items():
             log.warning("%s: doubted, since %s", name, reason)
@@ -79,7 +84,7 @@ def merge_labels(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) 
     if pose == dataset.neutral:
         for name, marrow in marrows.items():
             others = [marrows[other] for other in marrows if other != name]
-            surfaces[name]["whole"] = whole_bone(volume, bones[name], marrow, others)
+            surfaces[name]["whole"] = marrow if learned else whole_bone(volume, bones[name], marrow, others)
     for name, parts in surfaces.items():
         log.info("%s: marrow of %.0f mm^3", name, parts["marrow"].volume())
     outermost = {table[name]: parts.get("whole", parts["marrow"]) for name, parts in surfaces.items()}

@@ -1,4 +1,4 @@
-"""Marrow probability of every bone in one pose, each in a region around its seeds."""
+"""Probability of every bone in one pose: of its marrow, or of the whole bone where strokes teach its look."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset
+from handpipe.imaging.learned import segment_learned
 from handpipe.imaging.segmentation import SegmentationSettings, check_seeds, save, segment
 from handpipe.imaging.volumes import pose_volume, read_labels
 from handpipe.stages.files import Files
@@ -22,14 +23,17 @@ class Inputs(Files):
 
 
 def segment_pose(inputs: Inputs, output: Path, dataset: Dataset, pose: str, scribbled: Sequence[str]) -> None:
-    """Marrow probability of every bone in one pose, each in a region around its seeds."""
+    """Probability of every bone in one pose: of its marrow, or of the whole bone if its look is learned."""
     path = inputs.seeds
     volume = pose_volume(dataset, pose)
     bones = dataset.labels
     seeds = read_labels(path, volume, dataset.seed_labels)
     drawn = dataset.poses[pose].seeds is not None  # else proposed, but for bones that a person has to look at
     check_seeds(path, seeds, bones, scribbled if drawn else bones, dataset.other_labels)
-    found, wrong = segment(volume, seeds, bones, SegmentationSettings.of(dataset))
+    if dataset.contrast == "learned":
+        found, wrong = segment_learned([volume], seeds, bones)
+    else:
+        found, wrong = segment(volume, seeds, bones, SegmentationSettings.of(dataset))
     missing = [name for name in wrong if name not in scribbled]
     if pose == dataset.neutral and missing:
         problem = "; ".join(f"{name}: {wrong[name]}" for name in missing)

@@ -1,0 +1,1 @@
+"""What comes of real scans, which have no truth: agreement between images of one thing."""

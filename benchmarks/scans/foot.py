@@ -1,0 +1,214 @@
+"""A real foot at three echo times: do its bones agree between the echoes, and with copies of an echo?
+
+The echoes are one foot in one place: each bone of one must be that of another, and the motion between them
+the identity. The strokes are drawn on one echo. Copies of that echo are turned, noisier, or of thick slices.
+"""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
+
+from benchmarks.scans.strokes import write_strokes
+from handpipe.core import RigidTransform
+from handpipe.core.metrics import Metrics
+from handpipe.imaging.bone_surfaces import outline_surface
+from handpipe.imaging.learned import learned_doubts, segment_learned
+from handpipe.imaging.segmentation import BACKGROUND, BoneProbability
+from handpipe.imaging.volumes import Labels, Volume, read_labels, read_volume
+from handpipe.mesh.surfaces import Surface
+from handpipe.skeleton.registration import register
+
+log = logging.getLogger(__name__)
+
+CHECKOUT = Path(__file__).parents[2]
+STROKES = CHECKOUT / "tests" / "data" / "foot-strokes.json"
+ECHOES = CHECKOUT.parent / "shared" / "data" / "real_mri" / "foot_dixon"
+DRAWN_ON = 1  # of the echoes
+TURN = 20.0  # deg
+NOISIER = 1.5
+PADDED = 20  # voxels around a turned image
+AROUND = 5.0  # mm around a bone whose voxels are compared
+
+
+@dataclass(frozen=True)
+class Segmented:
+    """The bones of one image.
+
+    Parameters
+    ----------
+    volume : Volume
+        The image.
+    bones : dict of str to BoneProbability
+        Its bones.
+    doubts : dict of str to str
+        Bones in doubt, and those that are missing.
+    """
+
+    volume: Volume
+    bones: dict[str, BoneProbability]
+    doubts: dict[str, str]
+
+    @staticmethod
+    def of(volume: Volume, seeds: Labels, labels: Mapping[str, int]) -> Segmented:
+        """Segment an image."""
+        bones, wrong = segment_learned([volume], seeds, labels)
+        return Segmented(volume, bones, wrong | learned_doubts(bones))
+
+    def field(self, name: str) -> Volume:
+        """The bone's probability in its box."""
+        bone = self.bones[name]
+        volume = self.volume.crop(bone.offset, bone.offset + bone.probability.shape)
+        return volume.like(bone.probability)
+
+    def surface(self, name: str) -> Surface:
+        """The bone's surface."""
+        return outline_surface(self.volume, self.bones[name])
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How one bone of two images agrees: Dice coefficient, turn in deg and shift in mm beside the motion."""
+
+    dice: float
+    turn: float
+    shift: float
+
+
+def agreement(a: Segmented, b: Segmented, name: str, motion: RigidTransform) -> Agreement:
+    """Agreement of a bone of `a`, moved, with that of `b`."""
+    first, second = a.surface(name), b.surface(name)
+    found = register(first, second, start=motion).transform
+    middle = first.vertices.mean(axis=0, keepdims=True)
+    turn = Rotation.from_matrix(motion.rotation.T @ found.rotation).magnitude()
+    shift = float(np.linalg.norm(found(middle) - motion(middle)))
+    return Agreement(_dice(a, b, name, motion), float(np.degrees(turn)), shift)
+
+
+def _dice(a: Segmented, b: Segmented, name: str, motion: RigidTransform) -> float:
+    """Dice coefficient at the voxels of `a`."""
+    low, high = a.surface(name).vertices.min(axis=0), a.surface(name).vertices.max(axis=0)
+    grid = a.volume
+    corners = grid.to_index(np.array(list(product(*zip(low - AROUND, high + AROUND, strict=True)))))
+    lower = np.maximum(np.floor(corners.min(axis=0)), 0).astype(int)
+    upper = np.minimum(np.ceil(corners.max(axis=0)) + 1, grid.shape).astype(int)
+    points = grid.to_world(np.indices(upper - lower).reshape(3, -1).T + lower)
+    own, other = a.field(name).sample(points) > 0.5, b.field(name).sample(motion(points)) > 0.5
+    return float(2 * (own & other).sum() / max(int(own.sum() + other.sum()), 1))
+
+
+def turned(volume: Volume, seeds: Labels) -> tuple[Volume, Labels, RigidTransform]:
+    """A copy turned about the image's middle, on a grid that holds all of it; and the motion."""
+    grid = np.array(volume.shape) + 2 * PADDED
+    axis = np.ones(3) / np.sqrt(3)
+    rotation = Rotation.from_rotvec(np.radians(TURN) * axis).as_matrix()
+    middle = volume.to_world(np.array(volume.shape)[None] / 2)[0]
+    motion = RigidTransform.about(middle, rotation)
+    affine = volume.affine.copy()
+    affine[:3, 3] = volume.to_world(np.full((1, 3), -PADDED))[0]
+    copy = Volume(np.zeros(tuple(grid), np.float32), affine)
+    points = copy.to_world(np.indices(copy.shape).reshape(3, -1).T)
+    index = volume.to_index(motion.inverse()(points)).T
+    values = ndimage.map_coordinates(volume.values, index, order=3).reshape(copy.shape)
+    marks = ndimage.map_coordinates(seeds, index, order=0).reshape(copy.shape)
+    return copy.like(np.maximum(values, 0)), marks, motion
+
+
+def noisier(volume: Volume) -> Volume:
+    """A copy with `NOISIER` times the noise."""
+    added = noise(volume) * np.sqrt(NOISIER**2 - 1)
+    random = np.random.default_rng(0).standard_normal((2, *volume.shape)) * added
+    return volume.like(np.hypot(volume.values + random[0], random[1]))
+
+
+def noise(volume: Volume) -> float:
+    """The noise's deviation in tissue: of second differences along a diagonal, where edges are rare."""
+    v = volume.values.astype(float)
+    second = v[1:-1, 1:-1, 1:-1] - 0.5 * (v[:-2, :-2, :-2] + v[2:, 2:, 2:])
+    tissue = v[1:-1, 1:-1, 1:-1] > 0.1 * volume.bright
+    return float(np.median(np.abs(second[tissue])) / 0.6745 / np.sqrt(1.5))
+
+
+def thick(volume: Volume, seeds: Labels) -> tuple[Volume, Labels]:
+    """A copy of slices twice as thick along the first axis; voxels with strokes of two labels get none."""
+    count = volume.shape[0] // 2
+    pairs = volume.values[: 2 * count].reshape(count, 2, *volume.shape[1:])
+    marks = seeds[: 2 * count].reshape(count, 2, *volume.shape[1:])
+    affine = volume.affine.copy()
+    affine[:3, 0] *= 2
+    affine[:3, 3] = volume.to_world(np.array([[0.5, 0, 0]]))[0]
+    low, high = marks.min(axis=1), marks.max(axis=1)
+    return Volume(pairs.mean(axis=1), affine), np.where((low > 0) & (low < high), 0, high).astype(np.uint8)
+
+
+def measure(results: Path) -> Metrics:
+    """Figures of agreement; none where the shared data are absent."""
+    paths = sorted(ECHOES.glob("*.nii.gz"))
+    if not paths:
+        log.warning("%s has no images: nothing is measured", ECHOES)
+        return {}
+    with tempfile.TemporaryDirectory() as folder:
+        labels = write_strokes(STROKES, paths[DRAWN_ON], Path(folder) / "seeds.nii.gz")
+        volumes = [read_volume(path) for path in paths]
+        seeds = read_labels(Path(folder) / "seeds.nii.gz", volumes[DRAWN_ON])
+    start = time.perf_counter()
+    echoes = [Segmented.of(volume, seeds, labels) for volume in volumes]
+    seconds = (time.perf_counter() - start) / len(echoes)
+    sure = [name for name in labels if all(name not in echo.doubts for echo in echoes)]
+    sure = [name for name in sure if all(echo.surface(name).is_closed() for echo in echoes)]
+    still = RigidTransform.identity()
+    found = {
+        (a, b, name): agreement(echoes[a], echoes[b], name, still)
+        for a, b in combinations(range(len(echoes)), 2)
+        for name in sure
+    }
+    for (a, b, name), one in found.items():
+        log.info("echoes %d, %d, %s: Dice %.3f, %.2f deg, %.2f mm", a, b, name, one.dice, one.turn, one.shift)
+    figures: Metrics = {
+        "foot_bones": (float(len(sure)), "1"),
+        "foot_doubted": (float(len(labels) - len(sure)), "1"),
+        "foot_seconds": (seconds, "s"),
+        "foot_strokes_share": (_share(seeds, echoes[DRAWN_ON]), "1"),
+    }
+    figures |= _figures("foot_echo", list(found.values()))
+    original = echoes[DRAWN_ON]
+    moved, marks, motion = turned(volumes[DRAWN_ON], seeds)
+    copies = {
+        "turned": (Segmented.of(moved, marks, labels), motion),
+        "noisier": (Segmented.of(noisier(volumes[DRAWN_ON]), seeds, labels), still),
+        "thick": (Segmented.of(*thick(volumes[DRAWN_ON], seeds), labels), still),
+    }
+    for kind, (copy, known) in copies.items():
+        both = [name for name in sure if name not in copy.doubts]
+        compared = {name: agreement(original, copy, name, known) for name in both}
+        for name, one in compared.items():
+            log.info("%s, %s: Dice %.3f, %.2f deg, %.2f mm", kind, name, one.dice, one.turn, one.shift)
+        figures[f"foot_{kind}_bones"] = (float(len(both)), "1")
+        figures |= _figures(f"foot_{kind}", list(compared.values()))
+    return figures
+
+
+def _share(seeds: Labels, segmented: Segmented) -> float:
+    """Strokes of bones over the bones' voxels."""
+    voxels = sum(int((bone.probability > 0.5).sum()) for bone in segmented.bones.values())
+    return float(((seeds > 0) & (seeds < BACKGROUND)).sum() / voxels)
+
+
+def _figures(name: str, found: Sequence[Agreement]) -> Metrics:
+    """Smallest Dice coefficient, largest turn and shift."""
+    dice = [one.dice for one in found]
+    return {
+        f"{name}_dice_min": (min(dice), "1"),
+        f"{name}_dice_mean": (float(np.mean(dice)), "1"),
+        f"{name}_rotation_max": (max(one.turn for one in found), "deg"),
+        f"{name}_shift_max": (max(one.shift for one in found), "mm"),
+    }
