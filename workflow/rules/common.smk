@@ -37,7 +37,7 @@ from handpipe.hand import (
     part_of,
     require_files,
     require_plain,
-    require_scan,
+    require_skin,
 )
 from handpipe.skeleton.drivers import frame_names
 from handpipe.synthetic import generators
@@ -560,9 +560,32 @@ def curve_folder(subject, path):
 
 
 def scanned(subject):
-    """Poses with a scan, other than neutral."""
+    """Poses with a skin, of a scan or of their volume, other than neutral."""
     data = dataset(subject)
-    return [n for n in data.poses if n != data.neutral and data.poses[n].scan]
+    return [n for n in data.poses if n != data.neutral and data.has_skin(n)]
+
+
+def skin_of(subject, pose):
+    """The skin of a pose that has one: its scan, else what its volume gives."""
+    data = dataset(subject)
+    if data.poses[pose].scan is None:
+        return paths.at(paths.VOLUME_SKIN, subject=subject, pose=pose)
+    return data.path(data.poses[pose].scan)
+
+
+def skins_of_volumes(subject, poses):
+    """Figures of the skins that come from volumes."""
+    data = dataset(subject)
+    bare = [p for p in poses if data.has_skin(p) and data.poses[p].scan is None]
+    return expand(paths.VOLUME_SKIN_FIGURES, subject=subject, pose=bare)
+
+
+def neutral_skin(wildcards):
+    """Input function: the neutral skin, which tells parts that touch in another pose apart."""
+    subject = wildcards.subject
+    if wildcards.pose == neutral(subject) or not dataset(subject).has_skin(neutral(subject)):
+        return []
+    return skin_of(subject, neutral(subject))
 
 
 def report_stages(subject):
@@ -619,9 +642,9 @@ def volumes(subject, poses):
 
 
 def scans(subject, poses):
-    """The scans of those poses that have one."""
+    """The skins of those poses that have one."""
     data = dataset(subject)
-    return [data.path(data.poses[p].scan) for p in poses if data.poses[p].scan]
+    return [skin_of(subject, p) for p in poses if data.has_skin(p)]
 
 
 def neutral_volume(wildcards):
@@ -639,13 +662,14 @@ def example_scan(wildcards):
 
 
 def needed_scan(subject, pose, layer):
-    """A pose's scan that a layer is made of; where there is none the build ends before it begins."""
+    """A pose's skin that a layer is made of; where there is none the build ends before it begins."""
     if len(dataset(subject).bones) < len(whole_dataset(subject).bones):
         raise WorkflowError(
             f"handpipe: {', '.join(SETTINGS.scenes)}: only: {layer} is made of the skin around all bones. "
             "Remove `only` from the scenes, or build another target"
         )
-    return checked(require_scan, dataset_file(subject), dataset(subject), pose, layer)
+    checked(require_skin, dataset_file(subject), dataset(subject), pose, layer)
+    return skin_of(subject, pose)
 
 
 def of_muscles(pattern):

@@ -1,9 +1,34 @@
 # Fat and skin: mesh, constraints, nails, plastic strains (Zheng 2022 §7), and the single soft tissue of Wang 2019.
 
 
+rule extract_skin:
+    input:
+        volume=of_pose("volume"),
+        rig=paths.RIG,
+        neutral=neutral_skin,
+    output:
+        surface=paths.VOLUME_SKIN,
+        figures=paths.VOLUME_SKIN_FIGURES,
+    log:
+        paths.log_of("extract_skin", "pose"),
+    benchmark:
+        paths.cost_of("extract_skin", "pose")
+    threads: 1
+    resources:
+        mem_mb=6000,
+        runtime=20,
+    params:
+        dataset=reads(*image_of(), "neutral"),
+    message:
+        "{wildcards.subject}: skin of {wildcards.pose} from its volume"
+    script:
+        "../scripts/extract_skin.py"
+
+
 rule make_skin:
     input:
         scan=neutral_scan,
+        from_volume=lambda w: skins_of_volumes(w.subject, [neutral(w.subject)]),
         nails=lambda w: nail_files(w.subject),
         carried=carried_template,
     output:
@@ -178,6 +203,7 @@ rule evaluate_skin:
             pose=scanned(w.subject),
             allow_missing=True,
         ),
+        from_volume=lambda w: skins_of_volumes(w.subject, dataset(w.subject).poses),
         truth=in_truth(paths.TRUTH),
     output:
         metrics=paths.metrics_of("skin"),

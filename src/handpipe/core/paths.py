@@ -39,6 +39,8 @@ CORRECTED = f"{SUBJECT}/segmentation/{{pose}}/corrected/{{bone}}.h5"
 LABELS = f"{SUBJECT}/segmentation/{{pose}}/labels.nii.gz"
 LABEL_TABLE = f"{SUBJECT}/segmentation/{{pose}}/labels.json"
 BONE_SURFACES = f"{SUBJECT}/segmentation/{{pose}}/surfaces.h5"
+VOLUME_SKIN = f"{SUBJECT}/segmentation/{{pose}}/skin.ply"
+VOLUME_SKIN_FIGURES = f"{SUBJECT}/segmentation/{{pose}}/skin.json"
 LOOKS = f"{SUBJECT}/segmentation/{{pose}}/looks.json"
 
 # The skeleton.

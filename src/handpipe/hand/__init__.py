@@ -28,7 +28,7 @@ if TYPE_CHECKING:
         named_files,
         require_files,
         require_plain,
-        require_scan,
+        require_skin,
     )
 else:
     __getattr__ = face(__name__)
@@ -55,7 +55,7 @@ __all__ = [
     "read_simulated",
     "require_files",
     "require_plain",
-    "require_scan",
+    "require_skin",
     "shown",
     "simulate",
     "simulate_frame",

@@ -158,6 +158,7 @@ def _restricted(dataset: Dataset, bones: Sequence[str], layers: Collection[str])
         "other_labels": dataset.other_labels | others,
         "joints": {n: joint for n, joint in dataset.joints.items() if joint.child in kept},
         "nails": {},
+        "skin_from_volume": False,
         "regions": {},
         **organs,
     }

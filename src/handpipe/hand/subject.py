@@ -99,8 +99,8 @@ def require_plain(source: str | Path, field: str, path: Path) -> None:
         raise InputError(source, field, f"{path} has braces in its name", remedy)
 
 
-def require_scan(source: str | Path, dataset: Dataset, pose: str, layer: str) -> Path:
-    """Path of the skin scan of a pose, which a layer needs.
+def require_skin(source: str | Path, dataset: Dataset, pose: str, layer: str) -> Path | None:
+    """Path of the skin scan of a pose, which a layer needs; None where the pose's volume gives the skin.
 
     Parameters
     ----------
@@ -115,20 +115,20 @@ def require_scan(source: str | Path, dataset: Dataset, pose: str, layer: str) ->
 
     Returns
     -------
-    Path
+    Path or None
         Resolved path of the scan.
 
     Raises
     ------
     InputError
-        Where the dataset names no scan of the pose.
+        Where the dataset names no scan of the pose, and its volume gives no skin.
     """
     scan = dataset.poses[pose].scan
-    if scan is None:
+    if not dataset.has_skin(pose):
         problem = f"is not given, but the layer {layer} is made of it"
-        remedy = "Name one, or leave the layer out (skin needs neutral's scan, fat every example's too)"
+        remedy = "Name one, set skin_from_volume: true, or leave the layer out (skin needs neutral, fat all examples)"
         raise InputError(source, f"poses.{pose}.scan", problem, remedy)
-    return dataset.path(scan)
+    return None if scan is None else dataset.path(scan)
 
 
 def joint_limits(dataset: Dataset) -> dict[str, tuple[float, float]]:

@@ -258,6 +258,11 @@ class Dataset(Model):
         description="frame of axis hints, tendons' paths and nails: that of the neutral image, or of the "
         "bones' templates, which carry them onto the subject's bones",
     )
+    skin_from_volume: bool | None = Field(
+        None,
+        description="whether the volume of a pose without `scan` gives its skin: true, to all layers; false, "
+        "to none; by default to fat and skin of scanned subjects, and to none of generated ones",
+    )
     regions: dict[Literal["bone_fascia", "muscle_fascia"], Path] = Field(
         {},
         description='painted regions of a fascia: JSON list of "contact", "sliding" or "fixed", one a vertex',
@@ -355,7 +360,12 @@ class Dataset(Model):
     @cached_property
     def fleshed(self) -> bool:
         """Whether one soft tissue between bones and skin can be made, which carries tendons and muscles."""
-        return self.poses[self.neutral].scan is not None
+        return self.poses[self.neutral].scan is not None or self.skin_from_volume is True
+
+    def has_skin(self, pose: str) -> bool:
+        """Whether a pose has a skin: a scan, or a volume that gives it."""
+        given = self.generator is None if self.skin_from_volume is None else self.skin_from_volume
+        return self.poses[pose].scan is not None or given
 
     def path(self, relative: Path) -> Path:
         """A path of this dataset, resolved."""

@@ -45,6 +45,10 @@ def report(
     """One HTML file with pictures, tables, figures and costs of a subject."""
     rig = Rig.load(inputs.rig)
 
+    scans = {path.parent.name: path for path in inputs.scans}  # of volumes, in a folder of their pose
+    scans |= {name: dataset.path(pose.scan) for name, pose in dataset.poses.items() if pose.scan is not None}
+    bare = [name for name in dataset.poses if name in scans and dataset.poses[name].scan is None]
+
     def truth_of(pose: str) -> dict[str, list[Surface]]:
         """True surfaces by tissue, where the subject has a truth."""
         if dataset.truth is None:
@@ -67,7 +71,7 @@ def report(
             data.role.value,
             rig.poses[pose].root,
             sample=pose_volume(dataset, pose).sample,
-            scan=read_scan(dataset.path(data.scan)) if data.scan else None,
+            scan=read_scan(scans[pose]) if pose in scans else None,
             truth=truth_of(pose),
         )
 
@@ -86,6 +90,8 @@ def report(
     }
     warnings = pose_warnings(tables.get("poses", []))
     warnings += [said for name in scenes for said in frame_warnings(name, tables[f"frames-{name}"])]
+    if bare:
+        warnings.append(f"Skin without a scan, from the volume: {', '.join(bare)}. Nails are not in it.")
     write_report(
         output,
         ReportInput(

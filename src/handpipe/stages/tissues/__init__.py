@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from handpipe.stages.tissues import (
         collect_fat_strains,
         evaluate_skin,
+        extract_skin,
         fit_fat_strains,
         make_bone_fascia,
         make_muscle_fascia,
@@ -23,6 +24,7 @@ else:
 __all__ = [
     "collect_fat_strains",
     "evaluate_skin",
+    "extract_skin",
     "fit_fat_strains",
     "make_bone_fascia",
     "make_muscle_fascia",

@@ -34,6 +34,7 @@ class Inputs(Files):
     scans: Sequence[Path]
     skins: Sequence[Path]
     truth: Sequence[Path]
+    from_volume: Sequence[Path] = ()
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Seq
     for model, prefix in PREFIXES.items():
         figures |= contact_figures(contacts[model], prefix)
         figures[f"{prefix}overlap_max"] = (max(f["skin_overlap"] for f in contacts[model]), "mm")
-    metrics.write(outputs.metrics, figures)
+    metrics.write(outputs.metrics, figures | _of_volumes(inputs.from_volume))
     artifacts.write_text(outputs.table, json.dumps(rows, indent=2))
     values = [
         [[statistic(e) for statistic in (np.mean, np.median, np.max)] for e in m.values()]
@@ -100,3 +101,15 @@ def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Seq
     )
     with artifacts.atomic(outputs.array) as temporary:
         table.to_netcdf(temporary, engine="h5netcdf")
+
+
+def _of_volumes(files: Sequence[Path]) -> metrics.Metrics:
+    """Figures of the skins that come from volumes: how many, and the worst of each; none where all are scans."""
+    if not files:
+        return {}
+    read = [metrics.read(path) for path in files]
+    return {
+        "skin_from_volume_poses": (float(len(read)), ""),
+        "skin_from_volume_sure_min": (min(f["sure"][0] for f in read), ""),
+        "skin_from_volume_handles_max": (max(f["handles"][0] for f in read), ""),
+    }

@@ -25,6 +25,7 @@ class Inputs(Files):
     scan: Path
     nails: Sequence[Path]
     carried: Path | None = None
+    from_volume: Path | None = None
 
 
 def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> None:
@@ -36,7 +37,9 @@ def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> No
     if inputs.carried is None:
         patches = {name: read_surface(dataset.path(nail.surface)) for name, nail in dataset.nails.items()}
     else:
-        patches = {name: on_skin(patch, skin) for name, patch in Carried.load(inputs.carried).nails.items()}
+        patches = Carried.load(inputs.carried).nails
+    if inputs.carried is not None or inputs.from_volume is not None:
+        patches = {name: on_skin(patch, skin) for name, patch in patches.items()}
     parts = {
         name: Rigid(nail.bone, nail_vertices(skin, patches[name], tolerance=0.4))
         for name, nail in dataset.nails.items()
