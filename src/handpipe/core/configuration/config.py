@@ -194,6 +194,12 @@ class Segmentation(Model):
         description="of marrow where bones are looked for: that of the brightest tissue around a place, or one "
         "for the whole image, for images without shading whose fat outshines the marrow",
     )
+    edges: float = Field(
+        0.8,
+        gt=0,
+        le=1,
+        description="share of a bone's surface that shows an edge in a right place: less where cartilage hides it",
+    )
     neck: float = Field(
         0.0, ge=0, description="what hangs on the strokes by less than this thickness is cut off, mm"
     )
