@@ -13,7 +13,7 @@ from pathlib import Path
 
 from benchmarks.threads import take_threads
 
-PARTS = ("foot",)
+PARTS = ("foot", "knee")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

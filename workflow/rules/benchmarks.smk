@@ -134,7 +134,7 @@ rule benchmark_anatomy:
         "../scripts/benchmark.py"
 
 
-SCANS = ["foot"]  # parts of the benchmark of real scans
+SCANS = ["foot", "knee"]  # parts of the benchmark of real scans
 
 
 rule benchmark_scans_part:

@@ -200,6 +200,12 @@ class Segmentation(Model):
         le=1,
         description="share of a bone's surface that shows an edge in a right place: less where cartilage hides it",
     )
+    around: float = Field(
+        2.4,
+        gt=0,
+        le=6,
+        description="mm from a bone that was looked for, beyond which proposed seeds are background",
+    )
     neck: float = Field(
         0.0, ge=0, description="what hangs on the strokes by less than this thickness is cut off, mm"
     )

@@ -6,9 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
 from handpipe.core import IntArray, artifacts
 from handpipe.mesh.generation import remesh, repair
-from handpipe.mesh.surfaces import Surface
+from handpipe.mesh.surfaces import Distance, Surface
+
+CUT_END = "cut_end"
+LARGE = 0.2  # of the largest part of the cut end: smaller ones are mended holes
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,32 @@ class Skin:
     surface: Surface
     rigid: Mapping[str, Rigid]
 
+    def with_ends(self, bones: Mapping[str, Surface]) -> Skin:
+        """The same skin; of a cut end in several large parts, each moves with the bone nearest to it.
+
+        Parameters
+        ----------
+        bones : mapping of str to Surface
+            Neutral bone surfaces in mm.
+
+        Returns
+        -------
+        Skin
+            This skin where the limb is cut once.
+        """
+        if CUT_END not in self.rigid:
+            return self
+        parts = _parts(self.surface, self.rigid[CUT_END].vertices)
+        large = [part for part in parts if len(part) > LARGE * max(map(len, parts))]
+        if len(large) < 2:
+            return self
+        found = {name: part for name, part in self.rigid.items() if name != CUT_END}
+        for number, part in enumerate(large, 1):
+            middle = self.surface.vertices[part].mean(axis=0)[None]
+            distance = {name: float(Distance(bone).closest(middle)[0][0]) for name, bone in bones.items()}
+            found[f"{CUT_END}{number}"] = Rigid(min(distance, key=distance.__getitem__), part)
+        return Skin(self.surface, found)
+
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "skin"."""
         data = {
@@ -63,6 +96,16 @@ class Skin:
         d = artifacts.read(path, "skin")
         rigid = {name: Rigid(str(part["bone"]), part["vertices"]) for name, part in d["rigid"].items()}
         return Skin(Surface(d["vertices"], d["triangles"]), rigid)
+
+
+def _parts(surface: Surface, vertices: IntArray) -> list[IntArray]:
+    """The vertices (k,) in parts that edges join."""
+    edges = surface.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    edges = edges[np.isin(edges, vertices).all(axis=1)]
+    count = len(surface.vertices)
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), (count, count))
+    label = connected_components(graph, directed=False)[1][vertices]
+    return [vertices[label == number] for number in np.unique(label)]
 
 
 def closed_skin(scan: Surface, edge: float) -> tuple[Surface, list[str]]:
