@@ -55,6 +55,7 @@ BY_TRUTH = (
     "evaluate_muscles evaluate_registration evaluate_segmentation evaluate_skin evaluate_tendons fit_rig"
 )
 IMAGE_READERS = "correct_bone extract_muscle_shapes merge_labels register_tendon report segment_pose"
+LOOK_READERS = "correct_bone propose_seeds segment_pose"
 CHANGES = [
     *_changes(
         "person",
@@ -137,6 +138,20 @@ CHANGES = [
         },
     ),
     *_changes(
+        "knee",
+        {
+            "images.unit": (1.8, "paint_strokes prepare_image"),
+            "images.shrunk": (3.0, "paint_strokes prepare_image"),
+            "images.volumes.T": ("new.nii.gz", "prepare_image"),
+            "images.strokes": ("tests/data/knee/strokes-second.json", "paint_strokes"),
+            "segmentation.marks": ("intensity", LOOK_READERS),
+            "segmentation.level": ("local", LOOK_READERS),
+            "segmentation.edges": (0.7, LOOK_READERS),
+            "segmentation.around": (2.0, LOOK_READERS),
+            "segmentation.neck": (1.0, LOOK_READERS),
+        },
+    ),
+    *_changes(
         "scene",
         {
             "layers": (["bones", "skin"], "report simulate"),
@@ -167,7 +182,7 @@ CHANGES = [
 ALWAYS = {"person": {"check_subject"}}
 # Fields that name the subject or its kind: with another value it is another subject, built anew.
 IDENTITY = {"name", "like", "generator", "anatomy", "units", "subjects"}
-SCENE_OF = {"phantom-hand": "hand-poses"}  # of the others: flexion
+SCENE_OF = {"phantom-hand": "hand-poses", "knee": "knee"}  # of the others: flexion
 
 
 @dataclass
@@ -189,15 +204,16 @@ class Workbench:
             "phantom-finger": finger,
             "person": _person(finger),
             "phantom-hand": _dataset(self.folder, "phantom-hand"),
+            "knee": _dataset(self.folder, "knee") | {"anatomy": "images"},
             "scene": yaml.safe_load(scene.read_text(encoding="utf-8")),
             "config": {},
         }
 
     def before(self, where: str) -> JobPlan:
         """The plan of `all` of the subject of a change, without the change."""
-        subject = where if where in ("phantom-finger", "phantom-hand") else "person"
+        subject = where if where in ("phantom-finger", "phantom-hand", "knee") else "person"
         if subject not in self._plans:
-            for name in ("person", "phantom-finger", "phantom-hand"):
+            for name in ("person", "phantom-finger", "phantom-hand", "knee"):
                 self.write(f"datasets/{name}", self.contents[name])
             self._plans[subject] = self.plan(subject)
         return self._plans[subject]
@@ -224,7 +240,7 @@ class Workbench:
         """Write a file of the configuration, and empty files that a dataset of it names."""
         text = yaml.safe_dump(dict(content), sort_keys=False)
         (self.folder / "config" / f"{name}.yaml").write_text(text, encoding="utf-8")
-        if name.startswith("datasets/") and "generator" not in content:
+        if name.startswith("datasets/") and ("generator" not in content or "images" in content):
             for file in _files(content):
                 path = self.folder / file
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -239,6 +255,8 @@ class Workbench:
 
 
 def _files(content: Mapping[str, Any]) -> list[Path]:
+    if (images := content.get("images")) is not None:
+        return [Path(images["strokes"]), *(Path(content["anatomy"]) / v for v in images["volumes"].values())]
     try:
         return [*named_files(Dataset.model_validate(content)).values()]
     except ValueError:  # the workflow will say what is wrong

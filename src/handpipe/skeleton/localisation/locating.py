@@ -28,7 +28,7 @@ from handpipe.skeleton.localisation.motion_search import (
     fine_contrast,
     improved,
 )
-from handpipe.skeleton.localisation.root_search import root_starts, starts_near_rest
+from handpipe.skeleton.localisation.root_search import root_starts
 
 LOG = logging.getLogger(__name__)
 
@@ -39,7 +39,6 @@ WELL, THOROUGH = 0.75, 4  # share of edges below which a search follows so many 
 GUESSES = 4  # kept for a branch
 BEHIND = 0.6  # of a bone's edges: guesses that far behind the best are dropped
 NO_DOUBT = 0.9  # of the root's edges: no other start is tried
-LOST = 0.5  # of the root's edges: with fewer no start has found it
 SAME = 1.0  # mm (rms) between two motions that count as one
 OVERLAP_DEPTH = 1.0  # mm of marrow inside another whole bone
 TURN = 0.004  # what a guess loses by each degree that its joint's axes do not explain
@@ -129,9 +128,6 @@ class Search:
             LOG.info("root: edges agree by %s", np.round(sorted(share for _, share in found)[::-1], 2))
             if max(share for _, share in found) > NO_DOUBT:
                 break
-        if max(share for _, share in found) < LOST:
-            found += self._best(body, starts_near_rest(), held=False)
-            LOG.info("root: near rest, edges agree by %.2f", max(share for _, share in found))
         return max(found, key=lambda pair: pair[1])[0]
 
     def branch(self, links: Sequence[Link], root: RigidTransform) -> list[Guess]:

@@ -22,7 +22,6 @@ LOG = logging.getLogger(__name__)
 THRESHOLDS = (0.55, 0.7)  # levels: marrow is above; where shells are thin a higher one separates marrows
 ROLLS = 36
 SHIFTS = (-3.0, 0.0, 3.0)  # mm along the bone: a blob may lack an end, or have a neighbour's
-NEAR_REST, NEAR_STEP = 8.0, 2.0  # mm
 ALIKE = (0.25, 0.45, 0.45)  # logarithm of the ratio of lengths, along the three axes
 LONG = 1.8  # length by width of a bone that has a direction
 
@@ -79,13 +78,6 @@ def root_starts(evidence: MarrowEvidence, marrow: Mapping[str, Surface]) -> Iter
             starts += _onto(bone, blob) if bone.alike(blob) else []
         LOG.info("root: %d bright blobs, %d starts", len(blobs), len(starts))
         yield Motions.stack(starts)
-
-
-def starts_near_rest() -> Motions:
-    """Motions that shift a bone by up to `NEAR_REST` along each axis: the limb lies about where it did."""
-    steps = np.arange(-NEAR_REST, NEAR_REST + 1e-9, NEAR_STEP)
-    shifts = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    return Motions(np.tile(np.eye(3), (len(shifts), 1, 1)), shifts)
 
 
 def _bright_blobs(image: Volume, least: float, most: float) -> Iterator[list[Blob]]:
