@@ -15,6 +15,7 @@ from handpipe.imaging.volumes import Volume
 GROWN = 2  # voxels of other tissue around a bone that the region takes: cortex, and what lies on it
 STEP, LEAST_STEP, STEPS = 1.0, 1e-5, 300  # of the descent, in mm and in mm at the region's rim
 BLURS = (2.0, 1.0, 0.0)  # voxels, coarse to fine
+FEW, FOLLOWED = 7, 3  # one of so many voxels tells which starts are followed
 EVERY = (3, 2, 1)  # voxels along an axis, of these levels
 
 
@@ -29,12 +30,17 @@ class Match:
 def registered(
     fixed: Volume, moving: Volume, region: BoolArray, starts: list[RigidTransform]
 ) -> Match:
-    """The motion of the best correlation in a region (nx, ny, nz) of the fixed image, over several starts."""
+    """The motion of the best correlation in a region (nx, ny, nz) of the fixed image, from the best starts."""
     mask = ndimage.binary_dilation(region, iterations=GROWN)
     still, other = _image(fixed), _image(moving)
     where = _image(fixed.like(mask), sitk.sitkUInt8)
     middle = fixed.to_world(np.argwhere(mask).mean(axis=0)[None])[0]
-    matches = [_descent(still, other, where, middle, start) for start in starts]
+    places = fixed.to_world(np.argwhere(mask)[::FEW])
+    seen = fixed.sample(places)
+    blurred = moving.like(ndimage.gaussian_filter(moving.values, BLURS[0]))
+    alike = [np.corrcoef(seen, blurred.sample(start(places)))[0, 1] for start in starts]
+    best = np.argsort(alike)[::-1][:FOLLOWED]
+    matches = [_descent(still, other, where, middle, starts[i]) for i in best]
     return max(matches, key=lambda match: match.correlation)
 
 

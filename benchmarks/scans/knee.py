@@ -9,14 +9,17 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks.scans.intensities import apart, bends, registered
 from benchmarks.scans.knee_build import BENT, SETS, STRAIGHT, Knee
 from benchmarks.scans.knee_skin import bent_skin, rig_of
-from handpipe.core import RigidTransform, metrics
+from handpipe.core import Array, RigidTransform, metrics
 
+LONG = ("femur", "tibia")  # the others' rolls are told neither by their surfaces nor by intensities alone
 WAYS = ((STRAIGHT, BENT), (BENT, STRAIGHT))
-BEND = 20.0  # deg about the knee's rough axis between the poses: a start beside the identity
+BENDS = np.arange(-24.0, 25.0, 8.0)  # deg about the knee's rough axis: starts of the reference, either way
+SHIFTS = [np.array([x, 0.0, z]) for x in np.arange(-9.0, 10.0, 3.0) for z in np.arange(-9.0, 10.0, 3.0)]  # mm
 Motions = Mapping[tuple[str, str, str], RigidTransform]
 
 
@@ -48,38 +51,56 @@ def by_intensities(knee: Knee) -> Motions:
     """The same by the images' intensities in each bone's region."""
     found = {}
     for source, target in WAYS:
-        fixed, moving, sign = knee.volume(source), knee.volume(target), 1 if source == STRAIGHT else -1
+        fixed, moving = knee.volume(source), knee.volume(target)
         for bone in knee.surfaces(source):
             middle = knee.middle(source, bone)
-            starts = bends(middle, np.array([0.0, -sign * BEND]), [np.zeros(3)])
+            starts = bends(middle, BENDS, SHIFTS)
             match = registered(fixed, moving, knee.region(source, bone), starts)
             found[source, target, bone] = match.motion
     return found
 
 
+def symmetric(reference: Motions, middles: Mapping[tuple[str, str, str], Array]) -> Motions:
+    """The mean of the reference's both ways, which differ by what its region and its interpolation do."""
+    found = {}
+    for (source, target, bone), motion in reference.items():
+        middle = middles[source, target, bone]
+        other = reference[target, source, bone].inverse() if (target, source, bone) in reference else motion
+        half = Rotation.from_matrix(motion.rotation.T @ other.rotation).as_rotvec() / 2
+        rotation = motion.rotation @ Rotation.from_rotvec(half).as_matrix()
+        place = (motion(middle) + other(middle)) / 2
+        found[source, target, bone] = RigidTransform(rotation, place - rotation @ middle)
+    return found
+
+
 def differences(knee: Knee, found: Mapping[str, Motions], reference: Motions) -> metrics.Metrics:
     """Angles and distances between registrations and the reference, and between the sets of strokes."""
-    voxel, figures = float(knee.volume(STRAIGHT).spacing.max()), metrics.Metrics()
-    turns, shifts, spreads = [], [], []
-    for key, motion in reference.items():
-        middle = knee.middle(key[0], key[2])
+    voxel = float(knee.volume(STRAIGHT).spacing.max())
+    middles = {key: knee.middle(key[0], key[2]) for key in reference}
+    means = symmetric(reference, middles)
+    rows: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for key, motion in means.items():
         here = [motions[key] for motions in found.values() if key in motions]
-        off = [apart(motion, other, middle) for other in here]
-        turns += [angle for angle, _ in off]
-        shifts += [distance / voxel for _, distance in off]
-        if len(here) > 1:
-            spreads.append(apart(*here, middle))
-        if off:
-            name = f"{key[2]}_{key[0]}_to_{key[1]}"
-            figures[f"knee_rotation_difference_{name}"] = (max(angle for angle, _ in off), "deg")
-            figures[f"knee_shift_difference_voxels_{name}"] = (max(d for _, d in off) / voxel, "1")
-    return figures | {
-        "knee_motions_compared": (float(len(turns)), "1"),
-        "knee_rotation_difference_max": (max(turns), "deg"),
-        "knee_shift_difference_max_voxels": (max(shifts), "1"),
-        "knee_strokes_rotation_spread": (max(angle for angle, _ in spreads), "deg"),
-        "knee_strokes_shift_spread_voxels": (max(d for _, d in spreads) / voxel, "1"),
-    }
+        row = rows.setdefault(key[2], {"difference": [], "reference_spread": [], "strokes_spread": []})
+        row["difference"] += [apart(motion, other, middles[key]) for other in here]
+        row["reference_spread"].append(2 * np.array(apart(motion, reference[key], middles[key])))
+        row["strokes_spread"] += [apart(*here, middles[key])] if len(here) == 2 else []
+    figures: metrics.Metrics = {}
+    for bone, row in rows.items():
+        for kind, pairs in row.items():
+            angle, distance = np.max(pairs, axis=0)
+            figures[f"knee_{bone}_rotation_{kind}"] = (float(angle), "deg")
+            figures[f"knee_{bone}_shift_{kind}_voxels"] = (float(distance) / voxel, "1")
+    for what, unit in (("rotation_difference", "deg"), ("shift_difference_voxels", "1")):
+        head, tail = what.split("_", 1)
+        of = {bone: figures[f"knee_{bone}_{what}"][0] for bone in rows}
+        name = f"knee_{head}_{tail.replace('_voxels', '')}_max" + ("_voxels" if "voxels" in tail else "")
+        figures[name] = (max(v for b, v in of.items() if b in LONG), unit)
+        figures[name.replace("_max", "_small_bones_max")] = (
+            max(v for b, v in of.items() if b not in LONG),
+            unit,
+        )
+    return figures | {"knee_motions_compared": (float(sum(len(r["difference"]) for r in rows.values())), "1")}
 
 
 def axes(knees: Mapping[str, Knee]) -> metrics.Metrics:

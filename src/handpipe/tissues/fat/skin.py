@@ -7,15 +7,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from handpipe.core import IntArray, artifacts
 from handpipe.mesh.generation import remesh, repair
-from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.surfaces import Distance, Surface, component_labels
 
 CUT_END = "cut_end"
-LARGE = 0.2  # of the largest part of the cut end: smaller ones are mended holes
+FARTHEST = 0.6  # of the skin's longest extent: cut vertices farther apart are at both ends of the limb
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class Skin:
     rigid: Mapping[str, Rigid]
 
     def with_ends(self, bones: Mapping[str, Surface]) -> Skin:
-        """The same skin; of a cut end in several large parts, each moves with the bone nearest to it.
+        """The same skin; of a limb that is cut at both ends, each vertex of the ends moves with its nearest bone.
 
         Parameters
         ----------
@@ -64,16 +62,15 @@ class Skin:
         """
         if CUT_END not in self.rigid:
             return self
-        parts = _parts(self.surface, self.rigid[CUT_END].vertices)
-        large = [part for part in parts if len(part) > LARGE * max(map(len, parts))]
-        if len(large) < 2:
+        ends = self.rigid[CUT_END].vertices
+        places = self.surface.vertices[ends]
+        if len(ends) == 0 or np.ptp(places, axis=0).max() < FARTHEST * np.ptp(self.surface.vertices, axis=0).max():
             return self
+        distances = np.array([Distance(bone).closest(places)[0] for bone in bones.values()])
+        nearest = np.array([*bones])[distances.argmin(axis=0)]
         found = {name: part for name, part in self.rigid.items() if name != CUT_END}
-        for number, part in enumerate(large, 1):
-            middle = self.surface.vertices[part].mean(axis=0)[None]
-            distance = {name: float(Distance(bone).closest(middle)[0][0]) for name, bone in bones.items()}
-            found[f"{CUT_END}{number}"] = Rigid(min(distance, key=distance.__getitem__), part)
-        return Skin(self.surface, found)
+        split = {f"{CUT_END}_{name}": Rigid(str(name), ends[nearest == name]) for name in np.unique(nearest)}
+        return Skin(self.surface, found | split)
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "skin"."""
@@ -98,16 +95,6 @@ class Skin:
         return Skin(Surface(d["vertices"], d["triangles"]), rigid)
 
 
-def _parts(surface: Surface, vertices: IntArray) -> list[IntArray]:
-    """The vertices (k,) in parts that edges join."""
-    edges = surface.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    edges = edges[np.isin(edges, vertices).all(axis=1)]
-    count = len(surface.vertices)
-    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), (count, count))
-    label = connected_components(graph, directed=False)[1][vertices]
-    return [vertices[label == number] for number in np.unique(label)]
-
-
 def closed_skin(scan: Surface, edge: float) -> tuple[Surface, list[str]]:
     """The neutral skin as a closed surface, and what was repaired for it.
 
@@ -126,4 +113,9 @@ def closed_skin(scan: Surface, edge: float) -> tuple[Surface, list[str]]:
         What was repaired.
     """
     closed, notes = repair(scan)
-    return remesh(closed, edge), notes
+    skin = remesh(closed, edge)
+    parts = int(component_labels(skin.triangles).max()) + 1
+    if parts > 1:
+        skin = skin.largest_component()
+        notes = [*notes, f"{parts - 1} small closed parts left out"]
+    return skin, notes
