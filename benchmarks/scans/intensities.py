@@ -1,4 +1,4 @@
-"""A rigid registration of two images in one region, by their intensities alone: a reference that knows no surface."""
+"""A rigid registration of two images in one region, by intensities alone: a reference without surfaces."""
 
 from __future__ import annotations
 
@@ -27,10 +27,8 @@ class Match:
     correlation: float
 
 
-def registered(
-    fixed: Volume, moving: Volume, region: BoolArray, starts: list[RigidTransform]
-) -> Match:
-    """The motion of the best correlation in a region (nx, ny, nz) of the fixed image, from the best starts."""
+def registered(fixed: Volume, moving: Volume, region: BoolArray, starts: list[RigidTransform]) -> Match:
+    """The motion of the best correlation in a region (nx, ny, nz) of the fixed image."""
     mask = ndimage.binary_dilation(region, iterations=GROWN)
     still, other = _image(fixed), _image(moving)
     where = _image(fixed.like(mask), sitk.sitkUInt8)

@@ -1,4 +1,4 @@
-"""A real knee in two poses: bones against intensities, the axis of its joint, its skin bent (no truth exists).
+"""A real knee in two poses: bones against intensities, its joint's axis, its skin bent (no truth exists).
 
 Each figure in voxels or mm of the limb, whose voxels are `unit` mm by an estimate of the data's README.
 """
@@ -83,8 +83,8 @@ def differences(knee: Knee, found: Mapping[str, Motions], reference: Motions) ->
         here = [motions[key] for motions in found.values() if key in motions]
         row = rows.setdefault(key[2], {"difference": [], "reference_spread": [], "strokes_spread": []})
         row["difference"] += [apart(motion, other, middles[key]) for other in here]
-        row["reference_spread"].append(2 * np.array(apart(motion, reference[key], middles[key])))
-        row["strokes_spread"] += [apart(*here, middles[key])] if len(here) == 2 else []
+        row["reference_spread"].append(_doubled(apart(motion, reference[key], middles[key])))
+        row["strokes_spread"] += [apart(here[0], here[1], middles[key])] if len(here) == 2 else []
     figures: metrics.Metrics = {}
     for bone, row in rows.items():
         for kind, pairs in row.items():
@@ -101,6 +101,10 @@ def differences(knee: Knee, found: Mapping[str, Motions], reference: Motions) ->
             unit,
         )
     return figures | {"knee_motions_compared": (float(sum(len(r["difference"]) for r in rows.values())), "1")}
+
+
+def _doubled(pair: tuple[float, float]) -> tuple[float, float]:
+    return 2 * pair[0], 2 * pair[1]
 
 
 def axes(knees: Mapping[str, Knee]) -> metrics.Metrics:

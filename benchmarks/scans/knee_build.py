@@ -1,4 +1,4 @@
-"""A knee from strokes to registered bones, by the stages that the workflow runs, from either set of strokes."""
+"""A knee from either set of strokes to registered bones, by the stages that the workflow runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.scans.knee_picture RESULTS PICTURE`: the knee's slices with contours, and the bent leg."""
+"""`python -m benchmarks.scans.knee_picture RESULTS PICTURE`: slices with contours, and the bent leg."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _panel(
     """One slice across the second axis with the surfaces' contours."""
     number = round(share * volume.shape[1])
     values = volume.values[::-1, number]
-    panel.imshow(values.T, origin="lower", cmap="gray", vmax=np.percentile(volume.values, BRIGHT))
+    panel.imshow(values.T, origin="lower", cmap="gray", vmax=float(np.percentile(volume.values, BRIGHT)))
     places = np.indices((volume.shape[0], 1, volume.shape[2])).reshape(3, -1).T + [0, number, 0]
     points = volume.to_world(places)
     for bone, surface in bones.items():

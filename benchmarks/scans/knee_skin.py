@@ -1,4 +1,4 @@
-"""A knee's skin simulated from straight to bent: one tissue on registered bones, against the bent image's skin."""
+"""A knee's skin simulated from straight to bent: one tissue on the bones, against the image's skin."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.scans.knee_build import BENT, STRAIGHT, Knee
-from handpipe.core import Array, BoolArray
+from handpipe.core import Array, BoolArray, Layer
 from handpipe.evaluation import surface_distance
-from handpipe.hand import load_layers, simulate_frame
-from handpipe.mesh.surfaces import Distance, Surface, read_scan
+from handpipe.hand import simulate_frame
+from handpipe.mesh.surfaces import Distance, Surface, read_surface
 from handpipe.skeleton.bones import write_registrations
+from handpipe.skeleton.posing import BoneLayer
 from handpipe.skeleton.registration import unmoved
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.poses import scanned_frame
 from handpipe.stages.skeleton import fit_rig
 from handpipe.stages.tissues import extract_skin, make_skin, mesh_soft_tissue
-from handpipe.tissues.fat import Skin
+from handpipe.tissues.fat import Skin, load_skin
 
 SKIN_EDGE, TISSUE_EDGE = 1.5, 2.5  # mm of the build
 BESIDE_CUT = 2.5  # mm of the build from the ends of the straight limb: what lies beyond it is not simulated
@@ -26,7 +27,7 @@ BESIDE_CUT = 2.5  # mm of the build from the ends of the straight limb: what lie
 
 @dataclass(frozen=True)
 class BentSkin:
-    """The skin of the bent knee: in its image, and simulated from the straight one; frame of the straight femur.
+    """The bent knee's skin in its image, and simulated from the straight one; frame of the straight femur.
 
     Parameters
     ----------
@@ -73,11 +74,11 @@ def bent_skin(knee: Knee) -> BentSkin:
     mesh_soft_tissue.mesh_soft_tissue(
         mesh_soft_tissue.Inputs(knee.folder / "rig.h5", skin), mesh, knee.dataset, TISSUE_EDGE
     )
-    layers = load_layers(["bones", "skin"], knee.dataset, [mesh], rig.surfaces)
+    layers: list[Layer] = [BoneLayer(rig.surfaces), load_skin([mesh], rig.surfaces)]
     shapes = simulate_frame(scanned_frame(rig, BENT), layers)["skin"]
     unbent = Skin.load(skin).with_ends(rig.surfaces)
     simulated = Surface(shapes["skin"].vertices, shapes["skin"].cells)
-    scan = read_scan(skins[BENT])
+    scan = read_surface(skins[BENT]).largest_component()
     seen = scan.moved(rig.poses[BENT].root.inverse()(scan.vertices))
     ends = np.concatenate([part.vertices for part in unbent.rigid.values()])
     compared = surface_distance(seen.vertices, _patch(simulated, ends)) > BESIDE_CUT

@@ -1,12 +1,12 @@
-"""The knee's reference registration on a known motion, and, where the images are, the knee's bones from strokes."""
+"""The knee's reference on a known motion; where the images are, the knee's bones from strokes."""
 
 import numpy as np
 import pytest
+from benchmarks.scans.intensities import apart, bends, registered
+from benchmarks.scans.knee_build import SETS, STRAIGHT, STROKES, Knee
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from benchmarks.scans.intensities import apart, bends, registered
-from benchmarks.scans.knee_build import SETS, STRAIGHT, STROKES, Knee
 from handpipe.core import RigidTransform
 from handpipe.core.configuration import load_dataset
 from handpipe.imaging.segmentation import SegmentationSettings, painted, segment_bone

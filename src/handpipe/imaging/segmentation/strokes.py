@@ -52,9 +52,7 @@ def read_strokes(path: str | Path) -> Strokes:
     return Strokes(content["bones"], content["outside"])
 
 
-def painted(
-    source: str | Path, image: str | Path, bones: Mapping[str, int]
-) -> tuple[Labels, Array]:
+def painted(source: str | Path, image: str | Path, bones: Mapping[str, int]) -> tuple[Labels, Array]:
     """Strokes as seeds on the grid of the image on which they were drawn, as its file stores it.
 
     Parameters

@@ -48,7 +48,7 @@ class Skin:
     rigid: Mapping[str, Rigid]
 
     def with_ends(self, bones: Mapping[str, Surface]) -> Skin:
-        """The same skin; of a limb that is cut at both ends, each vertex of the ends moves with its nearest bone.
+        """The same skin; of a limb cut at both ends, each vertex there moves with its nearest bone.
 
         Parameters
         ----------
@@ -64,7 +64,10 @@ class Skin:
             return self
         ends = self.rigid[CUT_END].vertices
         places = self.surface.vertices[ends]
-        if len(ends) == 0 or np.ptp(places, axis=0).max() < FARTHEST * np.ptp(self.surface.vertices, axis=0).max():
+        if (
+            len(ends) == 0
+            or np.ptp(places, axis=0).max() < FARTHEST * np.ptp(self.surface.vertices, axis=0).max()
+        ):
             return self
         distances = np.array([Distance(bone).closest(places)[0] for bone in bones.values()])
         nearest = np.array([*bones])[distances.argmin(axis=0)]
