@@ -583,7 +583,9 @@ def skins_of_volumes(subject, poses):
 def neutral_skin(wildcards):
     """Input function: the neutral skin, which tells parts that touch in another pose apart."""
     subject = wildcards.subject
-    if wildcards.pose == neutral(subject) or not dataset(subject).has_skin(neutral(subject)):
+    if wildcards.pose == neutral(subject) or not dataset(subject).has_skin(
+        neutral(subject)
+    ):
         return []
     return skin_of(subject, neutral(subject))
 

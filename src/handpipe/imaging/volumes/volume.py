@@ -206,7 +206,15 @@ def _read(path: Path, series: int | str | None = None, echo: int | None = None) 
 
 
 def write_volume(path: str | Path, volume: Volume) -> None:
-    """Write NIfTI in RAS mm."""
+    """Write NIfTI in RAS mm.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+    volume : Volume
+        Volume whose values are written as float32.
+    """
     _write_nifti(path, np.asarray(volume.values, np.float32), volume.affine)
 
 
