@@ -546,7 +546,7 @@ def nail_files(subject):
     data = dataset(subject)
     if is_carried(subject):
         return []
-    if data.generator:
+    if data.generator and data.generator != LIMB:
         return [data.path("templates")]
     return [data.path(nail.surface) for nail in data.nails.values()]
 
