@@ -110,7 +110,7 @@ def _doubled(pair: tuple[float, float]) -> tuple[float, float]:
 def axes(knees: Mapping[str, Knee]) -> metrics.Metrics:
     """The knee's axis from its one motion: how far it may be off, and how far the sets of strokes differ."""
     rigs = [rig_of(knee) for knee in knees.values()]
-    shrunk = next(iter(knees.values())).dataset.images.shrunk  # type: ignore[union-attr]
+    shrunk = next(iter(knees.values())).dataset.limb.shrunk  # type: ignore[union-attr]
     joints = [next(joint for joint in rig.joints if joint.name == "knee") for rig in rigs]
     directions = [joint.fit.axes.directions[0] for joint in joints]
     between = np.degrees(np.arccos(min(abs(float(directions[0] @ directions[1])), 1.0)))
@@ -127,8 +127,8 @@ def axes(knees: Mapping[str, Knee]) -> metrics.Metrics:
 
 def skin(knee: Knee) -> metrics.Metrics:
     """The skin simulated from straight to bent against that of the bent image, and without any simulation."""
-    assert knee.dataset.images is not None
-    bent, shrunk = bent_skin(knee), knee.dataset.images.shrunk
+    assert knee.dataset.limb is not None
+    bent, shrunk = bent_skin(knee), knee.dataset.limb.shrunk
     return {
         "knee_skin_error_mean": (float(bent.errors.mean()) * shrunk, "mm"),
         "knee_skin_error_median": (float(np.median(bent.errors)) * shrunk, "mm"),

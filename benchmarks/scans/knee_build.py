@@ -42,10 +42,10 @@ class Knee:
     def build(folder: Path, strokes: str) -> Knee:
         """Segment both poses from one of the sets of strokes; files that are there are kept."""
         dataset = load_dataset(DATASET)
-        assert dataset.images is not None and dataset.anatomy is not None
-        images = dataset.images.model_copy(update={"strokes": STROKES / f"strokes-{strokes}.json"})
+        assert dataset.limb is not None and dataset.anatomy is not None
+        limb = dataset.limb.model_copy(update={"strokes": STROKES / f"strokes-{strokes}.json"})
         anatomy = dataset.anatomy if dataset.anatomy.is_absolute() else CHECKOUT / dataset.anatomy
-        changed = {"images": images, "root": folder / "data", "anatomy": anatomy}
+        changed = {"limb": limb, "root": folder / "data", "anatomy": anatomy}
         knee = Knee(dataset.model_copy(update=changed), folder)
         for pose in (STRAIGHT, BENT):
             if not knee._file(pose, "surfaces.h5").exists():
@@ -81,8 +81,8 @@ class Knee:
 
     def _segment(self, pose: str) -> None:
         """Seeds, labels and surfaces of a pose: strokes in the straight one, proposed seeds in the other."""
-        assert self.dataset.images is not None and self.dataset.anatomy is not None
-        chosen, source = self.dataset.poses[pose], self.dataset.anatomy / self.dataset.images.volumes[pose]
+        assert self.dataset.limb is not None and self.dataset.anatomy is not None
+        chosen, source = self.dataset.poses[pose], self.dataset.anatomy / self.dataset.limb.volumes[pose]
         image = self.dataset.path(chosen.volume)
         image.parent.mkdir(parents=True, exist_ok=True)
         self._file(pose, "").mkdir(parents=True, exist_ok=True)
@@ -92,7 +92,7 @@ class Knee:
             assert chosen.seeds is not None
             seeds = self.dataset.path(chosen.seeds)
             seeds.parent.mkdir(parents=True, exist_ok=True)
-            given = paint_strokes.Inputs(self.dataset.images.strokes, source)
+            given = paint_strokes.Inputs(self.dataset.limb.strokes, source)
             paint_strokes.paint_strokes(given, seeds, self.dataset)
         else:
             seeds = self._file(pose, "seeds.nii.gz")

@@ -140,10 +140,10 @@ CHANGES = [
     *_changes(
         "knee",
         {
-            "images.unit": (1.8, "paint_strokes prepare_image"),
-            "images.shrunk": (3.0, "paint_strokes prepare_image"),
-            "images.volumes.T": ("new.nii.gz", "prepare_image"),
-            "images.strokes": ("tests/data/knee/strokes-second.json", "paint_strokes"),
+            "limb.unit": (1.8, "paint_strokes prepare_image"),
+            "limb.shrunk": (3.0, "paint_strokes prepare_image"),
+            "limb.volumes.T": ("new.nii.gz", "prepare_image"),
+            "limb.strokes": ("tests/data/knee/strokes-second.json", "paint_strokes"),
             "segmentation.marks": ("intensity", LOOK_READERS),
             "segmentation.level": ("local", LOOK_READERS),
             "segmentation.edges": (0.7, LOOK_READERS),
@@ -240,7 +240,7 @@ class Workbench:
         """Write a file of the configuration, and empty files that a dataset of it names."""
         text = yaml.safe_dump(dict(content), sort_keys=False)
         (self.folder / "config" / f"{name}.yaml").write_text(text, encoding="utf-8")
-        if name.startswith("datasets/") and ("generator" not in content or "images" in content):
+        if name.startswith("datasets/") and ("generator" not in content or "limb" in content):
             for file in _files(content):
                 path = self.folder / file
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -255,8 +255,8 @@ class Workbench:
 
 
 def _files(content: Mapping[str, Any]) -> list[Path]:
-    if (images := content.get("images")) is not None:
-        return [Path(images["strokes"]), *(Path(content["anatomy"]) / v for v in images["volumes"].values())]
+    if (limb := content.get("limb")) is not None:
+        return [Path(limb["strokes"]), *(Path(content["anatomy"]) / v for v in limb["volumes"].values())]
     try:
         return [*named_files(Dataset.model_validate(content)).values()]
     except ValueError:  # the workflow will say what is wrong

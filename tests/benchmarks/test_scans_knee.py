@@ -36,7 +36,7 @@ def test_the_reference_finds_a_known_motion() -> None:
 @pytest.mark.parametrize("bone", JOINT)
 def test_bones_of_the_knee_reach_the_joint_from_either_strokes(bone) -> None:
     dataset = load_dataset("config/datasets/knee.yaml")
-    image = dataset.anatomy / dataset.images.volumes[STRAIGHT]
+    image = dataset.anatomy / dataset.limb.volumes[STRAIGHT]
     acquired = read_volume(image)
     volume = without_shading(Volume(acquired.values, build_scale(dataset) @ acquired.affine))
     claims = []

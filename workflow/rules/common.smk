@@ -255,7 +255,7 @@ def take_lock():
 def source_image(subject, pose):
     """The file of a real limb's pose, as it was acquired."""
     data = whole_dataset(subject)
-    return data.anatomy / data.images.volumes[pose]
+    return data.anatomy / data.limb.volumes[pose]
 
 
 def given_files(wildcards):

@@ -158,7 +158,7 @@ rule prepare_image:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads_whole("images.unit", "images.shrunk"),
+        dataset=reads_whole("limb.unit", "limb.shrunk"),
     message:
         "{wildcards.subject}: the real image of {wildcards.pose} in the build's unit, without shading"
     script:
@@ -167,7 +167,7 @@ rule prepare_image:
 
 rule paint_strokes:
     input:
-        strokes=lambda w: whole_dataset(w.subject).images.strokes,
+        strokes=lambda w: whole_dataset(w.subject).limb.strokes,
         image=lambda w: source_image(w.subject, w.pose),
     output:
         paths.DATA_SEEDS,
@@ -182,7 +182,7 @@ rule paint_strokes:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads_whole("images.unit", "images.shrunk", "bones.*.label"),
+        dataset=reads_whole("limb.unit", "limb.shrunk", "bones.*.label"),
     message:
         "{wildcards.subject}: the strokes on {wildcards.pose} as a label volume"
     script:

@@ -165,7 +165,7 @@ class Scanner(Model):
     )
 
 
-class Images(Model):
+class Limb(Model):
     """Where the images of a `real-limb` are, their unit, and the strokes drawn on the neutral one."""
 
     unit: float = Field(gt=0, le=1000, description="mm a unit of lengths in the volumes' headers")
@@ -241,7 +241,7 @@ class Dataset(Model):
     scanner: Scanner | None = Field(
         None, description="generated whole hands: voxel size, bias field and noise"
     )
-    images: Images | None = Field(None, description="of a real-limb: its images, their unit, its strokes")
+    limb: Limb | None = Field(None, description="of a real-limb: its images, their unit, its strokes")
     segmentation: Segmentation | None = Field(None, description="of bones that are not a hand's")
     anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
@@ -293,10 +293,10 @@ class Dataset(Model):
             raise ValueError(f"poses.{pose}: needs seeds, since contrast is learned from them")
         if self.scanner is not None and self.generator not in SCANNED_HANDS:
             raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
-        if (self.images is not None) != (self.generator == LIMB):
-            raise ValueError(f"images: belongs to the generator {LIMB}, which needs it")
-        if self.images is not None and set(self.images.volumes) != set(self.poses):
-            raise ValueError("images: volumes: needs the file of each pose, and of no other")
+        if (self.limb is not None) != (self.generator == LIMB):
+            raise ValueError(f"limb: belongs to the generator {LIMB}, which needs it")
+        if self.limb is not None and set(self.limb.volumes) != set(self.poses):
+            raise ValueError("limb: volumes: needs the file of each pose, and of no other")
         for kind, named in (
             *((f"poses.{k}.scribbles", tuple(p.scribbles)) for k, p in self.poses.items()),
             *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),
@@ -579,7 +579,7 @@ def _require_own_folder(path: str | Path, dataset: Dataset) -> None:
     if not dataset.root.resolve().is_relative_to(folder.resolve()):
         problem = f"is {dataset.root}, but what is generated stays under {folder}"
         raise InputError(path, "root", problem, f"Write {folder}/data")
-    written = dataset.model_dump(exclude={"root", "anatomy", "images"}, exclude_none=True)
+    written = dataset.model_dump(exclude={"root", "anatomy", "limb"}, exclude_none=True)
     for field, relative in _paths(written):
         if not dataset.path(relative).resolve().is_relative_to(dataset.root.resolve()):
             problem = f"is {relative}, which leads out of {dataset.root}"
