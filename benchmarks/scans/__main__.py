@@ -15,7 +15,7 @@ from pathlib import Path
 
 from benchmarks.threads import take_threads
 
-PARTS = ("foot", "skin", "alignment", "effects")
+PARTS = ("foot", "knee", "skin", "alignment", "effects")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

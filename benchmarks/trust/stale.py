@@ -61,6 +61,7 @@ ECHOES = [
     {"time_ms": time, "magnitude": f"echoes/{time}.nii.gz", "phase": f"echoes/{time}-phase.nii.gz"}
     for time in (3.45, 4.6, 5.75)
 ]
+LOOK_READERS = "correct_bone propose_seeds segment_pose"
 CHANGES = [
     *_changes(
         "person",
@@ -159,6 +160,20 @@ CHANGES = [
         },
     ),
     *_changes(
+        "knee",
+        {
+            "limb.unit": (1.8, "paint_strokes prepare_image"),
+            "limb.shrunk": (3.0, "paint_strokes prepare_image"),
+            "limb.volumes.T": ("new.nii.gz", "prepare_image"),
+            "limb.strokes": ("tests/data/knee/strokes-second.json", "paint_strokes"),
+            "segmentation.marks": ("intensity", LOOK_READERS),
+            "segmentation.level": ("local", LOOK_READERS),
+            "segmentation.edges": (0.7, LOOK_READERS),
+            "segmentation.around": (2.0, LOOK_READERS),
+            "segmentation.neck": (1.0, LOOK_READERS),
+        },
+    ),
+    *_changes(
         "scene",
         {
             "layers": (["bones", "skin"], "report simulate"),
@@ -189,7 +204,7 @@ CHANGES = [
 ALWAYS = {"person": {"check_subject"}}
 # Fields that name the subject or its kind: with another value it is another subject, built anew.
 IDENTITY = {"name", "like", "generator", "anatomy", "units", "subjects"}
-SCENE_OF = {"phantom-hand": "hand-poses"}  # of the others: flexion
+SCENE_OF = {"phantom-hand": "hand-poses", "knee": "knee"}  # of the others: flexion
 
 
 @dataclass
@@ -211,15 +226,16 @@ class Workbench:
             "phantom-finger": finger,
             "person": _person(finger),
             "phantom-hand": _dataset(self.folder, "phantom-hand"),
+            "knee": _dataset(self.folder, "knee") | {"anatomy": "images"},
             "scene": yaml.safe_load(scene.read_text(encoding="utf-8")),
             "config": {},
         }
 
     def before(self, where: str) -> JobPlan:
         """The plan of `all` of the subject of a change, without the change."""
-        subject = where if where in ("phantom-finger", "phantom-hand") else "person"
+        subject = where if where in ("phantom-finger", "phantom-hand", "knee") else "person"
         if subject not in self._plans:
-            for name in ("person", "phantom-finger", "phantom-hand"):
+            for name in ("person", "phantom-finger", "phantom-hand", "knee"):
                 self.write(f"datasets/{name}", self.contents[name])
             self._plans[subject] = self.plan(subject)
         return self._plans[subject]
@@ -246,7 +262,7 @@ class Workbench:
         """Write a file of the configuration, and empty files that a dataset of it names."""
         text = yaml.safe_dump(dict(content), sort_keys=False)
         (self.folder / "config" / f"{name}.yaml").write_text(text, encoding="utf-8")
-        if name.startswith("datasets/") and "generator" not in content:
+        if name.startswith("datasets/") and ("generator" not in content or "limb" in content):
             for file in _files(content):
                 path = self.folder / file
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -261,6 +277,8 @@ class Workbench:
 
 
 def _files(content: Mapping[str, Any]) -> list[Path]:
+    if (limb := content.get("limb")) is not None:
+        return [Path(limb["strokes"]), *(Path(content["anatomy"]) / v for v in limb["volumes"].values())]
     try:
         return [*named_files(Dataset.model_validate(content)).values()]
     except ValueError:  # the workflow will say what is wrong

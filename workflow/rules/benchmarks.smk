@@ -136,6 +136,7 @@ rule benchmark_anatomy:
 
 SCANS = {  # parts of the benchmark of scans, modules of benchmarks.scans: what each needs to be built
     "foot": [],
+    "knee": [],
     "skin": [],
     "alignment": expand(paths.metrics_of("rig"), subject="phantom-finger"),
     "effects": [],

@@ -22,6 +22,7 @@ from handpipe.core import (
 )
 from handpipe.core.configuration import (
     COUPLED_HANDS,
+    LIMB,
     Role,
     load_dataset,
     load_scene,
@@ -215,6 +216,7 @@ def bones_alone():
         subject
         for subject, content in unchecked_datasets().items()
         if "generator" in content
+        and content["generator"] != LIMB
         and not any("scan" in pose for pose in content.get("poses", {}).values())
     ]
 
@@ -233,6 +235,7 @@ def generated_by(*generators):
     return "|".join(found) or "-"
 
 
+LIMBS = generated_by(LIMB)  # real images, whose unit and strokes the dataset tells
 COUPLED = generated_by(
     *COUPLED_HANDS
 )  # images and truth come from a coupled simulation
@@ -267,6 +270,12 @@ def take_lock():
     HELD_LOCKS.append(
         file
     )  # a file that nothing refers to is closed, and its lock is gone
+
+
+def source_image(subject, pose):
+    """The file of a real limb's pose, as it was acquired."""
+    data = whole_dataset(subject)
+    return data.anatomy / data.limb.volumes[pose]
 
 
 def given_files(wildcards):
@@ -602,7 +611,7 @@ def nail_files(subject):
     data = dataset(subject)
     if is_carried(subject):
         return []
-    if data.generator:
+    if data.generator and data.generator != LIMB:
         return [data.path("templates")]
     return [data.path(nail.surface) for nail in data.nails.values()]
 

@@ -10,7 +10,7 @@ rule generate_templates:
     benchmark:
         paths.cost_of("generate_templates")
     wildcard_constraints:
-        subject=f"(?!(?:{COUPLED})/)[a-z][a-z0-9-]*",
+        subject=f"(?!(?:{COUPLED}|{LIMBS})/)[a-z][a-z0-9-]*",
     threads: 1
     resources:
         mem_mb=1500,
@@ -51,7 +51,7 @@ rule generate_pose:
     benchmark:
         paths.cost_of("generate_pose", "pose")
     wildcard_constraints:
-        subject=f"(?!(?:{BONES_ALONE}|{COUPLED})/)[a-z][a-z0-9-]*",
+        subject=f"(?!(?:{BONES_ALONE}|{COUPLED}|{LIMBS})/)[a-z][a-z0-9-]*",
     threads: 1
     resources:
         mem_mb=2500,
@@ -142,6 +142,53 @@ rule generate_seeds:
         "{wildcards.subject}: seeds of {wildcards.pose} as a person would draw them"
     script:
         "../scripts/generate_seeds.py"
+
+
+rule prepare_image:
+    input:
+        lambda w: source_image(w.subject, w.pose),
+    output:
+        paths.DATA_VOLUME,
+    log:
+        paths.log_of("prepare_image", "pose"),
+    benchmark:
+        paths.cost_of("prepare_image", "pose")
+    wildcard_constraints:
+        subject=LIMBS,
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        dataset=reads_whole("limb.unit", "limb.shrunk"),
+    message:
+        "{wildcards.subject}: the real image of {wildcards.pose} in the build's unit, without shading"
+    script:
+        "../scripts/prepare_image.py"
+
+
+rule paint_strokes:
+    input:
+        strokes=lambda w: whole_dataset(w.subject).limb.strokes,
+        image=lambda w: source_image(w.subject, w.pose),
+    output:
+        paths.DATA_SEEDS,
+    log:
+        paths.log_of("paint_strokes", "pose"),
+    benchmark:
+        paths.cost_of("paint_strokes", "pose")
+    wildcard_constraints:
+        subject=LIMBS,
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        dataset=reads_whole("limb.unit", "limb.shrunk", "bones.*.label"),
+    message:
+        "{wildcards.subject}: the strokes on {wildcards.pose} as a label volume"
+    script:
+        "../scripts/paint_strokes.py"
 
 
 rule check_subject:

@@ -21,6 +21,7 @@ rule segment_pose:
             *image_of(),
             "bones.*.label",
             "other_labels",
+            "segmentation",
             "contrast",
             "neutral",
             "poses.{pose}.seeds",
@@ -56,6 +57,7 @@ rule correct_bone:
             "bones.*.label",
             "other_labels",
             "contrast",
+            "segmentation",
             "poses.{pose}.labels_show",
         ),
     message:

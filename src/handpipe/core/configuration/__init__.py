@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from handpipe.core.configuration import selection
     from handpipe.core.configuration.config import (
         COUPLED_HANDS,
+        LIMB,
         Dataset,
         ImageEffect,
         Images,
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
         Role,
         Scanner,
         Scene,
+        Segmentation,
         Strength,
         Vector,
         every_fault,
@@ -34,6 +36,7 @@ else:
 
 __all__ = [
     "COUPLED_HANDS",
+    "LIMB",
     "Dataset",
     "ImageEffect",
     "Images",
@@ -46,6 +49,7 @@ __all__ = [
     "Role",
     "Scanner",
     "Scene",
+    "Segmentation",
     "Strength",
     "Vector",
     "every_fault",

@@ -52,6 +52,7 @@ ImageEffect = Literal[
 ]
 HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
 COUPLED_HANDS = ("phantom-hand-complete", "zanatomy-hand")  # generators whose truth is a coupled simulation
+LIMB = "real-limb"  # generator that makes a subject of a folder of real images
 SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
 
 
@@ -263,6 +264,52 @@ class Images(Model):
         return value
 
 
+class Limb(Model):
+    """Where the images of a `real-limb` are, their unit, and the strokes drawn on the neutral one."""
+
+    unit: float = Field(gt=0, le=1000, description="mm a unit of lengths in the volumes' headers")
+    shrunk: float = Field(
+        default=1.0,
+        gt=0,
+        le=100,
+        description="the limb is built so many times smaller: lengths in the pipeline are a hand's",
+    )
+    volumes: dict[Name, Path] = Field(description="file of each pose in `anatomy`")
+    strokes: Path = Field(
+        description="JSON of the strokes on the neutral volume, as polylines of voxels of the file"
+    )
+
+
+class Segmentation(Model):
+    """How bones are told from other tissue where they are not a hand's."""
+
+    marks: Literal["intensity", "distance"] = Field(
+        default="intensity",
+        description="what tells the voxels that need no random walker: how far the intensity departs on the "
+        "way to a stroke, or how long the way is: for limbs, whose fat is as bright as marrow",
+    )
+    level: Literal["local", "even"] = Field(
+        default="local",
+        description="of marrow where bones are looked for: that of the brightest tissue nearby, or one "
+        "for the whole image, for images without shading whose fat outshines the marrow",
+    )
+    edges: float = Field(
+        default=0.8,
+        gt=0,
+        le=1,
+        description="share of a bone's surface with an edge in a right place: less where cartilage hides it",
+    )
+    around: float = Field(
+        default=2.4,
+        gt=0,
+        le=6,
+        description="mm from a bone that was looked for, beyond which proposed seeds are background",
+    )
+    neck: float = Field(
+        default=0.0, ge=0, description="what hangs on the strokes by less than this thickness is cut off, mm"
+    )
+
+
 class Truth(Model):
     """Known truth of a phantom in each pose: `folder`/{pose}.h5 and label volumes beside it."""
 
@@ -285,6 +332,7 @@ class Dataset(Model):
             "myohand-bones",
             "zanatomy-bones",
             "zanatomy-hand",
+            "real-limb",
         ]
         | None
     ) = None
@@ -295,6 +343,8 @@ class Dataset(Model):
     images: Images | None = Field(
         None, description="generated subjects: image model, sequence, field and effects"
     )
+    limb: Limb | None = Field(None, description="of a real-limb: its images, their unit, its strokes")
+    segmentation: Segmentation | None = Field(None, description="of bones that are not a hand's")
     anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
     units: Literal["mm"] = "mm"
@@ -350,6 +400,10 @@ class Dataset(Model):
             raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
         if self.images is not None and self.generator is None:
             raise ValueError("images: is only for generated subjects; a scanned one names its volumes")
+        if (self.limb is not None) != (self.generator == LIMB):
+            raise ValueError(f"limb: belongs to the generator {LIMB}, which needs it")
+        if self.limb is not None and set(self.limb.volumes) != set(self.poses):
+            raise ValueError("limb: volumes: needs the file of each pose, and of no other")
         for kind, named in (
             *((f"poses.{k}.scribbles", tuple(p.scribbles)) for k, p in self.poses.items()),
             *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),
@@ -632,7 +686,7 @@ def _require_own_folder(path: str | Path, dataset: Dataset) -> None:
     if not dataset.root.resolve().is_relative_to(folder.resolve()):
         problem = f"is {dataset.root}, but what is generated stays under {folder}"
         raise InputError(path, "root", problem, f"Write {folder}/data")
-    written = dataset.model_dump(exclude={"root", "anatomy"}, exclude_none=True)
+    written = dataset.model_dump(exclude={"root", "anatomy", "limb"}, exclude_none=True)
     for field, relative in _paths(written):
         if not dataset.path(relative).resolve().is_relative_to(dataset.root.resolve()):
             problem = f"is {relative}, which leads out of {dataset.root}"

@@ -21,6 +21,7 @@ from handpipe.imaging.volumes.volume import Volume
 LEVEL_GRID = 2.0  # mm, of the field of levels
 LEVEL_REACH = 8.0  # mm within which some marrow or fat lies, wherever there is a bone
 COARSE_GRID = 1.0  # mm
+EVEN_LEVEL = 0.85  # quantile of tissue, brighter than the mean of tissue and air, that marrow has
 FLOOR = 0.5  # of the usual level: the least local level, so that the noise of air stays small
 BRIGHTEST = 1.3  # levels; brighter values, of vessels and artefacts, add no evidence
 
@@ -46,9 +47,13 @@ class MarrowEvidence:
     dark: Volume
 
     @staticmethod
-    def measure(volume: Volume) -> MarrowEvidence:
-        """From a volume in which marrow and fat are the brightest tissues."""
-        fine = volume.like(normalised(volume))
+    def measure(volume: Volume, even: bool = False) -> MarrowEvidence:
+        """From a volume in which marrow and fat are the brightest tissues.
+
+        even: marrow has one level everywhere, since the volume has no shading. Beside skin fat brighter than
+        marrow the local level is the fat's.
+        """
+        fine = volume.like(_by_one_level(volume) if even else normalised(volume))
         steps = np.maximum(np.round(COARSE_GRID / volume.spacing), 1).astype(int)
         bright, darkest = (blocks(fine, steps, f) for f in (np.mean, np.min))
         return MarrowEvidence(fine, bright, darkest.like(ndimage.minimum_filter(darkest.values, 3)))
@@ -74,6 +79,13 @@ def normalised(volume: Volume) -> NDArray[np.float32]:
     usual = float(np.quantile(coarse.values, 0.98))
     level = np.maximum(level, FLOOR * usual).astype(np.float32)
     return _divided(volume.values, level, steps.astype(np.float64), np.float32(BRIGHTEST))
+
+
+def _by_one_level(volume: Volume) -> NDArray[np.float32]:
+    """Values (nx, ny, nz) by a level of bright tissue in the whole volume, at most `BRIGHTEST`."""
+    tissue = volume.values[volume.values > volume.values.mean()]
+    level = np.float32(max(float(np.quantile(tissue, EVEN_LEVEL)), 1e-12))
+    return np.minimum(volume.values / level, np.float32(BRIGHTEST))
 
 
 @njit(cache=True)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         merge,
         segment_bone,
     )
+    from handpipe.imaging.segmentation.strokes import painted
 else:
     __getattr__ = face(__name__)
 
@@ -35,6 +36,7 @@ __all__ = [
     "harmonic",
     "marrow_core",
     "merge",
+    "painted",
     "propose",
     "read_looks",
     "require_shown",

@@ -26,6 +26,7 @@ def propose(
     marrow: Mapping[int, Surface],
     whole: Mapping[int, Surface],
     unsure: Collection[int] = (),
+    distance: float = SHELL[0],
 ) -> Labels:
     """Seeds of a pose from bones that were moved into it.
 
@@ -38,13 +39,15 @@ def propose(
     unsure : collection of int, optional
         Labels of bones whose place may be wrong. They get no seeds, and since their place is unknown no
         bright voxel is background.
+    distance : float, optional
+        Distance in mm from the whole bones beyond which voxels are background.
 
     Returns
     -------
     array (nx, ny, nz) of uint8
         Each bone's label deep in its marrow, 255 around the bones, 0 elsewhere.
     """
-    around = _around(normalised, whole)
+    around = _around(normalised, whole, distance)
     if unsure:
         around &= normalised.values < BRIGHT
     seeds = np.where(around, np.uint8(BACKGROUND), np.uint8(0))
@@ -56,7 +59,7 @@ def propose(
     return seeds
 
 
-def _around(volume: Volume, whole: Mapping[int, Surface]) -> BoolArray:
+def _around(volume: Volume, whole: Mapping[int, Surface], distance: float) -> BoolArray:
     """Voxels (nx, ny, nz) in a shell about all bones, found on a grid of `GRID`."""
     step = _step(volume)
     affine = volume.affine.copy()
@@ -64,7 +67,7 @@ def _around(volume: Volume, whole: Mapping[int, Surface]) -> BoolArray:
     affine[:3, 3] = volume.to_world((step - 1)[None] / 2)[0]
     coarse = Volume(volume.values[:: step[0], :: step[1], :: step[2]], affine)
     far = ndimage.distance_transform_edt(rasterise(coarse, whole) == 0, sampling=coarse.spacing)
-    shell = (far > SHELL[0]) & (far < SHELL[1])
+    shell = (far > distance) & (far < SHELL[1])
     for axis in range(3):
         shell = shell.repeat(step[axis], axis)
     return shell[tuple(slice(0, n) for n in volume.shape)]

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,8 @@ from pydantic import Field
 from scipy import ndimage
 
 from handpipe.core import Array, BoolArray, InputError, IntArray
-from handpipe.core.configuration import Model
+from handpipe.core.configuration import Dataset, Model
+from handpipe.imaging.segmentation.distance_marks import distance_marks
 from handpipe.imaging.segmentation.random_walker import INSIDE, OUTSIDE, Stop, random_walker
 from handpipe.imaging.segmentation.sure_marks import sure_marks
 from handpipe.imaging.volumes.volume import Labels, Volume, box
@@ -29,6 +31,7 @@ TYPICAL = 0.75  # quantile of the intensities at a bone's seeds: in a narrow can
 RISE = (1.15, 1.7)  # times the strokes' level, at which the marrow around them tells the level
 UNDECIDED = 2e-4  # of the claimed voxels
 AROUND_CONFLICT = 4  # voxels of sure labels around a conflict
+ROUND = 0.6  # voxels: an opened part's corners are grown back as far
 SURROUNDINGS = 5.0  # mm around the marrow that the shell and its neighbourhood take
 
 
@@ -42,6 +45,34 @@ class SegmentationSettings(Model):
     dark: float = Field(
         default=0.3, gt=0, lt=1, description="darker than this part of the marrow level is no marrow"
     )
+    marks: Literal["intensity", "distance"] = Field(
+        default="intensity",
+        description="what tells voxels that need no walker: how far the intensity departs on the way to a "
+        "stroke (bones of a hand), or how long the way is (limbs, whose fat is as bright as marrow)",
+    )
+    neck: float = Field(
+        default=0.0, ge=0, description="what hangs on the strokes by less than this thickness is cut off, mm"
+    )
+
+    @staticmethod
+    def of(dataset: Dataset) -> SegmentationSettings:
+        """The settings of a subject: those of a hand, where its dataset says nothing else.
+
+        Parameters
+        ----------
+        dataset : Dataset
+            Dataset of the subject, of which `segmentation` is read.
+
+        Returns
+        -------
+        SegmentationSettings
+        """
+        given = dataset.segmentation
+        return (
+            SegmentationSettings()
+            if given is None
+            else SegmentationSettings(marks=given.marks, neck=given.neck)
+        )
 
 
 @dataclass(frozen=True)
@@ -189,6 +220,8 @@ def segment_bone(
     while True:
         walked = walk(problem, volume.spacing, settings.beta, start)
         probability = _connected(walked, problem.marks == INSIDE)
+        strokes = seeds[box(problem.offset, problem.offset + probability.shape)] == label
+        probability = without_necks(probability, strokes, volume.spacing, settings.neck)
         bone = BoneProbability(problem.offset, probability.astype(np.float32), *problem.undecided)
         lower, upper = problem.offset, problem.offset + probability.shape
         if not touched(probability > 0.5, lower, upper, volume.shape).any():
@@ -244,6 +277,8 @@ def local_problem(volume: Volume, seeds: Labels, label: int, settings: Segmentat
         As `segment_bone` does.
     """
     lower, upper, level = _around_seeds(volume, seeds, label)
+    if settings.marks == "distance":
+        return _cropped(_by_distance(volume, seeds, label, level, settings), volume)
     lower, upper = _enlarged(volume, lower, upper, settings.margin)
     level = _risen(_problem(volume, seeds, label, level, lower, upper, settings))
     reach = settings.margin
@@ -260,11 +295,26 @@ def local_problem(volume: Volume, seeds: Labels, label: int, settings: Segmentat
         low, high = _enlarged(volume, lower, upper, reach)
         lower, upper = np.where(faces[0], low, lower), np.where(faces[1], high, upper)
         reach *= 2
+    return _cropped(problem, volume)
+
+
+def _cropped(problem: LocalProblem, volume: Volume) -> LocalProblem:
+    """The problem in the box of the voxels that are inside for sure, and `SURROUNDINGS` mm around them."""
+    lower, upper = problem.offset, problem.offset + problem.marks.shape
     low, high = bounds(problem.marks == INSIDE)
-    low, high = _enlarged(volume, problem.offset + low, problem.offset + high, SURROUNDINGS)
+    low, high = _enlarged(volume, lower + low, lower + high, SURROUNDINGS)
     low, high = np.maximum(low, lower), np.minimum(high, upper)
     region = box(low - lower, high - lower)
     return replace(problem, offset=low, values=problem.values[region], marks=problem.marks[region])
+
+
+def _by_distance(
+    volume: Volume, seeds: Labels, label: int, level: float, settings: SegmentationSettings
+) -> LocalProblem:
+    """The problem in the whole volume, with marks by the distances to all strokes."""
+    values, own = volume.values / np.float32(level), seeds == label
+    marks = distance_marks(values, own, (seeds != 0) & ~own, values < settings.dark, volume.spacing)
+    return LocalProblem(np.zeros(3, np.int64), level, values, marks, (0.0, (0.0, 0.0, 0.0)))
 
 
 def _risen(problem: LocalProblem) -> float:
@@ -373,6 +423,24 @@ def _connected(probability: NDArray, seeds: BoolArray) -> NDArray:
     filled = ndimage.binary_fill_holes(kept)
     stray = (parts > 0) & ~kept
     return np.where(filled & ~kept, 1 - np.minimum(probability, 0.5), np.where(stray, 0.0, probability))
+
+
+def without_necks(probability: NDArray, strokes: BoolArray, spacing: NDArray, neck: float) -> NDArray:
+    """The probability without what claimed voxels thinner than `neck` mm join to the strokes.
+
+    Strokes themselves are kept, however thin the marrow is there, and so is what lies within half a neck of
+    them. Beyond the box's borders the marrow is taken to go on.
+    """
+    claimed = probability > 0.5
+    if neck == 0 or not (claimed & strokes).any():
+        return probability
+    around = np.pad(claimed, 1, mode="edge")
+    depth = ndimage.distance_transform_edt(around, sampling=spacing)[1:-1, 1:-1, 1:-1]
+    core, own = (depth > neck / 2) | (strokes & claimed), strokes & claimed
+    parts, _ = ndimage.label(core)
+    kept = np.isin(parts, np.setdiff1d(parts[own], 0))
+    near = ndimage.distance_transform_edt(~kept, sampling=spacing) <= neck / 2 + ROUND * spacing.max()
+    return np.where(claimed & ~near, 0.0, probability)
 
 
 def touched(mask: BoolArray, lower: IntArray, upper: IntArray, shape: tuple[int, int, int]) -> BoolArray:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         require_scan_in_image,
         unit_of,
     )
+    from handpipe.imaging.volumes.shading import without_shading
     from handpipe.imaging.volumes.volume import (
         Labels,
         Volume,
@@ -58,6 +59,7 @@ __all__ = [
     "require_points_in_image",
     "require_scan_in_image",
     "unit_of",
+    "without_shading",
     "write_label_description",
     "write_labels",
     "write_segments",

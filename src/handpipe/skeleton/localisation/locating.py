@@ -32,6 +32,7 @@ from handpipe.skeleton.localisation.root_search import root_starts
 
 LOG = logging.getLogger(__name__)
 
+EDGES = 0.8  # of a bone's edges agree in a hand's images where it is in the right place
 CANDIDATES = 24  # trials that are improved
 REFINED = 5  # of them brought onto the edges
 WELL, THOROUGH = 0.75, 4  # share of edges below which a search follows so many times more trials
@@ -60,6 +61,8 @@ class HandModel:
         Neutral marrow surface of each bone in mm.
     distances : dict of str to Distance
         Distances to each whole neutral bone.
+    edges : float
+        Share of a bone's edges that leaves no doubt about its place.
     """
 
     bodies: list[Body]
@@ -67,6 +70,7 @@ class HandModel:
     probes: dict[str, Probes]
     marrow: dict[str, Surface]
     distances: dict[str, Distance]
+    edges: float = EDGES
 
     @staticmethod
     def build(dataset: Dataset, marrow: Mapping[str, Surface], whole: Mapping[str, Surface]) -> HandModel:
@@ -74,7 +78,8 @@ class HandModel:
         probes = {bone: Probes.sample(marrow[bone]) for bone in dataset.bones}
         bodies = all_bodies(dataset, probes)
         distances = {bone: Distance(whole[bone]) for bone in dataset.bones}
-        return HandModel(bodies, all_links(dataset, whole, bodies), probes, dict(marrow), distances)
+        edges = EDGES if dataset.segmentation is None else dataset.segmentation.edges
+        return HandModel(bodies, all_links(dataset, whole, bodies), probes, dict(marrow), distances, edges)
 
     def overlap(self, bone: str, at: RigidTransform, other: str, there: RigidTransform) -> float:
         """Share of a bone's marrow surface that lies deep inside another bone."""

@@ -10,7 +10,7 @@ from handpipe.core import RigidTransform, artifacts
 from handpipe.imaging.volumes import Volume
 from handpipe.skeleton.localisation.edge_agreement import agreement
 from handpipe.skeleton.localisation.joint_search import Departure, falling
-from handpipe.skeleton.localisation.locating import HandModel
+from handpipe.skeleton.localisation.locating import EDGES, HandModel
 
 KIND = "located_bones"
 SURE = 0.5  # below it a person has to look
@@ -34,6 +34,8 @@ class Confidence:
         misplaced one is misplaced.
     departure : Departure, optional
         From what the joint to its parent can do; None for bones of the root.
+    usual : float
+        Share of edges that leaves no doubt.
     """
 
     edges: float
@@ -41,12 +43,13 @@ class Confidence:
     overlap: float
     carried: float
     departure: Departure | None = None
+    usual: float = EDGES
 
     @property
     def value(self) -> float:
         """Confidence in [0, 1]: the product over the kinds of evidence."""
         inside = falling(-self.seen, -0.5, -0.2) * falling(self.overlap, 0.03, 0.15)
-        return of_edges(self.edges) * inside * self.carried
+        return of_edges(self.edges, self.usual) * inside * self.carried
 
     @property
     def marked(self) -> bool:
@@ -65,9 +68,9 @@ class Confidence:
         return f"{kind}, confidence {self.value:.2f}" + (f" near the limit of {SURE}" if self.near else "")
 
 
-def of_edges(share: float) -> float:
-    """Certainty in [0, 1] for a share of edges that agree."""
-    return falling(-share, -0.8, -0.5)
+def of_edges(share: float, usual: float = EDGES) -> float:
+    """Certainty in [0, 1] for a share of edges that agree; with the usual share, 1."""
+    return falling(-share, -usual, -0.625 * usual)
 
 
 def confidences(
@@ -91,7 +94,7 @@ def confidences(
     """
     motions = [found[body.bones[0]] for body in model.bodies]
     root = agreement(normalised, model.bodies[0].probes, motions[0])
-    carried, departures = {0: of_edges(root.share)}, {}
+    carried, departures = {0: of_edges(root.share, model.edges)}, {}
     for link in model.links:
         departure = link.departure(motions[link.parent], motions[link.child])
         carried[link.child] = carried[link.parent] * departure.plausible
@@ -104,7 +107,7 @@ def confidences(
                 (model.overlap(bone, found[bone], o, t) for o, t in found.items() if o != bone), default=0.0
             )
             of_joints = carried[number], departures.get(number)
-            result[bone] = Confidence(agrees.share, agrees.seen, overlap, *of_joints)
+            result[bone] = Confidence(agrees.share, agrees.seen, overlap, *of_joints, model.edges)
     return result
 
 

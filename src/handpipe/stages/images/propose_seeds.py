@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handpipe.core import metrics
-from handpipe.core.configuration import Dataset
+from handpipe.core.configuration import Dataset, Segmentation
 from handpipe.hand import with_carried_hints
 from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.imaging.segmentation import propose
@@ -51,7 +51,8 @@ def propose_seeds(
     """Seeds of a pose from the neutral bones and the pose's image, and how sure each bone's place is."""
     dataset = with_carried_hints(dataset, inputs.carried)
     labels = dataset.labels
-    evidence = MarrowEvidence.measure(pose_volume(dataset, pose))
+    look = dataset.segmentation or Segmentation()
+    evidence = MarrowEvidence.measure(pose_volume(dataset, pose), even=look.level == "even")
     marrow, whole = (read_surfaces(inputs.neutral, part) for part in ("marrow", "whole"))
     hand = HandModel.build(dataset, marrow, whole)
     motions = locate(hand, evidence)
@@ -78,7 +79,7 @@ def propose_seeds(
     marrows, wholes = (
         {labels[b]: s for b, s in moved_surfaces(part, motions).items()} for part in (marrow, whole)
     )
-    seeds = propose(evidence.fine, marrows, wholes, unsure=[labels[b] for b in marked])
+    seeds = propose(evidence.fine, marrows, wholes, unsure=[labels[b] for b in marked], distance=look.around)
     write_labels(outputs.seeds, seeds, evidence.fine.affine)
     write_located(outputs.located, {bone: motions[bone] for bone in sure}, sure, inputs.all())
     figures = {f"confidence_{b}": (c.value, "1") for b, c in sure.items()}

@@ -6,9 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from handpipe.core import IntArray, artifacts
 from handpipe.mesh.generation import remesh, repair
-from handpipe.mesh.surfaces import Surface
+from handpipe.mesh.surfaces import Distance, Surface, component_labels
+
+CUT_END = "cut_end"
+FARTHEST = 0.6  # of the skin's longest extent: cut vertices farther apart are at both ends of the limb
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,34 @@ class Skin:
 
     surface: Surface
     rigid: Mapping[str, Rigid]
+
+    def with_ends(self, bones: Mapping[str, Surface]) -> Skin:
+        """The same skin; of a limb cut at both ends, each vertex there moves with its nearest bone.
+
+        Parameters
+        ----------
+        bones : mapping of str to Surface
+            Neutral bone surfaces in mm.
+
+        Returns
+        -------
+        Skin
+            This skin where the limb is cut once.
+        """
+        if CUT_END not in self.rigid:
+            return self
+        ends = self.rigid[CUT_END].vertices
+        places = self.surface.vertices[ends]
+        if (
+            len(ends) == 0
+            or np.ptp(places, axis=0).max() < FARTHEST * np.ptp(self.surface.vertices, axis=0).max()
+        ):
+            return self
+        distances = np.array([Distance(bone).closest(places)[0] for bone in bones.values()])
+        nearest = np.array([*bones])[distances.argmin(axis=0)]
+        found = {name: part for name, part in self.rigid.items() if name != CUT_END}
+        split = {f"{CUT_END}_{name}": Rigid(str(name), ends[nearest == name]) for name in np.unique(nearest)}
+        return Skin(self.surface, found | split)
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "skin"."""
@@ -83,4 +116,9 @@ def closed_skin(scan: Surface, edge: float) -> tuple[Surface, list[str]]:
         What was repaired.
     """
     closed, notes = repair(scan)
-    return remesh(closed, edge), notes
+    skin = remesh(closed, edge)
+    parts = int(component_labels(skin.triangles).max()) + 1
+    if parts > 1:
+        skin = skin.largest_component()
+        notes = [*notes, f"{parts - 1} small closed parts left out"]
+    return skin, notes
