@@ -17,6 +17,8 @@ from handpipe.mesh.tets import Embedding, TetMesh
 from handpipe.tissues.tendons.rods.rod import arc_length, closest_on_rod, point_at, unit
 
 Bones = Mapping[str, RigidTransform]
+TOLD = 0.2  # mm (rms), by which two bones have to carry a hook apart in the examples, to tell its weights
+JOINT = 5.0  # mm between the distances of two bones, beyond which the closer one alone carries a hook
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,7 @@ def closest_points(points: Array, x: Array) -> Array:
 def fit_weights(
     rest: Array,
     pair: IntArray,
+    given: Array,
     rods: Sequence[Array],
     poses: Sequence[Sequence[RigidTransform]],
     *,
@@ -119,19 +122,23 @@ def fit_weights(
 
     The second bone has the rest. Points rest (k, 3), example rods (Q+1, 3), and transforms of each pose by
     bone number. Closest points on the rods are found again after each closed-form minimisation, from weight
-    one on the closest bone.
+    one on the closest bone. Where the examples hardly move one bone of a pair against the other, they tell
+    nothing of the weight: it stays as `given` (k,).
     """
     moved = np.stack([[t(rest) for t in pose] for pose in poses])  # (N, n_bones, k, 3)
     k = np.arange(len(rest))
     first, second = moved[:, pair[:, 0], k], moved[:, pair[:, 1], k]
     apart = first - second
-    size = np.maximum(np.sum(apart**2, axis=(0, 2)), 1e-12)
+    size = np.sum(apart**2, axis=(0, 2))
+    told = size > len(poses) * TOLD**2
+    size = np.where(told, size, 1.0)
     extended = [past_end(x) for x in rods]
-    weight = np.ones(len(rest))
+    weight = np.where(told, 1.0, given)
     for _ in range(max_iterations):
         hooks = weight[:, None] * first + (1.0 - weight)[:, None] * second
         feet = np.stack([closest_points(h, x) for h, x in zip(hooks, extended, strict=True)])
         fitted = np.clip(np.sum(apart * (feet - second), axis=(0, 2)) / size, 0.0, 1.0)
+        fitted = np.where(told, fitted, given)
         done = np.abs(fitted - weight).max() <= tolerance
         weight = fitted
         if done:
@@ -160,13 +167,16 @@ def fit_hooks(
     if len(order) == 1 or not poses:
         weights[np.arange(len(points)), np.argmin(bone_distances(points, surfaces), axis=1)] = 1.0
     else:
-        pair = np.argsort(bone_distances(points, surfaces), axis=1)[:, :2]
-        share = fit_weights(points, pair, rods, by_pose)
+        distances = bone_distances(points, surfaces)
+        pair = np.argsort(distances, axis=1)[:, :2]
+        nearer, farther = np.take_along_axis(distances, pair, axis=1).T
+        given = np.clip(0.5 + 0.5 * (farther - nearer) / JOINT, 0.0, 1.0)
+        share = fit_weights(points, pair, given, rods, by_pose)
         weights[np.arange(len(points)), pair[:, 0]] = share
         weights[np.arange(len(points)), pair[:, 1]] = 1.0 - share
     lines = [past_end(rod) for rod in rods]
     on_bones = _missing([_skinned(points, weights, pose) for pose in by_pose], lines)
-    if not flesh:
+    if not flesh or len(poses) < 2:  # neutral alone does not tell what carries a hook
         return HookSet(order, points, weights, on_bones)
     embedding = Embedding.embed(points, TetMesh(flesh[0].rest, flesh[0].cells))
     inside = _missing([embedding(shape.vertices) for shape in flesh], lines)
