@@ -28,9 +28,9 @@ rule extract_skin:
 rule make_skin:
     input:
         scan=neutral_scan,
-        from_volume=neutral_from_volume,
         nails=lambda w: nail_files(w.subject),
         carried=carried_template,
+        from_volume=neutral_from_volume,
     output:
         paths.SKIN,
     log:
@@ -203,8 +203,8 @@ rule evaluate_skin:
             pose=scanned(w.subject),
             allow_missing=True,
         ),
-        from_volume=skins_from_volumes,
         truth=in_truth(paths.TRUTH),
+        from_volume=skins_from_volumes,
     output:
         metrics=paths.metrics_of("skin"),
         table=report(
