@@ -158,7 +158,7 @@ def file_of_strokes(source: Path, dataset: Dataset, what: str, named: Path | Non
         problem = f"the strokes of {dataset.name} are made by {dataset.generator}"
         raise InputError(source, what, problem, "Look at them by handpipe draw --look")
     if named is None:
-        example = f"{what.rpartition('.')[-1]}-strokes.nii.gz"
+        example = what.removesuffix(".seeds").rpartition(".")[-1] + "-strokes.nii.gz"
         remedy = f"Name the file that is to be written there, e.g. {example}"
         raise InputError(source, what, "names no file for the strokes", remedy)
     if not named.name.lower().endswith(FORMATS):
@@ -166,9 +166,7 @@ def file_of_strokes(source: Path, dataset: Dataset, what: str, named: Path | Non
     return dataset.path(named)
 
 
-def write_strokes(
-    target: Path, values: NDArray[np.uint8], volume: Volume, labels: Mapping[str, int]
-) -> None:
+def write_strokes(target: Path, values: NDArray[np.uint8], volume: Volume, labels: Mapping[str, int]) -> None:
     """Write strokes, 255 for the background, in the frame of a volume; the suffix gives the format."""
     if target.name.lower().endswith(".seg.nrrd"):
         write_segments(target, values, volume.affine, {**labels, BACKGROUND_NAME: BACKGROUND})

@@ -47,7 +47,7 @@ def propose_strokes(source: Path, dataset: Dataset) -> tuple[Path, dict[str, str
     _require_none(target, draw)
     _require_hand(source, dataset, draw)
     volume = pose_volume(dataset, pose)
-    image = MarrowEvidence.measure(volume, even=dataset.segmentation.level == "even").fine
+    image = MarrowEvidence.measure(volume).fine
     found = _named(dataset, image)
     sure = {
         dataset.bones[bone].label: one.solid.voxels

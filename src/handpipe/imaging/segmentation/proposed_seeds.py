@@ -93,7 +93,7 @@ def propose_solids(normalised: Volume, marrow: Mapping[int, IntArray], complete:
 
 
 def _no_marrow(normalised: Volume, complete: bool) -> BoolArray:
-    """Voxels that are not bright or, where all bones are known, part of a bright volume larger than marrow."""
+    """Voxels that are not bright or, if all bones are known, part of a bright volume larger than marrow."""
     bright = normalised.values > BRIGHT
     if not complete:
         return ~bright

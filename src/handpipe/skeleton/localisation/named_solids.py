@@ -175,8 +175,8 @@ class Search:
     def rivals(self, placed: Placed, naming: Naming) -> dict[str, float]:
         """By how much the next solid at each joint costs more that is no part of a named one."""
         named, ends = self._near_root(placed)
-        taken = self.overlapping[[*naming.solids.values()]].any(axis=0)
-        found = {}
+        taken: BoolArray = np.any(self.overlapping[[*naming.solids.values()]], axis=0).reshape(-1)
+        found: dict[str, float] = {}
         for ray in self.hand.rays:
             parent = ends.get(ray[0].parent) if ray else None
             for joint in ray:
@@ -190,12 +190,14 @@ class Search:
 
     def parted(self, placed: Placed, naming: Naming) -> dict[str, str]:
         """Bones of a joint whose solids one solid holds that fits either bone: of each, the other."""
-        found = {}
+        found: dict[str, str] = {}
         for joint in (joint for ray in self.hand.rays for joint in ray if joint.child in naming.solids):
             pair = joint.parent, joint.child
             both = self.overlapping[[naming.solids[bone] for bone in pair]].all(axis=0)
             whole = [self.solids[k] for k in np.flatnonzero(both)]
-            costs = [self._size_cost(bone, solid, placed.similarity.scale) for bone in pair for solid in whole]
+            costs = [
+                self._size_cost(bone, solid, placed.similarity.scale) for bone in pair for solid in whole
+            ]
             if min(costs, default=np.inf) < COSTS[0]:
                 found |= {joint.parent: joint.child, joint.child: joint.parent}
         return found
@@ -324,7 +326,7 @@ def name_solids(hand: TemplateHand, solids: Sequence[Solid]) -> dict[str, Named]
 
 @dataclass(frozen=True)
 class Doubts:
-    """What else speaks against the best naming: rivals of bones, and bones whose solids may be of one bone."""
+    """What else speaks against the best naming: rivals of bones, and bones that may be parts of one."""
 
     rivals: dict[str, float]
     parted: dict[str, str]
@@ -337,11 +339,14 @@ def _named(bone: str, naming: Naming, solids: Sequence[Solid], before: float, do
     for other, place in naming.places.items():
         if np.linalg.norm(solid.places - place[:3], axis=1).min() < place[3]:
             return Named(solid, 0.0, f"{other} was not found and may be a part of it")
-    if other := doubts.parted.get(bone):
-        return Named(solid, 0.0, f"{other} and it may be parts of one bone")
+    if bone in doubts.parted:
+        return Named(solid, 0.0, f"{doubts.parted[bone]} and it may be parts of one bone")
+    rival = falling(-doubts.rivals.get(bone, np.inf), -RIVALS[1], -RIVALS[0])
     evidence = {
         "its size or place is unusual": falling(naming.costs[bone], *COSTS),
-        "another solid fits its joint as well": falling(-doubts.rivals.get(bone, np.inf), -RIVALS[1], -RIVALS[0]),
+        "another solid fits its joint as well": falling(
+            -doubts.rivals.get(bone, np.inf), -RIVALS[1], -RIVALS[0]
+        ),
         "the bones before it may be named wrongly": before,
     }
     return Named(solid, float(np.prod([*evidence.values()])), min(evidence, key=lambda why: evidence[why]))
