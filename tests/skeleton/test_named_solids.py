@@ -124,13 +124,13 @@ def rod(start: int, stop: int) -> Solid:
     [
         ([], False),
         ([rod(0, 31)], True),  # as long as the first bone
-        ([rod(0, 50)], False),  # two bones that touch: as long as none
+        ([rod(0, 55)], False),  # two bones that touch: as long as none
     ],
 )
 def test_parts_of_one_bone_are_not_two_bones(wholes: list[Solid], parted: bool) -> None:
-    shapes = {"proximal": rod(0, 30).shape, "middle": rod(30, 50).shape}
+    shapes = {"proximal": rod(0, 30).shape, "middle": rod(30, 55).shape}
     hand = TemplateHand(shapes, [], [[Joint("proximal", "middle", 1, 0, 0.0)]])
-    solids = [rod(0, 18), rod(19, 31), rod(31, 50), *wholes]
+    solids = [rod(0, 18), rod(19, 31), rod(31, 55), *wholes]
     overlapping = np.array(
         [[bool(set(a.places[:, 0]) & set(b.places[:, 0])) for a in solids] for b in solids]
     )

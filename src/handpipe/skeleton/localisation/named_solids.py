@@ -193,12 +193,12 @@ class Search:
         found: dict[str, str] = {}
         for joint in (joint for ray in self.hand.rays for joint in ray if joint.child in naming.solids):
             pair = joint.parent, joint.child
-            both = self.overlapping[[naming.solids[bone] for bone in pair]].all(axis=0)
-            whole = [self.solids[k] for k in np.flatnonzero(both)]
-            costs = [
-                self._size_cost(bone, solid, placed.similarity.scale) for bone in pair for solid in whole
-            ]
-            if min(costs, default=np.inf) < COSTS[0]:
+            first, second = (self.overlapping[naming.solids[bone]] for bone in pair)
+            held = zip(self.solids, first & second, strict=True)
+            wholes = [solid for solid, holds_both in held if holds_both]
+            scale = placed.similarity.scale
+            costs = [self._size_cost(bone, solid, scale) for bone in pair for solid in wholes]
+            if falling(min(costs, default=np.inf), *COSTS) >= SURE:
                 found |= {joint.parent: joint.child, joint.child: joint.parent}
         return found
 
@@ -344,9 +344,7 @@ def _named(bone: str, naming: Naming, solids: Sequence[Solid], before: float, do
     rival = falling(-doubts.rivals.get(bone, np.inf), -RIVALS[1], -RIVALS[0])
     evidence = {
         "its size or place is unusual": falling(naming.costs[bone], *COSTS),
-        "another solid fits its joint as well": falling(
-            -doubts.rivals.get(bone, np.inf), -RIVALS[1], -RIVALS[0]
-        ),
+        "another solid fits its joint as well": rival,
         "the bones before it may be named wrongly": before,
     }
     return Named(solid, float(np.prod([*evidence.values()])), min(evidence, key=lambda why: evidence[why]))
