@@ -160,6 +160,18 @@ def view(subject: Subject) -> None:
 
 
 @app.command()
+def propose(subject: Subject) -> None:
+    """Write strokes of each neutral bone that is found for sure, for a person to look at before the build."""
+    source = _dataset_file(subject)
+    dataset = load_dataset(source)
+    path, bones = drawing.propose_strokes(source, dataset)
+    for bone, reason in bones.items():
+        print(f"{bone}: sure" if reason is None else f"{bone}: marked: {reason}")
+    print(path)
+    print(f"Look at them before you build: handpipe draw {subject} {dataset.neutral}")
+
+
+@app.command()
 def draw(
     subject: Subject,
     pose: Annotated[str, typer.Argument(metavar="POSE", help="name of a pose in the dataset file")],

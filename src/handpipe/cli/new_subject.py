@@ -222,6 +222,7 @@ def _notes(
     if drawn is not None and not (seeds := folder / drawn).exists():
         yield f"to do: draw a stroke in each bone of {neutral} and some around them, and save them as {seeds}"
         yield f"to draw: 3D Slicer, ITK-SNAP, or handpipe draw SUBJECT {neutral}"
+        yield "to have strokes of the bones that are found proposed: handpipe propose SUBJECT"
     bare = [pose for pose, files in poses.items() if "scan" not in files]
     if bare:
         yield f"no skin scan: {', '.join(bare)}. The volume gives the skin there, with air around the hand"

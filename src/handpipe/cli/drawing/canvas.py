@@ -102,10 +102,7 @@ class Canvas:
         if wrong.size:
             raise InputError(self.target, "drawing", f"has the label {wrong[0]}", "Load the page again")
         self._keep(self.target)
-        if self.target.name.endswith(".seg.nrrd"):
-            write_segments(self.target, values, self.volume.affine, self.pens)
-        else:
-            write_labels(self.target, values, self.volume.affine)
+        write_strokes(self.target, values, self.volume, self.labels)
         self.drawing = values
         return int(np.count_nonzero(values))
 
@@ -146,21 +143,35 @@ def strokes_to_draw(source: Path, dataset: Dataset, pose: str, bone: str | None 
     _require_pose(source, dataset, pose)
     what = f"poses.{pose}." + ("seeds" if bone is None else f"scribbles.{bone}")
     named = dataset.poses[pose].seeds if bone is None else dataset.poses[pose].scribbles.get(bone)
-    if dataset.generator is not None:
-        problem = f"the strokes of {dataset.name} are made by {dataset.generator}"
-        raise InputError(source, what, problem, "Look at it by --look")
-    if named is None:
-        remedy = f"Name the file that is to be written there, e.g. {bone or pose}-strokes.nii.gz"
-        raise InputError(source, what, "names no file for the strokes", remedy)
-    target = dataset.path(named)
-    if not target.name.lower().endswith(FORMATS):
-        raise InputError(source, what, f"{named} is none of {', '.join(FORMATS)}", "Name such a file")
+    target = file_of_strokes(source, dataset, what, named)
     volume = pose_volume(dataset, pose)
     proposed = paths.at(paths.SEEDS, subject=dataset.name, pose=pose)
     start = next((p for p in (target, *([proposed] if bone is None else [])) if p.is_file()), None)
     drawing = _labels(start, volume, dataset.seed_labels)
     title = f"{dataset.name}, {pose}: {'seeds' if bone is None else f'scribbles of {bone}'}"
     return Canvas(title, volume, dataset.seed_labels, drawing, target)
+
+
+def file_of_strokes(source: Path, dataset: Dataset, what: str, named: Path | None) -> Path:
+    """The file that strokes are written to. Raises `InputError` where there is none, or of another format."""
+    if dataset.generator is not None:
+        problem = f"the strokes of {dataset.name} are made by {dataset.generator}"
+        raise InputError(source, what, problem, "Look at them by handpipe draw --look")
+    if named is None:
+        example = what.removesuffix(".seeds").rpartition(".")[-1] + "-strokes.nii.gz"
+        remedy = f"Name the file that is to be written there, e.g. {example}"
+        raise InputError(source, what, "names no file for the strokes", remedy)
+    if not named.name.lower().endswith(FORMATS):
+        raise InputError(source, what, f"{named} is none of {', '.join(FORMATS)}", "Name such a file")
+    return dataset.path(named)
+
+
+def write_strokes(target: Path, values: NDArray[np.uint8], volume: Volume, labels: Mapping[str, int]) -> None:
+    """Write strokes, 255 for the background, in the frame of a volume; the suffix gives the format."""
+    if target.name.lower().endswith(".seg.nrrd"):
+        write_segments(target, values, volume.affine, {**labels, BACKGROUND_NAME: BACKGROUND})
+    else:
+        write_labels(target, values, volume.affine)
 
 
 def labels_to_look_at(source: Path, dataset: Dataset, pose: str) -> Canvas:

@@ -8,7 +8,12 @@ if TYPE_CHECKING:
     from handpipe.imaging.segmentation import claims
     from handpipe.imaging.segmentation.claims import Appearance, read_looks, save, segment
     from handpipe.imaging.segmentation.labelled_marrow import labelled_bone, require_shown, with_labelled
-    from handpipe.imaging.segmentation.proposed_seeds import marrow_core, propose, share_outside
+    from handpipe.imaging.segmentation.proposed_seeds import (
+        marrow_core,
+        propose,
+        propose_solids,
+        share_outside,
+    )
     from handpipe.imaging.segmentation.random_walker import Stop, harmonic
     from handpipe.imaging.segmentation.segmentation import (
         BACKGROUND,
@@ -38,6 +43,7 @@ __all__ = [
     "merge",
     "painted",
     "propose",
+    "propose_solids",
     "read_looks",
     "require_shown",
     "save",

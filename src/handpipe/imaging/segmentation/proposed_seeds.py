@@ -18,6 +18,8 @@ LEAST = 0.6  # of the greatest depth, where the marrow is thinner
 THIN = 0.5  # voxels deep, below which a slice needs no seeds
 BRIGHT = 0.65  # levels: darker voxels are no marrow
 SHELL = (2.4, 6.5)  # mm from the outermost grid places inside a whole bone: at least 1 mm outside it
+AROUND = (3.5, 7.5)  # mm from the marrow: at least 1 mm outside a whole bone
+LARGE = 14000.0  # mm^3 of bright tissue that is fat, not marrow
 GRID = 1.0  # mm between the places where distances are computed
 
 
@@ -57,6 +59,48 @@ def propose(
             bright = normalised.values[tuple(voxels.T)] > BRIGHT
             seeds[tuple(voxels[bright].T)] = label
     return seeds
+
+
+def propose_solids(normalised: Volume, marrow: Mapping[int, IntArray], complete: bool = True) -> Labels:
+    """Seeds of a pose from voxels in the marrow of its bones.
+
+    Parameters
+    ----------
+    normalised : Volume
+        Image of the pose in units of the local marrow level.
+    marrow : mapping of int to array (n, 3) of int
+        Voxels of each bone's marrow by label.
+    complete : bool, optional
+        Whether these are all bones. If not, no bright voxel is background: it may be another bone's marrow.
+
+    Returns
+    -------
+    array (nx, ny, nz) of uint8
+        Each bone's label in its marrow but for the outer voxels; 255 around the bones, where it is not bright
+        or belongs to bright tissue that is larger than any marrow; 0 elsewhere.
+    """
+    taken = np.zeros(normalised.shape, np.uint8)
+    for label, voxels in marrow.items():
+        taken[tuple(voxels.T)] = label
+    far = ndimage.distance_transform_edt(taken == 0, sampling=normalised.spacing)
+    around = (far > AROUND[0]) & (far < AROUND[1]) & _no_marrow(normalised, complete)
+    core = ndimage.binary_erosion(taken > 0)
+    seeds = np.where(around, np.uint8(BACKGROUND), np.where(core, taken, np.uint8(0)))
+    for label, voxels in marrow.items():
+        if not (seeds == label).any():
+            seeds[tuple(voxels.T)] = label
+    return seeds
+
+
+def _no_marrow(normalised: Volume, complete: bool) -> BoolArray:
+    """Voxels that are not bright or, if all bones are known, part of a bright volume larger than marrow."""
+    bright = normalised.values > BRIGHT
+    if not complete:
+        return ~bright
+    parts, _ = ndimage.label(bright)
+    large = np.bincount(parts.ravel()) * float(np.prod(normalised.spacing)) > LARGE
+    large[0] = True
+    return np.asarray(large[parts])
 
 
 def _around(volume: Volume, whole: Mapping[int, Surface], distance: float) -> BoolArray:
