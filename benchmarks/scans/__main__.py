@@ -1,6 +1,4 @@
-"""`python -m benchmarks.scans PART --output FILE`: figures of one part.
-
-`merge FILE…` puts parts together; `picture` draws the foot.
+"""`python -m benchmarks.scans PART --output FILE`: figures of one part; `merge FILE…` puts parts together.
 
 A part is a module of this package with `measure(results: Path) -> Metrics`.
 """
@@ -9,11 +7,14 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import logging
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from benchmarks.threads import take_threads
+from benchmarks.parts import run_parts
+
+if TYPE_CHECKING:
+    from handpipe.core import Metrics
 
 PARTS = ("foot", "knee", "skin", "alignment", "effects")
 
@@ -21,30 +22,13 @@ PARTS = ("foot", "knee", "skin", "alignment", "effects")
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure one part, or merge."""
     parser = argparse.ArgumentParser(prog="benchmarks.scans", description=__doc__)
-    parser.add_argument("part", choices=(*PARTS, "merge", "picture"))
-    parser.add_argument("files", type=Path, nargs="*", help="of `merge`: the parts' figures")
-    parser.add_argument("--results", type=Path, default=Path("results"), help="folder of built subjects")
-    parser.add_argument("--output", type=Path, required=True, help="JSON of the figures")
-    options = parser.parse_args(arguments)
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
-    take_threads(1)
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    from benchmarks.trust.__main__ import merge
-    from handpipe.core import metrics
+    run_parts(parser, PARTS, measure, arguments)
 
-    if options.part == "merge":
-        merge(options.files, options.output)
-        return
-    if options.part == "picture":
-        from benchmarks.scans.foot import Segmented, foot
-        from benchmarks.scans.picture import draw
 
-        volumes, seeds, labels = foot()
-        draw([Segmented.of(volume, seeds, labels) for volume in volumes], list(labels), options.output)
-        return
-    metrics.write(
-        options.output, importlib.import_module(f"benchmarks.scans.{options.part}").measure(options.results)
-    )
+def measure(part: str, results: Path) -> Metrics:
+    """Figures of a part."""
+    found: Metrics = importlib.import_module(f"benchmarks.scans.{part}").measure(results)
+    return found
 
 
 if __name__ == "__main__":

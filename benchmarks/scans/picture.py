@@ -1,7 +1,8 @@
-"""Contours of the real foot's bones on slices of the three echoes."""
+"""`python -m benchmarks.scans.picture PICTURE`: contours of the real foot on slices of three echoes."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from PIL import Image
 
-from benchmarks.scans.foot import Segmented
+from benchmarks.scans.foot import Segmented, foot
 
 SLICES = ((0, 50), (0, 42), (0, 36), (1, 114))  # axis and voxel, RAS
 ECHO_TIMES = ("3.45 ms", "4.60 ms", "5.75 ms")
@@ -59,3 +60,8 @@ def _whole(echo: Segmented, name: str) -> NDArray:
     if name in echo.bones:
         out[echo.bones[name].slices] = echo.bones[name].probability
     return out
+
+
+if __name__ == "__main__":
+    volumes, seeds, table = foot()
+    draw([Segmented.of(volume, seeds, table) for volume in volumes], list(table), Path(sys.argv[1]))

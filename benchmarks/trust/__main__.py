@@ -7,52 +7,32 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import logging
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from benchmarks.threads import take_threads
+from benchmarks.parts import run_parts
+
+if TYPE_CHECKING:
+    from handpipe.core import Metrics
 
 PARTS = ("solver", "frames", "seeds", "readers", "stale", "kills")
-
-
-def merge(files: Sequence[Path], output: Path) -> None:
-    """One file of all parts' figures; each figure has one part."""
-    from handpipe.core import metrics
-
-    merged: metrics.Metrics = {}
-    for file in files:
-        found = metrics.read(file)
-        twice = merged.keys() & found.keys()
-        if twice:
-            raise ValueError(f"{file}: {', '.join(sorted(twice))}: another part has a figure of this name")
-        merged |= found
-    metrics.write(output, merged)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure one part, or merge."""
     parser = argparse.ArgumentParser(prog="benchmarks.trust", description=__doc__)
-    parser.add_argument("part", choices=(*PARTS, "merge"))
-    parser.add_argument("files", type=Path, nargs="*", help="of `merge`: the parts' figures")
-    parser.add_argument("--results", type=Path, default=Path("results"), help="folder of built subjects")
-    parser.add_argument("--output", type=Path, required=True, help="JSON of the figures")
-    options = parser.parse_args(arguments)
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
-    take_threads(1)
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    if options.part == "merge":
-        merge(options.files, options.output)
-        return
+    run_parts(parser, PARTS, measure, arguments)
+
+
+def measure(part: str, results: Path) -> Metrics:
+    """Figures of a part, with its seconds and its memory."""
     from handpipe.core import metrics
 
     figures: metrics.Metrics = {}
     with metrics.measured(figures):
-        figures |= importlib.import_module(f"benchmarks.trust.{options.part}").measure(options.results)
-    metrics.write(
-        options.output,
-        {f"{options.part}_{k}" if k in ("seconds", "peak_memory") else k: v for k, v in figures.items()},
-    )
+        figures |= importlib.import_module(f"benchmarks.trust.{part}").measure(results)
+    return {f"{part}_{k}" if k in ("seconds", "peak_memory") else k: v for k, v in figures.items()}
 
 
 if __name__ == "__main__":

@@ -11,6 +11,10 @@ from tests.workflow.running import CHECKOUT, ENVIRONMENT, working_copy
 
 README = (CHECKOUT / "README.md").read_text(encoding="utf-8")
 TUTORIAL = (CHECKOUT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+PAGES = [
+    (CHECKOUT / "docs" / name).read_text(encoding="utf-8")
+    for name in ("scans.md", "trust.md", "how-to/knee.md")
+]
 CITED = re.compile(r"\b00[0-4]\b (section|Eq|Table|Fig|chapter|App)")
 
 
@@ -53,7 +57,7 @@ def test_links_of_readme_exist() -> None:
     assert [link for link in links if not (CHECKOUT / link).exists()] == []
 
 
-@pytest.mark.parametrize("command", [*commands(README), *commands(TUTORIAL)])
+@pytest.mark.parametrize("command", [c for text in (README, TUTORIAL, *PAGES) for c in commands(text)])
 def test_snakemake_accepts_the_command(command: str, folder: Path) -> None:
     process = dry_run(folder, command)
     assert process.returncode == 0, process.stdout + process.stderr

@@ -46,9 +46,8 @@ def report(
     rig = Rig.load(inputs.rig)
 
     given = {name: dataset.path(pose.scan) for name, pose in dataset.poses.items() if pose.scan is not None}
-    scans = {
-        path.parent.name: path for path in inputs.scans
-    }  # of volumes and aligned: in a folder of the pose
+    # Skins of volumes and aligned scans lie in a folder of their pose.
+    scans = {path.parent.name: path for path in inputs.scans}
     scans |= {name: path for name, path in given.items() if path in inputs.scans}
     bare = [name for name in dataset.poses if name in scans and dataset.poses[name].scan is None]
 

@@ -80,7 +80,9 @@ def register_bones(templates: Mapping[str, Surface], bones: Mapping[str, Surface
 def _refined(templates: Mapping[str, Surface], bones: Mapping[str, Surface], best: _Turned) -> _Turned:
     """The best of finer turns about the line of the bones."""
     centres = np.array([bones[n].centroid() for n in templates])
-    line, middle = _long_axis(centres), centres.mean(axis=0)
+    # One bone has a long axis of its own; several lie in a line.
+    line = _long_axis(centres if len(centres) > 1 else next(iter(bones.values())).vertices)
+    middle = centres.mean(axis=0)
     for angle in FINER:
         starts = [_turned(best.start, sign * angle, line, middle) for sign in (-1.0, 1.0)]
         best = min([best, *(_Turned.of(templates, bones, s) for s in starts)], key=lambda f: f.error)
