@@ -1,19 +1,24 @@
-"""Frames of the embedded hand: inverted tets that are handed on, refusals, and jumps along a path."""
+"""Frames of the embedded hand: inverted tets that are passed on, refusals, and jumps along a path.
+
+Chunks of frames are jobs of their own (chunk.py): they run side by side, and a benchmark that was interrupted
+does not solve them again.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.frames.mixtures import mixtures
-from handpipe.core import Array, Frame, HandpipeError, IntArray, Metrics, Shapes, artifacts_of
-from handpipe.core.configuration import load_dataset, load_scene
+from benchmarks.trust.poses import CHUNKS, COUNT, curled, passed_over, poses_of
+from handpipe.core import Array, Frame, HandpipeError, IntArray, Metrics, Shapes, artifacts_of, atomic
+from handpipe.core.configuration import Dataset, load_dataset, load_scene
 from handpipe.hand import load_layers, simulate_frame
-from handpipe.skeleton.joints.angles import Angles, Limits
+from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.posing import PoseValidity
 from handpipe.skeleton.rig import Rig
 
@@ -21,72 +26,42 @@ log = logging.getLogger(__name__)
 
 ROOT = Path(__file__).parents[2]
 SUBJECT = "phantom-hand-preview"
-COUNT = 60  # random poses, half of them inside the range of the scans
-STEPS = 20  # of the path
-STEP = np.radians(1.0)  # of each flexion, from frame to frame of the path
-CURL = (0.5, 1.0)  # shares of a flexion's limit in a pose outside the scans
-SIDEWAYS = 0.3  # share of the limits of other angles, at most
 JUMP = 0.5  # mm of second difference along the path
 
 Solve = Callable[[Frame], Mapping[str, Shapes]]
 
 
-def measure(results: Path, count: int = COUNT, steps: int = STEPS) -> Metrics:
-    """Figures of `count` random poses and of a path of `steps` steps, of the hand built in `results`."""
-    base = results / SUBJECT
-    rig, dataset = Rig.load(base / "rig.h5"), load_dataset(ROOT / f"config/datasets/{SUBJECT}.yaml")
-    scene = load_scene(ROOT / "config/scenes/hand-preview.yaml")
-    files = [base / path for path in artifacts_of(scene.needed, dataset)]
-    layers = load_layers(scene.needed, dataset, files, rig.surfaces)
-    scanned = {name: rig.poses[name].angles for name in dataset.examples}
-    valid = PoseValidity(rig)
-    outside, rejected = apart(curled(rig.limits), count // 2, lambda pose: bool(valid.check(pose).collisions))
-    log.info(
-        "bones collide in %d of %d poses outside the scans: passed over", rejected, rejected + len(outside)
-    )
-    random = [*mixtures(scanned, count - count // 2), *outside]
-    way = path(mixtures(scanned, 1, seed=1)[0], rig.limits, steps)
-
-    def frames(poses: Sequence[Angles], name: str) -> list[Frame]:
-        return [Frame(f"{name} {i}", a, rig.bone_transforms(a)) for i, a in enumerate(poses)]
-
-    def solve(frame: Frame) -> Mapping[str, Shapes]:
-        return simulate_frame(frame, layers)
-
-    tried, along = Tried(), Tried()
-    for frame in frames(random, "random"):
-        tried.take(frame, solve)
-    for frame in frames(way, "path"):
-        along.take(frame, solve)
-    return figures(tried, along) | {"frames_colliding": (float(rejected), "1")}
-
-
 @dataclass
 class Tried:
-    """What came of frames: their skins (n, 3) in order, None if refused; inverted tets that were handed on;
-    frames that say that they are not settled; the least det F.
+    """What came of frames: their skins (n, 3) in mm in order, None if refused; inverted tets that were passed
+    on; frames that say that their contact has not settled; the least det F; seconds of each frame.
     """
 
     skins: list[Array | None] = field(default_factory=list)
     inverted: int = 0
     unsettled: int = 0
     least: float = np.inf
+    seconds: list[float] = field(default_factory=list)
 
     def take(self, frame: Frame, solve: Solve) -> None:
         """Solve a frame and judge it."""
+        start = time.monotonic()
         try:
             layers = solve(frame)
         except HandpipeError as error:
             log.warning("%s: refused: %s", frame.name, error)
             self.skins.append(None)
+            self.seconds.append(time.monotonic() - start)
             return
+        self.seconds.append(time.monotonic() - start)
         shapes = [shape for layer in layers.values() for shape in layer.values()]
         ratios = [volume_ratios(s.rest, s.vertices, s.cells) for s in shapes if s.cells.shape[1] == 4]
         least = min((float(r.min()) for r in ratios), default=np.inf)
         inverted = sum(int((~(r > 0)).sum()) for r in ratios)
         unsettled = any(shape.figures.get("unsettled", 0.0) for shape in shapes)
         log.info(
-            "%s: %d inverted tets, least det F %.3g, unsettled: %s", frame.name, inverted, least, unsettled
+            "%s: %d inverted tets, least det F %.3g, unsettled: %s, %.0f s",
+            *(frame.name, inverted, least, unsettled, self.seconds[-1]),
         )
         self.inverted += inverted
         self.unsettled += unsettled
@@ -100,18 +75,42 @@ class Tried:
         """Number of frames without a result."""
         return sum(skin is None for skin in self.skins)
 
+    def write(self, file: Path) -> None:
+        """Write to a NumPy archive."""
+        solved = {f"skin{i}": skin for i, skin in enumerate(self.skins) if skin is not None}
+        counts = {"inverted": self.inverted, "unsettled": self.unsettled, "least": self.least}
+        with atomic(file) as temporary, open(temporary, "wb") as stream:
+            np.savez_compressed(stream, seconds=self.seconds, **counts, **solved)  # type: ignore[arg-type]
+
+    @classmethod
+    def read(cls, files: Sequence[Path]) -> Tried:
+        """Join what was written of chunks, in their order."""
+        together = cls()
+        for file in files:
+            with np.load(file) as found:
+                seconds = found["seconds"].tolist()
+                together.skins += [found.get(f"skin{i}") for i in range(len(seconds))]
+                together.seconds += seconds
+                together.inverted += int(found["inverted"])
+                together.unsettled += int(found["unsettled"])
+                together.least = min(together.least, float(found["least"]))
+        return together
+
 
 def figures(random: Tried, along: Tried) -> Metrics:
     """Counts over all frames, and the jumps along the path."""
     second = jumps(along.skins)
+    seconds = [*random.seconds, *along.seconds]
     return {
-        "frames": (float(len(random.skins) + len(along.skins)), "1"),
+        "frames": (float(len(seconds)), "1"),
         "frames_inverted": (float(random.inverted + along.inverted), "1"),
         "frames_refused": (float(random.refused + along.refused), "1"),
         "frames_unsettled": (float(random.unsettled + along.unsettled), "1"),
         "frames_least_det": (min(random.least, along.least), "1"),
         "frames_jump_max": (float(second.max(initial=0.0)), "mm"),
         "frames_jumps": (float((second > JUMP).sum()), "1"),
+        "frame_seconds_mean": (float(np.mean(seconds)), "s"),
+        "frame_seconds_max": (float(np.max(seconds)), "s"),
     }
 
 
@@ -128,42 +127,35 @@ def volume_ratios(rest: Array, vertices: Array, cells: IntArray) -> Array:
     return np.linalg.det(edges[1]) / np.linalg.det(edges[0])
 
 
-def curled(limits: Limits, seed: int = 0) -> Iterator[dict[str, float]]:
-    """Random poses in rad towards a fist: each flexion at half to all of its limit, other angles small."""
-    rng = np.random.default_rng(seed)
-    while True:
-        share = rng.uniform(*CURL, len(limits))
-        other = rng.uniform(0.0, SIDEWAYS, len(limits))
-        side = rng.integers(2, size=len(limits))
-        yield {
-            name: float(share[i] * bounds[1] if name.endswith("flexion") else other[i] * bounds[side[i]])
-            for i, (name, bounds) in enumerate(limits.items())
-        }
+def measure(results: Path) -> Metrics:
+    """Figures of all chunks, which `results` holds."""
+    files = {chunk: results / "benchmarks" / "trust" / "frames" / f"{chunk}.npz" for chunk in CHUNKS}
+    rig, _ = _hand(results)
+    over = passed_over(curled(rig.limits), COUNT["outside"], _collide(rig))
+    return figures(
+        Tried.read([file for chunk, file in files.items() if not chunk.startswith("path")]),
+        Tried.read([file for chunk, file in files.items() if chunk.startswith("path")]),
+    ) | {"frames_colliding": (float(over), "1")}
 
 
-def apart(
-    poses: Iterable[dict[str, float]], count: int, collide: Callable[[Angles], bool]
-) -> tuple[list[dict[str, float]], int]:
-    """The first `count` poses whose bones do not collide, and the number of poses passed over.
-
-    Fingers that bend independently of one another run through one another: no flesh fits between them.
-    """
-    found: list[dict[str, float]] = []
-    rejected = 0
-    for pose in poses:
-        if collide(pose):
-            rejected += 1
-        else:
-            found.append(pose)
-        if len(found) == count:
-            break
-    return found, rejected
+def _hand(results: Path) -> tuple[Rig, Dataset]:
+    return Rig.load(results / SUBJECT / "rig.h5"), load_dataset(ROOT / f"config/datasets/{SUBJECT}.yaml")
 
 
-def path(start: Angles, limits: Limits, steps: int) -> list[dict[str, float]]:
-    """Poses in rad, from a start on: each flexion grows by one degree a step, up to its limit."""
+def _collide(rig: Rig) -> Callable[[Angles], bool]:
+    valid = PoseValidity(rig)
+    return lambda pose: bool(valid.check(pose).collisions)
 
-    def angle(name: str, value: float, step: int) -> float:
-        return min(value + step * STEP, limits[name][1]) if name.endswith("flexion") else value
 
-    return [{n: float(angle(n, v, step)) for n, v in start.items()} for step in range(steps + 1)]
+def solved(chunk: str, results: Path) -> Tried:
+    """What comes of the frames of a chunk, of the hand built in `results`."""
+    rig, dataset = _hand(results)
+    scene = load_scene(ROOT / "config/scenes/hand-preview.yaml")
+    files = [results / SUBJECT / path for path in artifacts_of(scene.needed, dataset)]
+    layers = load_layers(scene.needed, dataset, files, rig.surfaces)
+    scanned = {name: rig.poses[name].angles for name in dataset.examples}
+    tried = Tried()
+    for name, angles in poses_of(chunk, scanned, rig.limits, _collide(rig)).items():
+        frame = Frame(name, angles, rig.bone_transforms(angles))
+        tried.take(frame, lambda frame: simulate_frame(frame, layers))
+    return tried

@@ -4,7 +4,8 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from benchmarks.trust.frames import Tried, apart, curled, figures, jumps, path
+from benchmarks.trust.frames import Tried, figures, jumps
+from benchmarks.trust.poses import CHUNKS, COUNT, curled, passed_over, path, poses_of
 from tests.fem.bodies import box
 
 from handpipe.core.errors import ConvergenceError
@@ -64,7 +65,41 @@ def test_poses_stay_within_limits():
 
 
 def test_poses_with_colliding_bones_are_passed_over_and_counted():
-    poses = ({"MP2_flexion": float(i)} for i in range(100))
-    found, rejected = apart(poses, 3, lambda pose: pose["MP2_flexion"] % 2 == 0)
-    assert [pose["MP2_flexion"] for pose in found] == [1.0, 3.0, 5.0]
-    assert rejected == 3
+    def collide(pose):
+        return round(1e6 * pose["MP2_flexion"]) % 2 == 0
+
+    scanned = {"bent": {"MP2_flexion": 1.0, "MP2_abduction": 0.1}}
+    found = {
+        kind: {
+            n: p
+            for c in CHUNKS
+            if c.startswith(kind)
+            for n, p in poses_of(c, scanned, LIMITS, collide).items()
+        }
+        for kind in COUNT
+    }
+    assert {kind: len(poses) for kind, poses in found.items()} == COUNT
+    outside = list(found["outside"].values())
+    assert outside == list(islice((p for p in curled(LIMITS) if not collide(p)), COUNT["outside"]))
+    all_of = list(
+        islice(curled(LIMITS), COUNT["outside"] + passed_over(curled(LIMITS), COUNT["outside"], collide))
+    )
+    assert all_of[-1] == outside[-1] and sum(map(collide, all_of)) == len(all_of) - len(outside) > 0
+
+
+def test_chunks_are_read_as_they_were_solved(tmp_path):
+    def solve(frame):
+        if frame.name == "refused":
+            raise ConvergenceError("fat of refused", "no equilibrium")
+        return _solved(float(frame.name) * REST, unsettled=1.0)
+
+    files = [tmp_path / f"path{i}.npz" for i in range(2)]
+    for file, names in zip(files, (["1.0", "refused"], ["1.1"]), strict=True):
+        tried = Tried()
+        for name in names:
+            tried.take(Frame(name, {}, {}), solve)
+        tried.write(file)
+    together = Tried.read(files)
+    assert [None if s is None else s[-1, 0] / REST[-1, 0] for s in together.skins] == [1.0, None, 1.1]
+    assert (together.refused, together.unsettled, len(together.seconds)) == (1, 2, 3)
+    assert together.least == pytest.approx(1.0)

@@ -11,6 +11,7 @@ import pytest
 import yaml
 from benchmarks.trust.__main__ import PARTS
 from benchmarks.trust.job_plans import JobPlan, plan
+from benchmarks.trust.poses import CHUNKS
 from benchmarks.trust.stale import Workbench, workbench
 from snakemake.exceptions import WorkflowError
 
@@ -113,6 +114,7 @@ def test_benchmark_of_trust_has_every_part(nothing_built: Path) -> None:
     """As docs/trust.md gives the command."""
     counts = planned(nothing_built, "benchmark_trust")
     assert (counts["benchmark_trust_part"], counts["benchmark_trust"]) == (len(PARTS), 1)
+    assert counts["benchmark_trust_frames"] == len(CHUNKS)
 
 
 def test_rig_needs_no_tissue(nothing_built: Path) -> None:

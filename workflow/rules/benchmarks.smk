@@ -189,14 +189,44 @@ rule benchmark_scans:
         "../scripts/benchmark.py"
 
 
+FRAMES = paths.benchmark_of("trust/frames/{chunk}.npz")
+CHUNKS = [  # of frames, as benchmarks/trust/poses.py numbers them
+    f"{kind}{i}"
+    for kind, chunks in {"inside": 6, "outside": 6, "path": 5}.items()
+    for i in range(chunks)
+]
 TRUST = {  # parts of the benchmark of trust: what each needs to be built
     "solver": [],
-    "frames": expand(paths.metrics_of("skin"), subject="phantom-hand-preview"),
+    "frames": expand(FRAMES, chunk=CHUNKS),
     "seeds": expand(paths.metrics_of("segmentation"), subject="phantom-hand-preview"),
     "readers": [],
     "stale": [],
     "kills": [],
 }
+
+
+rule benchmark_trust_frames:
+    input:
+        expand(paths.metrics_of("skin"), subject="phantom-hand-preview"),
+    output:
+        FRAMES,
+    log:
+        paths.benchmark_of("logs/benchmark_trust_frames/{chunk}.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_trust_frames/{chunk}.tsv")
+    wildcard_constraints:
+        chunk="|".join(CHUNKS),
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    params:
+        name="trust.chunk",
+        arguments=lambda w: [w.chunk],
+    message:
+        "frames of the embedded hand for the benchmark of trust: {wildcards.chunk}"
+    script:
+        "../scripts/benchmark.py"
 
 
 rule benchmark_trust_part:
