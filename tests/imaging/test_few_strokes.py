@@ -135,3 +135,20 @@ def test_a_claim_of_few_voxels_is_doubted() -> None:
     bone = BoneProbability(np.zeros(3, np.int64), (values > 0.5).astype(np.float32))
     doubts = appearances(Volume(values, np.diag([0.5, 0.5, 0.5, 1])), {"bone": bone})["bone"].doubts()
     assert any("only 1.0 mm^3" in doubt for doubt in doubts)
+
+
+@pytest.mark.parametrize(("length", "thin"), [(15.9, True), (19.0, True), (25.7, False), (39.8, False)])
+def test_a_bone_with_too_few_voxels_across_is_named(length, thin) -> None:
+    _, found, marrow, look = drawn_with_marrow(SlimBone(length=length, canal=1.5), seed=1)
+    assert look.thin is thin
+    assert (dice(found, marrow) < 0.93) == thin
+
+
+@pytest.mark.parametrize("diameter", [4.0, 8.0])
+def test_the_width_of_a_long_cylinder_is_its_diameter(diameter) -> None:
+    """At a smooth edge, as a probability has; its ends add little."""
+    x, y, _ = np.meshgrid(*(np.arange(n) - (n - 1) / 2 for n in (16, 16, 120)), indexing="ij")
+    across = np.clip(0.5 * diameter + 0.5 - np.hypot(x, y), 0, 1)
+    bone = BoneProbability(np.zeros(3, np.int64), across.astype(np.float32))
+    volume = Volume(across.astype(np.float32), np.eye(4))
+    assert appearances(volume, {"bone": bone})["bone"].width == pytest.approx(diameter, rel=0.07)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from handpipe.evaluation.pictures import bodies
     from handpipe.evaluation.rendering import Body, Camera, Image, on_background, render
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
-    from handpipe.evaluation.segmentation import looks_figures
+    from handpipe.evaluation.segmentation import bone_warnings, looks_figures
     from handpipe.evaluation.surfaces import dice, surface_distance
     from handpipe.evaluation.table import Row, skin_metrics, skin_rows
 else:
@@ -35,6 +35,7 @@ __all__ = [
     "ReportInput",
     "Row",
     "bodies",
+    "bone_warnings",
     "build_metrics",
     "deepest",
     "dice",

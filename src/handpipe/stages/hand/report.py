@@ -9,7 +9,15 @@ from pathlib import Path
 
 from handpipe.core import metrics
 from handpipe.core.configuration import Dataset
-from handpipe.evaluation import PoseView, ReportInput, frame_warnings, pose_warnings, read_jobs, write_report
+from handpipe.evaluation import (
+    PoseView,
+    ReportInput,
+    bone_warnings,
+    frame_warnings,
+    pose_warnings,
+    read_jobs,
+    write_report,
+)
 from handpipe.hand import read_frames
 from handpipe.imaging.volumes import pose_volume
 from handpipe.mesh.surfaces import Surface, read_scan
@@ -90,7 +98,8 @@ def report(
     frames = {
         name: [frame for path in paths for frame in read_frames(path)] for name, paths in scenes.items()
     }
-    warnings = pose_warnings(tables.get("poses", []))
+    warnings = bone_warnings(asked.get("segmentation", {}))
+    warnings += pose_warnings(tables.get("poses", []))
     warnings += [said for name in scenes for said in frame_warnings(name, tables[f"frames-{name}"])]
     if bare:
         warnings.append(f"Skin without a scan, from the volume: {', '.join(bare)}. Nails are not in it.")
