@@ -15,7 +15,7 @@ from handpipe.mesh.surfaces import Surface
 
 Image = NDArray[np.uint8]
 
-AMBIENT, HEADLIGHT, SIDELIGHT = 0.35, 0.55, 0.20
+AMBIENT, HEADLIGHT, SIDELIGHT = 0.35, 0.55, 0.20  # shares of light
 SUPERSAMPLING = 2  # rays per pixel and direction
 TILE = 1 << 18  # rays in flight: bounds the memory of a large picture
 

@@ -10,7 +10,7 @@ from numba import njit
 from handpipe.anatomy.improvement.stars import Stars, least_sine
 from handpipe.core import Array, IntArray
 
-LARGEST_RING = 7
+LARGEST_RING = 7  # tets around an edge that a flip removes, at most
 SPARE = 2 * (LARGEST_RING - 2) - LARGEST_RING  # tets that one flip adds at most
 
 

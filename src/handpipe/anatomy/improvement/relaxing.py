@@ -15,7 +15,7 @@ from handpipe.mesh.tets import FACES
 TURN_OUTER = np.sin(np.radians(1.0)) ** 2  # of faces that count as one plane: the domain's boundary,
 TURN_INNER = np.sin(np.radians(40.0)) ** 2  # borders of labels
 APPROACHES = 3  # to the smooth border, for vertices that other vertices block at first
-TRIALS = 24
+TRIALS = 24  # directions in which a vertex is tried
 REACHES = (0.3, 0.15, 0.07, 0.03)  # of a trial move, as a share of the shortest edge at the vertex
 DIRECTIONS = np.random.default_rng(0).standard_normal((TRIALS, 3))
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)

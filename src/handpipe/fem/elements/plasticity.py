@@ -15,7 +15,7 @@ from handpipe.fem.elements.matrix3 import rotational_svd
 ROWS = np.array([0, 0, 0, 1, 1, 2])
 COLUMNS = np.array([0, 1, 2, 1, 2, 2])
 PLACES = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
+IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])  # the six numbers of no strain
 
 
 def identity(count: int) -> Array:

@@ -14,7 +14,7 @@ from handpipe.imaging.fat_water.echo_signal import Complex
 log = logging.getLogger(__name__)
 
 BINS = 48  # of the histogram of both images' values
-STEPS = 100
+STEPS = 100  # of the search, at most
 SAMPLES = 150_000  # voxels, at most, that are compared
 SMOOTHED = (1.5, 0.0)  # mm, one search after the other
 GAIN = 0.03  # of the mutual information, which a motion raises at least

@@ -23,8 +23,8 @@ from handpipe.mesh.surfaces import Surface, taubin
 STEP = 0.1  # voxels between samples of a profile
 REACH = 1.5  # voxels that the edge may lie off the surface
 INWARDS, OUTWARDS = 0.3, 1.5  # voxels either side of the edge at which the step is looked at
-ROUNDS = 3
-STIFFNESS = 1.0
+ROUNDS = 3  # in which the surface moves onto the edge
+STIFFNESS = 1.0  # of the smooth field against a measurement of full confidence
 OUTLIER = 0.5  # voxels from the neighbours' edge
 AT_CONTACT = 1.8  # voxels from a contact, within which it gives the edge
 GAP = 0.3  # voxels between parts that touch

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from handpipe.core import Array, atomic, write_text
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # of a turn of hues: neighbours in a list look unlike one another
-LPS = np.array([-1.0, -1.0, 1.0])
+LPS = np.array([-1.0, -1.0, 1.0])  # signs from RAS to LPS
 CLEAR = '    0     0    0    0        0  0  0    "Clear Label"'
 
 

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from handpipe.core import Array, IntArray
 
-DELAUNAY = 1
+DELAUNAY = 1  # Gmsh's number of the algorithm
 GRADING = 0.5  # growth of the element size per mm of distance from the surface
 
 

@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array
 from handpipe.skeleton.joints.prior import Weighing
 
-TOLERANCE = 1e-13
-ORDERS = ((0, 1), (1, 0))
+TOLERANCE = 1e-13  # of parameters, cost and gradient
+ORDERS = ((0, 1), (1, 0))  # of two axes: which one is outer
 SAME = 1e-6  # relative difference of two fits' residuals; 1e-6 rad where the residuals vanish
 HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is below 0.01 degrees
 

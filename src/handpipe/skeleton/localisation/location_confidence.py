@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handpipe.core import RigidTransform, artifacts
+from handpipe.core.configuration import Segmentation
 from handpipe.imaging.volumes import Volume
 from handpipe.skeleton.localisation.edge_agreement import agreement
 from handpipe.skeleton.localisation.joint_search import Departure, falling
-from handpipe.skeleton.localisation.locating import EDGES, HandModel
+from handpipe.skeleton.localisation.locating import HandModel
 
 KIND = "located_bones"
+USUAL = Segmentation().edges  # share of edges of a bone in a right place
 SURE = 0.5  # below it a person has to look
 MARGIN = 0.15  # from it, within which a verdict is uncertain
 
@@ -43,7 +45,7 @@ class Confidence:
     overlap: float
     carried: float
     departure: Departure | None = None
-    usual: float = EDGES
+    usual: float = USUAL
 
     @property
     def value(self) -> float:
@@ -68,7 +70,7 @@ class Confidence:
         return f"{kind}, confidence {self.value:.2f}" + (f" near the limit of {SURE}" if self.near else "")
 
 
-def of_edges(share: float, usual: float = EDGES) -> float:
+def of_edges(share: float, usual: float = USUAL) -> float:
     """Certainty in [0, 1] for a share of edges that agree; with the usual share, 1."""
     return falling(-share, -usual, -0.625 * usual)
 

@@ -18,7 +18,7 @@ from handpipe.skeleton.localisation.bone_probes import Body, Probes
 FEW = 110  # probes in the coarse images
 UNKNOWN = 0.3  # contrast of a probe that lies beyond the image
 CLOUD = 48  # trials around a candidate in a round
-ROUNDS = 5
+ROUNDS = 5  # of trials around the candidates
 REACHES = (2.5, 1.8, 1.2, 0.8, 0.5)  # mm, deviation of the far end of a bone in each round
 
 

@@ -20,7 +20,7 @@ from handpipe.skeleton.localisation.motion_search import Motions
 LOG = logging.getLogger(__name__)
 
 THRESHOLDS = (0.55, 0.7)  # levels: marrow is above; where shells are thin a higher one separates marrows
-ROLLS = 36
+ROLLS = 36  # trials about a bone's axis
 SHIFTS = (-3.0, 0.0, 3.0)  # mm along the bone: a blob may lack an end, or have a neighbour's
 ALIKE = (0.25, 0.45, 0.45)  # logarithm of the ratio of lengths, along the three axes
 LONG = 1.8  # length by width of a bone that has a direction

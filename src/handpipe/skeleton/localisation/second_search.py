@@ -22,7 +22,7 @@ from handpipe.skeleton.localisation.motion_search import FEW, Motions, best_dist
 
 TRIALS = 300  # of a joint that are followed: all of a hinge's
 APART = 0.5  # mm (rms) between two trials
-GUESSES, SAME = 4, 1.0  # places that are weighed, and mm (rms) within which two are one
+GUESSES, SAME = 4, 1.0  # 1 and mm: places that are weighed; rms within which two are one
 
 
 def search_again(

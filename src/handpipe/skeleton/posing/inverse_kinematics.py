@@ -17,7 +17,7 @@ from handpipe.skeleton.rig.twists import MovingBone, moving_bones
 
 LOG = logging.getLogger(__name__)
 Limits = Mapping[str, tuple[float, float]]
-STEPS = 200
+STEPS = 200  # of one solve, at most
 STEP_TOLERANCE = 1e-9  # rad
 SLOW, SMALL = 1e-4, 1e-2  # mm^2 and rad: a step that gains and moves less is the last
 AT_LIMIT = 1e-4  # rad; so near to a limit an angle counts as at it

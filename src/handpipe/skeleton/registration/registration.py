@@ -41,7 +41,7 @@ PROMISING = 20  # of many starts, those that a few steps bring nearest
 RIVALS = 4  # places that are followed to the end
 APART = np.radians(15.0)  # turns closer than this are one place
 MATCHED = 0.3  # mm; and five times the residual
-LEAST_COVERED, LEAST_EXPLAINED = 0.45, 0.4
+LEAST_COVERED, LEAST_EXPLAINED = 0.45, 0.4  # shares of the two surfaces below which a warning is due
 CERTAIN, OUTLYING = 5.0, 5.0  # standard deviations by which a rival has to fit worse; of an outlier
 LOOSE = 8.0  # deg of uncertainty beyond which a turn is undetermined
 

@@ -27,7 +27,7 @@ from handpipe.skeleton.rig.motions import BoneNoise, Motions, Registrations, joi
 from handpipe.skeleton.rig.rig_groups import angles_of_group, knowledge_of_group, rig_groups, rig_units
 
 LOG = logging.getLogger(__name__)
-ANY_ANGLE = ((-180.0, 180.0),)
+ANY_ANGLE = ((-180.0, 180.0),)  # deg, of an angle without limits
 
 
 @dataclass(frozen=True)

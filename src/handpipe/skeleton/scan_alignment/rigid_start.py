@@ -15,7 +15,7 @@ from handpipe.skeleton.scan_alignment.smooth_offset import vertex_areas
 COARSE, FINE = 400, 4000  # vertices of the scan that are matched
 ROLLS = 6  # starts about the long axis
 ALONG = (-0.12, 0.0, 0.12)  # starts along it, as a share of the length: scan and image end elsewhere
-ROUNDS, LAST_ROUNDS = 14, 40
+ROUNDS, LAST_ROUNDS = 14, 40  # of each start, and of the best ones
 KEPT = 0.85  # share of the distances that a score takes
 BEST = 3  # starts that are refined
 WRONG_SIDE = 4.0  # mm that a match with a wrong normal counts for

@@ -15,7 +15,7 @@ from handpipe.synthetic.acquisition.physics.streams import Streams
 from handpipe.synthetic.acquisition.physics.subcutaneous import subcutaneous
 
 FASCICLES: Lengths = (40.0, 5.0, 5.0)  # mm of the bundles of a muscle
-SEPTA_IN_MUSCLE: Lengths = (60.0, 9.0, 9.0)
+SEPTA_IN_MUSCLE: Lengths = (60.0, 9.0, 9.0)  # mm of the sheets between the bundles
 
 
 def detailed(anatomy: Anatomy, grid: Grid, effects: Effects, streams: Streams) -> Iterator[Layer]:

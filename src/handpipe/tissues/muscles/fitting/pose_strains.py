@@ -37,8 +37,8 @@ class StrainOptions:
     alpha : float
         Weight in 1/mm^2 of the surface against spatial smoothness, for a surface vertex.
     held : float
-        The same for attached vertices, whose places are known, and for those that touch a neighbour, into
-        which they would be moved.
+        The same, in 1/mm^2, for attached vertices, whose places are known, and for those that touch a
+        neighbour, into which they would be moved.
     largest : float
         Distance in mm between surfaces that pose smoothness may cost.
     sweeps : int

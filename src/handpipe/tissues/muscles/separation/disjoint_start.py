@@ -19,14 +19,14 @@ log = logging.getLogger(__name__)
 FIRST_MARGIN = 0.05  # mm, first margin between a muscle and a bone
 MARGIN_GROWTH = 1.5  # growth of the margin in each further round: bones reach through large triangles
 LARGEST_MARGIN = 2.0  # mm
-ROUNDS = 60
+ROUNDS = 60  # at most
 MOST_PUSHES = 5  # of two fully deflated muscles, before they are smoothed farther
 DEPTHS = (
     0.3,
     1.0,
 )  # mm, largest penetration that a push resolves: deeper, its direction may be wrong
 LARGEST_MOTION = 8.0  # mm of a vertex: from farther away, muscles hardly grow back to their places
-SHORT_STEP, MOST_STEPS = 0.05, 40  # mm outside a bone in one step, and number of steps
+SHORT_STEP, MOST_STEPS = 0.05, 40  # mm and 1: way out of a bone in one step, and number of steps
 
 
 class Inseparable(ConvergenceError):

@@ -62,7 +62,7 @@ class SeparationOptions:
     iterations: int = 300
 
 
-NO_VOLUME = SeparationOptions(volume=np.inf)
+NO_VOLUME = SeparationOptions(volume=np.inf)  # surfaces alone: any change of volume is allowed
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from handpipe.tissues.tendons.rods.rod import resample, tangents
 
 SPACING = 1.2  # mm, length of a segment
 SMOOTHING = 2.5  # mm; wiggles of the centres shorter than this are noise
-ROUNDS = 8
+ROUNDS = 8  # of centres and radii
 CLEARANCE = 0.5  # of the radius that a tendon's centre keeps from bone at least
 
 

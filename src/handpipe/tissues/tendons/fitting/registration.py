@@ -30,11 +30,11 @@ class Settings:
     largest_turn: float = 0.26  # rad of the bones between two solves of stage 1
     rigid_spacing: float = 4.0  # mm between the rigid points of stage 1
     rigid_weight: float = 0.95  # skinning weight from which a point counts as rigid to its bone
-    rigid_smoothing: float = 2.0
-    centre_rounds: int = 20
-    centre_smoothing: float = 1.0
-    surface_smoothing: float = 1.0
-    surface_rounds: int = 30
+    rigid_smoothing: float = 2.0  # mm, of stage 1
+    centre_rounds: int = 20  # of stage 2, at most
+    centre_smoothing: float = 1.0  # mm, of stage 2
+    surface_smoothing: float = 1.0  # mm, of stage 3
+    surface_rounds: int = 30  # of stage 3, at most
     surface_step: float = 5e-3  # mm; stage 3 ends where no vertex moves more
 
 

@@ -36,9 +36,9 @@ class Options:
     `smallest_step` in mm ends the solution as well.
     """
 
-    tolerance: float = 1e-7
-    smallest_step: float = 1e-7
-    max_iterations: int = 200
+    tolerance: float = 1e-7  # unbalanced lateral force over the largest tension
+    smallest_step: float = 1e-7  # mm
+    max_iterations: int = 200  # of one solve
     largest_turn: float = 0.5  # rad a step
     accept_unfinished: bool = False  # after `max_iterations`, for callers that iterate themselves
 
