@@ -1,11 +1,9 @@
 """Print the page of settings, every named number that results depend on: python -m handpipe.develop.settings.
 
-A setting is a number, or a few, that stands at the top of a module in capitals, or a field of a class of
-settings. Its comment begins with its unit, or with the units of several numbers in their order. A comment without
-a unit belongs to a pure number: a share, a ratio or a count. A datum has a unit, but is no setting where it
-describes a body or a file: tables of indices, anatomies and formats.
-
-The source alone is read, so that the site can make the page without the packages of handpipe.
+A setting is a number, or a few, at the top of a module in capitals, or a field of a class of settings. Its
+comment begins with its unit, or with the units of several numbers in their order. A comment without a unit
+belongs to a pure number: a share, a ratio or a count. Tables of indices, of anatomies and of file formats are
+data, and not listed.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ import ast
 import io
 import re
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,7 +56,7 @@ def of_package() -> dict[str, list[Setting]]:
 
 
 def page() -> str:
-    """The page of settings, in Markdown: a section a room, a table of its modules."""
+    """The page of settings in Markdown, a table a module, from the source alone: the site needs no packages."""
     about = (__doc__ or "").partition("\n\n")[2].replace("\n", " ")
     lines = ["# Settings\n", about.strip()]
     room = ""
@@ -109,13 +107,13 @@ def _constants(module: str, tree: ast.Module, comments: dict[int, tuple[bool, st
         if not names or not isinstance(value, ast.expr) or not _is_number(value, known):
             continue
         known.update(names)
-        unit, meaning = _parted(_comment(node, comments))
+        unit, meaning = _unit_and_meaning(_comment(node, comments))
         if unit == PURE and ast.unparse(value).startswith("np.radians"):
             unit = "rad"
         yield Setting(module, ", ".join(names), _written(value), unit, meaning)
 
 
-def _parted(comment: str) -> tuple[str, str]:
+def _unit_and_meaning(comment: str) -> tuple[str, str]:
     """The unit with which a comment begins, and what it says then."""
     match = BEGINS_WITH_UNITS.match(comment)
     return (match[1], match[2]) if match else (PURE, comment)
@@ -150,17 +148,16 @@ def _is_number(value: ast.expr, known: set[str]) -> bool:
     return False
 
 
-def _is_number_of_call(call: ast.Call, every: object) -> bool:
+def _is_number_of_call(call: ast.Call, every: Callable[[list[ast.expr]], bool]) -> bool:
     name = ast.unparse(call.func).rpartition(".")[2]
     parts = [*call.args, *(keyword.value for keyword in call.keywords)]
-    assert callable(every)
     if name == "array":
         flat = isinstance(parts[0], ast.List) and not any(isinstance(e, ast.List) for e in parts[0].elts)
-        return flat and "." in ast.unparse(parts[0]) and bool(every(parts))
+        return flat and "." in ast.unparse(parts[0]) and every(parts)
     if name in FUNCTIONS:
-        return bool(every(parts))
+        return every(parts)
     switches = [p for p in parts if not (isinstance(p, ast.Constant) and isinstance(p.value, bool))]
-    return bool(RECORDS.search(name)) and bool(every(switches))
+    return bool(RECORDS.search(name)) and every(switches)
 
 
 def _fields(module: str, tree: ast.Module, comments: dict[int, tuple[bool, str]]) -> Iterator[Setting]:
@@ -177,7 +174,7 @@ def _fields(module: str, tree: ast.Module, comments: dict[int, tuple[bool, str]]
             if not _is_number(value, set()):
                 continue
             name = ast.unparse(field.target)
-            unit, meaning = _parted(_comment(field, comments)) if not text else (PURE, text)
+            unit, meaning = _unit_and_meaning(_comment(field, comments)) if not text else (PURE, text)
             if not meaning:
                 meaning = described.get(name, "")
             if unit == PURE and (named := NAMES_UNITS.search(meaning)):

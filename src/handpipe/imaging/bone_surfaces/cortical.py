@@ -21,7 +21,7 @@ from handpipe.imaging.volumes.band import DistanceBand, at_closest
 from handpipe.imaging.volumes.volume import Volume
 from handpipe.mesh.surfaces import Surface, taubin
 
-STIFFNESS = 0.5  # of the smooth field against a measurement of full confidence
+STIFFNESS = 0.5  # of the shell's smooth thickness against a measurement of full confidence
 OUTLIER, OUTLIER_THICKER = 0.6, 0.5  # mm; a dark neighbour only ever thickens the shell
 AGREEMENT = 0.5  # voxels between the watershed's face and the fitted one
 UNREFINED = 0.1  # confidence in a face of the watershed that no fit refines

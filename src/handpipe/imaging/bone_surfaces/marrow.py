@@ -28,7 +28,7 @@ FADED = 0.9  # of the claimed voxels: with less left, smoothing was too much
 WHOLE = 0.98  # of the remaining voxels are connected, or smoothing has cut a waist
 REACH = 1.25  # voxels that the image may move the walker's surface
 USUAL_THICKNESS = 0.8  # mm, of cortical bone in a finger: where fits start
-STIFFNESS = 1.0  # of the smooth field against a measurement of full confidence
+STIFFNESS = 1.0  # of the marrow's smooth move against a measurement of full confidence
 OUTLIER = 0.25  # mm from the neighbours' face
 
 

@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 STEP = 0.1  # mm between samples of a profile
 GAP, WINDOW = 0.6, 1.0  # mm from an edge, between which the tissues on either side are looked at
-STIFFNESS = 2.0  # of the smooth field against a measurement of full confidence
+STIFFNESS = 2.0  # of the markers' smooth offset against a measurement of full confidence
 
 
 class MarkerSettings(Model):

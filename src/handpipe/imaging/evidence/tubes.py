@@ -19,7 +19,7 @@ RAYS = 24  # around a section
 STEP = 0.1  # mm along a ray
 CONTRAST = 0.2  # least rise at the tube's edge, as a part of the bright tissue's level
 DARK = 0.4  # of that level: what is as bright is no tendon, but muscle
-STIFFNESS = 1.0  # of the smooth field against a measurement of full confidence
+STIFFNESS = 1.0  # of a tube's smooth radius against a measurement of full confidence
 
 
 @dataclass(frozen=True)

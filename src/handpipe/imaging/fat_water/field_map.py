@@ -57,7 +57,7 @@ class PossibleFields:
     voxels: IntArray
 
     @classmethod
-    def of(cls, signals: Complex, tissue: BoolArray, echoes: EchoSignal) -> PossibleFields:
+    def find(cls, signals: Complex, tissue: BoolArray, echoes: EchoSignal) -> PossibleFields:
         """Those of the voxels of `tissue` (nx, ny, nz), from signals (nx, ny, nz, n)."""
         inside = signals[tissue]
         blocks = [_minima(inside[i : i + BLOCK], echoes) for i in range(0, len(inside), BLOCK)]

@@ -55,7 +55,7 @@ class SegmentationSettings(Model):
     )
 
     @staticmethod
-    def of(dataset: Dataset) -> SegmentationSettings:
+    def from_dataset(dataset: Dataset) -> SegmentationSettings:
         """The settings of a subject: those of a hand, where its dataset says nothing else.
 
         Parameters

@@ -43,7 +43,7 @@ _AXES = {
     "mirrored in y": np.diag([1.0, -1.0, 1.0]),
     "mirrored in z": np.diag([1.0, 1.0, -1.0]),
 }
-# What may be wrong, with the matrix (3, 3) that mends it.
+# What may be wrong, with the matrix (3, 3) that corrects it.
 CAUSES: dict[str, Array] = {
     **_AXES,
     **{f"{unit} (scale by {factor:g})": factor * np.eye(3) for unit, factor in UNITS.items()},
@@ -167,7 +167,7 @@ def require_scan_in_image(
     Raises
     ------
     InputError
-        If the scan does not fit the image, or fits clearly better after one of `CAUSES` is mended, or with
+        If the scan does not fit the image, or fits clearly better after one of `CAUSES` is corrected, or with
         the image of another pose. The message names the likely cause.
     """
     scan = scan if scan.volume() > 0 else scan.flipped()

@@ -15,7 +15,7 @@ from handpipe.skeleton.scan_alignment.image_skin import Hinge, ImageSkin
 from handpipe.skeleton.scan_alignment.matches import Matches
 from handpipe.skeleton.scan_alignment.rigid_start import FINE, thinned
 
-ROUNDS = 30  # at most
+ROUNDS = 30  # in which joints turn, at most
 ABOUT, ASIDE = 4.0, 1.0  # deg, standard deviations of turns about a joint's axes and across them
 NOISE = 0.3  # mm, of a patch's distance
 PATCH = 30.0  # mm^2 of skin that count as one distance

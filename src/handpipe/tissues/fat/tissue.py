@@ -30,7 +30,7 @@ OPTIONS = Options(
     displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=False, barrier=True, name="soft tissue"
 )
 # mm, root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's
-# noise; gross is more than the mean error of any model of the skin: figures of such a shape would say nothing.
+# noise; gross is more than the mean error of any model of the skin: its figures would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
 CROWDED = 0.5  # mm of the skin's self-penetration, at the start or the end, from which tissue is shrunk
 SIZES = (0.75, 0.9)  # relative sizes of the shrunk tissue, in turn; at 0.6 thin places are crushed

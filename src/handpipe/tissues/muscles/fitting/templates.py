@@ -64,7 +64,7 @@ def register_bones(templates: Mapping[str, Surface], bones: Mapping[str, Surface
     starts = _similarities(templates, bones)
     if len(starts) == 1:
         return _registered(templates, bones, starts[0])
-    found = [_Turned.of(templates, bones, start) for start in starts]
+    found = [_Turned.register(templates, bones, start) for start in starts]
     log.info("template bones turned about their line: %s mm", np.round([f.error for f in found], 2))
     best = min(found, key=lambda f: f.error)
     best = best if best.error < CLEARLY * found[0].error else found[0]
@@ -85,7 +85,7 @@ def _refined(templates: Mapping[str, Surface], bones: Mapping[str, Surface], bes
     middle = centres.mean(axis=0)
     for angle in FINER:
         starts = [_turned(best.start, sign * angle, line, middle) for sign in (-1.0, 1.0)]
-        best = min([best, *(_Turned.of(templates, bones, s) for s in starts)], key=lambda f: f.error)
+        best = min([best, *(_Turned.register(templates, bones, s) for s in starts)], key=lambda f: f.error)
     return best
 
 
@@ -98,7 +98,7 @@ class _Turned:
     error: float
 
     @staticmethod
-    def of(templates: Mapping[str, Surface], bones: Mapping[str, Surface], start: Affine) -> _Turned:
+    def register(templates: Mapping[str, Surface], bones: Mapping[str, Surface], start: Affine) -> _Turned:
         maps = _registered(templates, bones, start)
         return _Turned(start, maps, _misfit(templates, bones, maps))
 
