@@ -25,6 +25,7 @@ STIFFNESS = 0.5  # of the shell's smooth thickness against a measurement of full
 OUTLIER, OUTLIER_THICKER = 0.6, 0.5  # mm; a dark neighbour only ever thickens the shell
 AGREEMENT = 0.5  # voxels between the watershed's face and the fitted one
 UNREFINED = 0.1  # confidence in a face of the watershed that no fit refines
+THINNEST = 0.05  # mm of cortical bone
 
 
 def whole_bone(
@@ -65,7 +66,7 @@ def shell_thickness(
     face, confidence = _observed_faces(volume, cortex, marrow, others)
     laplacian = graph_laplacian(marrow.triangles, len(marrow.vertices))
     field, _ = smooth_field(laplacian, face, confidence, STIFFNESS, OUTLIER, upper_scale=OUTLIER_THICKER)
-    return np.clip(field, 0.05, THICKEST)
+    return np.clip(field, THINNEST, THICKEST)
 
 
 def _observed_faces(

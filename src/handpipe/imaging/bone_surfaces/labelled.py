@@ -25,6 +25,7 @@ KEPT = 0.9  # of a mask's voxels that smoothing keeps, in one piece
 SPECK = 8  # voxels: smaller pieces are slips of the brush
 APART = 3.0  # mm between pieces of one marrow, which a canal thinner than a voxel may join
 TOUCHING = np.ones((3, 3, 3), bool)  # voxels of one piece touch by a corner at least
+MOST_SEEN = 0.99  # of a bone inside the image: a cause has to explain as much, or more than is seen
 
 
 def labelled_surfaces(labels: LabelMap, numbers: Mapping[str, int], apart: float = 0.0) -> dict[str, Surface]:
@@ -85,7 +86,7 @@ def in_image(volume: Volume, surface: Surface, source: str | Path, name: str) ->
     share = seen(np.eye(3))
     if share == 1:
         return within(volume, surface)
-    cause = likely_cause(seen, max(0.99, share))
+    cause = likely_cause(seen, max(MOST_SEEN, share))
     remedy = f"It would fit if the file is in {cause}" if cause else "Give the label map of this volume"
     problem = f"{100 * (1 - share):.0f} % of its surface is beyond the volume of its pose"
     raise InputError(source, name, problem, remedy)

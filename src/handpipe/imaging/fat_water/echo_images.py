@@ -16,6 +16,7 @@ from handpipe.imaging.volumes import Volume, pose_volume, read_channel
 # A whole turn of phase in files: radians, degrees, thousandths of radians, whole numbers of 10 to 16 bits.
 TURNS = (2 * np.pi, 360.0, 2000 * np.pi, *(2.0**n for n in range(10, 17)))
 FILLED = 0.95  # of a turn, which the phase of noise covers at least
+ROUNDED = 1e-3  # of a turn, by which rounded phases may exceed it
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ def radians(path: Path, phase: Array) -> Array:
     """
     low, high = float(phase.min()), float(phase.max())
     for turn in TURNS:
-        if FILLED * turn <= high - low <= turn * (1 + 1e-3):
+        if FILLED * turn <= high - low <= turn * (1 + ROUNDED):
             return phase * (2 * np.pi / turn)
     problem = f"values from {low:g} to {high:g} are no whole turn in a known unit"
     raise InputError(path, "phase", problem, "Write the phase of the whole image in radians")

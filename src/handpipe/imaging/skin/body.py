@@ -25,6 +25,7 @@ EMPTY = 0.999  # of the voxels of a plane are exactly 0: it was not measured
 THIN = ndimage.generate_binary_structure(3, 2)  # thinner bridges do not join the body with ghosts
 LEAST_AIR = 0.02  # of the voxels
 LARGE = 0.02  # of the body's size: other parts that large are named
+FAR = 1e-4  # weight of the usual level, which fills what no measurement is near
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,7 @@ def _local_mean(volume: Volume, where: BoolArray, deviation: float, usual: float
     width = deviation / sums.spacing
     weight = ndimage.gaussian_filter(blocks(weights, steps, np.mean).values, width)
     summed = ndimage.gaussian_filter(sums.values, width)
-    mean = (summed + 1e-4 * usual) / (weight + 1e-4)
+    mean = (summed + FAR * usual) / (weight + FAR)
     return _spread(mean, steps, volume.shape)
 
 

@@ -22,6 +22,7 @@ FIRST_SMOOTHING = 10  # rounds, of the voxels' steps
 UNTANGLING = 12  # rounds
 BEYOND = 2  # voxels beyond the border of the image
 SURE = 0.25  # of a full weight
+JUST_INSIDE, JUST_OUTSIDE = 1.01, 0.99  # of the threshold: bounds of voxels at the border
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,9 @@ def _first_surface(volume: Volume, body: Body, gap: BoolArray) -> tuple[Surface,
     inside = body.inside & ~gap
     edge = inside & ~ndimage.binary_erosion(inside, border_value=1)
     ratio = np.clip(volume.values / np.maximum(body.threshold, 1e-6 * volume.bright), 0.0, 2.0)
-    ratio = np.where(inside, np.where(edge, np.maximum(ratio, 1.01), 2.0), np.minimum(ratio, 0.99))
+    ratio = np.where(
+        inside, np.where(edge, np.maximum(ratio, JUST_INSIDE), 2.0), np.minimum(ratio, JUST_OUTSIDE)
+    )
     ratio[gap] = 0.0
     for deviation in SMOOTHING:
         field = ndimage.gaussian_filter(ratio, deviation, mode="nearest") if deviation else ratio

@@ -53,6 +53,9 @@ CAUSES: dict[str, Array] = {
         for axes, matrix in list(_AXES.items())[:3]
     },
 }
+RATIO = (0.6, 1.7)  # of sizes in two units that may be the same length
+AIR_QUANTILE, BRIGHT_QUANTILE = 0.05, 0.98  # of an image with air around
+EXPLAINED = 0.99  # share of the points that a cause has to explain
 
 
 def likely_cause(fit: Fit, least: float) -> str | None:
@@ -91,7 +94,7 @@ def unit_of(ratio: float, size: float) -> str | None:
         The unit and the factor that converts it to mm. None if no unit explains the ratio.
     """
     for unit, factor in UNITS.items():
-        if 0.6 < ratio * factor < 1.7 and ORGANS[0] < size * factor < ORGANS[1]:
+        if RATIO[0] < ratio * factor < RATIO[1] and ORGANS[0] < size * factor < ORGANS[1]:
             return f"{unit}: scale by {factor:g}"
     return None
 
@@ -118,7 +121,7 @@ class Foreground:
         values = volume.values[:: steps[0], :: steps[1], :: steps[2]]
         indices = steps * np.moveaxis(np.indices(values.shape), 0, -1).reshape(-1, 3)
         flat = values.reshape(-1).astype(np.float64)
-        has_air = bool(np.quantile(flat, 0.05) < AIR * np.quantile(flat, 0.98))
+        has_air = bool(np.quantile(flat, AIR_QUANTILE) < AIR * np.quantile(flat, BRIGHT_QUANTILE))
         body = flat > threshold_li(flat) if has_air else np.ones(len(flat), dtype=bool)
         return Foreground(volume.to_world(indices), body)
 
@@ -229,7 +232,7 @@ def require_points_in_image(
     first = labels[bad[0]] or str(bad[0])
     problem = f"{len(bad)} of {len(points)} points are outside the body in {where}, "
     problem += f"{first!r} by {distances[bad[0]]:.0f} mm"
-    cause = likely_cause(inside, 0.99) if len(bad) > len(points) // 2 else None
+    cause = likely_cause(inside, EXPLAINED) if len(bad) > len(points) // 2 else None
     remedy = f"They would fit if they are in {cause}" if cause else f"{_boxes(points, image.box)}. Place them"
     raise InputError(path, "points", problem, remedy)
 

@@ -15,6 +15,7 @@ from handpipe.skeleton.bones.bodies import bodies
 POINTS = 320  # on a bone
 DEPTHS = (1.6, 1.1, 0.7, 0.4)  # mm inside the marrow, as deep as it is wide enough
 OUTSIDE = 0.7  # mm outside the marrow: in the cortical shell
+OPPOSITE = 0.9  # of a depth, which the opposite wall leaves at least
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def _inside(marrow: Surface, points: Array, normals: Array) -> Array:
     inside, distance = points - DEPTHS[-1] * normals, Distance(marrow)
     for depth in reversed(DEPTHS[:-1]):
         deeper = points - depth * normals
-        fits = distance.signed(deeper)[0] < -0.9 * depth
+        fits = distance.signed(deeper)[0] < -OPPOSITE * depth
         inside[fits] = deeper[fits]
     return inside
 

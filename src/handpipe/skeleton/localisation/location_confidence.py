@@ -17,6 +17,9 @@ KIND = "located_bones"
 USUAL = Segmentation().edges  # share of edges of a bone in a right place
 SURE = 0.5  # below it a person has to look
 MARGIN = 0.15  # from it, within which a verdict is uncertain
+SEEN = (-0.5, -0.2)  # less the share inside the image: from where to where confidence falls
+OVERLAP = (0.03, 0.15)  # share inside another bone: from where to where confidence falls
+NONE = 0.625  # of the usual share of edges, at which there is no confidence
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ class Confidence:
     @property
     def value(self) -> float:
         """Confidence in [0, 1]: the product over the kinds of evidence."""
-        inside = falling(-self.seen, -0.5, -0.2) * falling(self.overlap, 0.03, 0.15)
+        inside = falling(-self.seen, *SEEN) * falling(self.overlap, *OVERLAP)
         return of_edges(self.edges, self.usual) * inside * self.carried
 
     @property
@@ -72,7 +75,7 @@ class Confidence:
 
 def of_edges(share: float, usual: float = USUAL) -> float:
     """Certainty in [0, 1] for a share of edges that agree; with the usual share, 1."""
-    return falling(-share, -usual, -0.625 * usual)
+    return falling(-share, -usual, -NONE * usual)
 
 
 def confidences(

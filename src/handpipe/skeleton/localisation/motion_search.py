@@ -20,6 +20,7 @@ UNKNOWN = 0.3  # contrast of a probe that lies beyond the image
 CLOUD = 48  # trials around a candidate in a round
 ROUNDS = 5  # of trials around the candidates
 REACHES = (2.5, 1.8, 1.2, 0.8, 0.5)  # mm, deviation of the far end of a bone in each round
+SHIFT = 0.6  # of a round's reach: deviation of the shifts
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,7 @@ def _cloud(body: Body, motions: Motions, reach: float, random: np.random.Generat
     """`CLOUD` motions (h CLOUD) around each, itself the first: turned about the body's middle, and moved."""
     shape = (len(motions), CLOUD, 3)
     turns = random.normal(0.0, reach / body.size, shape)
-    shifts = random.normal(0.0, 0.6 * reach, shape)
+    shifts = random.normal(0.0, SHIFT * reach, shape)
     turns[:, 0], shifts[:, 0] = 0.0, 0.0
     turned = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix().reshape(*shape, 3)
     rotations = turned @ motions.rotations[:, None]

@@ -45,6 +45,7 @@ ALIKE = 0.3  # mm of mean distance under which one of two guesses is dropped
 # along a slender muscle and borders between muscles.
 NEUTRAL = ShapeOptions(strain=0.01)
 POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)  # only the bending is unknown
+SAME_SIDE = 0.3  # cosine of the angle to a neighbour's normal, up to which an edge may be the neighbour's
 
 
 @dataclass(frozen=True)
@@ -457,7 +458,7 @@ def image_markers(
         for tree in trees:
             near = about(found.points, tree.surface, offsets.max(initial=0.0))
             gap, _, _, normals = tree.signed(found.points[near])
-            alike = np.einsum("ij,ij->i", normals, found.normals[near]) > 0.3
+            alike = np.einsum("ij,ij->i", normals, found.normals[near]) > SAME_SIDE
             keep[near] &= ~(alike & (np.abs(gap) < offsets[near]))
             touching = far[about(places[far], tree.surface, TOUCHING)]
             keep[touching] &= tree.signed(places[touching])[0] > TOUCHING

@@ -31,6 +31,9 @@ CLEARLY = 0.7  # of the error of the maps from the best similarity: a reason to 
 NEAR = 0.75  # of a bone's size: what attaches to it is nearer
 VERTEX_IDS = "Give {bone: [template vertex ids]}"  # the remedy for a malformed file of attachments
 FINEST = 0.4  # of the edge length that is asked for
+VOLUMES = (0.2, 5.0)  # times a template's volume: a bone's map beyond is wrong
+SIMILARITIES, AFFINITIES = 20, 20  # iterations of closest points, by each kind of map
+NEAR_SHARE = 0.99  # of the points of an attachment that a cause has to explain
 
 
 @dataclass(frozen=True)
@@ -221,15 +224,15 @@ def _register(template: Surface, bone: Surface, start: Affine) -> Affine:
     source, back = sample_points(template, 2 * SAMPLES, seed=2), sample_points(bone, 2 * SAMPLES, seed=3)
     target = Distance(bone)
     guess = start
-    for iteration in range(40):
+    for iteration in range(SIMILARITIES + AFFINITIES):
         forth = target.closest(guess(source))[2]
         moved = template.moved(guess(template.vertices))
         _, triangles, at = Distance(moved).closest(back)
         inverse = np.linalg.inv(guess.matrix)
         origins = (at - guess.offset) @ inverse.T
         a, b = np.vstack([source, origins]), np.vstack([forth, back])
-        guess = fit_similarity(a, b) if iteration < 20 else _fit_affine(a, b)
-    if not 0.2 < np.linalg.det(guess.matrix) < 5:
+        guess = fit_similarity(a, b) if iteration < SIMILARITIES else _fit_affine(a, b)
+    if not VOLUMES[0] < np.linalg.det(guess.matrix) < VOLUMES[1]:
         raise ConvergenceError(
             "Template bone", f"its volume would change by {np.linalg.det(guess.matrix):.2f}"
         )
@@ -489,7 +492,7 @@ def require_near_bones(
     far = [(name, float(np.median(bone.closest(x)[0])), reach) for name, x, bone, reach in groups]
     name, distance, reach = max(far, key=lambda group: group[1] / group[2])
     problem = f"attaches to {name}, but is {distance:.3g} mm away from its template"
-    cause = likely_cause(near, 0.99)
+    cause = likely_cause(near, NEAR_SHARE)
     remedy = (
         f"It would fit if it is in {cause}" if cause else "Give templates of bones and organs in one frame"
     )

@@ -35,6 +35,7 @@ LOOSE_TOLERANCE = 8.0  # tolerance of the solves with these barriers, times the 
 VISIBLE_STIFFNESS = 30.0  # resistance of a visible vertex to displacement, times that of a hidden one
 ATTACHMENT_STIFFNESS = 1e2  # of springs at attached vertices, times the vertex's own
 MOST_ROUNDS = 6  # rounds of the last solve; each changes the pressures
+FORCE_TOLERANCE = 1e-2  # of the solves: moves decide
 
 
 @dataclass(frozen=True)
@@ -234,7 +235,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     barrier = scene.barrier(start, options.clearance)
     settings = equilibrium.Options(
         displacement_tolerance=options.tolerance,
-        force_tolerance=1e-2,
+        force_tolerance=FORCE_TOLERANCE,
         max_iterations=options.iterations,
         allow_partial=True,
         untangle=False,

@@ -21,6 +21,7 @@ from handpipe.tissues.tendons.rods.rod import closest_on_rod, tangents
 log = logging.getLogger(__name__)
 
 FindCentres = Callable[[Array, Array], tuple[Array, Array]]
+SURFACE = 50.0  # c4 : c1 of Zheng 2022, Table 2
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,7 @@ def fit_surface(
     `centres`, hooks of stage 2, are kept with the surface's stiffness: where the surface is not trusted,
     and at the free end, they hold the rod better than its bending.
     """
-    stiffness = 50.0 * PULL  # c4 : c1 of Table 2
+    stiffness = SURFACE * PULL
     bend = Bend(stiffness * settings.surface_smoothing**4, tendon.length)
     first, twist = tendon.first_normal(bones), np.zeros(len(x) - 1)
     fit = SurfaceFit(tendon.tube, target, first, stiffness, tendon.length, twist)
