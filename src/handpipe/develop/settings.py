@@ -56,7 +56,7 @@ def of_package() -> dict[str, list[Setting]]:
 
 
 def page() -> str:
-    """The page of settings in Markdown, a table a module, from the source alone: the site needs no packages."""
+    """The page of settings in Markdown, a table a module; no other package is needed for it."""
     about = (__doc__ or "").partition("\n\n")[2].replace("\n", " ")
     lines = ["# Settings\n", about.strip()]
     room = ""

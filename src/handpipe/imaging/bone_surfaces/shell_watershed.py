@@ -33,7 +33,7 @@ BRIGHT = 0.25  # of the marrow's contrast with the shell: brighter tissue is not
 EDGE = 0.5  # voxels, deviation of the Gaussian under the gradient
 VALLEY = 1.2  # mm outwards in which a shell's darkest place lies
 LEAST_VALLEY = 0.2  # mm of shell that belongs to its marker
-STEP = 0.1  # mm between samples of a profile
+STEP = 0.1  # mm between samples of a profile out of the marrow
 OFF = 0.2  # mm from the neighbours' darkest place, from which a place loses weight
 
 

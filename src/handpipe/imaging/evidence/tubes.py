@@ -36,6 +36,7 @@ UNLIKE = 0.4  # of the radius, off the neighbours' edges
 RANGE = (0.3, 2.0)  # of the radius: distances of the surface
 FACING = 0.3  # least cosine by which a ray leaves a bone
 THINNEST = 0.1  # mm
+FINER = 20  # points of a spline for each that is given
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def smooth_curve(points: Array, step: float, deviation: float) -> Array:
     if len(points) < 4:
         return points
     spline, _ = make_splprep(points.T, s=len(points) * deviation**2 / 4)
-    dense = spline(np.linspace(0, 1, 20 * len(points))).T
+    dense = spline(np.linspace(0, 1, FINER * len(points))).T
     length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(dense, axis=0), axis=1))]
     targets = np.linspace(0, length[-1], max(round(length[-1] / step), 1) + 1)
     return np.stack([np.interp(targets, length, dense[:, c]) for c in range(3)], axis=1)

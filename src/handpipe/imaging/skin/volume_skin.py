@@ -9,7 +9,7 @@ from scipy import ndimage
 from skimage import measure
 
 from handpipe.core import Array, BoolArray, InputError
-from handpipe.imaging.skin.body import Body, measured
+from handpipe.imaging.skin.body import BodyInVolume, measured
 from handpipe.imaging.skin.contacts import Contacts, PosedBones
 from handpipe.imaging.skin.edge import refined
 from handpipe.imaging.volumes.volume import Volume
@@ -96,7 +96,7 @@ def skin_of_volume(volume: Volume, bones: PosedBones | None = None) -> VolumeSki
         )
     volume = measured(volume)
     longer = _prolonged(volume)
-    body = Body.find(longer)
+    body = BodyInVolume.find(longer)
     contacts = Contacts.find(longer, body, bones) if bones else Contacts.none(longer)
     first, handles = _first_surface(longer, body, contacts.gap)
     beyond = _beyond(volume, first) > BEYOND
@@ -107,7 +107,7 @@ def skin_of_volume(volume: Volume, bones: PosedBones | None = None) -> VolumeSki
     return VolumeSkin(surface, cut, sure, handles, body.others, len(contacts.places))
 
 
-def _first_surface(volume: Volume, body: Body, gap: BoolArray) -> tuple[Surface, int]:
+def _first_surface(volume: Volume, body: BodyInVolume, gap: BoolArray) -> tuple[Surface, int]:
     """Surface of the body by the threshold nearby, and its genus."""
     inside = body.inside & ~gap
     edge = inside & ~ndimage.binary_erosion(inside, border_value=1)

@@ -14,6 +14,7 @@ from handpipe.core import Array, atomic, write_text
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # of a turn of hues: neighbours in a list look unlike one another
 LPS = np.array([-1.0, -1.0, 1.0])  # signs from RAS to LPS
+SATURATION, VALUE = 0.6, 0.95  # of colours
 CLEAR = '    0     0    0    0        0  0  0    "Clear Label"'
 
 
@@ -30,7 +31,9 @@ def colours(count: int) -> Array:
     array (count, 3)
         sRGB in 0..1.
     """
-    return np.array([colorsys.hsv_to_rgb((i * GOLDEN) % 1.0, 0.6, 0.95) for i in range(count)]).reshape(-1, 3)
+    return np.array(
+        [colorsys.hsv_to_rgb((i * GOLDEN) % 1.0, SATURATION, VALUE) for i in range(count)]
+    ).reshape(-1, 3)
 
 
 def write_segments(

@@ -58,7 +58,7 @@ AIR_QUANTILE, BRIGHT_QUANTILE = 0.05, 0.98  # of an image with air around
 EXPLAINED = 0.99  # share of the points that a cause has to explain
 
 
-def likely_cause(fit: Fit, least: float) -> str | None:
+def likely_cause(fit: Fit, least: float = EXPLAINED) -> str | None:
     """The mistake in frame or unit that explains a bad fit best.
 
     Parameters
@@ -232,7 +232,7 @@ def require_points_in_image(
     first = labels[bad[0]] or str(bad[0])
     problem = f"{len(bad)} of {len(points)} points are outside the body in {where}, "
     problem += f"{first!r} by {distances[bad[0]]:.0f} mm"
-    cause = likely_cause(inside, EXPLAINED) if len(bad) > len(points) // 2 else None
+    cause = likely_cause(inside) if len(bad) > len(points) // 2 else None
     remedy = f"They would fit if they are in {cause}" if cause else f"{_boxes(points, image.box)}. Place them"
     raise InputError(path, "points", problem, remedy)
 

@@ -72,7 +72,7 @@ def _inside(marrow: Surface, points: Array, normals: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Body:
+class MovingBones:
     """Bones that move as one, and their probes together.
 
     Parameters
@@ -93,7 +93,7 @@ class Body:
     size: float
 
 
-def all_bodies(dataset: Dataset, probes: Mapping[str, Probes]) -> list[Body]:
+def all_bodies(dataset: Dataset, probes: Mapping[str, Probes]) -> list[MovingBones]:
     """Every bone in one body, the root's body first, then in the dataset's order."""
     grouped = bodies(dataset)
     alone = [(b,) for b in dataset.bones if not any(b in group for group in grouped)]
@@ -103,5 +103,5 @@ def all_bodies(dataset: Dataset, probes: Mapping[str, Probes]) -> list[Body]:
         joint = Probes.joined([probes[b] for b in group])
         middle = joint.points.mean(axis=0)
         size = float(np.linalg.norm(joint.points - middle, axis=1).max())
-        found.append(Body(tuple(group), joint, middle, size))
+        found.append(MovingBones(tuple(group), joint, middle, size))
     return found

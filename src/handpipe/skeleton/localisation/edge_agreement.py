@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import RigidTransform
 from handpipe.imaging.evidence import sample_profiles
 from handpipe.imaging.volumes import Volume
-from handpipe.skeleton.localisation.bone_probes import Body, Probes
+from handpipe.skeleton.localisation.bone_probes import MovingBones, Probes
 from handpipe.skeleton.registration.edge_refinement import steepest_falls
 from handpipe.skeleton.registration.normal_equations import Rows, moved, robust_weights, solve
 
@@ -71,14 +71,14 @@ def agreement(image: Volume, probes: Probes, transform: RigidTransform) -> Agree
     return Agreement(float((clear & near).mean()), float(seen.mean()), typical)
 
 
-def onto_edges(image: Volume, body: Body, start: RigidTransform, *, held: bool) -> RigidTransform:
+def onto_edges(image: Volume, body: MovingBones, start: RigidTransform, *, held: bool) -> RigidTransform:
     """A motion of a body that brings its marrow onto the image's steepest falls.
 
     Parameters
     ----------
     image : Volume
         Image of the pose in units of the local marrow level.
-    body : Body
+    body : MovingBones
         Bones that move as one.
     start : RigidTransform
         Initial guess.
@@ -108,7 +108,7 @@ def onto_edges(image: Volume, body: Body, start: RigidTransform, *, held: bool) 
     return transform
 
 
-def _pull(start: RigidTransform, transform: RigidTransform, body: Body, count: float) -> Rows:
+def _pull(start: RigidTransform, transform: RigidTransform, body: MovingBones, count: float) -> Rows:
     """Rows that draw a motion to its start, with the weight of the prior against `count` edges."""
     turn = Rotation.from_matrix(start.rotation @ transform.rotation.T).as_rotvec()
     shift = start(body.middle) - transform(body.middle)

@@ -17,7 +17,7 @@ from handpipe.core import RigidTransform
 from handpipe.core.configuration import Dataset, Segmentation
 from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.mesh.surfaces import Distance, Surface
-from handpipe.skeleton.localisation.bone_probes import Body, Probes, all_bodies
+from handpipe.skeleton.localisation.bone_probes import MovingBones, Probes, all_bodies
 from handpipe.skeleton.localisation.edge_agreement import agreement, onto_edges
 from handpipe.skeleton.localisation.joint_search import Link, all_links
 from handpipe.skeleton.localisation.motion_search import (
@@ -50,7 +50,7 @@ class HandModel:
 
     Parameters
     ----------
-    bodies : list of Body
+    bodies : list of MovingBones
         Groups of bones that move as one, the root's first.
     links : list of Link
         Joints between the bodies, parents first.
@@ -64,7 +64,7 @@ class HandModel:
         Share of a bone's edges that leaves no doubt about its place.
     """
 
-    bodies: list[Body]
+    bodies: list[MovingBones]
     links: list[Link]
     probes: dict[str, Probes]
     marrow: dict[str, Surface]
@@ -153,7 +153,7 @@ class Search:
             found.append((motion, agrees - doubt - CROWDED * crowd))
         return found
 
-    def _best(self, body: Body, trials: Motions, *, held: bool) -> list[tuple[RigidTransform, float]]:
+    def _best(self, body: MovingBones, trials: Motions, *, held: bool) -> list[tuple[RigidTransform, float]]:
         """A few distinct motions on the image's edges, and the shares of the edges that agree, best first.
 
         Where none agrees well more trials are followed: a small bone shows little in the coarse images.
@@ -164,7 +164,7 @@ class Search:
         return found
 
     def _followed(
-        self, body: Body, trials: Motions, candidates: int, refined: int, *, held: bool
+        self, body: MovingBones, trials: Motions, candidates: int, refined: int, *, held: bool
     ) -> list[tuple[RigidTransform, float]]:
         """The best trials improved, and the best of these brought onto the edges."""
         scores = coarse_contrast(self.evidence, body.probes.first(FEW), trials)

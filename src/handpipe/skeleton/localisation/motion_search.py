@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array, IntArray, RigidTransform
 from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.imaging.volumes import Volume
-from handpipe.skeleton.localisation.bone_probes import Body, Probes
+from handpipe.skeleton.localisation.bone_probes import MovingBones, Probes
 
 FEW = 110  # probes in the coarse images
 UNKNOWN = 0.3  # contrast of a probe that lies beyond the image
@@ -149,7 +149,7 @@ def _mean_linear(values, points, rotations, translations, beyond):  # type: igno
     return out
 
 
-def best_distinct(body: Body, motions: Motions, scores: Array, count: int, apart: float) -> IntArray:
+def best_distinct(body: MovingBones, motions: Motions, scores: Array, count: int, apart: float) -> IntArray:
     """Indices of the best motions of which no two put the body's points within `apart` mm (rms)."""
     points = body.probes.points[:24]
     order = np.argsort(-scores, kind="stable")[:600]
@@ -164,7 +164,9 @@ def best_distinct(body: Body, motions: Motions, scores: Array, count: int, apart
     return order[kept]
 
 
-def improved(evidence: MarrowEvidence, body: Body, motions: Motions, random: np.random.Generator) -> Motions:
+def improved(
+    evidence: MarrowEvidence, body: MovingBones, motions: Motions, random: np.random.Generator
+) -> Motions:
     """Each motion replaced by the best of random ones around it, in rounds of ever smaller reach.
 
     The first rounds look at the coarse images, the last at the image itself.
@@ -178,7 +180,7 @@ def improved(evidence: MarrowEvidence, body: Body, motions: Motions, random: np.
     return motions
 
 
-def _cloud(body: Body, motions: Motions, reach: float, random: np.random.Generator) -> Motions:
+def _cloud(body: MovingBones, motions: Motions, reach: float, random: np.random.Generator) -> Motions:
     """`CLOUD` motions (h CLOUD) around each, itself the first: turned about the body's middle, and moved."""
     shape = (len(motions), CLOUD, 3)
     turns = random.normal(0.0, reach / body.size, shape)

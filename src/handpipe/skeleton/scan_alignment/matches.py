@@ -57,5 +57,5 @@ class Matches:
         if not self.valid.any():
             return np.zeros(len(self.signed))
         deviation = max(robust.NORMAL * float(np.median(np.abs(self.signed[self.valid]))), least)
-        robust = np.maximum(1 - (self.signed / (robust.TUKEY * deviation)) ** 2, 0.0) ** 2
-        return np.where(self.valid, robust, 0.0)
+        weights = np.maximum(1 - (self.signed / (robust.TUKEY * deviation)) ** 2, 0.0) ** 2
+        return np.where(self.valid, weights, 0.0)

@@ -33,7 +33,6 @@ VERTEX_IDS = "Give {bone: [template vertex ids]}"  # the remedy for a malformed 
 FINEST = 0.4  # of the edge length that is asked for
 VOLUMES = (0.2, 5.0)  # times a template's volume: a bone's map beyond is wrong
 SIMILARITIES, AFFINITIES = 20, 20  # iterations of closest points, by each kind of map
-NEAR_SHARE = 0.99  # of the points of an attachment that a cause has to explain
 
 
 @dataclass(frozen=True)
@@ -492,7 +491,7 @@ def require_near_bones(
     far = [(name, float(np.median(bone.closest(x)[0])), reach) for name, x, bone, reach in groups]
     name, distance, reach = max(far, key=lambda group: group[1] / group[2])
     problem = f"attaches to {name}, but is {distance:.3g} mm away from its template"
-    cause = likely_cause(near, NEAR_SHARE)
+    cause = likely_cause(near)
     remedy = (
         f"It would fit if it is in {cause}" if cause else "Give templates of bones and organs in one frame"
     )

@@ -26,7 +26,7 @@ LEAST_ADDED, MOST_ADDED = 1e-3, 1e8  # tension that is added to keep a descent, 
 PENALTY = 1e6  # on constraints, over the largest second derivative
 EXACT = 1.0  # up to this added tension hooks give their whole second derivative, beyond it a convex part
 BAND = 4 * REACH + 2  # unknowns are ordered x_0, multiplier_0, x_1, multiplier_1, ...
-ARMIJO = 1e-4  # share of the predicted decrease that a step must bring
+ARMIJO = 1e-4  # share of the decrease of a rod's energy, as predicted, that a step must bring
 
 
 @dataclass(frozen=True)
