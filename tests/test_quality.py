@@ -158,24 +158,19 @@ NO_SETTINGS = re.compile(
 
 
 def is_plain(value: float) -> bool:
-    """Whether a number needs no name: a quarter's multiple up to ten, or a guard against rounding."""
-    return (4 * value).is_integer() and value <= 10 or value <= 1e-6
+    """Whether a number needs no name: quarters up to ten, guards against rounding, a thousand between units."""
+    return ((4 * value).is_integer() and value <= 10) or value <= 1e-6 or value == 1e3
 
 
 def unnamed_numbers(path: Path) -> list[float]:
-    """Numbers with a point or an exponent inside the functions of a file; defaults of arguments have names."""
+    """Numbers with a point inside the functions of a file; defaults of arguments have names."""
     found = []
     for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(function, ast.FunctionDef):
             inside = [node for statement in function.body for node in ast.walk(statement)]
             defaults = {id(n) for node in inside if isinstance(node, ast.arguments) for n in ast.walk(node)}
-            found += [
-                node.value
-                for node in inside
-                if isinstance(node, ast.Constant)
-                and isinstance(node.value, float)
-                and id(node) not in defaults
-            ]
+            numbers = [node for node in inside if isinstance(node, ast.Constant) and id(node) not in defaults]
+            found += [number.value for number in numbers if isinstance(number.value, float)]
     return found
 
 

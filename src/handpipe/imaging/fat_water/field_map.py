@@ -21,7 +21,7 @@ from handpipe.imaging.fat_water.echo_signal import MAIN_PEAK, Complex, EchoSigna
 
 log = logging.getLogger(__name__)
 
-WIDEST = 6.0  # ppm to either side within which the field is sought
+WIDEST = 6.0  # ppm to either side within which the field is searched for
 STEPS = 64  # of the search, from water to fat
 MOST = 8  # values of the field that a voxel leaves possible
 WORST = 0.3  # of a voxel's energy, by which a possible value may fit worse than the best one

@@ -31,9 +31,8 @@ def colours(count: int) -> Array:
     array (count, 3)
         sRGB in 0..1.
     """
-    return np.array(
-        [colorsys.hsv_to_rgb((i * GOLDEN) % 1.0, SATURATION, VALUE) for i in range(count)]
-    ).reshape(-1, 3)
+    hues = ((i * GOLDEN) % 1.0 for i in range(count))
+    return np.array([colorsys.hsv_to_rgb(hue, SATURATION, VALUE) for hue in hues]).reshape(-1, 3)
 
 
 def write_segments(

@@ -61,7 +61,7 @@ class Reach:
         if not self.held:
             return f"{text}; no joint limit holds it, the bones are too short"
         limits = (f"{name} at its limit of {np.degrees(limit):.1f} deg" for name, limit in self.held.items())
-        return f"{text}; held by {', '.join(limits)}"
+        return f"{text}; limited by {', '.join(limits)}"
 
 
 @dataclass(frozen=True)
