@@ -158,7 +158,7 @@ NO_SETTINGS = re.compile(
 
 
 def is_plain(value: float) -> bool:
-    """Whether a number needs no name: quarters up to ten, guards against rounding, a thousand between units."""
+    """Whether a number needs no name: quarters up to ten, guards against rounding, a thousand in a unit."""
     return ((4 * value).is_integer() and value <= 10) or value <= 1e-6 or value == 1e3
 
 
