@@ -1,15 +1,19 @@
-"""Pages of the site that are made of other files: start page, configuration, gallery, API."""
+"""Pages of the site that are made of other files: start page, configuration, settings, gallery, API."""
 
 from __future__ import annotations
 
 import ast
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "src"))  # of handpipe, this module alone is used, which needs no other package
+from handpipe.develop import settings  # noqa: E402
+
 PACKAGE = ROOT / "src" / "handpipe"
 COPIES = {"README.md": "index.md", "config/README.md": "reference/configuration.md"}
 COPIES |= {"CONTRIBUTING.md": "develop/contributing.md"}
@@ -34,6 +38,7 @@ def on_files(files: Files, config: Any) -> Files:
     pages = {page: _copied(source, page) for source, page in COPIES.items()}
     pages |= {page: f"# {name}\n\n::: {name}\n" for name, page in api_pages().items()}
     pages["gallery.md"] = gallery()
+    pages["reference/settings.md"] = settings.page()
     for page, text in pages.items():
         files.append(File.generated(config, page, content=text))
     return files

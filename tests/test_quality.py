@@ -150,6 +150,41 @@ def entries(known: Mapping[str, Path]) -> set[str]:
     return commands | {found for name in names if (found := module_of(name, known))}
 
 
+# Where numbers inside functions are no settings: formulas, units, file formats, looks, bounds of arguments.
+NO_SETTINGS = re.compile(
+    r"(core|cli|develop|evaluation|synthetic)/|fem/elements/|imaging/formats/|mesh/files/|.*/__main__.py"
+    r"|fem/linear/(pardiso|superlu).py|tissues/tendons/rods/energies.py|hand/export.py"
+)
+
+
+def is_plain(value: float) -> bool:
+    """Whether a number needs no name: quarters up to ten, guards against rounding, a thousand in a unit."""
+    return ((4 * value).is_integer() and value <= 10) or value <= 1e-6 or value == 1e3
+
+
+def unnamed_numbers(path: Path) -> list[float]:
+    """Numbers with a point inside the functions of a file; defaults of arguments have names."""
+    found = []
+    for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(function, ast.FunctionDef):
+            inside = [node for statement in function.body for node in ast.walk(statement)]
+            defaults = {id(n) for node in inside if isinstance(node, ast.arguments) for n in ast.walk(node)}
+            numbers = [node for node in inside if isinstance(node, ast.Constant) and id(node) not in defaults]
+            found += [number.value for number in numbers if isinstance(number.value, float)]
+    return found
+
+
+def test_numbers_that_results_depend_on_have_names() -> None:
+    """A number in the middle of a function has neither a unit nor a meaning (docs: Settings)."""
+    names = {path.relative_to(SOURCE).as_posix(): path for path in PYTHON}
+    unnamed = {
+        name: [value for value in unnamed_numbers(path) if not is_plain(value)]
+        for name, path in names.items()
+        if not NO_SETTINGS.match(name)
+    }
+    assert {name: values for name, values in unnamed.items() if values} == {}
+
+
 def test_the_contact_toolkit_is_imported_with_one_thread() -> None:
     direct = [path.name for path, name in imports() if name.partition(".")[0] == "ipctk"]
     assert direct == ["contact_toolkit.py"]

@@ -59,12 +59,12 @@ def varied(scene: Scene, seed: int, size: float) -> Scene:
 def initial_guess(scene: Scene) -> Result:
     """Find an initial guess without intersections, with attachments released as in the pipeline."""
     muscles, bones = scene
-    fixed = [overlap.Body(n, s, NOTHING, fixed=True) for n, s in bones.items()]
+    fixed = [overlap.Collider(n, s, NOTHING, fixed=True) for n, s in bones.items()]
     start = time.process_time()
 
     def start_with(margin: float) -> Result:
         held = contested.drop_contested(muscles, 0, margin)
-        bodies = [overlap.Body(n, b.surface, held[n].held) for n, b in muscles.items()]
+        bodies = [overlap.Collider(n, b.surface, held[n].held) for n, b in muscles.items()]
         found = disjoint_start(bodies, fixed) or [b.surface.vertices for b in bodies]
         moved = max(largest(x - b.surface.vertices) for x, b in zip(found, bodies, strict=True))
         return Result(margin, moved, time.process_time() - start)

@@ -44,7 +44,7 @@ class Setting:
     @property
     def displacement(self) -> float:
         """How far fat, and so marrow, is imaged from its place along the first axis, in mm."""
-        if self.sequence is None or not self.effects.of("chemical_shift"):
+        if self.sequence is None or not self.effects.size("chemical_shift"):
             return 0.0
         return self.spacing * frequency(self.field) / kspace.bandwidth(self.effects)
 

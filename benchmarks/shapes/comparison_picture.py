@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.fem.machine import Figures
 from benchmarks.shapes.comparison_bodies import Body
 from handpipe.core import Array, atomic
-from handpipe.evaluation import Body as Drawn
-from handpipe.evaluation import Camera, Image, on_background, render
+from handpipe.evaluation import Camera, Drawable, Image, on_background, render
 from handpipe.mesh.surfaces import Surface, concatenate
 
 LABELS = {
@@ -97,16 +96,16 @@ def _curves(ax: Axes, name: str, curve: str, figures: Figures, refinements: int)
 def _camera(name: str, body: Body) -> Camera:
     direction, up = VIEWS[name]
     surface = Surface(body.truth, body.mesh.boundary_faces()[0]).compact()
-    return Camera.fit([Drawn(surface, FLESH)], np.array(direction), np.array(up), TILES[name], margin=1.15)
+    return Camera.fit([Drawable(surface, FLESH)], np.array(direction), np.array(up), TILES[name], margin=1.15)
 
 
 def _picture(body: Body, x: Array, camera: Camera, size: tuple[int, int]) -> Image:
     """The surface at x, and where its marks and attachments belong."""
     surface = Surface(x, body.mesh.boundary_faces()[0]).compact()
     drawn = [
-        Drawn(surface, FLESH),
-        Drawn(_balls(body.truth[body.marked]), MARK),
-        Drawn(_balls(body.truth[body.held]), HELD),
+        Drawable(surface, FLESH),
+        Drawable(_balls(body.truth[body.marked]), MARK),
+        Drawable(_balls(body.truth[body.held]), HELD),
     ]
     return on_background(render(drawn, camera, size))
 

@@ -43,7 +43,7 @@ def test_bones_of_the_knee_reach_the_joint_from_either_strokes(bone) -> None:
     for name in SETS:
         seeds, _ = painted(STROKES / f"strokes-{name}.json", image, dataset.labels)
         seeds = seeds[::-1, ::-1]  # the file's first two axes run against RAS
-        found = segment_bone(volume, seeds, dataset.labels[bone], SegmentationSettings.of(dataset))
+        found = segment_bone(volume, seeds, dataset.labels[bone], SegmentationSettings.from_dataset(dataset))
         claimed = np.zeros(volume.shape, bool)
         claimed[found.slices] = found.probability > 0.5
         claims.append(claimed[::-1, ::-1])

@@ -165,8 +165,8 @@ def test_amounts_grow_worse(effect: str) -> None:
     amount = AMOUNTS[effect]
     worse = amount.severe / amount.usual
     assert (worse < 1) == (effect in ("coil", "chemical_shift", "gibbs", "partial_fourier"))
-    assert Effects({effect: "none"}, "usual").of(effect) is None
-    assert Effects({}, "severe").of(effect) == amount.severe
+    assert Effects({effect: "none"}, "usual").size(effect) is None
+    assert Effects({}, "severe").size(effect) == amount.severe
 
 
 def finger(root: Path, **images) -> Dataset:

@@ -146,8 +146,8 @@ def test_axes_are_those_of_the_source():
     for bone, file in myohand_model.BONES.items():
         source = trimesh.load(folder / "myohand/rest_pose_m" / f"{file}.ply")
         mine = mesh(bones[bone])
-        mended = bone == "distal5"  # two holes and a tunnel of the source are closed
-        assert mine.volume == pytest.approx(1e9 * source.volume, rel=0.05 if mended else 0.02), bone
+        repaired = bone == "distal5"  # two holes and a tunnel of the source are closed
+        assert mine.volume == pytest.approx(1e9 * source.volume, rel=0.05 if repaired else 0.02), bone
         np.testing.assert_allclose(mine.centroid, place(1000.0 * source.centroid), atol=0.3)
 
 

@@ -40,7 +40,7 @@ FAILS = f"""
     class Picky(BoneLayer):
         def solve(self, frame, below):
             print(frame.name, file=open("solved.txt", "a", encoding="utf-8"))
-            if frame.name == {BAD!r} and not Path("mended").exists():
+            if frame.name == {BAD!r} and not Path("repaired").exists():
                 raise ConvergenceError("Tendon x", "no luck")
             shapes = super().solve(frame, below)
             shapes["far"].figures["inverted_tets"] = 3.0 * (frame.name == "end")
@@ -110,7 +110,7 @@ def test_a_failed_frame_is_named_left_out_and_simulated_again(small: Path) -> No
     again = planned(small, *BUILD, "--allowed-rules", *RULES)  # nothing has changed: no success
     assert (again["simulate"], again["require_simulation"]) == (1, 1)
 
-    (small / "mended").touch()
+    (small / "repaired").touch()
     assert build(small) == (0, [], [BAD])
     assert metrics.read(small / METRICS)["frames_failed"] == (0.0, "frames")
     frames = [f.name for c in range(2) for f, _ in read_frames(base / f"frames-{c}.h5")]

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.core import artifacts, configuration, metrics, paths
+    from handpipe.core import artifacts, configuration, metrics, paths, robust
     from handpipe.core.arrays import Array, BoolArray, Int32Array, IntArray
     from handpipe.core.artifacts import atomic, identity, read_text, write_text
     from handpipe.core.code_digest import CodeDigests
@@ -65,6 +65,7 @@ __all__ = [
     "plain",
     "read_text",
     "reported",
+    "robust",
     "run",
     "under_fat",
     "vertices_of",

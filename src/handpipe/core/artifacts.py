@@ -21,7 +21,7 @@ import numpy as np
 from handpipe import __version__
 from handpipe.core.errors import InputError
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 2  # of the files; another one is refused
 REBUILD = "Delete the file and run the workflow again"
 _STAGE: ContextVar[Mapping[str, str] | None] = ContextVar("_STAGE", default=None)
 

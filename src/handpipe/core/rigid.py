@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.core.arrays import Array
 
+SERIES = 1e-4  # rad, below which a series takes the place of the formula: its next terms are below 1e-9
+
 
 @dataclass(frozen=True)
 class RigidTransform:
@@ -99,6 +101,6 @@ def left_jacobian(vector: Array) -> Array:
     """
     angle = float(np.linalg.norm(vector))
     x = np.cross(np.eye(3), vector)  # x @ y is the cross product of vector and y
-    if angle < 1e-4:  # the next terms of the series are below 1e-9
+    if angle < SERIES:
         return np.eye(3) + x / 2 + x @ x / 6
     return np.eye(3) + (1 - np.cos(angle)) / angle**2 * x + (angle - np.sin(angle)) / angle**3 * x @ x

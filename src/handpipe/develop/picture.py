@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image as images
 
 from handpipe.core import InputError, Parser, Shapes, atomic, reported
-from handpipe.evaluation import Body, Camera, Image, bodies, on_background, render
+from handpipe.evaluation import Camera, Drawable, Image, bodies, on_background, render
 from handpipe.hand import read_frames
 
 WITHOUT = ("bone_fascia", "muscle_fascia")  # translucent cloths, which cover the organs
@@ -34,7 +34,7 @@ def views(layers: Mapping[str, Shapes], size: tuple[int, int], direction: Sequen
     return [_drawn(seen, camera, size) for seen in (outside, inside)]
 
 
-def _drawn(seen: Sequence[Body], camera: Camera, size: tuple[int, int]) -> Image:
+def _drawn(seen: Sequence[Drawable], camera: Camera, size: tuple[int, int]) -> Image:
     return on_background(render(seen, camera, size))
 
 

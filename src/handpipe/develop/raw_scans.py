@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.core import InputError, Parser, RigidTransform, run
 from handpipe.core.configuration import Dataset, load_dataset
+from handpipe.imaging.segmentation import BACKGROUND
 from handpipe.imaging.volumes import Volume, read_labels, read_volume, write_segments
 from handpipe.mesh.surfaces import read_surface, write_surface
 
@@ -27,8 +28,7 @@ TILT = RigidTransform(
     Rotation.from_rotvec([14.0, -9.0, 21.0], degrees=True).as_matrix(), np.array([31.0, -52.0, 640.0])
 )  # deg and mm, from the subject's frame to the scanner's
 LARGEST = 4095  # value of a pixel: twelve bits, as scanners store
-LPS = np.array([-1.0, -1.0, 1.0])
-BACKGROUND = 255
+LPS = np.array([-1.0, -1.0, 1.0])  # signs from one convention of axes to the other
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

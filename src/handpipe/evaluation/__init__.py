@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     )
     from handpipe.evaluation.muscles import deepest, error_rows, surface_errors
     from handpipe.evaluation.pictures import bodies
-    from handpipe.evaluation.rendering import Body, Camera, Image, on_background, render
+    from handpipe.evaluation.rendering import Camera, Drawable, Image, on_background, render
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.evaluation.segmentation import bone_warnings, looks_figures
     from handpipe.evaluation.surfaces import dice, surface_distance
@@ -27,7 +27,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
-    "Body",
+    "Drawable",
     "Camera",
     "Image",
     "Job",

@@ -10,7 +10,7 @@ from pathlib import Path
 from handpipe.core import Metrics
 from handpipe.evaluation.table import Cell, Table
 
-MIB_PER_GIB = 1024.0
+MIB_PER_GIB = 1024.0  # MiB in a GiB
 
 
 @dataclass(frozen=True)

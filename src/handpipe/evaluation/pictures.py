@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from PIL import Image as PillowImage
 
 from handpipe.core import LAYERS, Shape, Shapes
-from handpipe.evaluation.rendering import Body, Camera, Image, on_background, render
+from handpipe.evaluation.rendering import Camera, Drawable, Image, on_background, render
 from handpipe.evaluation.slices import Contours, Plane, Sample, draw_slice
 from handpipe.evaluation.surfaces import surface_distance
 from handpipe.hand import colour, opacity, shown, surface_triangles, tissue
@@ -38,7 +38,7 @@ def body_surface(shape: Shape) -> Surface:
     return Surface(shape.vertices, surface_triangles(shape.cells)).compact()
 
 
-def bodies(layers: Mapping[str, Shapes], *, skin_opacity: float | None = None) -> list[Body]:
+def bodies(layers: Mapping[str, Shapes], *, skin_opacity: float | None = None) -> list[Drawable]:
     """Bodies of a frame to be drawn, in the colours of their tissues.
 
     Parameters
@@ -50,7 +50,7 @@ def bodies(layers: Mapping[str, Shapes], *, skin_opacity: float | None = None) -
 
     Returns
     -------
-    list of Body
+    list of Drawable
         Surfaces in mm with colour and opacity, without the fat beneath a skin.
     """
     drawn = []
@@ -59,7 +59,7 @@ def bodies(layers: Mapping[str, Shapes], *, skin_opacity: float | None = None) -
         if look == "skin" and skin_opacity is None:
             continue
         solidity = skin_opacity if look == "skin" and skin_opacity is not None else opacity(look)
-        drawn.append(Body(body_surface(shape), colour(look), solidity))
+        drawn.append(Drawable(body_surface(shape), colour(look), solidity))
     return drawn
 
 
@@ -85,7 +85,7 @@ def error_picture(
     """Scanned skin coloured by its distance to the simulated one, 0 to `largest` mm (Zheng 2022, Fig. 30)."""
     distances = np.clip(surface_distance(scan.vertices, skin) / largest, 0, 1)
     rgb = matplotlib.colormaps["viridis"](distances)[:, :3]
-    return on_background(render([Body(scan, rgb)], camera, size))
+    return on_background(render([Drawable(scan, rgb)], camera, size))
 
 
 def contours(layers: Mapping[str, Shapes], truth: Mapping[str, Sequence[Surface]]) -> list[Contours]:

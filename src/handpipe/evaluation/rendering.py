@@ -15,13 +15,13 @@ from handpipe.mesh.surfaces import Surface
 
 Image = NDArray[np.uint8]
 
-AMBIENT, HEADLIGHT, SIDELIGHT = 0.35, 0.55, 0.20
+AMBIENT, HEADLIGHT, SIDELIGHT = 0.35, 0.55, 0.20  # shares of light
 SUPERSAMPLING = 2  # rays per pixel and direction
 TILE = 1 << 18  # rays in flight: bounds the memory of a large picture
 
 
 @dataclass(frozen=True)
-class Body:
+class Drawable:
     """A surface to be drawn.
 
     Parameters
@@ -62,13 +62,13 @@ class Camera:
 
     @staticmethod
     def fit(
-        bodies: Sequence[Body], direction: Array, up: Array, size: tuple[int, int], margin: float = 1.06
+        bodies: Sequence[Drawable], direction: Array, up: Array, size: tuple[int, int], margin: float = 1.06
     ) -> Camera:
         """The smallest camera that sees all bodies.
 
         Parameters
         ----------
-        bodies : sequence of Body
+        bodies : sequence of Drawable
             Bodies to be seen.
         direction, up : array (3,)
             As in `Camera`.
@@ -121,7 +121,7 @@ class Cut:
 
 
 def render(
-    bodies: Sequence[Body], camera: Camera, size: tuple[int, int] = (640, 480), cut: Cut | None = None
+    bodies: Sequence[Drawable], camera: Camera, size: tuple[int, int] = (640, 480), cut: Cut | None = None
 ) -> Image:
     """Picture of bodies in RGBA.
 
@@ -129,7 +129,7 @@ def render(
 
     Parameters
     ----------
-    bodies : sequence of Body
+    bodies : sequence of Drawable
         Bodies to be drawn, at least one.
     camera : Camera
         Projection.
@@ -180,7 +180,7 @@ def on_background(image: Image, rgb: tuple[float, float, float] = (1, 1, 1)) -> 
 class _Tracer:
     """One body's Embree scene and what its shading needs."""
 
-    def __init__(self, body: Body, axes: Array, capped: bool) -> None:
+    def __init__(self, body: Drawable, axes: Array, capped: bool) -> None:
         self.vertices, self.triangles = body.surface.vertices, body.surface.triangles
         self.normals = body.surface.vertex_normals()
         self.rgb = np.broadcast_to(np.asarray(body.rgb, float), (len(self.vertices), 3))

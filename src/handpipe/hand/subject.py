@@ -7,6 +7,7 @@ from pathlib import Path
 
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset, Muscle
+from handpipe.skeleton.rig import ANY_ANGLE
 
 
 def named_files(dataset: Dataset) -> dict[str, Path]:
@@ -153,7 +154,7 @@ def joint_limits(dataset: Dataset) -> dict[str, tuple[float, float]]:
     """
     limits = {}
     for joint in dataset.joints.values():
-        stated = joint.limits_deg or ((-180.0, 180.0),) * len(joint.angles)
+        stated = joint.limits_deg or ANY_ANGLE * len(joint.angles)
         for angle, (lower, upper) in zip(joint.angles, stated, strict=True):
             limits[angle] = (radians(lower), radians(upper))
     return limits

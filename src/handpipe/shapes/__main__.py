@@ -95,7 +95,7 @@ def _parser() -> argparse.ArgumentParser:
             metavar=("TEMPLATE.mrk.json", "IMAGE.mrk.json"),
             help=f"points {what}: on the template and in the image, the same labels",
         )
-    parser.add_argument("--volume", type=Path, help="image in which marks are sought: NIfTI, NRRD, DICOM")
+    parser.add_argument("--volume", type=Path, help="image in which marks are found: NIfTI, NRRD, DICOM")
     parser.add_argument("--output", type=Path, default=Path("organ"), help="folder; by default organ")
     parser.add_argument(
         "--alpha", type=number(*RANGES["alpha"]), default=known.alpha, help="weight of marks, 1/mm^2"

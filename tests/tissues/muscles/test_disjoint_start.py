@@ -7,7 +7,7 @@ from tests.tissues.muscles.crossings import crossings, inside
 
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.tissues.muscles.separation.disjoint_start import disjoint_start
-from handpipe.tissues.muscles.separation.overlap import Body
+from handpipe.tissues.muscles.separation.overlap import Collider
 
 NOTHING = np.zeros(0, dtype=np.int64)
 
@@ -29,7 +29,9 @@ def test_a_muscle_leaves_a_hollow_of_a_bone_by_its_mouth():
     tongue = Surface(ball.vertices * [0.15, 0.9, 1.5] + [0, 0.2, 0], ball.faces)
     bone = grooved_bone()
     assert inside(tongue.vertices, bone).any()
-    found = disjoint_start([Body("tongue", tongue, NOTHING)], [Body("bone", bone, NOTHING, fixed=True)])
+    found = disjoint_start(
+        [Collider("tongue", tongue, NOTHING)], [Collider("bone", bone, NOTHING, fixed=True)]
+    )
     assert found is not None
     moved = tongue.moved(found[0])
     assert crossings(moved, bone) == 0 and crossings(bone, moved) == 0
@@ -50,7 +52,7 @@ def test_a_rod_through_the_hollow_of_a_bent_muscle_leaves_it_on_its_own_side(rad
     """Its middle lies `side` mm out of the sheet's: drawn in to threads both still meet."""
     sheet, ball = bent_sheet(radius), trimesh.creation.icosphere(subdivisions=2)
     rod = Surface(ball.vertices * [0.7, 7.0, 0.7] + [0.3, 0.0, side], ball.faces)
-    found = disjoint_start([Body("sheet", sheet, NOTHING), Body("rod", rod, NOTHING)], [])
+    found = disjoint_start([Collider("sheet", sheet, NOTHING), Collider("rod", rod, NOTHING)], [])
     assert found is not None
     bent, straight = sheet.moved(found[0]), rod.moved(found[1])
     assert crossings(bent, straight) == 0 and crossings(straight, bent) == 0
@@ -74,7 +76,7 @@ def spiked_sheet(z: float, side: float, tip: float, at: float) -> Surface:
 def test_corners_that_have_passed_one_another_go_back(apart, tip, aside):
     """No vertex is in the other muscle: what leads out of that which is nearest leads the corners farther."""
     below, above = spiked_sheet(0.0, 1.0, tip, 0.0), spiked_sheet(apart, -1.0, tip, aside)
-    found = disjoint_start([Body("below", below, NOTHING), Body("above", above, NOTHING)], [])
+    found = disjoint_start([Collider("below", below, NOTHING), Collider("above", above, NOTHING)], [])
     assert found is not None
     one, other = below.moved(found[0]), above.moved(found[1])
     assert crossings(one, other) == 0 and crossings(other, one) == 0
@@ -86,11 +88,11 @@ def test_a_muscle_over_the_cleft_between_two_bones_leaves_both(cleft, deep, asid
     """Out of one bone leads into the other: wider margins about both would throw it 2 to 4 mm off."""
     block, ball = trimesh.creation.box(extents=[4.0, 12.0, 6.0]), trimesh.creation.icosphere(subdivisions=3)
     bones = [
-        Body(f"bone {side}", Surface(block.vertices + [x, 0.0, -3.0], block.faces), NOTHING, fixed=True)
+        Collider(f"bone {side}", Surface(block.vertices + [x, 0.0, -3.0], block.faces), NOTHING, fixed=True)
         for side, x in (("left", -2.0 - 0.5 * cleft), ("right", 2.0 + 0.5 * cleft))
     ]
     muscle = Surface(ball.vertices * [2.5, 4.0, 1.5] + [aside, 0.0, 1.5 - deep], ball.faces)
-    found = disjoint_start([Body("muscle", muscle, NOTHING)], bones)
+    found = disjoint_start([Collider("muscle", muscle, NOTHING)], bones)
     assert found is not None
     moved = muscle.moved(found[0])
     for bone in bones:
@@ -105,7 +107,7 @@ def test_a_rod_through_the_middle_of_a_sheet_is_pushed_out_of_it():
     sheet = Surface(fine.vertices * [18.0, 9.0, 2.5], fine.faces)
     line = coarse.vertices * [14.0, 0.9, 0.9] + [0.0, 0.3, 0.2]
     rod = Surface(line + 0.05 * line[:, :1] * [0.0, 0.0, 1.0], coarse.faces)  # it crosses the middle
-    found = disjoint_start([Body("sheet", sheet, NOTHING), Body("rod", rod, NOTHING)], [])
+    found = disjoint_start([Collider("sheet", sheet, NOTHING), Collider("rod", rod, NOTHING)], [])
     assert found is not None
     one, other = sheet.moved(found[0]), rod.moved(found[1])
     assert crossings(one, other) == 0 and crossings(other, one) == 0

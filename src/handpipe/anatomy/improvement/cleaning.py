@@ -16,7 +16,7 @@ from handpipe.mesh.tets import EDGES, FACES, TetMesh, tet_neighbours
 log = logging.getLogger(__name__)
 
 CRUMB = 0.05  # of a label's largest part, in volume, below which a part goes to its neighbours
-ROUNDS = 50
+ROUNDS = 50  # rounds at most
 GENTLE_ROUNDS = 15  # after which all tets at a pinch get one label, since tets may change labels for ever
 
 

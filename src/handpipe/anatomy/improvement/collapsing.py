@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from handpipe.anatomy.improvement.stars import OUTSIDE, Stars, least_sine
+from handpipe.anatomy.improvement.stars import BETTER, OUTSIDE, Stars, least_sine
 from handpipe.core import Array, BoolArray, IntArray
 
 OUTER = np.cos(np.radians(1.0))  # cosine by which a face of the domain's boundary may turn
@@ -57,7 +57,7 @@ def _collapse_bad(x, tets, labels, regions, fixed, listed, stars):  # type: igno
                 if _regions_at_edge(a, b, tets, labels, stars) != regions[a]:
                     continue
                 after = _after(a, b, x, tets, stars)
-                if after <= max(before * 1.001, best):
+                if after <= max(before * BETTER, best):
                     continue
                 if _faces_turn(a, b, x, tets, labels, stars):
                     continue

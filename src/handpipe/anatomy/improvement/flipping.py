@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from handpipe.anatomy.improvement.stars import Stars, least_sine
+from handpipe.anatomy.improvement.stars import BETTER, Stars, least_sine
 from handpipe.core import Array, IntArray
 
-LARGEST_RING = 7
+LARGEST_RING = 7  # tets around an edge that a flip removes, at most
 SPARE = 2 * (LARGEST_RING - 2) - LARGEST_RING  # tets that one flip adds at most
 
 
@@ -65,7 +65,7 @@ def _flip_bad(mesh, listed, stars, n_tets):  # type: ignore[no-untyped-def]
                 n = _ring(p, q, mesh, stars, locked, ring)
                 for fan in range(n):
                     value = _fan_value(p, q, x, ring.vertices, n, fan)
-                    if value > best * 1.001:
+                    if value > best * BETTER:
                         best, best_p, best_q, best_n, best_fan = value, p, q, n, fan
                         best_ring.vertices[:], best_ring.tets[:] = ring.vertices, ring.tets
         if best_fan >= 0:
@@ -80,7 +80,7 @@ def _flip_bad(mesh, listed, stars, n_tets):  # type: ignore[no-untyped-def]
             if other < 0 or labels[other] != labels[t] or locked[apex]:
                 continue
             value = _edge_value(c[i], apex, c, i, x)
-            if value > best * 1.001:
+            if value > best * BETTER:
                 best, best_p, best_q, best_n = value, i, apex, other
         if best_q >= 0:
             _insert_edge(t, best_n, best_p, best_q, c, mesh, n_tets)

@@ -23,7 +23,7 @@ from handpipe.mesh.tets import TetMesh
 log = logging.getLogger(__name__)
 
 STALE = 4  # rounds without a new least number of small angles, after which the search stops
-FLOOR = 12.0  # degrees below which smoothing brings no dihedral angle
+FLOOR = 12.0  # deg below which smoothing brings no dihedral angle
 
 
 @dataclass(frozen=True, eq=False)

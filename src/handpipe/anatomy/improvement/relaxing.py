@@ -8,17 +8,20 @@ import numpy as np
 from numba import njit
 from scipy import sparse
 
-from handpipe.anatomy.improvement.stars import Stars, least_sine
+from handpipe.anatomy.improvement.stars import BETTER, Stars, least_sine
 from handpipe.core import Array, BoolArray, IntArray
 from handpipe.mesh.tets import FACES
 
 TURN_OUTER = np.sin(np.radians(1.0)) ** 2  # of faces that count as one plane: the domain's boundary,
 TURN_INNER = np.sin(np.radians(40.0)) ** 2  # borders of labels
 APPROACHES = 3  # to the smooth border, for vertices that other vertices block at first
-TRIALS = 24
+TRIALS = 24  # directions in which a vertex is tried
 REACHES = (0.3, 0.15, 0.07, 0.03)  # of a trial move, as a share of the shortest edge at the vertex
 DIRECTIONS = np.random.default_rng(0).standard_normal((TRIALS, 3))
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+
+FIXED = 1e9  # eigenvalue of a fixed direction, over the limit
+STUCK = 0.1  # of a free direction, in its largest entry: a vertex with less stays
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +68,7 @@ class Faces:
             before = free[used]
             limit = turn * np.linalg.eigvalsh(against[used])[:, -1:, None]
             # A fixed direction stays fixed exactly: its eigenvalues are far above the limit.
-            sums = before @ against[used] @ before / limit + 1e9 * (np.eye(3) - before)
+            sums = before @ against[used] @ before / limit + FIXED * (np.eye(3) - before)
             values, axes = np.linalg.eigh(sums)
             free[used] = (axes * (values <= 1)[:, None]) @ np.swapaxes(axes, 1, 2)
         return free
@@ -85,7 +88,7 @@ def improve_vertices(
 def _improve(x, tets, stars, free, chosen, held):  # type: ignore[no-untyped-def]
     moved = 0
     for v in chosen:
-        if held[v] or np.abs(free[v]).max() < 0.1:
+        if held[v] or np.abs(free[v]).max() < STUCK:
             continue
         best, shortest = _star_value(v, x, tets, stars)
         first = best
@@ -95,7 +98,7 @@ def _improve(x, tets, stars, free, chosen, held):  # type: ignore[no-untyped-def
             for d in range(len(DIRECTIONS)):
                 x[v] = at + reach * shortest * (free[v] @ DIRECTIONS[d])
                 value, _ = _star_value(v, x, tets, stars)
-                if value > best * 1.001:
+                if value > best * BETTER:
                     best = value
                     at = x[v].copy()
                 x[v] = at

@@ -10,7 +10,8 @@ from numba import njit
 from handpipe.core import Array, IntArray
 
 OUTSIDE = 62  # bit of the outside in the set of regions at a vertex
-MOST_LABELS = OUTSIDE
+MOST_LABELS = OUTSIDE  # labels of a domain: bits below that of the outside
+BETTER = 1.001  # times the quality before: a smaller gain changes nothing
 
 
 @njit(cache=True, inline="always")

@@ -37,7 +37,7 @@ MEDIAN_MALE = {
     for kind, length in zip(KINDS[len(lengths)], lengths, strict=True)
 }
 CHILD = 0.6  # of an adult's lengths: about five years old
-ROUNDS = 8
+ROUNDS = 8  # of the search, at most
 MET = 0.01  # mm
 
 

@@ -22,7 +22,7 @@ Points = Mapping[str, Array]
 
 log = logging.getLogger(__name__)
 
-FINGERS = (2, 3, 4, 5)
+FINGERS = (2, 3, 4, 5)  # rays with three phalanges
 NAMES = (
     *(f"tip{ray}" for ray in (1, *FINGERS)),
     *(f"DIP{ray}" for ray in FINGERS),

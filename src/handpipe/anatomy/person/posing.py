@@ -26,10 +26,10 @@ log = logging.getLogger(__name__)
 # Standard deviations of how persons differ: of a feature point on its bone in mm, of an angle in rad, and of
 # the logarithms of the rays' size against the carpus's (whose height is 0.54 +- 0.03 of metacarpal III:
 # Youm et al. 1978) and of a bone's length against its rays'. Held-out landmarks hardly depend on the others.
-POINT, ANGLE, RAYS, LENGTH = 2.0, np.radians(25.0), 0.056, 0.05
+POINT, ANGLE, RAYS, LENGTH = 2.0, np.radians(25.0), 0.056, 0.05  # mm, rad, 1 and 1: as said above
 OF_RAYS = ("metacarpal", "proximal", "middle", "distal")
 SAMPLES = 40  # points a bone that carry its motion into the space around it
-SMOOTHING = 0.5
+SMOOTHING = 0.5  # of the warp between the samples
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from handpipe.tissues.muscles.fitting import Guess, place
 Side = Literal["right", "left"]
 
 KIND = "subject-template"
-MIRROR = np.array([1.0, -1.0, 1.0])
+MIRROR = np.array([1.0, -1.0, 1.0])  # signs of x, y and z of the other hand
 
 
 class SpaceMap(Protocol):

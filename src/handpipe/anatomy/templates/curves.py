@@ -20,6 +20,9 @@ from handpipe.core.configuration import Model, Name, Vector, load_yaml
 from handpipe.mesh.surfaces import Surface, arclength, bishop_frames, resample, tangents
 
 Positive = Annotated[float, Field(gt=0)]
+PARALLEL = 1e-3  # sine of the angle between a normal and its curve, below which there is no angle
+MEASURED = 200  # points by which a curve's length is measured
+FINER = 20  # points of a curve for each that is kept
 
 
 class Place(Model):
@@ -311,15 +314,15 @@ def _placed_curve(curve: Curve, places: _Places, field: str, step: float) -> Pla
         problem = f"points {first} and {first + 1} are at the same place"
         raise InputError(places.source, f"{places.field}.{field}.points", problem, "Remove one of them")
     knots, spline = catmull_rom(control)
-    count = max(int(np.ceil(arclength(spline(np.linspace(0, knots[-1], 200)))[-1] / step)) + 1, 3)
-    fine = np.linspace(0, knots[-1], 20 * count)
+    count = max(int(np.ceil(arclength(spline(np.linspace(0, knots[-1], MEASURED)))[-1] / step)) + 1, 3)
+    fine = np.linspace(0, knots[-1], FINER * count)
     length = arclength(spline(fine))
     at = np.interp(np.linspace(0, length[-1], count), length, fine)
     points = resample(spline(fine), count)
     tissue = PchipInterpolator(knots, [p.tissue for p in curve.points])(at)
     spread = np.exp(PchipInterpolator(knots, np.log([p.spread for p in curve.points]))(at))
     normal = np.array(curve.normal) if curve.normal is not None else _any_normal(points)
-    if np.linalg.norm(np.cross(normal, tangents(points)[0])) < 1e-3 * np.linalg.norm(normal):
+    if np.linalg.norm(np.cross(normal, tangents(points)[0])) < PARALLEL * np.linalg.norm(normal):
         raise InputError(
             places.source,
             f"{places.field}.{field}.normal",

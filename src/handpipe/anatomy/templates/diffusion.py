@@ -26,7 +26,7 @@ from handpipe.mesh.tets import Embedding, Locator, TetMesh
 
 log = logging.getLogger(__name__)
 
-WEIGHT = 50.0  # alpha of Eq. 10 for a mm of curve
+WEIGHT = 50.0  # 1/mm, of curve: alpha of Eq. 10
 SAMPLES = 8  # of a curve in the shortest way through a typical tet
 DECIMALS = 6  # of functions, which go to about 1: beyond them machines differ, and so would the cuts of tets
 

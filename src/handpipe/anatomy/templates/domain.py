@@ -16,7 +16,7 @@ from handpipe.mesh.tets import EDGES, TetMesh
 
 TOO_LONG = 1.4  # largest length of an edge, over its wanted size
 GROWTH = 0.6  # of sizes, per mm of distance from the points that are refined
-MOST_HALVINGS = 40
+MOST_HALVINGS = 40  # rounds of halving long edges
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,6 +30,8 @@ from handpipe.mesh.tets import Locator, TetMesh
 
 TOUCHING = 0.3  # mm from a bone within which a muscle's end is on it: smoothing moves ends by so much
 TENDON_STEP = 1.0  # mm between points of a tendon's path
+FINE = 500  # points of a tendon's spline, before they are evenly spaced
+DORSAL = 0.3  # least cosine between the skin's normal on a nail and the dorsal direction
 
 
 class TendonCurve(Model):
@@ -228,7 +230,7 @@ def _tendon(
 ) -> TemplateTendon:
     """The tendon on given bones, its path evenly sampled."""
     knots, spline = catmull_rom(locate(tendon.points, bones, distal, source, field))
-    fine = spline(np.linspace(0, knots[-1], 500))
+    fine = spline(np.linspace(0, knots[-1], FINE))
     path = resample(fine, int(arclength(fine)[-1] / TENDON_STEP) + 2)
     return TemplateTendon(path, tendon.bone, tendon.bones, tendon.radius)
 
@@ -268,7 +270,7 @@ def nail_triangles(
     corners = hand.skin.vertices[hand.skin.triangles].mean(axis=1) - start
     share = corners @ axis / np.linalg.norm(end - start)
     near = np.linalg.norm(corners - np.clip(share, 0, 1)[:, None] * (end - start), axis=1) < nail.width
-    above = (hand.skin.triangle_normals() @ dorsal > 0.3) & near
+    above = (hand.skin.triangle_normals() @ dorsal > DORSAL) & near
     beside = np.abs(corners @ np.cross(axis, dorsal)) < nail.width / 2
     found = np.flatnonzero(above & beside & (share > nail.along[0]) & (share < nail.along[1]))
     if len(found) == 0:

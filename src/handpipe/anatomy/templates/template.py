@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 KIND = "anatomy-template"
 SNAP = 0.1  # share of an edge by which borders may move to vertices
-SMALLEST_ANGLE = 10.0  # degrees: least wanted dihedral angle
+SMALLEST_ANGLE = 10.0  # deg: least wanted dihedral angle
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,12 +11,13 @@ from handpipe.core import Array, ConvergenceError
 
 log = logging.getLogger(__name__)
 
-TOLERANCE = 0.01
-ROUNDS = 25
+TOLERANCE = 0.01  # of a volume: the error at which the search ends
+ROUNDS = 25  # of the search, at most
 FIRST_POWER = 1.5  # initial guess: volume is proportional to this power of the scale
-POWERS = (0.3, 12.0)
+POWERS = (0.3, 12.0)  # least and largest power that a measured one is bounded by
 LONGEST_STEP = 0.5  # of the logarithm of a scale
 DECIMALS = 6  # of scales: beyond them machines differ, and each cut of the mesh amplifies the difference
+TOLD = 1e-4  # change of a scale that measures the power
 
 
 def meet_volumes(
@@ -65,7 +66,7 @@ def meet_volumes(
             return scales
         if before is not None:
             change = scale - before[0]
-            moved = np.abs(change) > 1e-4
+            moved = np.abs(change) > TOLD
             power[moved] = np.clip(((volume - before[1])[moved] / change[moved]), *POWERS)
         before = scale.copy(), volume
         scale = scale + np.clip(lack / power, -LONGEST_STEP, LONGEST_STEP)

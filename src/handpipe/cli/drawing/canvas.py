@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from handpipe.core import InputError, paths
 from handpipe.core.configuration import Dataset
+from handpipe.imaging.segmentation import BACKGROUND
 from handpipe.imaging.volumes import (
     Volume,
     colours,
@@ -27,7 +28,7 @@ from handpipe.imaging.volumes import (
     write_segments,
 )
 
-BACKGROUND, BACKGROUND_NAME, BACKGROUND_COLOUR = 255, "background", (70, 110, 255)
+BACKGROUND_NAME, BACKGROUND_COLOUR = "background", (70, 110, 255)
 FORMATS = (".nii", ".nii.gz", ".seg.nrrd")
 
 

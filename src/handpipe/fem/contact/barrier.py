@@ -26,6 +26,8 @@ REACH = 10.0  # mean edge lengths that no surface vertex moves beyond in one ste
 CANDIDATES_PER_FACE = 15  # with more of them from a swept step, a new search is cheaper than sorting them out
 TIMES_COUNTED = 2.0  # pairs that see one place of two surfaces in contact: 0.5 to 7.3, by their meshes
 FORESIGHT = 1.5  # pairs up to this many activation distances enter the Hessian's pattern in advance
+STRETCH = 1e-3  # strain by which a stiffness is measured
+DEVIATORIC = 0.7  # mean of |dev n| over directions
 
 
 @dataclass(frozen=True)
@@ -320,7 +322,7 @@ def barrier_stiffness(
     the mean traction of a homogeneous body on a surface of area A is 2 mu epsilon times the mean of
     |dev n| over directions, 0.7.
     """
-    epsilon, energy = 1e-3, Sum(potentials)
+    epsilon, energy = STRETCH, Sum(potentials)
     centre = x.mean(axis=0)
     points = sp.csr_matrix(operator) @ x
     a, b, c = (points[np.asarray(triangles)[:, i]] for i in range(3))
@@ -332,4 +334,4 @@ def barrier_stiffness(
         change = (x - centre) * stretch
         traction = energy.gradient(x + change) - energy.gradient(x - change)
         total += 0.5 * np.linalg.norm(traction, axis=1).sum()
-    return float(3 * total / (3 * 2 * 0.7 * epsilon * area))
+    return float(3 * total / (3 * 2 * DEVIATORIC * epsilon * area))

@@ -6,8 +6,7 @@ import numpy as np
 from numba import njit
 
 from handpipe.core import Array, IntArray
-
-ON_EDGE = 1e-8  # barycentric coordinates below this lie on an edge or vertex
+from handpipe.mesh.surfaces import ON_EDGE
 
 
 @njit(cache=True)

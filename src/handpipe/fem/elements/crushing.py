@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from handpipe.core import Array, IntArray
-from handpipe.fem.elements.tet_kernels import Body, volume_ratios
+from handpipe.fem.elements.tet_kernels import ElementArrays, volume_ratios
 from handpipe.fem.patterns.assembly import Pattern
 
 CRUSHED = 0.1  # of its volume at rest: where the barrier begins
@@ -23,7 +23,7 @@ class Crushing:
     force leaves more volume; a large one lets inverted tets turn over.
     """
 
-    def __init__(self, body: Body, pattern: Pattern, steepest: float = STEEPEST) -> None:
+    def __init__(self, body: ElementArrays, pattern: Pattern, steepest: float = STEEPEST) -> None:
         self._body, self._pattern, self.steepest = body, pattern, steepest
         self._stiffness = body.weights * (body.lam + 5.0 / 6.0 * body.mu)
 

@@ -18,7 +18,7 @@ from handpipe.fem.elements.matrix3 import cofactor, determinant, rotational_svd,
 
 Model = Literal["stable-neo-hookean", "stvk"]
 MODELS: dict[str, int] = {"stable-neo-hookean": 0, "stvk": 1}
-NEO_HOOKEAN = 0
+NEO_HOOKEAN = 0  # number of the model in `MODELS`, for compiled code
 
 
 @dataclass(frozen=True)

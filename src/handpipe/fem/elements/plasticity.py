@@ -15,7 +15,8 @@ from handpipe.fem.elements.matrix3 import rotational_svd
 ROWS = np.array([0, 0, 0, 1, 1, 2])
 COLUMNS = np.array([0, 1, 2, 1, 2, 2])
 PLACES = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
+IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])  # the six numbers of no strain
+SERIES = 1e-4  # half difference of strains, below which a series takes the place of the formula
 
 
 def identity(count: int) -> Array:
@@ -81,7 +82,7 @@ def exp_derivative(strains: Array) -> Array:
     values, vectors = np.linalg.eigh(to_matrices(strains))
     half_sum = 0.5 * (values[:, :, None] + values[:, None, :])
     half_difference = 0.5 * (values[:, :, None] - values[:, None, :])
-    small = np.abs(half_difference) < 1e-4
+    small = np.abs(half_difference) < SERIES
     safe = np.where(small, 1.0, half_difference)
     quotients = np.exp(half_sum) * np.where(small, 1 + half_difference**2 / 6, np.sinh(safe) / safe)
     directions = to_matrices(np.eye(6))

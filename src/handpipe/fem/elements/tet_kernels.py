@@ -25,7 +25,7 @@ from handpipe.fem.patterns.assembly import Pattern
 from handpipe.fem.patterns.partition import Partition, Share
 
 
-class Body(NamedTuple):
+class ElementArrays(NamedTuple):
     """Tets (m, 4), shape gradients (m, 4, 3), volumes or other factors of energy (m,), material."""
 
     tets: IntArray
@@ -64,7 +64,7 @@ def gather(x: Array, tet: IntArray, gradients: Array, f: Array) -> None:
 
 
 @njit(cache=True)
-def _energies(x: Array, body: Body, first: int, last: int, out: Array) -> None:
+def _energies(x: Array, body: ElementArrays, first: int, last: int, out: Array) -> None:
     f = np.empty((3, 3))
     for e in range(first, last):
         gather(x, body.tets[e], body.gradients[e], f)
@@ -72,7 +72,7 @@ def _energies(x: Array, body: Body, first: int, last: int, out: Array) -> None:
 
 
 @njit(cache=True)
-def volume_ratios(x: Array, body: Body) -> Array:
+def volume_ratios(x: Array, body: ElementArrays) -> Array:
     """Determinants (m,) of the deformation gradients."""
     out, f = np.empty(len(body.tets)), np.empty((3, 3))
     for e in range(len(out)):
@@ -82,7 +82,7 @@ def volume_ratios(x: Array, body: Body) -> Array:
 
 
 @njit(cache=True)
-def _forces(x: Array, body: Body, share: Share, part: int, out: Array) -> None:
+def _forces(x: Array, body: ElementArrays, share: Share, part: int, out: Array) -> None:
     f, p = np.empty((3, 3)), np.empty((3, 3))
     for v in share.vertices[share.vertex_starts[part] : share.vertex_starts[part + 1]]:
         for i in range(3):
@@ -99,7 +99,7 @@ def _forces(x: Array, body: Body, share: Share, part: int, out: Array) -> None:
 
 
 @njit(cache=True)
-def force_sizes(x: Array, body: Body, out: Array) -> None:
+def force_sizes(x: Array, body: ElementArrays, out: Array) -> None:
     """Add the sizes of the forces that each tet puts on its corners to out (n,)."""
     f, p = np.empty((3, 3)), np.empty((3, 3))
     for e in range(len(body.tets)):
@@ -115,7 +115,7 @@ def force_sizes(x: Array, body: Body, out: Array) -> None:
 
 @njit(cache=True)
 def _stiffness(
-    x: Array, body: Body, share: Share, slots: Slots, part: int, project: bool, data: Array
+    x: Array, body: ElementArrays, share: Share, slots: Slots, part: int, project: bool, data: Array
 ) -> None:
     f, blocks, work = np.empty((3, 3)), np.empty((4, 4, 3, 3)), np.empty((12, 3, 3))
     for v in share.vertices[share.vertex_starts[part] : share.vertex_starts[part + 1]]:
@@ -265,26 +265,26 @@ def projected_blocks(law: Law, f: Array, g: Array, weight: float, work: Array, b
 
 
 @njit(cache=True, parallel=True)
-def _energies_parallel(x: Array, body: Body, parts: int, out: Array) -> None:
+def _energies_parallel(x: Array, body: ElementArrays, parts: int, out: Array) -> None:
     for part in prange(parts):
         _energies(x, body, len(out) * part // parts, len(out) * (part + 1) // parts, out)
 
 
 @njit(cache=True, parallel=True)
-def _forces_parallel(x: Array, body: Body, share: Share, parts: int, out: Array) -> None:
+def _forces_parallel(x: Array, body: ElementArrays, share: Share, parts: int, out: Array) -> None:
     for part in prange(parts):
         _forces(x, body, share, part, out)
 
 
 @njit(cache=True, parallel=True)
 def _stiffness_parallel(
-    x: Array, body: Body, share: Share, slots: Slots, parts: int, project: bool, data: Array
+    x: Array, body: ElementArrays, share: Share, slots: Slots, parts: int, project: bool, data: Array
 ) -> None:
     for part in prange(parts):
         _stiffness(x, body, share, slots, part, project, data)
 
 
-def energies(x: Array, body: Body, partition: Partition) -> Array:
+def energies(x: Array, body: ElementArrays, partition: Partition) -> Array:
     """Energies (m,) of the tets."""
     out = np.empty(len(body.tets))
     if partition.parts == 1:
@@ -294,7 +294,7 @@ def energies(x: Array, body: Body, partition: Partition) -> Array:
     return out
 
 
-def forces(x: Array, body: Body, partition: Partition) -> Array:
+def forces(x: Array, body: ElementArrays, partition: Partition) -> Array:
     """Gradient (n, 3) of their sum."""
     out = np.empty_like(x)
     if partition.parts == 1:
@@ -304,7 +304,7 @@ def forces(x: Array, body: Body, partition: Partition) -> Array:
     return out
 
 
-def stiffness(x: Array, body: Body, partition: Partition, pattern: Pattern, project: bool) -> Array:
+def stiffness(x: Array, body: ElementArrays, partition: Partition, pattern: Pattern, project: bool) -> Array:
     """Values of its Hessian in the order of the pattern."""
     data, slots = pattern.uninitialised(), Slots(pattern.indptr, pattern.slots, pattern.strides)
     if partition.parts == 1:

@@ -15,6 +15,7 @@ from handpipe.core import Array
 
 JUDGED_AFTER = 4  # iterations at least (or a quarter of all), whose mean rate foretells the rest
 SLACK = 1.5  # since convergence speeds up
+SLOWEST = -1e-3  # logarithm of the rate of an iteration that is counted with
 
 
 class End(Enum):
@@ -85,7 +86,7 @@ def conjugate_gradients(
             continue
         if foretell and count >= max(JUDGED_AFTER, most // 4):
             # The Euclidean norm may rise at first; the preconditioner's norm shows the rate.
-            foretold = count * math.log(tolerance) / min(0.5 * math.log(new / first), -1e-3)
+            foretold = count * math.log(tolerance) / min(0.5 * math.log(new / first), SLOWEST)
             if foretold > SLACK * most:
                 break
         p = z + (new / rz) * p

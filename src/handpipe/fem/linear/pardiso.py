@@ -19,8 +19,8 @@ from handpipe.fem.linear.factor import NotPositiveDefinite, Pattern, SingularMat
 
 log = logging.getLogger(__name__)
 
-BALANCE = 28.0  # see Work
-ANALYSE, FACTORISE, SOLVE, RELEASE = 11, 22, 33, -1
+BALANCE = 28.0  # flops in the time of an iteration, per entry of L: see Work
+ANALYSE, FACTORISE, SOLVE, RELEASE = 11, 22, 33, -1  # phases, of the MKL reference
 ERRORS = {  # of the MKL reference
     -1: "the input is inconsistent",
     -2: "there is not enough memory",

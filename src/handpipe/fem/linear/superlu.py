@@ -12,7 +12,7 @@ from handpipe.fem.linear.factor import FactorTooLarge, NotPositiveDefinite, Sing
 LARGEST = 40_000  # unknowns: multigrid is faster beyond (SuperLU took 256 s for 136,000)
 # Entries of L for N unknowns of a solid, k N^(4/3), and the bytes that SuperLU takes for each.
 ENTRIES, BYTES = 50.0, 24.0
-BALANCE = 20.0  # see Work
+BALANCE = 20.0  # flops in the time of an iteration, per entry of L: see Work
 
 
 class SuperLUFactor:

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from handpipe.core import Array
 from handpipe.fem.linear.factor import NotPositiveDefinite, Pattern, SingularMatrix, Work, check_memory
 
-BALANCE = 36.0  # see Work
+BALANCE = 36.0  # flops in the time of an iteration, per entry of L: see Work
 
 rslab: Any = None
 with contextlib.suppress(ImportError):

@@ -29,6 +29,7 @@ POLISHING = 20  # iterations after a direct solve that is not accurate enough
 LOOSE = 0.1  # a relative residual above is not handed on
 ILL = "the matrix is singular or too badly conditioned"
 MEMORY_SHARE = 0.5  # of the free memory
+LEAST_DIGITS = 0.3  # that a solve is taken to bring
 
 
 @dataclass
@@ -258,7 +259,7 @@ def _mask(free: NDArray | None, size: int, total: int) -> BoolArray:
 
 
 def _digits(tolerance: float) -> float:
-    return max(-math.log10(tolerance), 0.3)
+    return max(-math.log10(tolerance), LEAST_DIGITS)
 
 
 def _residual(matrix: sp.csr_matrix, x: Array, b: Array) -> float:

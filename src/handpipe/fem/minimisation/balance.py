@@ -18,7 +18,7 @@ from handpipe.core import Array, Int32Array, IntArray
 from handpipe.fem.minimisation.spacing import spacing
 from handpipe.fem.potentials.potential import Potential, Sum
 
-SMALL_STRAIN = 1e-3
+SMALL_STRAIN = 1e-3  # strain whose forces are the least that a vertex is measured by
 ROUNDINGS = 16.0  # errors of a unit in the last place that a sum of a vertex's forces may gather
 
 

@@ -23,16 +23,18 @@ log = logging.getLogger(__name__)
 
 ARMIJO = 1e-4  # share of the predicted decrease that a step must bring
 ROUNDING = 1e-13  # of the energy: differences below this are rounding
-EPSILON = 1e-16
+EPSILON = 1e-16  # rounding of a double
 RESTING = 5  # steps in a row below the tolerance that make a shape rest
 NEGLIGIBLE = 1e-3  # of a tolerance
 LOOSEST, TIGHTEST = 0.01, 1e-4  # relative error of the linear solves
 SPARE = 0.1  # of the forces at rest
 KICK = 0.1  # of the spacing of vertices, away from a stationary point that is no minimum
-MAX_ESCAPES = 5
-MAX_RELEASES = 5
+MAX_ESCAPES = 5  # of one minimisation from stationary points that are no minima
+MAX_RELEASES = 5  # of one minimisation: times that pinned motions are released
 FLIGHT = 10.0  # of the scene's size: a body that went so far may have left for good
-PROGRESS = 10.0  # seconds between two lines of progress
+PROGRESS = 10.0  # s between two lines of progress
+HALVINGS = 40  # of a step, at most
+SHORTER, LONGER = 0.1, 0.5  # share of a step that the next trial takes, at least and at most
 
 
 class Newton:
@@ -332,7 +334,7 @@ class Newton:
         alpha = min(alpha, self.energy.max_step(self.x, alpha * step) * alpha)
         allowed = alpha
         noise = self._rounding(length)
-        for _ in range(40):
+        for _ in range(HALVINGS):
             trial = self.x + alpha * step
             value = self.energy.value(trial)
             if np.isfinite(value) and value <= self._value + ARMIJO * alpha * slope + noise:
@@ -397,7 +399,7 @@ def _largest(vector: Array) -> float:
 
 
 def _backtrack(alpha: float, slope: float, rise: float) -> float:
-    """Factor on alpha from the parabola through the trial, kept within [0.1, 0.5]."""
+    """Factor on alpha from the parabola through the trial, kept within bounds."""
     if not np.isfinite(rise):
         return 0.25
-    return float(np.clip(-slope * alpha / (2.0 * (rise - slope * alpha)), 0.1, 0.5))
+    return float(np.clip(-slope * alpha / (2.0 * (rise - slope * alpha)), SHORTER, LONGER))

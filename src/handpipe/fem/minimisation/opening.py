@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 NEARLY = 1e-3  # of the activation distance: surfaces nearer than this are opened
 MOVE = 1e-2  # of the activation distance, in one round
 WEAK = 1e-3  # of the largest contact force: vertices with more are moved by as much
-ROUNDS = 30
+ROUNDS = 30  # of motion along the forces, at most
 
 
 def opened(energy: Sum, x: Array, free: BoolArray, name: str) -> Array:

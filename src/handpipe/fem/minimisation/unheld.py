@@ -20,7 +20,7 @@ from handpipe.fem.potentials.potential import Potential, Sum
 
 HELD = 1e-9  # of the largest stiffness: a body softer than this against translation is examined
 UNFELT = 1e-8  # of the force's size: forces in equilibrium leave rounding
-SAMPLES = 12
+SAMPLES = 12  # of the noise of forces
 NOISE = 1e-2  # of the body's size
 FAR = 1.0  # of the scene's size: a body that moved farther than this is examined
 FREE = 1e-10  # of a body's contact and spring stiffness: less against translation is rounding

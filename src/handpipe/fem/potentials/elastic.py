@@ -14,7 +14,7 @@ from handpipe.fem.elements.crushing import Crushing
 from handpipe.fem.elements.materials import MODELS, Material, piola, stiffness
 from handpipe.fem.elements.tangles import Tangles
 from handpipe.fem.elements.tet_checks import check_tets
-from handpipe.fem.elements.tet_kernels import Body, gather
+from handpipe.fem.elements.tet_kernels import ElementArrays, gather
 from handpipe.fem.patterns.assembly import Pattern
 from handpipe.fem.patterns.partition import Partition, spatial_order
 
@@ -71,7 +71,7 @@ class Elastic:
         self.pattern = Pattern.of_cells(cells, len(vertices))
         parts = get_num_threads() if len(tets) >= PARALLEL_TETS else 1
         self._partition = Partition.of_cells(cells, self.vertices, parts)
-        self._body = Body(
+        self._body = ElementArrays(
             cells, self.rest_gradients, self.volumes, self._model, self._mu[order], self._lam[order]
         )
         self.weights = np.ones(len(tets)) if weights is None else _checked_weights(weights, len(tets))

@@ -18,9 +18,9 @@ from handpipe.fem.solver.attempts import minimum
 
 log = logging.getLogger(__name__)
 
-ROUNDS = 200
+ROUNDS = 200  # moves at most
 STALLED = 1e-4  # of what remains: a round that moves less has not moved
-STALLED_ROUNDS = 5
+STALLED_ROUNDS = 5  # in a row without motion, after which it ends
 RELAXATIONS = 4  # Newton iterations between two moves
 TOLERANCE = 1e-3  # relative error of a move's linear solve
 

@@ -24,7 +24,7 @@ from handpipe.mesh.tets import dirichlet_matrix
 
 TURNING = (0.3, 0.03, 0.003)  # shares below which the barrier is quadratic, while inverted tets turn over
 LOOSE = 0.02  # of the spacing of vertices: steps below it end the phase
-LOOSE_FORCE = 1e-2
+LOOSE_FORCE = 1e-2  # force tolerance of that phase, at least
 
 
 def tangles(energy: Sum, x: Array) -> int:

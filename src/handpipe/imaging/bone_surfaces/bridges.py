@@ -13,6 +13,8 @@ from skimage.graph import MCP_Geometric
 
 FEWEST = 8  # voxels: smaller parts are noise
 DARKNESS = 4.0  # times a bright voxel's length that a dark one counts
+INSIDE = 0.01  # cost of a voxel that is claimed
+FADING = 0.4  # of probability, by a voxel's distance from a bridge
 
 
 def bridged(probability: NDArray, values: NDArray) -> NDArray[np.float32]:
@@ -37,7 +39,7 @@ def bridged(probability: NDArray, values: NDArray) -> NDArray[np.float32]:
     main = int(np.argmax(sizes)) + 1
     level = float(np.median(values[parts == main]))
     costs = 1 + DARKNESS * np.clip(1 - values / level, 0, 1)
-    costs[parts > 0] = 0.01
+    costs[parts > 0] = INSIDE
     search = MCP_Geometric(costs)
     lengths, _ = search.find_costs(np.argwhere(parts == main))
     line = np.zeros(probability.shape, bool)
@@ -47,4 +49,4 @@ def bridged(probability: NDArray, values: NDArray) -> NDArray[np.float32]:
             nearest = ends[np.argmin(lengths[tuple(ends.T)])]
             line[tuple(np.array(search.traceback(nearest)).T)] = True
     distance = ndimage.distance_transform_edt(~line)
-    return np.maximum(probability, np.clip(1 - 0.4 * distance, 0, 1)).astype(np.float32)
+    return np.maximum(probability, np.clip(1 - FADING * distance, 0, 1)).astype(np.float32)

@@ -21,10 +21,11 @@ from handpipe.imaging.volumes.band import DistanceBand, at_closest
 from handpipe.imaging.volumes.volume import Volume
 from handpipe.mesh.surfaces import Surface, taubin
 
-STIFFNESS = 0.5
+STIFFNESS = 0.5  # of the shell's smooth thickness against a measurement of full confidence
 OUTLIER, OUTLIER_THICKER = 0.6, 0.5  # mm; a dark neighbour only ever thickens the shell
 AGREEMENT = 0.5  # voxels between the watershed's face and the fitted one
 UNREFINED = 0.1  # confidence in a face of the watershed that no fit refines
+THINNEST = 0.05  # mm of cortical bone
 
 
 def whole_bone(
@@ -65,7 +66,7 @@ def shell_thickness(
     face, confidence = _observed_faces(volume, cortex, marrow, others)
     laplacian = graph_laplacian(marrow.triangles, len(marrow.vertices))
     field, _ = smooth_field(laplacian, face, confidence, STIFFNESS, OUTLIER, upper_scale=OUTLIER_THICKER)
-    return np.clip(field, 0.05, THICKEST)
+    return np.clip(field, THINNEST, THICKEST)
 
 
 def _observed_faces(

@@ -14,7 +14,7 @@ from handpipe.core import Array, BoolArray, InputError
 from handpipe.imaging.bone_surfaces.marrow import contour, extent_along, within
 from handpipe.imaging.evidence.profiles import summed_curvature
 from handpipe.imaging.volumes.label_map import LabelMap
-from handpipe.imaging.volumes.same_frame import likely_cause
+from handpipe.imaging.volumes.same_frame import EXPLAINED, likely_cause
 from handpipe.imaging.volumes.volume import Volume
 from handpipe.mesh.surfaces import Surface, taubin
 
@@ -85,7 +85,7 @@ def in_image(volume: Volume, surface: Surface, source: str | Path, name: str) ->
     share = seen(np.eye(3))
     if share == 1:
         return within(volume, surface)
-    cause = likely_cause(seen, max(0.99, share))
+    cause = likely_cause(seen, max(EXPLAINED, share))
     remedy = f"It would fit if the file is in {cause}" if cause else "Give the label map of this volume"
     problem = f"{100 * (1 - share):.0f} % of its surface is beyond the volume of its pose"
     raise InputError(source, name, problem, remedy)

@@ -28,8 +28,12 @@ FADED = 0.9  # of the claimed voxels: with less left, smoothing was too much
 WHOLE = 0.98  # of the remaining voxels are connected, or smoothing has cut a waist
 REACH = 1.25  # voxels that the image may move the walker's surface
 USUAL_THICKNESS = 0.8  # mm, of cortical bone in a finger: where fits start
-STIFFNESS = 1.0
+STIFFNESS = 1.0  # of the marrow's smooth move against a measurement of full confidence
 OUTLIER = 0.25  # mm from the neighbours' face
+LEVELS = (0.0, 0.25, 0.03)  # of the marrow's level: from, to and step of the levels of cortex that are tried
+SAMPLES = 300  # profiles that tell the cortex's level
+NORMAL = 0.6745  # median distance from the middle of a normal distribution, over its deviation
+PROFILE_STEP = 0.4  # of the shortest edge of a voxel, between samples of a profile
 
 
 @dataclass(frozen=True)
@@ -47,11 +51,11 @@ class Cortex:
         marrow = float(np.median(values[bone.probability > 0.5]))
         noise = _noise(values)
         normals = surface.vertex_normals()
-        some = slice(None, None, max(len(normals) // 300, 1))
+        some = slice(None, None, max(len(normals) // SAMPLES, 1))
         voxel = extent_along(volume, normals[some])
         offsets = profile_offsets(volume, voxel.max())
         profiles = sample_profiles(volume, surface.vertices[some], normals[some], offsets)
-        candidates = marrow * np.arange(0.0, 0.25, 0.03)
+        candidates = marrow * np.arange(*LEVELS)
         level = fit_dark_level(profiles, offsets, candidates, BLUR * voxel, noise, voxel, USUAL_THICKNESS)
         return Cortex(level, marrow, noise)
 
@@ -62,7 +66,7 @@ def _noise(values: NDArray) -> float:
     mixed = values.astype(float)
     for axis in range(3):
         mixed = ndimage.convolve1d(mixed, kernel, axis=axis)
-    return max(float(np.median(np.abs(mixed)) / 0.6745 / 6**1.5), 1e-6 * float(np.abs(values).max()))
+    return max(float(np.median(np.abs(mixed)) / NORMAL / 6**1.5), 1e-6 * float(np.abs(values).max()))
 
 
 def contour(field: Volume, level: float) -> Surface:
@@ -138,7 +142,7 @@ def extent_along(volume: Volume, directions: Array) -> Array:
 def profile_offsets(volume: Volume, reach: float, outwards: float = 2.6) -> Array:
     """Offsets (m,) in mm along a normal: `reach` and the fit's window inwards, `outwards` outwards."""
     window = WINDOW * BLUR * float(volume.spacing.max())
-    return np.arange(-reach - window, outwards + 1e-9, 0.4 * float(volume.spacing.min()))
+    return np.arange(-reach - window, outwards + 1e-9, PROFILE_STEP * float(volume.spacing.min()))
 
 
 def cortical_layers(

@@ -33,6 +33,8 @@ BRIGHT = 0.25  # of the marrow's contrast with the shell: brighter tissue is not
 EDGE = 0.5  # voxels, deviation of the Gaussian under the gradient
 VALLEY = 1.2  # mm outwards in which a shell's darkest place lies
 LEAST_VALLEY = 0.2  # mm of shell that belongs to its marker
+STEP = 0.1  # mm between samples of a profile out of the marrow
+OFF = 0.2  # mm from the neighbours' darkest place, from which a place loses weight
 
 
 class Basin(IntEnum):
@@ -196,13 +198,13 @@ def _markers(
 
 def _valley(volume: Volume, cortex: Cortex, marrow: Surface) -> Array:
     """Offset (n,) of the darkest place on the way out of the marrow, before the first clear rise."""
-    offsets = np.arange(0.0, VALLEY + 1e-9, 0.1)
+    offsets = np.arange(0.0, VALLEY + 1e-9, STEP)
     profiles = sample_profiles(volume, marrow.vertices, marrow.vertex_normals(), offsets)
     risen = profiles > np.minimum.accumulate(profiles, axis=1) + 2 * cortex.noise
     before = np.where(np.maximum.accumulate(risen, axis=1), np.inf, profiles)
     found = offsets[np.argmin(before, axis=1)]
     laplacian = graph_laplacian(marrow.triangles, len(marrow.vertices))
-    return smooth_field(laplacian, found, np.ones(len(found)), stiffness=1.0, scale=0.2)[0]
+    return smooth_field(laplacian, found, np.ones(len(found)), stiffness=1.0, scale=OFF)[0]
 
 
 def _nearer_to(

@@ -17,6 +17,15 @@ from handpipe.core import Array
 
 WINDOW = 2.5  # deviations of the blur beyond a face that the fit looks at
 SIGNIFICANT = 0.25  # least rise to the outer tissue, of the inner tissue's contrast with the layer
+MISFIT = 1.5  # deviations of noise that a good fit leaves
+AT_END = 0.98  # of the reach: a face there was not found
+SURE = 0.2  # mm, deviation of a face at which confidence is half
+NEGLIGIBLE = 1e-3  # weight of a sample beyond the window
+DAMPING = 1e-2  # first, of the diagonal
+LESS, LEAST, MORE, MOST = 0.2, 1e-6, 6.0, 1e4  # factors on damping and its bounds
+ITERATIONS = 20  # at most
+THINNEST = 0.05  # mm
+STILL = 1e-3  # mm that both faces move in the last iteration
 
 
 class DarkLayers(NamedTuple):
@@ -87,13 +96,13 @@ def fit_dark_layers(
     blurs, reaches = (np.broadcast_to(np.asarray(v, float), len(profiles)).copy() for v in (blur, reach))
     fits = _fit(np.ascontiguousarray(profiles), offsets, dark, blurs, noise, reaches, thickness)
     inner, thick, low, high, misfit, deviation_inner, deviation_thick = fits.T
-    good = np.exp(-0.5 * np.maximum(misfit - 1.5, 0.0))
-    inside = (np.abs(inner) < 0.98 * reach) & (low - dark > 3 * noise)
+    good = np.exp(-0.5 * np.maximum(misfit - MISFIT, 0.0))
+    inside = (np.abs(inner) < AT_END * reach) & (low - dark > 3 * noise)
     found = (high - dark > np.maximum(SIGNIFICANT * (low - dark), 3 * noise)) & (
         inner + thick < offsets[-1] - blur
     )
-    inner_confidence = inside * good / (1 + (deviation_inner / 0.2) ** 2)
-    thick_confidence = inside * found * good / (1 + (deviation_thick / 0.2) ** 2)
+    inner_confidence = inside * good / (1 + (deviation_inner / SURE) ** 2)
+    thick_confidence = inside * found * good / (1 + (deviation_thick / SURE) ** 2)
     return DarkLayers(inner, thick, inner_confidence, thick_confidence, misfit)
 
 
@@ -195,7 +204,7 @@ def _normal_equations(profile, offsets, look, p, h, g):  # type: ignore[no-untyp
     for q in range(len(offsets)):
         beyond = max(offsets[q] - p[0] - p[1] - window, p[0] - window - offsets[q])
         weight = 1.0 if beyond < 0 else math.exp(-0.5 * (beyond / blur) ** 2)
-        if weight < 1e-3:
+        if weight < NEGLIGIBLE:
             continue
         value, j[0], j[1], j[2], j[3] = _model(offsets[q], p, dark, blur)
         r = (value - profile[q]) / noise
@@ -251,27 +260,27 @@ def _fit(profiles, offsets, dark, blurs, noise, reaches, thickness):  # type: ig
         p[:] = start
         energy, misfit = _normal_equations(profile, offsets, look, p, h, g)
         energy += _prior(p, start, precision, h, g)
-        damping = 1e-2
-        for _ in range(20):
+        damping = DAMPING
+        for _ in range(ITERATIONS):
             _factorise(h, damping, lower)
             _substitute(lower, g, step)
             trial[:] = p - step
             trial[0] = min(max(trial[0], -reach), reach)
-            trial[1] = min(max(trial[1], 0.05), longest - trial[0])
+            trial[1] = min(max(trial[1], THINNEST), longest - trial[0])
             trial[2] = max(trial[2], dark)
             trial[3] = max(trial[3], dark)
             energy2, misfit2 = _normal_equations(profile, offsets, look, trial, h2, g2)
             energy2 += _prior(trial, start, precision, h2, g2)
             if energy2 < energy:
-                small = abs(trial[0] - p[0]) + abs(trial[1] - p[1]) < 1e-3
+                small = abs(trial[0] - p[0]) + abs(trial[1] - p[1]) < STILL
                 p[:], energy, misfit = trial, energy2, misfit2
                 h[:], g[:] = h2, g2
-                damping = max(damping * 0.2, 1e-6)
+                damping = max(damping * LESS, LEAST)
                 if small:
                     break
             else:
-                damping *= 6
-                if damping > 1e4:
+                damping *= MORE
+                if damping > MOST:
                     break
         out[i, :4] = p
         out[i, 4] = misfit

@@ -32,7 +32,12 @@ log = logging.getLogger(__name__)
 
 STEP = 0.1  # mm between samples of a profile
 GAP, WINDOW = 0.6, 1.0  # mm from an edge, between which the tissues on either side are looked at
-STIFFNESS = 2.0
+STIFFNESS = 2.0  # of the markers' smooth offset against a measurement of full confidence
+OUTSIDE = 0.4  # mm beyond the gap, in which a neighbour shows before it ends
+OBLIQUE = 0.7  # twice the cosine between an edge's and the surface's normal, at which there is no confidence
+LONGEST = 0.3  # mm of a Newton step to the half crossing
+DEPTHS = (1.0, 3.5, 6)  # mm below a surface, from and to, and their number
+GREY = (0.2, 0.7)  # of bright tissue: muscle
 
 
 class MarkerSettings(Model):
@@ -119,7 +124,7 @@ def boundary_markers(
     points = surface.vertices + (chosen + 0.5 * blur**2 * curvature)[:, None] * normals
     gradient = volume.gradient(points)
     along = np.abs(np.einsum("ij,ij->i", gradient, normals))
-    confidence = confidence * np.clip(along / (np.linalg.norm(gradient, axis=1) + 1e-12) * 2 - 0.7, 0, 1)
+    confidence = confidence * np.clip(along / (np.linalg.norm(gradient, axis=1) + 1e-12) * 2 - OBLIQUE, 0, 1)
     kept = np.flatnonzero(confidence >= settings.least_confidence)
     return Markers(points[kept], normals[kept], confidence[kept], kept)
 
@@ -139,9 +144,9 @@ def estimate_muscle_level(volume: Volume, surface: Surface) -> float:
     float
         Mode of the intensities 1 to 3.5 mm below the surface.
     """
-    depths = -np.linspace(1.0, 3.5, 6)
+    depths = -np.linspace(*DEPTHS)
     values = sample_profiles(volume, surface.vertices, surface.vertex_normals(), depths).ravel()
-    grey = values[(values > 0.2 * volume.bright) & (values < 0.7 * volume.bright)]
+    grey = values[(values > GREY[0] * volume.bright) & (values < GREY[1] * volume.bright)]
     values = np.sort(grey if len(grey) > len(values) // 10 else values)
     half = max(len(values) // 3, 1)
     start = int(np.argmin(values[half:] - values[:-half])) if len(values) > half else 0
@@ -155,7 +160,7 @@ def _edges(profiles: Array, offsets: Array, level: float, settings: MarkerSettin
     peak = (slope >= np.roll(slope, 1, axis=1)) & (slope > np.roll(slope, -1, axis=1))
     gap, width = round(GAP / STEP), round(WINDOW / STEP)
     inside = _shifted_mean(smooth, -width, -gap)
-    outside = _shifted_mean(smooth, gap, gap + round(0.4 / STEP))
+    outside = _shifted_mean(smooth, gap, gap + round(OUTSIDE / STEP))
     roughness = np.sqrt(np.maximum(_shifted_mean(smooth**2, -width, -gap) - inside**2, 0))
     unlike = np.hypot(inside - level, roughness) / (settings.likeness * level)
     step = np.abs(outside - level) / (settings.contrast * level)
@@ -176,7 +181,7 @@ def _half_crossing(values: Array, offsets: Array, half: Array) -> Array:
     """One Newton step (n, m) from each sample to where its row has the value `half`, at most 0.3 mm."""
     slope = np.gradient(values, STEP, axis=1)
     safe = np.where(np.abs(slope) > 1e-12, slope, np.inf)
-    return offsets + np.clip((half - values) / safe, -0.3, 0.3)
+    return offsets + np.clip((half - values) / safe, -LONGEST, LONGEST)
 
 
 def _consistent(

@@ -24,6 +24,7 @@ COARSE_GRID = 1.0  # mm
 EVEN_LEVEL = 0.85  # quantile of tissue, brighter than the mean of tissue and air, that marrow has
 FLOOR = 0.5  # of the usual level: the least local level, so that the noise of air stays small
 BRIGHTEST = 1.3  # levels; brighter values, of vessels and artefacts, add no evidence
+USUAL = 0.98  # quantile of the image that is the usual level
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def normalised(volume: Volume) -> NDArray[np.float32]:
     reach = np.maximum(np.round(LEVEL_REACH / coarse.spacing), 1)
     highest = ndimage.maximum_filter(coarse.values, size=[int(2 * r + 1) for r in reach])
     level = ndimage.gaussian_filter(highest, reach / 2)
-    usual = float(np.quantile(coarse.values, 0.98))
+    usual = float(np.quantile(coarse.values, USUAL))
     level = np.maximum(level, FLOOR * usual).astype(np.float32)
     return _divided(volume.values, level, steps.astype(np.float64), np.float32(BRIGHTEST))
 

@@ -19,7 +19,24 @@ RAYS = 24  # around a section
 STEP = 0.1  # mm along a ray
 CONTRAST = 0.2  # least rise at the tube's edge, as a part of the bright tissue's level
 DARK = 0.4  # of that level: what is as bright is no tendon, but muscle
-STIFFNESS = 1.0
+STIFFNESS = 1.0  # of a tube's smooth radius against a measurement of full confidence
+SMOOTHING = 0.7  # voxels, under the cheapest path
+FREE = 0.02  # cost of a voxel without signal, over that of a bright one
+BRIGHT = 95  # percentile of a neighbourhood: bright tissue
+BEYOND = 1.2  # mm of a ray beyond the diameter
+CLEAR = 0.2  # mm off a bone: nearer, a ray is hidden
+EDGE_WIDTH = 0.3  # mm beyond an edge where its own blur ends
+AHEAD = 0.8  # mm behind a rise in which its top is looked for
+OFF, SPREAD = 0.6, 0.3  # of the radius: from where, and how fast, an edge loses confidence
+PRIOR = (0.05, 0.01)  # weights of a circle's known centre, times its radius squared, and of its radius
+SMALLEST = 0.01  # mm^2, of a radius squared
+OUTLIER = 0.2  # of the radius, off a circle
+UNSEEN = 0.02  # weight of the known radius where no edge is seen
+UNLIKE = 0.4  # of the radius, off the neighbours' edges
+RANGE = (0.3, 2.0)  # of the radius: distances of the surface
+FACING = 0.3  # least cosine by which a ray leaves a bone
+THINNEST = 0.1  # mm
+FINER = 20  # points of a spline for each that is given
 
 
 @dataclass(frozen=True)
@@ -73,8 +90,8 @@ def trace(volume: Volume, points: Array, margin: float = 6.0) -> Array:
     reach = np.ceil(margin / volume.spacing).astype(int)
     lower = np.maximum(np.floor(index.min(0)).astype(int) - reach, 0)
     local = volume.crop(lower, np.ceil(index.max(0)).astype(int) + reach + 1)
-    smooth = ndimage.gaussian_filter(local.values, 0.7)
-    cost = 0.02 + (smooth / np.percentile(smooth, 95)) ** 2
+    smooth = ndimage.gaussian_filter(local.values, SMOOTHING)
+    cost = FREE + (smooth / np.percentile(smooth, BRIGHT)) ** 2
     stops = np.clip(np.round(index).astype(int) - lower, 0, np.array(local.shape) - 1)
     path = [stops[0]]
     for a, b in zip(stops[:-1], stops[1:], strict=True):
@@ -89,7 +106,7 @@ def smooth_curve(points: Array, step: float, deviation: float) -> Array:
     if len(points) < 4:
         return points
     spline, _ = make_splprep(points.T, s=len(points) * deviation**2 / 4)
-    dense = spline(np.linspace(0, 1, 20 * len(points))).T
+    dense = spline(np.linspace(0, 1, FINER * len(points))).T
     length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(dense, axis=0), axis=1))]
     targets = np.linspace(0, length[-1], max(round(length[-1] / step), 1) + 1)
     return np.stack([np.interp(targets, length, dense[:, c]) for c in range(3)], axis=1)
@@ -154,20 +171,20 @@ def _ray_edges(
     angle = 2 * np.pi * np.arange(RAYS) / RAYS
     plane = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     world = plane[:, 0, None] * frames[0][:, None] + plane[:, 1, None] * frames[1][:, None]
-    offsets = np.arange(0, 2 * radius + 1.2, STEP)
+    offsets = np.arange(0, 2 * radius + BEYOND, STEP)
     samples = centres[:, None, None] + offsets[:, None] * world[:, :, None]
     values = volume.sample(samples)
-    bright = float(np.percentile(values, 95))
+    bright = float(np.percentile(values, BRIGHT))
     free = np.ones(values.shape, bool)
     if bones is not None:
         signed = bones.signed(samples[:, :, ::4].reshape(-1, 3))[0].reshape(*values.shape[:2], -1)
-        free = np.repeat(signed > 0.2, 4, axis=2)[:, :, : len(offsets)]
+        free = np.repeat(signed > CLEAR, 4, axis=2)[:, :, : len(offsets)]
     edge, rise, dark = _first_rise(values, offsets, CONTRAST * bright)
-    before = offsets[None, None] <= edge[..., None] + 0.3
+    before = offsets[None, None] <= edge[..., None] + EDGE_WIDTH
     hidden = (before & ~free).any(axis=2)
     confidence = np.clip(rise / (2 * CONTRAST * bright), 0, 1) * ~hidden
     confidence *= _darkness(dark / bright)
-    confidence *= np.exp(-((np.maximum(np.abs(edge - radius) - 0.6 * radius, 0) / (0.3 * radius)) ** 2))
+    confidence *= np.exp(-((np.maximum(np.abs(edge - radius) - OFF * radius, 0) / (SPREAD * radius)) ** 2))
     return edge, confidence, (plane, world), bright
 
 
@@ -181,7 +198,7 @@ def _first_rise(values: Array, offsets: Array, contrast: float) -> tuple[Array, 
     found = risen.any(axis=2)
     start = np.where(found, np.argmax(risen, axis=2), len(offsets) - 1)
     window = np.arange(len(offsets))
-    ahead = (window >= start[..., None]) & (window <= start[..., None] + round(0.8 / STEP))
+    ahead = (window >= start[..., None]) & (window <= start[..., None] + round(AHEAD / STEP))
     top = np.where(ahead, values, -np.inf).max(axis=2)
     dark = np.take_along_axis(lowest, start[..., None], axis=2)[..., 0]
     half = 0.5 * (top + dark)
@@ -204,15 +221,15 @@ def _fit_circles(edge: Array, confidence: Array, plane: Array, radius: float) ->
     system = np.concatenate([2 * points, np.ones((*edge.shape, 1))], axis=2)
     target = (points**2).sum(axis=2)
     weights = confidence
-    prior = np.diag([0.05 * radius**2, 0.05 * radius**2, 0.01])
+    prior = np.diag([PRIOR[0] * radius**2, PRIOR[0] * radius**2, PRIOR[1]])
     for _ in range(5):
         h = np.einsum("nr,nri,nrj->nij", weights, system, system) + prior
         g = np.einsum("nr,nri,nr->ni", weights, system, target) + prior @ np.array([0, 0, radius**2])
         solution = np.linalg.solve(h, g[..., None])[..., 0]
         centre = solution[:, :2]
-        radii = np.sqrt(np.maximum(solution[:, 2] + (centre**2).sum(axis=1), 0.01))
+        radii = np.sqrt(np.maximum(solution[:, 2] + (centre**2).sum(axis=1), SMALLEST))
         miss = np.linalg.norm(points - centre[:, None], axis=2) - radii[:, None]
-        weights = confidence / (1 + (miss / (0.2 * radius)) ** 2) ** 2
+        weights = confidence / (1 + (miss / (OUTLIER * radius)) ** 2) ** 2
     return centre, radii, weights.mean(axis=1)
 
 
@@ -247,11 +264,11 @@ def tube_surface(volume: Volume, centreline: Array, radius: float, bones: Distan
     edge, confidence, (_, world), _ = _ray_edges(volume, centreline, frames, radius, bones)
     n = len(centreline)
     measured = np.r_[edge.ravel(), np.full(edge.size, radius)]
-    weights = np.r_[confidence.ravel(), np.full(edge.size, 0.02)]
+    weights = np.r_[confidence.ravel(), np.full(edge.size, UNSEEN)]
     total = weights[: edge.size] + weights[edge.size :]
     mean = (weights * measured).reshape(2, -1).sum(axis=0) / total
-    field, _ = smooth_field(_cylinder_laplacian(n), mean, total, STIFFNESS, 0.4 * radius)
-    distance = np.clip(field.reshape(n, RAYS), 0.3 * radius, 2 * radius)
+    field, _ = smooth_field(_cylinder_laplacian(n), mean, total, STIFFNESS, UNLIKE * radius)
+    distance = np.clip(field.reshape(n, RAYS), RANGE[0] * radius, RANGE[1] * radius)
     if bones is not None:
         distance = _short_of_bones(centreline, world, distance, bones)
     rings = centreline[:, None] + distance[..., None] * world
@@ -271,9 +288,9 @@ def _short_of_bones(centreline: Array, world: Array, distance: Array, bones: Dis
     for _ in range(4):
         points = centreline[:, None] + distance[..., None] * world
         signed, _, _, normals = bones.signed(points.reshape(-1, 3))
-        facing = np.maximum(-np.einsum("ij,ij->i", normals, world.reshape(-1, 3)), 0.3)
+        facing = np.maximum(-np.einsum("ij,ij->i", normals, world.reshape(-1, 3)), FACING)
         distance = distance + (np.minimum(signed, 0) / facing).reshape(distance.shape)
-    return np.maximum(distance, 0.1)
+    return np.maximum(distance, THINNEST)
 
 
 def _closed_tube(rings: Array, centreline: Array) -> Surface:

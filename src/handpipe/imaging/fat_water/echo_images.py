@@ -16,6 +16,8 @@ from handpipe.imaging.volumes import Volume, pose_volume, read_channel
 # A whole turn of phase in files: radians, degrees, thousandths of radians, whole numbers of 10 to 16 bits.
 TURNS = (2 * np.pi, 360.0, 2000 * np.pi, *(2.0**n for n in range(10, 17)))
 FILLED = 0.95  # of a turn, which the phase of noise covers at least
+MILLISECOND = 1e-3  # s
+ROUNDED = 1e-3  # of a turn, by which rounded phases may exceed it
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ def read_echoes(dataset: Dataset, pose: str) -> EchoImages:
     dixon = dataset.poses[pose].dixon
     if dixon is None:
         raise InputError(f"poses.{pose}", "dixon", "is not given", "Name the echoes")
-    echoes = EchoSignal(np.array([echo.time_ms for echo in dixon.echoes]) * 1e-3, dixon.field_T)
+    echoes = EchoSignal(np.array([echo.time_ms for echo in dixon.echoes]) * MILLISECOND, dixon.field_T)
     if not echoes.distinct:
         problem = "fat's signal differs from water's by a phase alone at these times"
         raise InputError(f"poses.{pose}.dixon", "time_ms", problem, "Check the times and field_T")
@@ -79,7 +81,7 @@ def radians(path: Path, phase: Array) -> Array:
     """
     low, high = float(phase.min()), float(phase.max())
     for turn in TURNS:
-        if FILLED * turn <= high - low <= turn * (1 + 1e-3):
+        if FILLED * turn <= high - low <= turn * (1 + ROUNDED):
             return phase * (2 * np.pi / turn)
     problem = f"values from {low:g} to {high:g} are no whole turn in a known unit"
     raise InputError(path, "phase", problem, "Write the phase of the whole image in radians")

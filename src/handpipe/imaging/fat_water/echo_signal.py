@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from handpipe.core import Array
 
 GYROMAGNETIC = 42.577  # MHz/T of hydrogen
-# Peaks of triglycerides from water's, in ppm, and their shares (Hamilton 2011).
-PEAKS = np.array([-3.80, -3.40, -2.60, -1.94, -0.39, 0.60])
-SHARES = np.array([0.087, 0.693, 0.128, 0.004, 0.039, 0.048])
-MAIN_PEAK = -3.4
+PEAKS = np.array(
+    [-3.80, -3.40, -2.60, -1.94, -0.39, 0.60]
+)  # ppm from water's, of triglycerides: Hamilton 2011
+SHARES = np.array([0.087, 0.693, 0.128, 0.004, 0.039, 0.048])  # of the peaks, in the same order
+MAIN_PEAK = -3.4  # ppm from water's
 INDISTINCT = 0.1  # of the squared length of a column: what is left of fat's signal beside water's
 
 Complex = NDArray[np.complex128]

@@ -17,17 +17,17 @@ from scipy.ndimage import gaussian_filter, label, minimum
 from scipy.spatial import cKDTree
 
 from handpipe.core import Array, BoolArray, IntArray
-from handpipe.imaging.fat_water.echo_signal import Complex, EchoSignal, abs2
+from handpipe.imaging.fat_water.echo_signal import MAIN_PEAK, Complex, EchoSignal, abs2
 
 log = logging.getLogger(__name__)
 
-WIDEST = 6.0  # ppm to either side within which the field is sought
+WIDEST = 6.0  # ppm to either side within which the field is searched for
 STEPS = 64  # of the search, from water to fat
 MOST = 8  # values of the field that a voxel leaves possible
 WORST = 0.3  # of a voxel's energy, by which a possible value may fit worse than the best one
 REACH = 5.0  # mm around a voxel whose neighbours predict its field
 BLOCK = 4000  # voxels fitted at a time
-SWEEPS = 30
+SWEEPS = 30  # over all voxels, at most
 LARGE = 200  # voxels: a part of tissue that is named if its map is doubtful
 JUMP = 0.3  # of the shift between fat and water: step across air above which it is doubtful
 PAIRS = 100  # of voxels closest to one another, across the air between two parts
@@ -35,6 +35,7 @@ SMOOTH = 1.0  # mm: deviation of the Gaussian over the map that is used
 GAP_OF_NOISE = 0.1  # of the gap between fat and water: step that a voxel of typical energy counts as
 AMBIGUOUS = 0.03  # of the energy, by which another map may fit better than the one of the smaller field
 UNSURE = 0.6  # of the median field of the next best map: a median beyond decides nothing
+NEXT = 1.01  # voxels that a window reaches at least: its next neighbours
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class PossibleFields:
     voxels: IntArray
 
     @classmethod
-    def of(cls, signals: Complex, tissue: BoolArray, echoes: EchoSignal) -> PossibleFields:
+    def find(cls, signals: Complex, tissue: BoolArray, echoes: EchoSignal) -> PossibleFields:
         """Those of the voxels of `tissue` (nx, ny, nz), from signals (nx, ny, nz, n)."""
         inside = signals[tissue]
         blocks = [_minima(inside[i : i + BLOCK], echoes) for i in range(0, len(inside), BLOCK)]
@@ -79,7 +80,7 @@ class PossibleFields:
 
 def _minima(signals: Complex, echoes: EchoSignal) -> Array:
     """Local minima (m, MOST) of the fits' residuals over the field, the best ones first."""
-    limit = np.ceil(STEPS * WIDEST / 3.4)
+    limit = np.ceil(STEPS * WIDEST / -MAIN_PEAK)
     step = echoes.fat_shift / STEPS
     fields = step * np.arange(-limit, limit + 1)
     left = echoes.residuals(signals, fields)
@@ -196,7 +197,7 @@ def _tell(step: float, voxels: IntArray, shift: float) -> None:
 
 def _window(spacing: Array) -> tuple[IntArray, Array]:
     """Offsets (k, 3) of the voxels around one, and their weights; along each axis one voxel at least."""
-    reach = np.maximum(REACH / spacing, 1.01)
+    reach = np.maximum(REACH / spacing, NEXT)
     grid = [np.arange(-int(r), int(r) + 1) for r in reach]
     offsets = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1).reshape(-1, 3)
     apart = np.linalg.norm(offsets * spacing, axis=1)

@@ -14,11 +14,12 @@ from handpipe.imaging.fat_water.echo_signal import Complex
 log = logging.getLogger(__name__)
 
 BINS = 48  # of the histogram of both images' values
-STEPS = 100
+STEPS = 100  # of the search, at most
 SAMPLES = 150_000  # voxels, at most, that are compared
 SMOOTHED = (1.5, 0.0)  # mm, one search after the other
 GAIN = 0.03  # of the mutual information, which a motion raises at least
 STILL = 0.1  # voxels: a motion below is not removed
+FIRST_STEP, LAST_STEP, RELAXATION, FLAT = 0.5, 1e-3, 0.6, 1e-7  # mm and rad over scales, twice; then ratios
 
 
 def without_motion(signals: Complex, spacing: Array) -> tuple[Complex, float]:
@@ -62,7 +63,7 @@ def _registered(fixed: SimpleITK.Image, moving: SimpleITK.Image, echo: int) -> S
     geometry = SimpleITK.CenteredTransformInitializerFilter.GEOMETRY
     start = SimpleITK.CenteredTransformInitializer(fixed, moving, SimpleITK.Euler3DTransform(), geometry)
     method.SetInitialTransform(start, inPlace=False)
-    method.SetOptimizerAsRegularStepGradientDescent(0.5, 1e-3, STEPS, 0.6, 1e-7)
+    method.SetOptimizerAsRegularStepGradientDescent(FIRST_STEP, LAST_STEP, STEPS, RELAXATION, FLAT)
     method.SetOptimizerScalesFromPhysicalShift()
     method.SetShrinkFactorsPerLevel([1] * len(SMOOTHED))
     method.SetSmoothingSigmasPerLevel(SMOOTHED)

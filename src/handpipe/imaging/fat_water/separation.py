@@ -79,7 +79,7 @@ def separate(images: EchoImages) -> Separated:
     spacing = images.grid.spacing
     signals, motion = without_motion(images.signals, spacing)
     tissue = _tissue(signals)
-    possible = PossibleFields.of(signals, tissue, images.echoes)
+    possible = PossibleFields.find(signals, tissue, images.echoes)
     found = field_map(possible, signals[tissue], images.echoes, Grid(tissue.shape, spacing))
     _tell(found)
     nearest = ndimage.distance_transform_edt(~tissue, spacing, return_distances=False, return_indices=True)

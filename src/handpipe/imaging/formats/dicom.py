@@ -20,7 +20,7 @@ from handpipe.imaging.formats.stored import LPS_TO_RAS, Stored, reading, require
 
 log = logging.getLogger(__name__)
 
-ALIKE = 1e-3  # difference of directions (cosines) and of pixel sizes (mm) that is rounding
+ALIKE = 1e-3  # 1 and mm: difference of directions (cosines) and of pixel sizes that is rounding
 SAME_PLACE = 1e-3  # mm
 AGREEMENT = 0.05  # voxels: how far an image may lie from its place on the grid
 

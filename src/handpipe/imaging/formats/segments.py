@@ -14,7 +14,8 @@ from handpipe.core import InputError
 from handpipe.imaging.formats.nrrd_image import Header, grid, read_header, read_values, spatial_axes
 from handpipe.imaging.formats.stored import Stored, reading, spatial_shape
 
-BACKGROUND_NAME, BACKGROUND = "background", 255
+BACKGROUND_NAME = "background"
+BACKGROUND = 255  # label of the background in seed volumes
 
 
 @dataclass(frozen=True)

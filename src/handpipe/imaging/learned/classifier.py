@@ -21,7 +21,7 @@ WIDTH = 4.0  # of the kernel, in deviations of the features
 NEARBY = 4.0  # times as much a voxel's place counts: a tissue's look varies over the image
 RIDGE = 1e-4  # of the squared weights, against the mean loss
 CHUNK = 50_000  # voxels at once
-ITERATIONS = 150
+ITERATIONS = 150  # at most
 
 
 @dataclass(frozen=True)

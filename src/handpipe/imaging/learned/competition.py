@@ -24,7 +24,7 @@ APART = 4  # power of the share of bone that an edge between bones has
 LEAST_BONE = 0.1  # that this power is taken of
 MINIMUM_WEIGHT = 1e-4  # of an edge
 REACH = 12.0  # mm around a bone's strokes in which its walker walks
-STOP = Stop(tolerance=1e-2, undecided=5e-4)
+STOP = Stop(tolerance=1e-2, undecided=5e-4)  # where the walker's iterations end
 
 
 def compete(

@@ -21,6 +21,7 @@ SCALES = (1.5, 3.0)  # mm, of levels, edges and curvature
 COARSE = 6.0  # mm, of a level alone
 TEXTURE = 2.5  # mm, within which intensities vary
 AXES = 3  # the last columns of the features: a voxel's place
+LEAST_NEAR = 1e-3  # share of surroundings that are brighter than air, by which a mean is divided at least
 
 
 def relative(volume: Volume) -> NDArray[np.float32]:
@@ -41,7 +42,7 @@ def relative(volume: Volume) -> NDArray[np.float32]:
     lit = (values > least).astype(np.float32)
     width = SURROUNDINGS / volume.spacing
     near = ndimage.gaussian_filter(lit, width)
-    mean = ndimage.gaussian_filter(values * lit, width) / np.maximum(near, 1e-3)
+    mean = ndimage.gaussian_filter(values * lit, width) / np.maximum(near, LEAST_NEAR)
     return np.asarray(values / np.maximum(mean, least), np.float32)
 
 

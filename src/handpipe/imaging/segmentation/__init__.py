@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.imaging.formats.segments import BACKGROUND
     from handpipe.imaging.segmentation import claims
     from handpipe.imaging.segmentation.claims import Appearance, read_looks, save, segment
     from handpipe.imaging.segmentation.labelled_marrow import labelled_bone, require_shown, with_labelled
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     )
     from handpipe.imaging.segmentation.random_walker import Stop, harmonic
     from handpipe.imaging.segmentation.segmentation import (
-        BACKGROUND,
         BoneProbability,
         SegmentationSettings,
         add_scribbles,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from handpipe.core import BoolArray, ConvergenceError, InputError, artifacts, write_text
-from handpipe.imaging.segmentation.open_boundary import open_patch
+from handpipe.imaging.segmentation.open_boundary import SHELL, open_patch
 from handpipe.imaging.segmentation.segmentation import BoneProbability, SegmentationSettings, segment_bone
 from handpipe.imaging.segmentation.unclaimed_marrow import NOTHING, Unclaimed, unclaimed_marrow
 from handpipe.imaging.volumes.volume import Labels, Volume, box
@@ -41,7 +41,6 @@ LEAST_VOLUME = 8.0  # mm^3 of marrow: a small distal phalanx has 20
 UNCLAIMED = 0.1  # of its volume that is left over within its shell
 BEYOND = 30.0  # mm around a bone in which its other part is looked for: half of a metacarpal
 THIN = 4.0  # voxels across marrow: below, its Dice is 0.92 or less on generated bones, above 4.4 it is 0.94
-SHELL = 1.0  # mm from the marrow's boundary within which the shell is dark
 
 
 def segment(

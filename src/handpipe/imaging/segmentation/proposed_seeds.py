@@ -8,7 +8,8 @@ import numpy as np
 from scipy import ndimage
 
 from handpipe.core import Array, BoolArray, IntArray
-from handpipe.imaging.segmentation.segmentation import BACKGROUND
+from handpipe.core.configuration import Segmentation
+from handpipe.imaging.formats.segments import BACKGROUND
 from handpipe.imaging.volumes.rasterisation import rasterise
 from handpipe.imaging.volumes.volume import Labels, Volume
 from handpipe.mesh.surfaces import Distance, Surface
@@ -17,7 +18,8 @@ DEEP = 1.4  # voxels inside the marrow
 LEAST = 0.6  # of the greatest depth, where the marrow is thinner
 THIN = 0.5  # voxels deep, below which a slice needs no seeds
 BRIGHT = 0.65  # levels: darker voxels are no marrow
-SHELL = (2.4, 6.5)  # mm from the outermost grid places inside a whole bone: at least 1 mm outside it
+# mm from the outermost grid places inside a whole bone: at least 1 mm outside it
+SHELL = (Segmentation().around, 6.5)
 AROUND = (3.5, 7.5)  # mm from the marrow: at least 1 mm outside a whole bone
 LARGE = 14000.0  # mm^3 of bright tissue that is fat, not marrow
 GRID = 1.0  # mm between the places where distances are computed

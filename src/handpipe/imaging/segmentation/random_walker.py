@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from handpipe.core import Array, ConvergenceError
 
-INSIDE, OUTSIDE = 1, 2
+INSIDE, OUTSIDE = 1, 2  # values of seeds
 MINIMUM_WEIGHT = 1e-6  # of an edge: with less, iterations stall in pockets behind strong edges
 OVERCORRECTION = 0.55  # constant aggregates are nearly twice too stiff (Braess 1995)
 COARSEST = 64  # voxels
-SWEEPS_COARSEST = 12
+SWEEPS_COARSEST = 12  # in each direction, on the coarsest level
 
 
 class Stop(NamedTuple):

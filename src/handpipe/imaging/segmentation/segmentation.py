@@ -15,6 +15,7 @@ from scipy import ndimage
 
 from handpipe.core import Array, BoolArray, InputError, IntArray
 from handpipe.core.configuration import Dataset, Model
+from handpipe.imaging.formats.segments import BACKGROUND
 from handpipe.imaging.segmentation.distance_marks import distance_marks
 from handpipe.imaging.segmentation.random_walker import INSIDE, OUTSIDE, Stop, random_walker
 from handpipe.imaging.segmentation.sure_marks import sure_marks
@@ -23,7 +24,6 @@ from handpipe.imaging.volumes.volume import Labels, Volume, box
 logger = logging.getLogger(__name__)
 
 
-BACKGROUND = 255
 BRIGHT_PERCENTILE = 99.0  # of the volume: fat and marrow
 DARKEST = 0.2  # of that: air and cortical bone lie below, marrow at the dark end of a bias field far above
 LONGEST = 110.0  # mm of marrow: half as much again as a long third metacarpal
@@ -55,7 +55,7 @@ class SegmentationSettings(Model):
     )
 
     @staticmethod
-    def of(dataset: Dataset) -> SegmentationSettings:
+    def from_dataset(dataset: Dataset) -> SegmentationSettings:
         """The settings of a subject: those of a hand, where its dataset says nothing else.
 
         Parameters

@@ -11,7 +11,7 @@ import numpy as np
 
 from handpipe.core import Array, InputError, IntArray, read_text
 from handpipe.imaging.formats.nifti import read_nifti
-from handpipe.imaging.segmentation.segmentation import BACKGROUND
+from handpipe.imaging.formats.segments import BACKGROUND
 from handpipe.imaging.volumes.volume import Labels
 
 Line = Sequence[Sequence[float]]

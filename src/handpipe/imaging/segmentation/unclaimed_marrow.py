@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from handpipe.core import Array, BoolArray
+from handpipe.imaging.segmentation.open_boundary import VALLEY
 
 BRIGHT = (0.4, 0.65)  # of the marrow's level: thresholds at which a shell may be closed
 DIM = (
     0.4,
     0.45,
 )  # of that level: thresholds for dim marrow, which a shell of half a voxel bounds as a valley
-VALLEY = 0.15  # of that level: a shell thinner than a voxel is darker by this than the tissue on both sides
 THICKEST = 2.0  # mm: wider valleys are tissues
 RIM = 2  # voxels around a claim that its blurred boundary takes
 FARTHEST = 25.0  # mm of solid bone between two parts of one marrow

@@ -25,6 +25,8 @@ EMPTY = 0.999  # of the voxels of a plane are exactly 0: it was not measured
 THIN = ndimage.generate_binary_structure(3, 2)  # thinner bridges do not join the body with ghosts
 LEAST_AIR = 0.02  # of the voxels
 LARGE = 0.02  # of the body's size: other parts that large are named
+FAR = 1e-4  # weight of the usual level, which fills what no measurement is near
+USUAL = 0.99  # quantile of air: ghosts and spikes are brighter
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Air:
         if not air.any():
             return Air(np.zeros(volume.shape, np.float32), 0.0, 0.0)
         values = volume.values[air].astype(float)
-        usual = values[values <= np.quantile(values, 0.99)]
+        usual = values[values <= np.quantile(values, USUAL)]
         mean, deviation = float(usual.mean()), float(usual.std())
         magnitude = mean < 3.0 * deviation  # Rayleigh: 1.91
         signal, noise = (0.0, mean / math.sqrt(math.pi / 2)) if magnitude else (mean, deviation)
@@ -64,7 +66,7 @@ class Air:
 
 
 @dataclass(frozen=True)
-class Body:
+class BodyInVolume:
     """The body in a volume.
 
     Parameters
@@ -88,7 +90,7 @@ class Body:
     others: int
 
     @staticmethod
-    def find(volume: Volume) -> Body:
+    def find(volume: Volume) -> BodyInVolume:
         """The largest part of what is brighter than air.
 
         Raises `InputError` where the image has no body or no air.
@@ -109,7 +111,7 @@ class Body:
         inside = filled(bright & ndimage.binary_dilation(core, THIN))
         if inside.all():
             raise InputError("volume", "values", "show no air around the body", "Give a larger field of view")
-        return Body(inside, threshold, tissue, air, int((sizes > LARGE * sizes.max()).sum()) - 1)
+        return BodyInVolume(inside, threshold, tissue, air, int((sizes > LARGE * sizes.max()).sum()) - 1)
 
 
 def measured(volume: Volume) -> Volume:
@@ -141,7 +143,7 @@ def _local_mean(volume: Volume, where: BoolArray, deviation: float, usual: float
     width = deviation / sums.spacing
     weight = ndimage.gaussian_filter(blocks(weights, steps, np.mean).values, width)
     summed = ndimage.gaussian_filter(sums.values, width)
-    mean = (summed + 1e-4 * usual) / (weight + 1e-4)
+    mean = (summed + FAR * usual) / (weight + FAR)
     return _spread(mean, steps, volume.shape)
 
 

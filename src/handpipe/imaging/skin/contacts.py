@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from skimage.segmentation import watershed
 
 from handpipe.core import Array, BoolArray, IntArray, RigidTransform
-from handpipe.imaging.skin.body import Body
+from handpipe.imaging.skin.body import BodyInVolume
 from handpipe.imaging.volumes.rasterisation import rasterise
 from handpipe.imaging.volumes.volume import Volume
 from handpipe.mesh.surfaces import Distance, Surface
@@ -90,7 +90,7 @@ class Contacts:
         return Contacts(np.zeros(volume.shape, bool), np.zeros((0, 3)))
 
     @staticmethod
-    def find(volume: Volume, body: Body, bones: PosedBones) -> Contacts:
+    def find(volume: Volume, body: BodyInVolume, bones: PosedBones) -> Contacts:
         """The contacts in the image of a pose."""
         names = list(bones.surfaces)
         marks = rasterise(volume, dict(enumerate(bones.surfaces.values(), 1)))
@@ -123,7 +123,7 @@ class _Faces:
     owners: IntArray  # (k, 2)
 
 
-def _owners(volume: Volume, body: Body, marks: NDArray[np.uint8]) -> IntArray:
+def _owners(volume: Volume, body: BodyInVolume, marks: NDArray[np.uint8]) -> IntArray:
     """The bone (nx, ny, nz) to which each voxel of the body goes."""
     distance = ndimage.distance_transform_edt(marks == 0, sampling=volume.spacing)
     dark = np.clip(1.0 - volume.values / np.maximum(body.tissue, 1e-6 * volume.bright), 0.0, 1.0)

@@ -23,12 +23,14 @@ from handpipe.mesh.surfaces import Surface, taubin
 STEP = 0.1  # voxels between samples of a profile
 REACH = 1.5  # voxels that the edge may lie off the surface
 INWARDS, OUTWARDS = 0.3, 1.5  # voxels either side of the edge at which the step is looked at
-ROUNDS = 3
-STIFFNESS = 1.0
+ROUNDS = 3  # in which the surface moves onto the edge
+STIFFNESS = 1.0  # of the skin's smooth move against a measurement of full confidence
 OUTLIER = 0.5  # voxels from the neighbours' edge
 AT_CONTACT = 1.8  # voxels from a contact, within which it gives the edge
 GAP = 0.3  # voxels between parts that touch
 ALIKE = 0.97  # correlation of a profile with the step, from which it is one
+BESIDE = 0.7  # voxels beside a surface's normal, at most, to a contact that gives its edge
+UNLIKE = 0.02  # of correlation below `ALIKE`, by which confidence falls to a third
 
 
 def refined(
@@ -61,7 +63,7 @@ def _before_contacts(
     off, nearest = contacts.query(surface.vertices, k=1)
     way = contacts.data[nearest] - surface.vertices
     along = np.einsum("ij,ij->i", way, surface.vertex_normals())
-    at = (off < AT_CONTACT * voxel) & (np.linalg.norm(way, axis=1) < abs(along) + 0.7 * voxel)
+    at = (off < AT_CONTACT * voxel) & (np.linalg.norm(way, axis=1) < abs(along) + BESIDE * voxel)
     return np.where(at, along - 0.5 * GAP * voxel, offset), np.where(at, 1.0, confidence)
 
 
@@ -81,7 +83,7 @@ def edge_offsets(volume: Volume, surface: Surface, air: Air) -> tuple[Array, Arr
     signal = _signal(np.maximum(profiles, outside[:, None]), outside, air)
     place, height, likeness = _steps(signal)
     clear: BoolArray = height > 4 * air.noise
-    confidence = clear * np.exp(-np.maximum(ALIKE - likeness, 0.0) / 0.02)
+    confidence = clear * np.exp(-np.maximum(ALIKE - likeness, 0.0) / UNLIKE)
     shift = 0.5 * (BLUR * voxel) ** 2 * np.clip(summed_curvature(surface), -1 / voxel, 1 / voxel)
     return place * voxel + shift, np.asarray(confidence, float)
 

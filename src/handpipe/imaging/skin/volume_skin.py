@@ -9,7 +9,7 @@ from scipy import ndimage
 from skimage import measure
 
 from handpipe.core import Array, BoolArray, InputError
-from handpipe.imaging.skin.body import Body, measured
+from handpipe.imaging.skin.body import BodyInVolume, measured
 from handpipe.imaging.skin.contacts import Contacts, PosedBones
 from handpipe.imaging.skin.edge import refined
 from handpipe.imaging.volumes.volume import Volume
@@ -22,6 +22,7 @@ FIRST_SMOOTHING = 10  # rounds, of the voxels' steps
 UNTANGLING = 12  # rounds
 BEYOND = 2  # voxels beyond the border of the image
 SURE = 0.25  # of a full weight
+JUST_INSIDE, JUST_OUTSIDE = 1.01, 0.99  # of the threshold: bounds of voxels at the border
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def skin_of_volume(volume: Volume, bones: PosedBones | None = None) -> VolumeSki
         )
     volume = measured(volume)
     longer = _prolonged(volume)
-    body = Body.find(longer)
+    body = BodyInVolume.find(longer)
     contacts = Contacts.find(longer, body, bones) if bones else Contacts.none(longer)
     first, handles = _first_surface(longer, body, contacts.gap)
     beyond = _beyond(volume, first) > BEYOND
@@ -106,12 +107,14 @@ def skin_of_volume(volume: Volume, bones: PosedBones | None = None) -> VolumeSki
     return VolumeSkin(surface, cut, sure, handles, body.others, len(contacts.places))
 
 
-def _first_surface(volume: Volume, body: Body, gap: BoolArray) -> tuple[Surface, int]:
+def _first_surface(volume: Volume, body: BodyInVolume, gap: BoolArray) -> tuple[Surface, int]:
     """Surface of the body by the threshold nearby, and its genus."""
     inside = body.inside & ~gap
     edge = inside & ~ndimage.binary_erosion(inside, border_value=1)
     ratio = np.clip(volume.values / np.maximum(body.threshold, 1e-6 * volume.bright), 0.0, 2.0)
-    ratio = np.where(inside, np.where(edge, np.maximum(ratio, 1.01), 2.0), np.minimum(ratio, 0.99))
+    ratio = np.where(
+        inside, np.where(edge, np.maximum(ratio, JUST_INSIDE), 2.0), np.minimum(ratio, JUST_OUTSIDE)
+    )
     ratio[gap] = 0.0
     for deviation in SMOOTHING:
         field = ndimage.gaussian_filter(ratio, deviation, mode="nearest") if deviation else ratio

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from handpipe.core import Array, atomic, write_text
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # of a turn of hues: neighbours in a list look unlike one another
-LPS = np.array([-1.0, -1.0, 1.0])
+LPS = np.array([-1.0, -1.0, 1.0])  # signs from RAS to LPS
+SATURATION, VALUE = 0.6, 0.95  # of colours
 CLEAR = '    0     0    0    0        0  0  0    "Clear Label"'
 
 
@@ -30,7 +31,8 @@ def colours(count: int) -> Array:
     array (count, 3)
         sRGB in 0..1.
     """
-    return np.array([colorsys.hsv_to_rgb((i * GOLDEN) % 1.0, 0.6, 0.95) for i in range(count)]).reshape(-1, 3)
+    hues = ((i * GOLDEN) % 1.0 for i in range(count))
+    return np.array([colorsys.hsv_to_rgb(hue, SATURATION, VALUE) for hue in hues]).reshape(-1, 3)
 
 
 def write_segments(

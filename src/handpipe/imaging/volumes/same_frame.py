@@ -43,7 +43,7 @@ _AXES = {
     "mirrored in y": np.diag([1.0, -1.0, 1.0]),
     "mirrored in z": np.diag([1.0, 1.0, -1.0]),
 }
-# What may be wrong, with the matrix (3, 3) that mends it.
+# What may be wrong, with the matrix (3, 3) that corrects it.
 CAUSES: dict[str, Array] = {
     **_AXES,
     **{f"{unit} (scale by {factor:g})": factor * np.eye(3) for unit, factor in UNITS.items()},
@@ -53,9 +53,12 @@ CAUSES: dict[str, Array] = {
         for axes, matrix in list(_AXES.items())[:3]
     },
 }
+RATIO = (0.6, 1.7)  # of sizes in two units that may be the same length
+AIR_QUANTILE, BRIGHT_QUANTILE = 0.05, 0.98  # of an image with air around
+EXPLAINED = 0.99  # share of the points that a cause has to explain
 
 
-def likely_cause(fit: Fit, least: float) -> str | None:
+def likely_cause(fit: Fit, least: float = EXPLAINED) -> str | None:
     """The mistake in frame or unit that explains a bad fit best.
 
     Parameters
@@ -91,7 +94,7 @@ def unit_of(ratio: float, size: float) -> str | None:
         The unit and the factor that converts it to mm. None if no unit explains the ratio.
     """
     for unit, factor in UNITS.items():
-        if 0.6 < ratio * factor < 1.7 and ORGANS[0] < size * factor < ORGANS[1]:
+        if RATIO[0] < ratio * factor < RATIO[1] and ORGANS[0] < size * factor < ORGANS[1]:
             return f"{unit}: scale by {factor:g}"
     return None
 
@@ -118,7 +121,7 @@ class Foreground:
         values = volume.values[:: steps[0], :: steps[1], :: steps[2]]
         indices = steps * np.moveaxis(np.indices(values.shape), 0, -1).reshape(-1, 3)
         flat = values.reshape(-1).astype(np.float64)
-        has_air = bool(np.quantile(flat, 0.05) < AIR * np.quantile(flat, 0.98))
+        has_air = bool(np.quantile(flat, AIR_QUANTILE) < AIR * np.quantile(flat, BRIGHT_QUANTILE))
         body = flat > threshold_li(flat) if has_air else np.ones(len(flat), dtype=bool)
         return Foreground(volume.to_world(indices), body)
 
@@ -167,7 +170,7 @@ def require_scan_in_image(
     Raises
     ------
     InputError
-        If the scan does not fit the image, or fits clearly better after one of `CAUSES` is mended, or with
+        If the scan does not fit the image, or fits clearly better after one of `CAUSES` is corrected, or with
         the image of another pose. The message names the likely cause.
     """
     scan = scan if scan.volume() > 0 else scan.flipped()
@@ -229,7 +232,7 @@ def require_points_in_image(
     first = labels[bad[0]] or str(bad[0])
     problem = f"{len(bad)} of {len(points)} points are outside the body in {where}, "
     problem += f"{first!r} by {distances[bad[0]]:.0f} mm"
-    cause = likely_cause(inside, 0.99) if len(bad) > len(points) // 2 else None
+    cause = likely_cause(inside) if len(bad) > len(points) // 2 else None
     remedy = f"They would fit if they are in {cause}" if cause else f"{_boxes(points, image.box)}. Place them"
     raise InputError(path, "points", problem, remedy)
 

@@ -30,6 +30,7 @@ from handpipe.imaging.formats.stored import Stored
 Labels = NDArray[np.uint8]
 
 ROUNDING = 1e-3  # of a label: how far from a whole number a scaled one may be
+BRIGHT = 98  # percentile of the values: bright tissue
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Volume:
     @cached_property
     def bright(self) -> float:
         """The 98th percentile of its values: those of bright tissue."""
-        return float(np.percentile(self.values, 98))
+        return float(np.percentile(self.values, BRIGHT))
 
     def to_world(self, indices: NDArray) -> Array:
         """World points (n, 3) of continuous voxel indices (n, 3)."""

@@ -13,8 +13,9 @@ from scipy.spatial import cKDTree
 
 from handpipe.core import Array, IntArray
 
-DELAUNAY = 1
+DELAUNAY = 1  # Gmsh's number of the algorithm
 GRADING = 0.5  # growth of the element size per mm of distance from the surface
+OPTIMISED = 0.45  # quality of tets below which Gmsh improves them
 
 
 def mesh_interior(
@@ -30,7 +31,7 @@ def mesh_interior(
         gmsh.option.setNumber("General.Terminal", 1)
         gmsh.option.setNumber("Mesh.Algorithm3D", DELAUNAY)
         gmsh.option.setNumber("Mesh.Optimize", 1)
-        gmsh.option.setNumber("Mesh.OptimizeThreshold", 0.45)
+        gmsh.option.setNumber("Mesh.OptimizeThreshold", OPTIMISED)
         gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
         gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
         _add_shells(vertices, triangles, shell)

@@ -14,7 +14,7 @@ from numba import njit
 from handpipe.core import IntArray
 
 SPLIT = 4 / 3  # of the wanted length: splitting and collapsing then both come closer to it
-COLLAPSE = 4 / 5
+COLLAPSE = 4 / 5  # of the wanted length
 FLATNESS = 0.5  # least cosine between an old and a new triangle's normal
 
 

@@ -13,6 +13,7 @@ from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
 
 __all__ = ["Grid", "isosurface", "relax", "remesh", "signed_distance", "smooth_minimum", "union_surface"]
+EDGE = 1.2  # of the grid spacing: edges of a surface, where no length is given
 
 
 @dataclass(frozen=True)
@@ -184,4 +185,4 @@ def union_surface(
     values = signed_distance(surfaces[0], grid, band)
     for surface in surfaces[1:]:
         values = smooth_minimum(values, signed_distance(surface, grid, band), smooth)
-    return remesh(isosurface(values, grid, offset), edge_length or 1.2 * spacing)
+    return remesh(isosurface(values, grid, offset), edge_length or EDGE * spacing)

@@ -19,7 +19,7 @@ LIBRARIES = (
     "libgomp1 libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 "
     "libxext6 libxft2 libxinerama1 libx11-6 libfontconfig1"
 )
-VOLUME_TOLERANCE = 0.02
+VOLUME_TOLERANCE = 0.02  # of the wanted volume
 
 
 def tetrahedralise(surface: Surface, edge_length: float, *, keep_surface: bool = True) -> TetMesh:

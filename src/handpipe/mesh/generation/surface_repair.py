@@ -18,6 +18,7 @@ from handpipe.mesh.tets.operators import cotangent_laplacian, mass_lumped
 
 MERGE = 1e-6  # of the extent: vertices closer than this are one
 SMALL = 0.01  # of the largest part's area: smaller parts are dropped
+FINEST = 150  # cells of a grid along the longest side
 
 
 def repair(surface: Surface) -> tuple[Surface, list[str]]:
@@ -155,7 +156,7 @@ def _fair(surface: Surface, fixed: BoolArray) -> Surface:
 
 def _rebuild(surface: Surface, said: list[str]) -> Surface:
     """The outer surface of all points that the surface winds around."""
-    length = max(float(surface.edge_lengths().mean()), float(np.ptp(surface.vertices, axis=0).max()) / 150)
+    length = max(float(surface.edge_lengths().mean()), float(np.ptp(surface.vertices, axis=0).max()) / FINEST)
     grid = Grid.around(surface.vertices, 2 * length, length)
     points = grid.points()
     distance = Distance(surface).closest(points)[0]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
         resample,
         tangents,
     )
-    from handpipe.mesh.surfaces.distance import Distance, about, sample_points
+    from handpipe.mesh.surfaces.distance import ON_EDGE, Distance, about, sample_points
     from handpipe.mesh.surfaces.hull import convex_hull
     from handpipe.mesh.surfaces.planes import astray, touching_planes
     from handpipe.mesh.surfaces.scan import read_scan
@@ -33,6 +33,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "ON_EDGE",
     "Anchors",
     "Biharmonic",
     "Distance",

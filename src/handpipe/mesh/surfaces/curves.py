@@ -9,6 +9,8 @@ from scipy.interpolate import CubicSpline
 from handpipe.core import Array, IntArray
 from handpipe.mesh.surfaces.surface import Surface
 
+FINER = 20  # points of a spline for each that is kept
+
 
 def arclength(points: Array) -> Array:
     """Length along a polyline from its first point to each point.
@@ -64,7 +66,7 @@ def resample(points: Array, n: int, *, smooth: bool = False) -> Array:
     """
     if smooth and len(points) > 2:
         s = arclength(points)
-        fine = CubicSpline(s, points)(np.linspace(0, s[-1], 20 * max(n, len(points))))
+        fine = CubicSpline(s, points)(np.linspace(0, s[-1], FINER * max(n, len(points))))
         return resample(fine, n)
     s = arclength(points)
     at = np.linspace(0, s[-1], n)

@@ -79,7 +79,7 @@ def require_in_image(start: TetMesh, volume: Volume, sources: Sources) -> None:
 
     share = inside(np.eye(3))
     if share < INSIDE:
-        cause = likely_cause(inside, 0.99)
+        cause = likely_cause(inside)
         problem = f"{100 * share:.0f} % of its vertices are in the image once it is placed"
         remedy = f"It would fit if it is in {cause}" if cause else "Give landmarks that place it, or marks"
         raise InputError(sources.template, "frame", problem, remedy)
@@ -100,8 +100,8 @@ def _require_on_template(source: str | Path, template: TetMesh, points: Array) -
     if near(np.eye(3)) < 1.0:
         worst = float(surface.signed(points)[0].max())
         problem = f"points of the template are up to {worst:.3g} mm away from it; its size is {size:.3g} mm"
-        cause = likely_cause(spread_out, 0.99)
-        other = likely_cause(lambda matrix: spread_out(np.asarray(np.linalg.inv(matrix), float)), 0.99)
+        cause = likely_cause(spread_out)
+        other = likely_cause(lambda matrix: spread_out(np.asarray(np.linalg.inv(matrix), float)))
         remedy = f"They would fit if they are in {cause}" if cause else "Place them on the template"
         if cause is None and other is not None:
             remedy = f"They would fit if the template is in {other}"

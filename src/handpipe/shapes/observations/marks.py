@@ -10,15 +10,13 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from handpipe.core import Array, InputError
+from handpipe.core import Array, InputError, robust
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import Embedding, TetMesh, mass_lumped
 from handpipe.shapes.observations.attached import Attached
 from handpipe.shapes.observations.correspondence import Correspondence, Markers
 
 NEIGHBOURS = 3  # of a mark; where marks cover the boundary, none of it is farther from the nearest one
-TUKEY = 4.685  # scales beyond which a mark has no weight: 95 % efficient where all are good
-NORMAL = 1.4826  # scale of a normal distribution over its median distance
 
 
 @dataclass(frozen=True)
@@ -81,8 +79,8 @@ class BoundaryMarks:
         if self.robust is None or len(self.points) == 0:
             return np.ones(len(self.points))
         distances = self.distances(x)
-        scale = max(NORMAL * float(np.median(distances)), self.robust)
-        return np.maximum(1 - (distances / (TUKEY * scale)) ** 2, 0.0) ** 2
+        scale = max(robust.NORMAL * float(np.median(distances)), self.robust)
+        return np.maximum(1 - (distances / (robust.TUKEY * scale)) ** 2, 0.0) ** 2
 
     def __call__(self, x: Array) -> Correspondence:
         """The marks of positive weight, and the closest points of the current surface."""

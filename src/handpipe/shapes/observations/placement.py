@@ -12,7 +12,7 @@ from handpipe.shapes.observations.marks import BoundaryMarks
 from handpipe.shapes.observations.rigid_motions import LooseMotions
 from handpipe.shapes.observations.straight import direction, on_line
 
-ROUNDS = 15
+ROUNDS = 15  # of one start, at most
 CLEARLY = 0.7  # of the distance of marks: a turn is only believed where it brings so much
 FLIPS = [np.diag(d) for d in ([1.0, 1, 1], [1.0, -1, -1], [-1.0, 1, -1], [-1.0, -1, 1])]
 

@@ -16,7 +16,7 @@ from handpipe.fem.linear import unit_twists
 from handpipe.shapes.observations.correspondence import Correspondence
 
 UNFELT = 1e-6  # of the largest resistance of attachments: three on a line do not resist rotation about it
-ROUNDS, SETTLED = 20, 1e-7  # of the body's size
+ROUNDS, SETTLED = 20, 1e-7  # at most; motion, of the body's size, after which there are no more
 
 
 class LooseMotions:

@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 
 SHORTEST = 0.01  # share of a step below which a stage ends (Wang 2021 §5.4, criterion iii)
 LARGEST = 1.0  # change of a log-strain in one step
-ARMIJO = 0.1
+ARMIJO = 0.1  # share of the predicted decrease of the objective that a step must bring
 MET = 1e-8  # of the objective: a mark off by 0.03 micrometres; below is rounding
 
 

@@ -109,7 +109,7 @@ class Settings(SearchSettings):
     covering : bool
         Whether the marks are all over the boundary, so that no part of the organ is far from all of them.
     remesh_below : float
-        Smallest dihedral angle of a tet in degrees below which the organ is remeshed (0: never).
+        Smallest dihedral angle of a tet in deg below which the organ is remeshed (0: never).
 
     Raises
     ------

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handpipe.core import Array, BoolArray, IntArray, Metrics, RigidTransform
+from handpipe.core import Array, BoolArray, IntArray, Metrics, RigidTransform, robust
 from handpipe.shapes.observations.attached import Attached
 from handpipe.shapes.observations.holds import Holds
-from handpipe.shapes.observations.marks import NORMAL, TUKEY, BoundaryMarks
+from handpipe.shapes.observations.marks import BoundaryMarks
 from handpipe.shapes.optimisation.all_tets import AllTets
 from handpipe.shapes.optimisation.search import Search
 from handpipe.shapes.optimisation.strain_space import FindMarks, Stage
@@ -178,7 +178,7 @@ class _Examination:
             others[suspect] = False
             offset = self._offsets(np.array([suspect]), others)[0]
             room = self._distance(self.held.targets[suspect] - offset, self.held.targets[trusted])
-            found[suspect] = np.linalg.norm(offset) > max(TUKEY * self._usual(errors), room)
+            found[suspect] = np.linalg.norm(offset) > max(robust.TUKEY * self._usual(errors), room)
         return found
 
     def _offsets(self, asked: IntArray, excluded: BoolArray) -> Array:
@@ -188,7 +188,7 @@ class _Examination:
         return self.predictions.errors(places[asked], among, SMOOTH * self.settings.alpha)
 
     def _usual(self, errors: Array) -> float:
-        return max(NORMAL * float(np.median(errors)), self.settings.mark_error)
+        return max(robust.NORMAL * float(np.median(errors)), self.settings.mark_error)
 
     def _distance(self, place: Array, held: Array) -> float:
         """Of a place from the nearest mark, landmark or attachment (k, 3), in mm."""
@@ -209,5 +209,5 @@ class _Examination:
         best = int(np.argmin(means))
         if means[0] <= settings.mark_error or means[best] > CLEARLY * means[0]:
             best = 0
-        outlying = float((errors[best] > TUKEY * self._usual(errors[best])).mean())
+        outlying = float((errors[best] > robust.TUKEY * self._usual(errors[best])).mean())
         return float(means[best]), outlying, float(SHARES[best])

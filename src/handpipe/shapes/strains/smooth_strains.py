@@ -18,7 +18,7 @@ from handpipe.core import Array, IntArray
 from handpipe.mesh.tets import tet_laplacian
 from handpipe.shapes.strains.stretch import COUNTS
 
-TRACE = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
+TRACE = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])  # the trace of a strain, as weights of its six numbers
 
 DENSE = 400  # tets up to which a dense eigendecomposition is used
 

@@ -18,6 +18,7 @@ COUNTS = np.array(
     [1.0, 2.0, 2.0, 1.0, 2.0, 1.0]
 )  # how often each of the six stands in the matrix (Wang 2021 Eq. A.2)
 LEAST = 1e-6  # squared stretch of a collapsed tet
+NEAR = 1e-5  # relative difference of stretches, below which the limit takes the place of the quotient
 
 
 def log_stretch(f: Array) -> tuple[Array, Array]:
@@ -43,7 +44,7 @@ def _divided_differences(c: Array, logs: Array) -> Array:
     """(logs_i - logs_j) / (c_i - c_j) as (m, 3, 3), logs = log(c) / 2, or its limit where they are near."""
     difference = c[:, :, None] - c[:, None]
     mean = 0.5 * (c[:, :, None] + c[:, None])
-    near = np.abs(difference) < 1e-5 * mean
+    near = np.abs(difference) < NEAR * mean
     quotient = (logs[:, :, None] - logs[:, None]) / np.where(near, 1.0, difference)
     return np.where(near, 0.5 / mean, quotient)
 

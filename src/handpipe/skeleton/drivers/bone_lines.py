@@ -7,6 +7,8 @@ import numpy as np
 from handpipe.core import Array
 from handpipe.skeleton.rig.rig import Rig
 
+TIP = 0.99  # quantile of the distances from a bone's joint: beyond is its tip
+
 
 def joint_places(rig: Rig) -> dict[str, Array]:
     """Where each bone's joint to its parent (3,) is in neutral, in mm; the root bone has none."""
@@ -24,7 +26,7 @@ def bone_tips(rig: Rig) -> dict[str, Array]:
         if bone not in parents:
             vertices = rig.surfaces[bone].vertices
             distances = np.linalg.norm(vertices - place, axis=1)
-            tips[bone] = vertices[distances >= np.quantile(distances, 0.99)].mean(axis=0)
+            tips[bone] = vertices[distances >= np.quantile(distances, TIP)].mean(axis=0)
     return tips
 
 

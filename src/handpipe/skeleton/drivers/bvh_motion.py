@@ -14,7 +14,7 @@ from handpipe.skeleton.drivers.bone_lines import bone_lines, bone_tips, joint_pl
 from handpipe.skeleton.drivers.bvh import POSITIONS, Bvh, BvhJoint, read_bvh
 from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.posing.inverse_kinematics import Options, solve
-from handpipe.skeleton.posing.targets import Orientation
+from handpipe.skeleton.posing.targets import LEVER, Orientation
 from handpipe.skeleton.rig.rig import Rig
 
 LOG = logging.getLogger(__name__)
@@ -22,6 +22,8 @@ SAME = 1e-2  # mm; a skeleton whose joints are as near to the rig's is in the ri
 FLAT = 0.02  # a skeleton this thin, relative to its length, does not determine its turn about it
 UNLIKE = 0.3  # distance of the joints from the rig's, relative to their spread
 CHANNELS = ("Zrotation", "Xrotation", "Yrotation")
+REST_WEIGHT = 1e-3  # of the angles at rest, where directions leave them open
+UNMET = np.radians(10.0)  # rad by which a bone may miss its direction without a warning
 
 
 def bvh_frame_names(
@@ -93,9 +95,9 @@ def read_bvh_angles(path: str | Path, rig: Rig, names: Mapping[str, str] | None 
     angles: Angles = {}
     for i, frame in enumerate(_names(bvh)):
         targets = [Orientation(b, r[i]) for b, r in wanted.items() if b != rig.root]
-        found = solve(rig, targets, start=angles, options=Options(rest_weight=1e-3, restarts=i == 0))
+        found = solve(rig, targets, start=angles, options=Options(rest_weight=REST_WEIGHT, restarts=i == 0))
         angles = frames[frame] = found.angles
-        if max(found.distances) > 30 * np.radians(10):
+        if max(found.distances) > LEVER * UNMET:
             LOG.warning("%s: %s: %s", path, frame, found)
     return frames
 

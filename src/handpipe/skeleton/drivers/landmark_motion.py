@@ -31,6 +31,8 @@ ENDS = {"THUMB": ("CMC", "MCP", "IP", "TIP"), **dict.fromkeys(FINGERS, ("MCP", "
 LEAN = 0.3  # weight of a landmark's place, where the direction of its bone has one
 FAINT = 0.3  # weight in the palm of landmarks that do not move with the root bone
 PALM_ERROR = 0.35  # distance of the palm's landmarks from the rig's, relative to their spread
+REST_WEIGHT, TOLERANCE = 0.3, 5.0  # 1 and mm: of the angles at rest, and of landmarks
+NARROW = 0.05  # second extent of the palm's landmarks over the first, below which they place no hand
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ def landmark_angles(
     mirror = np.array([-1.0, 1, 1]) if landmarks.hand not in (None, hand) else np.ones(3)
     frames: dict[str, Angles] = {}
     angles: Angles = {}
-    options = Options(rest_weight=0.3, tolerance=5.0)
+    options = Options(rest_weight=REST_WEIGHT, tolerance=TOLERANCE)
     for name, points in zip(landmarks.names, landmarks.points * mirror, strict=True):
         seen = dict(zip(LANDMARKS, points, strict=True))
         # The palm's moving bones are first taken at rest, then where the first answer has them.
@@ -176,7 +178,7 @@ def _spread(points: Array, weights: Array) -> float:
 
 def _check_spread(points: Array, source: str, whose: str) -> None:
     sizes = np.linalg.svd(points - points.mean(axis=0), compute_uv=False) if len(points) > 2 else np.zeros(2)
-    if not sizes[1] > 0.05 * sizes[0]:
+    if not sizes[1] > NARROW * sizes[0]:
         problem = f"{whose} has too little of a palm to place it by"
         raise InputError(source, "palm", problem, "At least three fingers, the thumb among them, are needed")
 

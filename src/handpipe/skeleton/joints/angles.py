@@ -20,7 +20,7 @@ from handpipe.skeleton.joints.frame_table import frame_name, number_in, read_tab
 Angles = dict[str, float]  # angle name -> rad
 Limits = Mapping[str, tuple[float, float]]  # angle name -> lower and upper in rad
 UNIT = " [deg]"
-SLACK = np.radians(1e-6)
+SLACK = np.radians(1e-6)  # rad, beyond a limit: rounding of files
 
 
 def check_angles(angles: Mapping[str, float], limits: Limits, source: str | Path, row: str = "") -> None:

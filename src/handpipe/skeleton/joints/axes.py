@@ -19,10 +19,11 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array
 from handpipe.skeleton.joints.prior import Weighing
 
-TOLERANCE = 1e-13
-ORDERS = ((0, 1), (1, 0))
+TOLERANCE = 1e-13  # of parameters, cost and gradient
+ORDERS = ((0, 1), (1, 0))  # of two axes: which one is outer
 SAME = 1e-6  # relative difference of two fits' residuals; 1e-6 rad where the residuals vanish
 HINT_WEIGHT = 1e-8  # in squared half angles: hints count where all motion is below 0.01 degrees
+PARALLEL = 0.1  # sine of the angle between two axes, up to which they count as one
 
 
 @dataclass(frozen=True)
@@ -265,7 +266,7 @@ def _half_angle_matrices(a: Array, b: Array, q: Array) -> Array:
 
 
 def _spans(axes: Array) -> bool:
-    return float(np.linalg.norm(np.cross(axes[0], axes[1]))) > 0.1
+    return float(np.linalg.norm(np.cross(axes[0], axes[1]))) > PARALLEL
 
 
 def _frame(axes: Sequence[Array] | Array) -> Array:

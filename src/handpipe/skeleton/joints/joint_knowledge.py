@@ -16,7 +16,7 @@ from handpipe.core import Array, BoolArray, RigidTransform
 from handpipe.skeleton.joints.joints import JointFit, axes_apart, leftover
 from handpipe.skeleton.joints.prior import PRIOR, MotionNoise, rotation_noise, translation_noise, unexplained
 
-ASSUMED = MotionNoise(float(np.radians(0.3)), 0.1)  # of a motion whose noise is not given
+ASSUMED = MotionNoise(float(np.radians(0.3)), 0.1)  # rad and mm, of a motion whose noise is not given
 TOLD = np.sqrt(0.5)  # of the prior's deviation: below, poses determine more than the hint
 
 

@@ -35,6 +35,7 @@ RANGES: dict[tuple[str, int | None, str], tuple[float, float]] = {
     ("DIP", None, "flexion"): (-20, 70),
 }
 ALIASES = {"TM": ("CMC", 1), "MCP": ("MP", None)}
+LONG = 2.5  # variance along a bone over the next one, from which it has a long axis
 
 
 def reference_range(angle: str) -> tuple[float, float] | None:
@@ -144,4 +145,4 @@ def neutral_bend(rig: JointTree, joint: RigJoint, index: int) -> float:
 def long_axis(surface: Surface) -> Array | None:
     """Direction (3,) along which a bone is longest, None where it is hardly longer than wide."""
     values, vectors = np.linalg.eigh(np.cov(surface.vertices.T))
-    return vectors[:, 2] if values[2] > 2.5 * values[1] else None
+    return vectors[:, 2] if values[2] > LONG * values[1] else None

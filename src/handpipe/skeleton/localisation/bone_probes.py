@@ -15,6 +15,7 @@ from handpipe.skeleton.bones.bodies import bodies
 POINTS = 320  # on a bone
 DEPTHS = (1.6, 1.1, 0.7, 0.4)  # mm inside the marrow, as deep as it is wide enough
 OUTSIDE = 0.7  # mm outside the marrow: in the cortical shell
+OPPOSITE = 0.9  # of a depth, which the opposite wall leaves at least
 
 
 @dataclass(frozen=True)
@@ -65,13 +66,13 @@ def _inside(marrow: Surface, points: Array, normals: Array) -> Array:
     inside, distance = points - DEPTHS[-1] * normals, Distance(marrow)
     for depth in reversed(DEPTHS[:-1]):
         deeper = points - depth * normals
-        fits = distance.signed(deeper)[0] < -0.9 * depth
+        fits = distance.signed(deeper)[0] < -OPPOSITE * depth
         inside[fits] = deeper[fits]
     return inside
 
 
 @dataclass(frozen=True)
-class Body:
+class MovingBones:
     """Bones that move as one, and their probes together.
 
     Parameters
@@ -92,7 +93,7 @@ class Body:
     size: float
 
 
-def all_bodies(dataset: Dataset, probes: Mapping[str, Probes]) -> list[Body]:
+def all_bodies(dataset: Dataset, probes: Mapping[str, Probes]) -> list[MovingBones]:
     """Every bone in one body, the root's body first, then in the dataset's order."""
     grouped = bodies(dataset)
     alone = [(b,) for b in dataset.bones if not any(b in group for group in grouped)]
@@ -102,5 +103,5 @@ def all_bodies(dataset: Dataset, probes: Mapping[str, Probes]) -> list[Body]:
         joint = Probes.joined([probes[b] for b in group])
         middle = joint.points.mean(axis=0)
         size = float(np.linalg.norm(joint.points - middle, axis=1).max())
-        found.append(Body(tuple(group), joint, middle, size))
+        found.append(MovingBones(tuple(group), joint, middle, size))
     return found

@@ -32,6 +32,7 @@ SLIM = 2.2  # length by width of a bone that has a direction
 END = 0.08  # of a solid's length: its ends are the means of as much
 PLACES = 500  # of a solid that are kept in mm
 SAMPLES = 6000  # of a surface's inside
+FEWEST = 50  # samples deep inside a surface; with fewer, all inside it count
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Shape:
         low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
         points = np.random.default_rng(0).uniform(low, high, (SAMPLES, 3))
         signed = Distance(surface).signed(points)[0]
-        kept = points[signed < -depth] if (signed < -depth).sum() > 50 else points[signed < 0]
+        kept = points[signed < -depth] if (signed < -depth).sum() > FEWEST else points[signed < 0]
         return Shape.fit(kept, float(np.prod(high - low)) * len(kept) / SAMPLES)
 
     @property

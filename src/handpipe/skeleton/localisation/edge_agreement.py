@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import RigidTransform
 from handpipe.imaging.evidence import sample_profiles
 from handpipe.imaging.volumes import Volume
-from handpipe.skeleton.localisation.bone_probes import Body, Probes
+from handpipe.skeleton.localisation.bone_probes import MovingBones, Probes
 from handpipe.skeleton.registration.edge_refinement import steepest_falls
 from handpipe.skeleton.registration.normal_equations import Rows, moved, robust_weights, solve
 
@@ -30,6 +30,9 @@ PRIOR = (0.07, 1.0)  # rad and mm by which a bone may depart from where the sear
 OFFSETS = np.linspace(-1.2, 1.2, 17)  # mm along a profile
 NEAR = 0.45  # mm from the surface at which an edge agrees, or most of a voxel
 FALL, BRIGHT = 0.3, 0.65  # levels: the least fall from marrow to shell, and the least marrow
+OF_VOXEL = 0.7  # of a voxel's longest edge, to which that limit grows
+MARROW = (-1.0, -0.4)  # mm: where a profile shows the marrow
+FEWEST_EDGES = 12  # with which a bone is moved
 
 
 @dataclass(frozen=True)
@@ -59,23 +62,23 @@ def agreement(image: Volume, probes: Probes, transform: RigidTransform) -> Agree
     if not seen.any():
         return Agreement(0.0, 0.0, 0.0)
     profiles = sample_profiles(image, points[seen], outwards[seen], OFFSETS)
-    inside = profiles[:, (OFFSETS > -1.0) & (OFFSETS < -0.4)].mean(axis=1)
+    inside = profiles[:, (MARROW[0] < OFFSETS) & (MARROW[1] > OFFSETS)].mean(axis=1)
     fall = inside - profiles[:, OFFSETS >= 0].min(axis=1)
     offset, contrast = steepest_falls(image, points[seen], outwards[seen], float(OFFSETS[-1]))
     clear = (fall > FALL) & (inside > BRIGHT) & (contrast > 0)
     typical = float(np.median(offset[clear])) if clear.any() else 0.0
-    near = np.abs(offset - typical) < max(NEAR, 0.7 * float(image.spacing.max()))
+    near = np.abs(offset - typical) < max(NEAR, OF_VOXEL * float(image.spacing.max()))
     return Agreement(float((clear & near).mean()), float(seen.mean()), typical)
 
 
-def onto_edges(image: Volume, body: Body, start: RigidTransform, *, held: bool) -> RigidTransform:
+def onto_edges(image: Volume, body: MovingBones, start: RigidTransform, *, held: bool) -> RigidTransform:
     """A motion of a body that brings its marrow onto the image's steepest falls.
 
     Parameters
     ----------
     image : Volume
         Image of the pose in units of the local marrow level.
-    body : Body
+    body : MovingBones
         Bones that move as one.
     start : RigidTransform
         Initial guess.
@@ -91,7 +94,7 @@ def onto_edges(image: Volume, body: Body, start: RigidTransform, *, held: bool) 
     for reach in REACHES:
         points, outwards = transform(probes.points), probes.normals @ transform.rotation.T
         offset, contrast = steepest_falls(image, points, outwards, reach)
-        if (contrast > 0).sum() < 12:
+        if (contrast > 0).sum() < FEWEST_EDGES:
             return start
         typical = np.median(offset[contrast > 0])
         weights = contrast * robust_weights(offset - typical)
@@ -105,7 +108,7 @@ def onto_edges(image: Volume, body: Body, start: RigidTransform, *, held: bool) 
     return transform
 
 
-def _pull(start: RigidTransform, transform: RigidTransform, body: Body, count: float) -> Rows:
+def _pull(start: RigidTransform, transform: RigidTransform, body: MovingBones, count: float) -> Rows:
     """Rows that draw a motion to its start, with the weight of the prior against `count` edges."""
     turn = Rotation.from_matrix(start.rotation @ transform.rotation.T).as_rotvec()
     shift = start(body.middle) - transform(body.middle)

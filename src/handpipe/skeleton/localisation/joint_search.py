@@ -14,7 +14,7 @@ from handpipe.core.configuration import Dataset, Joint
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.joints.axes import Axes
 from handpipe.skeleton.joints.hinted_axes import tilted_axes
-from handpipe.skeleton.localisation.bone_probes import Body
+from handpipe.skeleton.localisation.bone_probes import MovingBones
 from handpipe.skeleton.localisation.motion_search import Motions
 from handpipe.skeleton.rig.rig import joint_point
 
@@ -130,7 +130,7 @@ def falling(value: float, good: float, bad: float) -> float:
     return float(np.clip((bad - value) / (bad - good), 0.0, 1.0))
 
 
-def all_links(dataset: Dataset, whole: Mapping[str, Surface], bodies: list[Body]) -> list[Link]:
+def all_links(dataset: Dataset, whole: Mapping[str, Surface], bodies: list[MovingBones]) -> list[Link]:
     """The joints that move, each after the one that carries its parent."""
     body_of = {bone: i for i, body in enumerate(bodies) for bone in body.bones}
     left = {n: j for n, j in dataset.joints.items() if body_of[j.parent] != body_of[j.child]}
@@ -145,7 +145,7 @@ def all_links(dataset: Dataset, whole: Mapping[str, Surface], bodies: list[Body]
 
 
 def _link(
-    name: str, joint: Joint, whole: Mapping[str, Surface], bodies: list[Body], parent: int, child: int
+    name: str, joint: Joint, whole: Mapping[str, Surface], bodies: list[MovingBones], parent: int, child: int
 ) -> Link:
     hints = np.array(joint.axis_hints, float).reshape(-1, 3)
     axes = Axes(hints / np.linalg.norm(hints, axis=1, keepdims=True), tuple(range(len(hints))))
@@ -171,7 +171,7 @@ def _centres(parent: Surface, child: Surface) -> Array:
     return gap + np.outer(np.array(DEPTHS) * thickness, inwards)
 
 
-def _trials(axes: Axes, limits: Array, centres: Array, child: Body) -> Motions:
+def _trials(axes: Axes, limits: Array, centres: Array, child: MovingBones) -> Motions:
     """Motions at all angles within the widened limits, about all centres."""
     reach = max(float(np.linalg.norm(child.probes.points - c, axis=1).max()) for c in centres)
     ranges = [

@@ -14,10 +14,10 @@ from itertools import combinations, product
 import numpy as np
 
 from handpipe.core import RigidTransform
-from handpipe.core.configuration import Dataset
+from handpipe.core.configuration import Dataset, Segmentation
 from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.mesh.surfaces import Distance, Surface
-from handpipe.skeleton.localisation.bone_probes import Body, Probes, all_bodies
+from handpipe.skeleton.localisation.bone_probes import MovingBones, Probes, all_bodies
 from handpipe.skeleton.localisation.edge_agreement import agreement, onto_edges
 from handpipe.skeleton.localisation.joint_search import Link, all_links
 from handpipe.skeleton.localisation.motion_search import (
@@ -32,7 +32,6 @@ from handpipe.skeleton.localisation.root_search import root_starts
 
 LOG = logging.getLogger(__name__)
 
-EDGES = 0.8  # of a bone's edges agree in a hand's images where it is in the right place
 CANDIDATES = 24  # trials that are improved
 REFINED = 5  # of them brought onto the edges
 WELL, THOROUGH = 0.75, 4  # share of edges below which a search follows so many times more trials
@@ -41,7 +40,7 @@ BEHIND = 0.6  # of a bone's edges: guesses that far behind the best are dropped
 NO_DOUBT = 0.9  # of the root's edges: no other start is tried
 SAME = 1.0  # mm (rms) between two motions that count as one
 OVERLAP_DEPTH = 1.0  # mm of marrow inside another whole bone
-TURN = 0.004  # what a guess loses by each degree that its joint's axes do not explain
+TURN = 0.004  # 1/deg: what a guess loses by each degree that its joint's axes do not explain
 CROWDED = 4.0  # what a bone wholly inside others loses, in bones that agree
 
 
@@ -51,7 +50,7 @@ class HandModel:
 
     Parameters
     ----------
-    bodies : list of Body
+    bodies : list of MovingBones
         Groups of bones that move as one, the root's first.
     links : list of Link
         Joints between the bodies, parents first.
@@ -65,12 +64,12 @@ class HandModel:
         Share of a bone's edges that leaves no doubt about its place.
     """
 
-    bodies: list[Body]
+    bodies: list[MovingBones]
     links: list[Link]
     probes: dict[str, Probes]
     marrow: dict[str, Surface]
     distances: dict[str, Distance]
-    edges: float = EDGES
+    edges: float = Segmentation().edges
 
     @staticmethod
     def build(dataset: Dataset, marrow: Mapping[str, Surface], whole: Mapping[str, Surface]) -> HandModel:
@@ -78,7 +77,7 @@ class HandModel:
         probes = {bone: Probes.sample(marrow[bone]) for bone in dataset.bones}
         bodies = all_bodies(dataset, probes)
         distances = {bone: Distance(whole[bone]) for bone in dataset.bones}
-        edges = EDGES if dataset.segmentation is None else dataset.segmentation.edges
+        edges = (dataset.segmentation or Segmentation()).edges
         return HandModel(bodies, all_links(dataset, whole, bodies), probes, dict(marrow), distances, edges)
 
     def overlap(self, bone: str, at: RigidTransform, other: str, there: RigidTransform) -> float:
@@ -154,7 +153,7 @@ class Search:
             found.append((motion, agrees - doubt - CROWDED * crowd))
         return found
 
-    def _best(self, body: Body, trials: Motions, *, held: bool) -> list[tuple[RigidTransform, float]]:
+    def _best(self, body: MovingBones, trials: Motions, *, held: bool) -> list[tuple[RigidTransform, float]]:
         """A few distinct motions on the image's edges, and the shares of the edges that agree, best first.
 
         Where none agrees well more trials are followed: a small bone shows little in the coarse images.
@@ -165,7 +164,7 @@ class Search:
         return found
 
     def _followed(
-        self, body: Body, trials: Motions, candidates: int, refined: int, *, held: bool
+        self, body: MovingBones, trials: Motions, candidates: int, refined: int, *, held: bool
     ) -> list[tuple[RigidTransform, float]]:
         """The best trials improved, and the best of these brought onto the edges."""
         scores = coarse_contrast(self.evidence, body.probes.first(FEW), trials)

@@ -7,14 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handpipe.core import RigidTransform, artifacts
+from handpipe.core.configuration import Segmentation
 from handpipe.imaging.volumes import Volume
 from handpipe.skeleton.localisation.edge_agreement import agreement
 from handpipe.skeleton.localisation.joint_search import Departure, falling
-from handpipe.skeleton.localisation.locating import EDGES, HandModel
+from handpipe.skeleton.localisation.locating import HandModel
 
 KIND = "located_bones"
+USUAL = Segmentation().edges  # share of edges of a bone in a right place
 SURE = 0.5  # below it a person has to look
 MARGIN = 0.15  # from it, within which a verdict is uncertain
+SEEN = (-0.5, -0.2)  # less the share inside the image: from where to where confidence falls
+OVERLAP = (0.03, 0.15)  # share inside another bone: from where to where confidence falls
+NONE = 0.625  # of the usual share of edges, at which there is no confidence
 
 
 @dataclass(frozen=True)
@@ -43,12 +48,12 @@ class Confidence:
     overlap: float
     carried: float
     departure: Departure | None = None
-    usual: float = EDGES
+    usual: float = USUAL
 
     @property
     def value(self) -> float:
         """Confidence in [0, 1]: the product over the kinds of evidence."""
-        inside = falling(-self.seen, -0.5, -0.2) * falling(self.overlap, 0.03, 0.15)
+        inside = falling(-self.seen, *SEEN) * falling(self.overlap, *OVERLAP)
         return of_edges(self.edges, self.usual) * inside * self.carried
 
     @property
@@ -68,9 +73,9 @@ class Confidence:
         return f"{kind}, confidence {self.value:.2f}" + (f" near the limit of {SURE}" if self.near else "")
 
 
-def of_edges(share: float, usual: float = EDGES) -> float:
+def of_edges(share: float, usual: float = USUAL) -> float:
     """Certainty in [0, 1] for a share of edges that agree; with the usual share, 1."""
-    return falling(-share, -usual, -0.625 * usual)
+    return falling(-share, -usual, -NONE * usual)
 
 
 def confidences(

@@ -13,13 +13,14 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array, IntArray, RigidTransform
 from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.imaging.volumes import Volume
-from handpipe.skeleton.localisation.bone_probes import Body, Probes
+from handpipe.skeleton.localisation.bone_probes import MovingBones, Probes
 
 FEW = 110  # probes in the coarse images
 UNKNOWN = 0.3  # contrast of a probe that lies beyond the image
 CLOUD = 48  # trials around a candidate in a round
-ROUNDS = 5
+ROUNDS = 5  # of trials around the candidates
 REACHES = (2.5, 1.8, 1.2, 0.8, 0.5)  # mm, deviation of the far end of a bone in each round
+SHIFT = 0.6  # of a round's reach: deviation of the shifts
 
 
 @dataclass(frozen=True)
@@ -148,7 +149,7 @@ def _mean_linear(values, points, rotations, translations, beyond):  # type: igno
     return out
 
 
-def best_distinct(body: Body, motions: Motions, scores: Array, count: int, apart: float) -> IntArray:
+def best_distinct(body: MovingBones, motions: Motions, scores: Array, count: int, apart: float) -> IntArray:
     """Indices of the best motions of which no two put the body's points within `apart` mm (rms)."""
     points = body.probes.points[:24]
     order = np.argsort(-scores, kind="stable")[:600]
@@ -163,7 +164,9 @@ def best_distinct(body: Body, motions: Motions, scores: Array, count: int, apart
     return order[kept]
 
 
-def improved(evidence: MarrowEvidence, body: Body, motions: Motions, random: np.random.Generator) -> Motions:
+def improved(
+    evidence: MarrowEvidence, body: MovingBones, motions: Motions, random: np.random.Generator
+) -> Motions:
     """Each motion replaced by the best of random ones around it, in rounds of ever smaller reach.
 
     The first rounds look at the coarse images, the last at the image itself.
@@ -177,11 +180,11 @@ def improved(evidence: MarrowEvidence, body: Body, motions: Motions, random: np.
     return motions
 
 
-def _cloud(body: Body, motions: Motions, reach: float, random: np.random.Generator) -> Motions:
+def _cloud(body: MovingBones, motions: Motions, reach: float, random: np.random.Generator) -> Motions:
     """`CLOUD` motions (h CLOUD) around each, itself the first: turned about the body's middle, and moved."""
     shape = (len(motions), CLOUD, 3)
     turns = random.normal(0.0, reach / body.size, shape)
-    shifts = random.normal(0.0, 0.6 * reach, shape)
+    shifts = random.normal(0.0, SHIFT * reach, shape)
     turns[:, 0], shifts[:, 0] = 0.0, 0.0
     turned = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix().reshape(*shape, 3)
     rotations = turned @ motions.rotations[:, None]

@@ -41,6 +41,7 @@ COSTS = (6.0, 16.0)  # from where to where a bone's cost takes its confidence aw
 FEWEST = 2 / 3  # of the bones that are sure, or none is
 MARGINS = (0.5, 2.0)  # bones by which the best naming has to beat any other
 RIVALS = (2.0, 8.0)  # cost by which a bone's solid has to beat any other at the same joint that is no bone
+OPEN = 0.15  # share of the boundary without a shell that costs 1
 
 
 @dataclass(frozen=True)
@@ -237,7 +238,7 @@ class Search:
 
     def _size_cost(self, bone: str, solid: Solid, scale: float) -> float:
         own, shape = self.hand.shapes[bone], solid.shape
-        cost = ((1 - solid.enclosed) / 0.15) ** 2
+        cost = ((1 - solid.enclosed) / OPEN) ** 2
         if own.slim:
             cost += (np.log(shape.length / (scale * own.length)) / LENGTHS) ** 2
             return float(cost + (np.log(shape.width / (scale * own.width)) / WIDTHS) ** 2)

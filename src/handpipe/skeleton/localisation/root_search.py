@@ -20,10 +20,11 @@ from handpipe.skeleton.localisation.motion_search import Motions
 LOG = logging.getLogger(__name__)
 
 THRESHOLDS = (0.55, 0.7)  # levels: marrow is above; where shells are thin a higher one separates marrows
-ROLLS = 36
+ROLLS = 36  # trials about a bone's axis
 SHIFTS = (-3.0, 0.0, 3.0)  # mm along the bone: a blob may lack an end, or have a neighbour's
 ALIKE = (0.25, 0.45, 0.45)  # logarithm of the ratio of lengths, along the three axes
 LONG = 1.8  # length by width of a bone that has a direction
+VOLUMES = (0.4, 2.5)  # of the least and of the largest long bone: volumes of blobs
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def root_starts(evidence: MarrowEvidence, marrow: Mapping[str, Surface]) -> Iter
     bones = {name: solid(surface) for name, surface in marrow.items()}
     long = {n: b for n, b in bones.items() if b.lengths[0] > LONG * b.lengths[1]} or bones
     volumes = [marrow[n].volume() for n in long]
-    for blobs in _bright_blobs(evidence.fine, 0.4 * min(volumes), 2.5 * max(volumes)):
+    for blobs in _bright_blobs(evidence.fine, VOLUMES[0] * min(volumes), VOLUMES[1] * max(volumes)):
         starts = [RigidTransform.identity()]
         for blob, bone in product(blobs, long.values()):
             starts += _onto(bone, blob) if bone.alike(blob) else []

@@ -14,7 +14,7 @@ import numpy as np
 
 from handpipe.core import RigidTransform
 from handpipe.imaging.evidence import MarrowEvidence
-from handpipe.skeleton.localisation.bone_probes import Body
+from handpipe.skeleton.localisation.bone_probes import MovingBones
 from handpipe.skeleton.localisation.edge_agreement import agreement, onto_edges
 from handpipe.skeleton.localisation.locating import HandModel
 from handpipe.skeleton.localisation.location_confidence import Confidence, confidences
@@ -22,7 +22,7 @@ from handpipe.skeleton.localisation.motion_search import FEW, Motions, best_dist
 
 TRIALS = 300  # of a joint that are followed: all of a hinge's
 APART = 0.5  # mm (rms) between two trials
-GUESSES, SAME = 4, 1.0  # places that are weighed, and mm (rms) within which two are one
+GUESSES, SAME = 4, 1.0  # 1 and mm: places that are weighed; rms within which two are one
 
 
 def search_again(
@@ -67,7 +67,7 @@ def search_again(
     return motions, sure
 
 
-def _places(evidence: MarrowEvidence, body: Body, trials: Motions) -> list[RigidTransform]:
+def _places(evidence: MarrowEvidence, body: MovingBones, trials: Motions) -> list[RigidTransform]:
     """Distinct motions of a body on the image's edges, those first on which most of its edges agree."""
     few = replace(body, probes=body.probes.first(FEW))
     followed = best_distinct(body, trials, coarse_contrast(evidence, few.probes, trials), TRIALS, APART)

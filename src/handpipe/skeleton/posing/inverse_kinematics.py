@@ -17,11 +17,13 @@ from handpipe.skeleton.rig.twists import MovingBone, moving_bones
 
 LOG = logging.getLogger(__name__)
 Limits = Mapping[str, tuple[float, float]]
-STEPS = 200
+STEPS = 200  # of one solve, at most
 STEP_TOLERANCE = 1e-9  # rad
 SLOW, SMALL = 1e-4, 1e-2  # mm^2 and rad: a step that gains and moves less is the last
 AT_LIMIT = 1e-4  # rad; so near to a limit an angle counts as at it
 NOTABLE = 0.05  # mm; widening a limit by one degree has to bring this much to be named
+BETTER = 0.99  # of the largest distance, which another start has to reach
+DAMPING = 1e-3  # first, and least after a step that failed
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class Reach:
         if not self.held:
             return f"{text}; no joint limit holds it, the bones are too short"
         limits = (f"{name} at its limit of {np.degrees(limit):.1f} deg" for name, limit in self.held.items())
-        return f"{text}; held by {', '.join(limits)}"
+        return f"{text}; limited by {', '.join(limits)}"
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ def solve(
         if not (options.restarts and unmet.any()):
             break
         again = problem.minimise(np.where(problem.moved_by(values, unmet), other, values))
-        if problem.distances(again).max() < 0.99 * problem.distances(values).max():
+        if problem.distances(again).max() < BETTER * problem.distances(values).max():
             values = again
     angles = {name: float(v) for name, v in zip(rig.angle_names, values, strict=True)}
     distances = tuple(float(d) for d in problem.distances(values))
@@ -210,7 +212,7 @@ class _Problem:
         """
         values = np.clip(start, self.lower, self.upper)
         residual, jacobian = self.residual(values)
-        damping = 1e-3
+        damping = DAMPING
         for _ in range(STEPS):
             gradient = jacobian.T @ residual
             pressed = (values <= self.lower) & (gradient > 0) | (values >= self.upper) & (gradient < 0)
@@ -230,7 +232,7 @@ class _Problem:
                 gain = residual @ residual - found[0] @ found[0]
                 if gain > 0:
                     break
-                damping = max(10 * damping, 1e-3)
+                damping = max(10 * damping, DAMPING)
             slow = gain < SLOW and moved < SMALL
             values, (residual, jacobian), damping = trial, found, damping / 10
             if slow:

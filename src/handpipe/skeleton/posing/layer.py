@@ -10,6 +10,8 @@ import numpy as np
 from handpipe.core import LAYERS, Array, Frame, IntArray, Region, Shape, Shapes
 from handpipe.mesh.surfaces import Distance, Surface, about
 
+SAME = 0.01  # mm beyond the nearest bone within which a vertex is of the region
+
 
 def bone_regions(
     points: Array, bones: Mapping[str, Surface], joint_radius: float, tolerance: float
@@ -66,7 +68,7 @@ class BoneLayer:
         self.bones = dict(bones)
         points = np.concatenate([s.vertices for s in bones.values()])
         ends = np.cumsum([len(s.vertices) for s in bones.values()])
-        regions = np.split(bone_regions(points, bones, joint_radius, 0.01), ends[:-1])
+        regions = np.split(bone_regions(points, bones, joint_radius, SAME), ends[:-1])
         self.regions = dict(zip(bones, regions, strict=True))
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:

@@ -23,6 +23,7 @@ LEAST_RESIDUAL = 0.12  # mm; below, no residual is odd
 GAP = 4.0  # mm by which a joint may open against neutral
 TWIST = 30.0  # deg that axes within 30 deg of the hinted ones do not explain
 STIFF = 8.0  # deg between bones that move as one
+END = 0.02  # quantile of the distances to the other bone: the end that rolls on it
 
 
 def doubted(
@@ -85,7 +86,7 @@ def opening(parent: Registration, child: Registration, of_parent: Surface, of_ch
     """
     distance = Distance(of_parent)
     gaps, _, _ = distance.closest(of_child.vertices)
-    end = of_child.vertices[gaps <= np.quantile(gaps, 0.02)].mean(axis=0)[None]
+    end = of_child.vertices[gaps <= np.quantile(gaps, END)].mean(axis=0)[None]
     moved = (parent.transform.inverse() @ child.transform)(end)
     return float(distance.closest(moved)[0][0] - distance.closest(end)[0][0])
 

@@ -14,8 +14,8 @@ from handpipe.skeleton.bones.registration_result import Registration
 from handpipe.skeleton.registration.normal_equations import Rows, covariance, moved, robust_weights, solve
 
 REACH = (1.2, 0.7)  # mm either side of the surface in which the edge is searched for, at first and at last
-SAMPLES = 17
-ITERATIONS = 12
+SAMPLES = 17  # of a profile across the surface
+ITERATIONS = 12  # half of them with the first reach, half with the last
 
 
 def refine_to_edges(neutral: Surface, volume: Volume, found: Registration) -> Registration:

@@ -9,11 +9,13 @@ import numpy as np
 from scipy.cluster.vq import kmeans2
 from scipy.spatial.transform import Rotation
 
-from handpipe.core import Array, IntArray, RigidTransform
+from handpipe.core import Array, IntArray, RigidTransform, robust
 
 PATCHES, LEAST_PATCH = 20, 10  # of a bone's surface, some millimetres wide each; vertices of one at least
 UNTOLD = np.array([1.0, 10.0])  # rad and mm
 FINEST = 0.01  # mm; distances below this are not told apart
+MOST_ALIKE = 0.95  # correlation of neighbours' errors
+STEPS = 25  # along a surface, within which errors are correlated
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,8 @@ class Rows:
 
 def robust_weights(distance: Array) -> Array:
     """Tukey's biweights (n,) in [0, 1], zero beyond about five standard deviations of the bulk."""
-    deviation = max(1.4826 * float(np.median(np.abs(distance))), FINEST)
-    return np.maximum(1 - (distance / (4.685 * deviation)) ** 2, 0) ** 2
+    deviation = max(robust.NORMAL * float(np.median(np.abs(distance))), FINEST)
+    return np.maximum(1 - (distance / (robust.TUKEY * deviation)) ** 2, 0) ** 2
 
 
 def solve(rows: Rows, weights: Array) -> Array:
@@ -118,8 +120,8 @@ def alike(residual: Array, edges: IntArray) -> float:
     in either direction of the surface. n vertices count as n / (sum over k of r^(k^2))^2 independent ones.
     """
     product = (residual[edges[:, 0]] * residual[edges[:, 1]]).mean()
-    correlation = np.clip(product / max((residual**2).mean(), 1e-30), 0.0, 0.95)
-    steps = np.arange(1, 25)
+    correlation = np.clip(product / max((residual**2).mean(), 1e-30), 0.0, MOST_ALIKE)
+    steps = np.arange(1, STEPS)
     return float((1 + 2 * (correlation ** (steps**2)).sum()) ** 2)
 
 

@@ -41,9 +41,11 @@ PROMISING = 20  # of many starts, those that a few steps bring nearest
 RIVALS = 4  # places that are followed to the end
 APART = np.radians(15.0)  # turns closer than this are one place
 MATCHED = 0.3  # mm; and five times the residual
-LEAST_COVERED, LEAST_EXPLAINED = 0.45, 0.4
+LEAST_COVERED, LEAST_EXPLAINED = 0.45, 0.4  # shares of the two surfaces below which a warning is due
 CERTAIN, OUTLYING = 5.0, 5.0  # standard deviations by which a rival has to fit worse; of an outlier
 LOOSE = 8.0  # deg of uncertainty beyond which a turn is undetermined
+ROUGH_ROUNDS, COARSE_ROUNDS, FINE_ROUNDS = 5, 15, 24  # of closest points, in the stages
+LAST_ROUNDS = 40  # at most
 
 
 @dataclass(frozen=True)
@@ -172,9 +174,9 @@ def _rivals(pair: _Pair, starts: Sequence[RigidTransform]) -> list[Scored]:
     """The places to which the starts lead, apart from one another, those of least score first."""
     rough = starts
     if len(starts) > PROMISING:
-        rough = [t for _, t in _brought(pair, starts, COARSE // 2, iterations=5)[:PROMISING]]
-    coarse = _brought(pair, rough, COARSE, iterations=15)
-    fine = _brought(pair, [t for _, t in _distinct(coarse)[:RIVALS]], FINE, iterations=24)
+        rough = [t for _, t in _brought(pair, starts, COARSE // 2, iterations=ROUGH_ROUNDS)[:PROMISING]]
+    coarse = _brought(pair, rough, COARSE, iterations=COARSE_ROUNDS)
+    fine = _brought(pair, [t for _, t in _distinct(coarse)[:RIVALS]], FINE, iterations=FINE_ROUNDS)
     return _distinct(fine)
 
 
@@ -215,7 +217,7 @@ def _finish(pair: _Pair, transform: RigidTransform) -> Registration:
     """Last iterations on the leading surface's own vertices, whose noise gives the covariance."""
     leading = pair.leading.vertices
     points = leading[:: int(np.ceil(len(leading) / VERTICES))]
-    for _ in range(40):
+    for _ in range(LAST_ROUNDS):
         rows = pair.leading_rows(transform, points)
         step = solve(rows, robust_weights(rows.distance))
         transform = moved(transform, step, pair.middle)

@@ -18,7 +18,7 @@ from handpipe.mesh.surfaces import Surface, sample_points
 ROLLS = 8  # starts about the long axis
 LONG = 1.6  # standard deviation along a long axis by that across it
 ALIKE = 1.12  # ratio of areas up to which two surfaces are of the whole bone
-SAMPLES = 2000
+SAMPLES = 2000  # points of a surface that tell its axes
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,8 @@ NOISE = 0.1  # mm, of each of the numbers that say where a bone is
 UNSURE = np.radians(10.0)  # deviation of an angle that is not determined
 NEUTRAL = np.radians(30.0)  # deviation from neutral that is expected of such an angle
 TOLERANCES = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-12}
+AT_BOUND = 1e-3  # rad: so near to a bound an angle is not determined
+BLIND = 1e-3  # share of an angle in a direction that no bone shows
 
 
 @dataclass(frozen=True)
@@ -135,9 +137,9 @@ class _Problem:
         values_, vectors = np.linalg.eigh(rates.T @ rates)
         blind = vectors[:, values_ < 1e-9 * max(float(values_[-1]), 1e-12)]
         lower, upper = self._reach(values)
-        at_bound = ~self.own & ((values < lower + 1e-3) | (values > upper - 1e-3))
+        at_bound = ~self.own & ((values < lower + AT_BOUND) | (values > upper - AT_BOUND))
         told = np.zeros(len(values), bool)
-        told[self.free] = (deviations < UNSURE) & (np.abs(blind) < 1e-3).all(axis=1)
+        told[self.free] = (deviations < UNSURE) & (np.abs(blind) < BLIND).all(axis=1)
         return told & ~at_bound
 
     def _displacements(self, values: Array) -> Array:

@@ -27,7 +27,8 @@ from handpipe.skeleton.rig.motions import BoneNoise, Motions, Registrations, joi
 from handpipe.skeleton.rig.rig_groups import angles_of_group, knowledge_of_group, rig_groups, rig_units
 
 LOG = logging.getLogger(__name__)
-ANY_ANGLE = ((-180.0, 180.0),)
+ANY_ANGLE = ((-180.0, 180.0),)  # deg, of an angle without limits
+END = 0.02  # quantile of the distances to the other bone: where the joint is
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,7 @@ def _warn_of_joint(joint: RigJoint, poses: int) -> None:
 def joint_point(parent: Surface, child: Surface) -> Array:
     """A point (3,) in mm in the gap between two bones, amid where the child comes nearest the parent."""
     distances, _, closest = Distance(parent).closest(child.vertices)
-    near = distances <= np.quantile(distances, 0.02)
+    near = distances <= np.quantile(distances, END)
     return (child.vertices[near].mean(axis=0) + closest[near].mean(axis=0)) / 2
 
 

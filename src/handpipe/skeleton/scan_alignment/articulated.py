@@ -15,12 +15,13 @@ from handpipe.skeleton.scan_alignment.image_skin import Hinge, ImageSkin
 from handpipe.skeleton.scan_alignment.matches import Matches
 from handpipe.skeleton.scan_alignment.rigid_start import FINE, thinned
 
-ROUNDS = 30
+ROUNDS = 30  # in which joints turn, at most
 ABOUT, ASIDE = 4.0, 1.0  # deg, standard deviations of turns about a joint's axes and across them
 NOISE = 0.3  # mm, of a patch's distance
 PATCH = 30.0  # mm^2 of skin that count as one distance
 LARGEST_STEP = 0.05  # rad
 STILL = 3e-4  # rad, and mm over 100
+TIGHTENING, LEAST = 0.8, 0.1  # 1 and mm: of the least deviation of a bulk, by round, down to this
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def articulate(scan: Surface, skin: ImageSkin, motion: RigidTransform) -> Articu
     for _ in range(ROUNDS):
         step = _step(points, normals, skin, found, patches, least)
         found = _moved(found, step, found.motion(points).mean(axis=0))
-        least = max(0.8 * least, 0.1)
+        least = max(TIGHTENING * least, LEAST)
         if np.abs(step[:3]).max(initial=0.0) < STILL and np.abs(step[6:]).max(initial=0.0) < STILL:
             break
     return found

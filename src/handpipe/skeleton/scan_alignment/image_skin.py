@@ -17,9 +17,7 @@ from handpipe.mesh.surfaces import Surface, averaging
 from handpipe.skeleton.rig.rig import Rig
 
 POWER = 3.0  # of the distance to a bone, in a vertex's weights
-ASIDE = (
-    0.02  # weight of a bone that lies outwards of a vertex, as a neighbouring finger's, against one inwards
-)
+ASIDE = 0.02  # weight of a bone outwards of a vertex, as a neighbouring finger's, against one inwards
 DIFFUSION = 6.0  # square of the length, in edges, over which weights are smoothed along the skin
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from handpipe.core import Array, BoolArray, IntArray
+from handpipe.core import Array, BoolArray, IntArray, robust
 from handpipe.mesh.surfaces import Distance, barycentric_matrix
 
 AGREEING = 0.6  # cosine of the angle up to which two normals are those of one place
@@ -56,6 +56,6 @@ class Matches:
         """Tukey's biweights (k,), zero where a match is not valid; `least` mm are within the noise."""
         if not self.valid.any():
             return np.zeros(len(self.signed))
-        deviation = max(1.4826 * float(np.median(np.abs(self.signed[self.valid]))), least)
-        robust = np.maximum(1 - (self.signed / (4.685 * deviation)) ** 2, 0.0) ** 2
-        return np.where(self.valid, robust, 0.0)
+        deviation = max(robust.NORMAL * float(np.median(np.abs(self.signed[self.valid]))), least)
+        weights = np.maximum(1 - (self.signed / (robust.TUKEY * deviation)) ** 2, 0.0) ** 2
+        return np.where(self.valid, weights, 0.0)

@@ -15,11 +15,13 @@ from handpipe.skeleton.scan_alignment.smooth_offset import vertex_areas
 COARSE, FINE = 400, 4000  # vertices of the scan that are matched
 ROLLS = 6  # starts about the long axis
 ALONG = (-0.12, 0.0, 0.12)  # starts along it, as a share of the length: scan and image end elsewhere
-ROUNDS, LAST_ROUNDS = 14, 40
+ROUNDS, LAST_ROUNDS = 14, 40  # of each start, and of the best ones
 KEPT = 0.85  # share of the distances that a score takes
 BEST = 3  # starts that are refined
 WRONG_SIDE = 4.0  # mm that a match with a wrong normal counts for
 STILL = 1e-4  # rad, and mm over 10
+TIGHTENING, LEAST = 0.7, 0.1  # 1 and mm: of the least deviation of a bulk, by round, down to this
+FEWEST = 12  # matches with which a motion is determined
 
 
 def rigid_start(scan: Surface, skin: Surface, trusted: BoolArray) -> RigidTransform:
@@ -54,14 +56,14 @@ def icp(
         here = motion(points)
         match = Matches.find(here, normals @ motion.rotation.T, skin, trusted)
         weights = match.weights(least)
-        if np.count_nonzero(weights) < 12:
+        if np.count_nonzero(weights) < FEWEST:
             return motion
         middle = here.mean(axis=0)
         rows = np.hstack([np.cross(here - middle, match.normals), match.normals])
         step = _least_squares(rows, -match.signed, weights)
         turn = RigidTransform.about(middle, Rotation.from_rotvec(step[:3]).as_matrix())
         motion = RigidTransform(np.eye(3), step[3:]) @ turn @ motion
-        least = max(0.7 * least, 0.1)
+        least = max(TIGHTENING * least, LEAST)
         if np.abs(step[:3]).max() < STILL and np.abs(step[3:]).max() < 10 * STILL:
             return motion
     return motion

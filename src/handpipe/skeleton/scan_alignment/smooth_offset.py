@@ -16,7 +16,7 @@ LENGTH = 3.0  # mm: waves of 2 pi times this length are followed by half
 TIED = 0.02  # weight of no displacement at all against the distances
 NOISE = 0.2  # mm; distances beyond five times the bulk's are outliers
 VOLUME = 0.01  # share of the scan's volume that the alignment may change
-ROUNDS = 2
+ROUNDS = 2  # each with outliers weighted anew
 
 
 def smooth_offset(scan: Surface, skin: ImageSkin, volume: float) -> Surface:

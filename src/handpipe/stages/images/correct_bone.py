@@ -43,5 +43,7 @@ def correct_bone(inputs: Inputs, output: Path, dataset: Dataset, pose: str, bone
             raise InputError(path, "scribbles", f"{bone}: {wrong[bone]}", "Draw more of them")
         found = learned[bone]
     else:
-        found = segment_bone(volume, seeds, dataset.bones[bone].label, SegmentationSettings.of(dataset))
+        found = segment_bone(
+            volume, seeds, dataset.bones[bone].label, SegmentationSettings.from_dataset(dataset)
+        )
     save(output, {bone: found}, inputs.all())

@@ -71,7 +71,7 @@ def _segmented(
     if dataset.contrast == "learned":
         found, wrong = segment_learned([volume], seeds, bones)
     else:
-        found, wrong = segment(volume, seeds, bones, SegmentationSettings.of(dataset))
+        found, wrong = segment(volume, seeds, bones, SegmentationSettings.from_dataset(dataset))
     missing = [name for name in wrong if name not in scribbled]
     if pose == dataset.neutral and missing:
         problem = "; ".join(f"{name}: {wrong[name]}" for name in missing)

@@ -16,6 +16,7 @@ from handpipe.stages.files import Files
 from handpipe.tissues.muscles.fitting import Warp, place, read_attachments, require_near_bones
 
 log = logging.getLogger(__name__)
+EDGE, THIN_EDGE = 1.1, 0.7  # mm, of the meshes of muscles and of ligaments
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def place_templates(inputs: Inputs, output: Path, dataset: Dataset) -> None:
                 raise InputError(path, bone, "is not a bone of the dataset", "Attach to one of its bones")
         require_near_bones(dataset.path(organ.template), template, attachments, templates)
         landmarks = read_landmarks(dataset.path(organ.landmarks)) if organ.landmarks else {}
-        edge = 1.1 if name in dataset.muscles else 0.7
+        edge = EDGE if name in dataset.muscles else THIN_EDGE
         guess = place(template, attachments, warp, edge, landmarks, path)
         log.info("%s: %d vertices", name, len(guess.surface.vertices))
         surface = {"vertices": guess.surface.vertices, "triangles": guess.surface.triangles}

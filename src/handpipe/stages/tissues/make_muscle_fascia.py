@@ -14,6 +14,8 @@ from handpipe.tissues.fascia import ClothSettings, Fascia, muscle_regions, read_
 from handpipe.tissues.muscles import Muscle
 
 log = logging.getLogger(__name__)
+ATTACHED, GAP = 2.0, 0.8  # mm from an attachment, and off a muscle
+SHRINK = 0.40  # rest size over true size
 
 
 @dataclass(frozen=True)
@@ -31,9 +33,9 @@ def make_muscle_fascia(inputs: Inputs, output: Path, edge: float) -> None:
     surfaces = {m.name: m.body.surface for m in muscles}
     surface = wrap(list(surfaces.values()), edge)
     attached = np.concatenate([m.body.surface.vertices[m.body.held] for m in muscles])
-    regions = muscle_regions(surface.vertices, surfaces, attached, attached_radius=2.0, gap=0.8)
+    regions = muscle_regions(surface.vertices, surfaces, attached, attached_radius=ATTACHED, gap=GAP)
     if painted := inputs.regions:
         regions = read_regions(painted, len(surface.vertices))
     log.info("%d vertices; contact, sliding, fixed: %s", len(regions), np.bincount(regions, minlength=3))
-    cloth = ClothSettings(shrink=0.40)
+    cloth = ClothSettings(shrink=SHRINK)
     Fascia.around("muscle_fascia", surface, regions, surfaces, cloth).save(output, inputs.all())

@@ -16,6 +16,7 @@ from handpipe.stages.files import Files
 from handpipe.tissues.fat import Rigid, Skin, closed_skin, cut_end, nail_vertices, on_skin
 
 log = logging.getLogger(__name__)
+NAIL, CUT = 0.4, 1.0  # mm from a nail's patch, and from the plane of the cut
 
 
 @dataclass(frozen=True)
@@ -41,10 +42,10 @@ def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> No
     if inputs.carried is not None or inputs.from_volume is not None:
         patches = {name: on_skin(patch, skin) for name, patch in patches.items()}
     parts = {
-        name: Rigid(nail.bone, nail_vertices(skin, patches[name], tolerance=0.4))
+        name: Rigid(nail.bone, nail_vertices(skin, patches[name], tolerance=NAIL))
         for name, nail in dataset.nails.items()
     }
-    parts["cut_end"] = Rigid(dataset.root_bone, np.flatnonzero(cut_end(skin, scan, tolerance=1.0)))
+    parts["cut_end"] = Rigid(dataset.root_bone, np.flatnonzero(cut_end(skin, scan, tolerance=CUT)))
     rigid = {name: part for name, part in parts.items() if len(part.vertices)}
     log.info("%d vertices, rigid parts: %s", len(skin.vertices), ", ".join(rigid))
     Skin(skin, rigid).save(output, [inputs.scan])

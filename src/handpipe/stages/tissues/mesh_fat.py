@@ -13,6 +13,8 @@ from handpipe.stages.files import Files
 from handpipe.stages.tissues.tissue import Inside, make_tissue
 from handpipe.tissues.fat import Skin, inner_surface
 
+SPACING, GAP = 0.8, 1.0  # mm of the grid, and that are closed between organs
+
 
 @dataclass(frozen=True)
 class Inputs(Files):
@@ -33,7 +35,7 @@ def mesh_fat(inputs: Inputs, output: Path, edge: float) -> None:
         for s in below.get(n, {}).values()
         if s.cells.shape[1] == 3
     ]
-    inner = inner_surface(bodies, spacing=0.8, gap=1.0)
+    inner = inner_surface(bodies, spacing=SPACING, gap=GAP)
     inside = Inside(below, under_fat(), inner)
     tissue = make_tissue(rig.surfaces, inside, Skin.load(inputs.skin), edge, young=1.0)
     tissue.save(output, [inputs.inner, inputs.skin])

@@ -13,11 +13,11 @@ from scipy.ndimage import distance_transform_edt, find_objects
 
 from handpipe.core import Array, BoolArray, InputError
 from handpipe.core.configuration import Dataset
+from handpipe.imaging.segmentation import BACKGROUND
 from handpipe.synthetic.acquisition.image import Grid, write_volume
 
 Labels = NDArray[np.uint8]
 
-BACKGROUND = 255
 STROKES, AROUND = 8, 24  # in a bone, and around it
 LENGTH = 6.0  # mm
 

@@ -9,7 +9,7 @@ from handpipe.core import Array
 from handpipe.mesh.tets import Locator
 from handpipe.synthetic.continuum.elements import Elements
 
-GOLDEN = (1 + np.sqrt(5)) / 2
+GOLDEN = (1 + np.sqrt(5)) / 2  # the golden ratio
 CORNERS = np.array([[0, i, j * GOLDEN] for i in (-1, 1) for j in (-1, 1)]) / np.hypot(1, GOLDEN)
 # A centre and the corners of an icosahedron.
 SAMPLES = np.concatenate([np.zeros((1, 3)), *(np.roll(CORNERS, axis, axis=1) for axis in range(3))])

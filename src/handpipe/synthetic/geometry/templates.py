@@ -17,7 +17,7 @@ class Warp:
     """Scale about `centre`, a mild bend that curves the long axis, and a rigid change of frame."""
 
     centre: Array
-    scale: float = 1.08
+    scale: float = 1.08  # of lengths
     bend: tuple[float, float] = (0.0007, -0.0005)  # 1/mm: how y and z grow with the square of x
     twist: float = 0.0012  # rad / mm about the long axis
     frame: RigidTransform = field(default_factory=RigidTransform.identity)

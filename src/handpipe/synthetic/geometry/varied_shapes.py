@@ -15,7 +15,7 @@ from handpipe.mesh.surfaces import Distance
 LENGTH = 12.0  # mm over which shapes vary: the standard deviation of the Gaussian that correlates them
 ORGANS, BONES = 0.8, 0.3  # mm, standard deviation of each component
 FADING = 4.0  # mm from bones, within which organs vary less: a part on a bone is on it in everybody
-WAVES = 400
+WAVES = 400  # random waves of one field
 
 
 class Variation:

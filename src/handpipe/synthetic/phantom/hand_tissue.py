@@ -23,8 +23,8 @@ Bones = Mapping[str, RigidTransform]
 Place = tuple[str, Point]
 """A point in a bone's own frame."""
 
-SKIN_BLEND = 5.0
-TENDON, LIGAMENT = 1.5, 1.1
+SKIN_BLEND = 5.0  # mm over which cones run into one another
+TENDON, LIGAMENT = 1.5, 1.1  # mm, radii
 
 
 @dataclass(frozen=True)

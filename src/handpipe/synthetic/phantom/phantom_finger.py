@@ -37,9 +37,9 @@ POSES = {
     "reach": (20, -6, 65, 30),
 }
 ANGLES = ("MP2_flexion", "MP2_abduction", "PIP2_flexion", "DIP2_flexion")
-BONE_SPACING = 0.7
-SKIN_SPACING, SKIN_SIDES = 0.9, 72
-VISIBLE_FROM = START + 4.0  # x where tendons begin to show in the images
+BONE_SPACING = 0.7  # mm of the grid that bones are contoured on
+SKIN_SPACING, SKIN_SIDES = 0.9, 72  # mm and 1: between rings of vertices; vertices of a ring
+VISIBLE_FROM = START + 4.0  # mm, x where tendons begin to show in the images
 
 
 class Finger:

@@ -12,7 +12,7 @@ from handpipe.synthetic.phantom.phantom_hand_bones import RAYS, bones, frames
 from handpipe.synthetic.phantom.phantom_hand_joints import BETWEEN, POSES, joints
 from handpipe.synthetic.phantom.posed_hand import Hand, Motion
 
-SURFACE_SPACING = 0.6
+SURFACE_SPACING = 0.6  # mm of the grid that bones are contoured on
 
 
 @cache

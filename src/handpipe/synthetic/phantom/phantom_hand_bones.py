@@ -29,7 +29,7 @@ from handpipe.synthetic.phantom.phantom_bones import (
 
 Surface = tuple[Array, IntArray]
 
-FINGERS = (2, 3, 4, 5)
+FINGERS = (2, 3, 4, 5)  # rays with three phalanges
 ROOT = "metacarpal3"
 WITH_ROOT = ("metacarpal2", "trapezium", "trapezoid", "capitate", "hamate")
 GAP = 0.6  # mm of cartilage between bones that lie on one another

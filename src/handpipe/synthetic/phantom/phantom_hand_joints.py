@@ -96,7 +96,7 @@ def _pose(
     return angles | dict(zip(("CMC4_flexion", "CMC5_flexion"), palm, strict=True))
 
 
-STILL: Finger = (0, 0, 0, 0)
+STILL: Finger = (0, 0, 0, 0)  # deg, a finger at rest
 POSES = {
     "neutral": _pose((0, 0, 0, 0, 0), STILL, STILL, STILL, STILL, (0, 0)),
     "fist": _pose(

@@ -16,8 +16,8 @@ from handpipe.synthetic.geometry.implicit import Implicit
 from handpipe.synthetic.geometry.kinematics import Posture, ramp, smoothstep
 from handpipe.synthetic.geometry.tubes import close_rings, superellipse, volume
 
-ORIGIN, INSERTION = 12.0, 75.5  # x of both muscles' ends
-TRANSITION = (40.0, 67.0)  # x over which muscle passes from following the metacarpal to following the phalanx
+ORIGIN, INSERTION = 12.0, 75.5  # mm, x of both muscles' ends
+TRANSITION = (40.0, 67.0)  # mm, x over which muscle passes from following the metacarpal to the phalanx
 
 
 def contact_height(x: Array) -> Array:

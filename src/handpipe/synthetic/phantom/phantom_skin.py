@@ -13,10 +13,10 @@ from handpipe.synthetic.geometry.kinematics import Posture, ramp, smoothstep
 from handpipe.synthetic.geometry.tubes import close_rings
 from handpipe.synthetic.phantom.phantom_muscles import KnownMuscle, contact_height
 
-START, END = -9.5, 154.0
+START, END = -9.5, 154.0  # mm, x of the skin's ends
 CUT, TIP = 5.0, 11.0  # mm over which the skin closes at the cut end and at the tip
 BANDS = {"MP2": (41.5, 75.0), "PIP2": (84.8, 118.0), "DIP2": (118.2, 136.8)}  # x over which the skin bends
-NAIL = (141.0, 151.0, 5.0)  # x from, x to, half width
+NAIL = (141.0, 151.0, 5.0)  # mm: x from, x to, half width
 # x, then how far the section reaches from the bone's axis: radial, ulnar, dorsal, palmar
 PROFILE = np.array(
     [

@@ -31,7 +31,7 @@ LOG = logging.getLogger(__name__)
 
 MARGIN = 13.0  # mm of the volume around the bones: soft tissue and some air
 LEVELS = {**image.INTENSITIES, "cartilage": 0.55}  # of the painted image
-MIRROR = np.array([1.0, -1.0, 1.0])
+MIRROR = np.array([1.0, -1.0, 1.0])  # signs of x, y and z of the other hand
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from handpipe.core import Array
 from handpipe.mesh.surfaces import Surface as Mesh
 from handpipe.synthetic.real_anatomy.source_meshes import read_mesh, require
 
-FINGERS = (2, 3, 4, 5)
+FINGERS = (2, 3, 4, 5)  # rays with three phalanges
 BONES = {
     "metacarpal1": "1mc",
     "proximal1": "thumbprox",

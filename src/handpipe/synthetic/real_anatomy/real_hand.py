@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 CARPALS = ("trapezium", "trapezoid", "capitate", "hamate")
 RAYS = {ray: tuple(f"{kind}{ray}" for kind in kinds) for ray, kinds in phantom_hand_bones.RAYS.items()}
 GAP = 0.4  # mm of cartilage between bones that would touch
-CARPAL_CORTEX = 0.7
+CARPAL_CORTEX = 0.7  # mm, at the shaft and at the ends
 METACARPAL_PIVOT = 5.0  # mm before the base of metacarpals IV and V: the middle of their motion on the hamate
 # Half widths in mm of the phantom finger's heads, and of its distal bone's base: what a girth of 1 is.
 HALF_WIDTHS = {"metacarpal": 6.4, "proximal": 5.6, "middle": 4.3, "distal": 4.6}

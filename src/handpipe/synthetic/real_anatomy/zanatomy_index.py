@@ -51,8 +51,8 @@ ANGLES = ("MP2_flexion", "MP2_abduction", "PIP2_flexion", "DIP2_flexion")
 GAP = 0.3  # mm between bones
 CORTEX = 1.1  # mm
 BANDS = {"MP2": 17.0, "PIP2": 14.5, "DIP2": 10.5}  # mm before and behind a joint over which the skin bends
-MUSCLE_BAND = 15.0
-SKIN_CLEARANCE = 0.9
+MUSCLE_BAND = 15.0  # mm before and behind a joint over which a muscle bends
+SKIN_CLEARANCE = 0.9  # mm that the skin keeps from bones
 ROUNDING = {"flexor2": 5.0, "extensor2": 2.5}  # mm
 RADII = {"flexor2": 1.9, "extensor2": 1.1}
 

@@ -46,9 +46,10 @@ log = logging.getLogger(__name__)
 KIND = "coupled-pose"
 REST = "neutral"  # the pose whose angles are zero
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of every pose: positions that bones are known to pass
-STEP = 6.0  # degrees of the joint that turns most: with twice as much, tissue starts inverted
+STEP = 6.0  # deg of the joint that turns most: with twice as much, tissue starts inverted
 PATIENCE = 300  # iterations: a clenched fist converges crease by crease
 SHORT = 1.0  # mm that a node of quadratic tets moves at most in an iteration
+# mm, and shares of the forces: solves of whole poses.
 AT_REST = Options(displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=PATIENCE, untangle=False)
 CLICKS = 10  # points of a tendon that a person clicks
 RAYS = {"thumb": real_hand.RAYS[1], **{f"finger{i}": real_hand.RAYS[i][1:] for i in FINGERS}}

@@ -18,13 +18,13 @@ from handpipe.synthetic.coupled.joint_spaces import gliding, opened
 
 Bones = Mapping[str, RigidTransform]
 
-FAT, MUSCLE, LIGAMENT = Material(3.0, 0.45), Material(10.0, 0.47), Material(30.0, 0.45)
-SKIN, DEPTH = Material(20.0, 0.45), 2.0  # mm below the surface to which fat's tets are skin
+FAT, MUSCLE, LIGAMENT = Material(3.0, 0.45), Material(10.0, 0.47), Material(30.0, 0.45)  # kPa
+SKIN, DEPTH = Material(20.0, 0.45), 2.0  # kPa and mm: depth below the surface to which fat's tets are skin
 GLIDING = 2.5  # mm between bones of a joint, below which tissue is attached to neither
 STRAND_STEP = 3.0  # mm between points of a tendon
 TONE = 50.0  # mN in every tendon
 CONTACT = Contact(distance=0.3, stiffness=20.0)  # mm, kPa: of the skin with itself
-TENSION, SHORTENING = 8.0, 0.15  # kPa of a muscle whose ends have come nearer by this share
+TENSION, SHORTENING = 8.0, 0.15  # kPa and 1, of a muscle whose ends have come nearer by this share
 
 
 @dataclass(frozen=True, eq=False)

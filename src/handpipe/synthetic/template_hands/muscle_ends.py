@@ -12,7 +12,7 @@ from handpipe.anatomy.templates import Template
 from handpipe.core import IntArray
 from handpipe.mesh.surfaces import Distance
 
-FEW, REACH = 10, 2.5  # an end of fewer vertices takes those within so many mm of it along
+FEW, REACH = 10, 2.5  # 1 and mm: an end of fewer vertices takes those within that distance of it along
 
 
 def marked_ends(template: Template, subject: SubjectTemplate) -> dict[str, dict[str, IntArray]]:

@@ -35,7 +35,7 @@ class Closing:
     thickness: float
 
 
-PALM, FINGER = Closing(11.0, 3.2), Closing(7.0, 3.2)
+PALM, FINGER = Closing(11.0, 3.2), Closing(7.0, 3.2)  # mm
 
 
 def skin_around(

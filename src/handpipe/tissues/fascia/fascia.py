@@ -21,6 +21,7 @@ from handpipe.tissues.fascia.regions import slender
 
 THICKNESS = 1.0  # mm, of the membrane that `young` belongs to
 SLENDER = 2.0  # mm, radius of a body around which cloth with edges of 1.5 mm slips off
+STILL, LOOSE = 5e-3, 1e-2  # mm and 1: tolerances of moves and forces
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ class Fascia:
             potentials.append(SurfaceSliding(identity[slides], distance, stiffness[slides]))
         start = np.where((fixed | sliding)[:, None], carried, start)
         # A vertex may rest on an edge between facets, where the force jumps: residuals cannot vanish there.
-        options = Options(displacement_tolerance=5e-3, force_tolerance=1e-2, name=self.name)
+        options = Options(displacement_tolerance=STILL, force_tolerance=LOOSE, name=self.name)
         held = np.repeat(fixed[:, None], 3, axis=1)
         return equilibrium.solve(potentials, start, fixed=held, options=options).x
 

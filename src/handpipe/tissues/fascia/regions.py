@@ -15,6 +15,8 @@ import numpy as np
 from handpipe.core import Array, BoolArray, InputError, IntArray, Region
 from handpipe.mesh.surfaces import Distance, Surface
 
+BENEATH = 0.9  # of the radius: a point beneath a vertex that is less deep has another wall near
+
 
 def distances_to(points: Array, bodies: Mapping[str, Surface]) -> Array:
     """Distances (n, n_bodies) in mm of points to each body's surface; zero inside."""
@@ -28,7 +30,7 @@ def slender(points: Array, bodies: Mapping[str, Surface], radius: float) -> Bool
     every = np.arange(len(points))
     beneath = np.stack(closest)[nearest, every] - radius * np.stack(normals)[nearest, every]
     depth = -np.stack([Distance(b).signed(beneath)[0] for b in bodies.values()])[nearest, every]
-    return depth < 0.9 * radius
+    return depth < BENEATH * radius
 
 
 def muscle_regions(

@@ -10,6 +10,8 @@ from handpipe.core import Array
 from handpipe.mesh.generation import remesh, union_surface
 from handpipe.mesh.surfaces import Distance, Surface, convex_hull
 
+OPPOSED = -0.7  # largest cosine between normals that face one another
+
 
 def joint_faces(child: Surface, parent: Surface, threshold: float) -> Array:
     """Points of two bones that face one another across their joint (Wang 2019 §5.3, "sweeping"), (n, 3).
@@ -19,7 +21,7 @@ def joint_faces(child: Surface, parent: Surface, threshold: float) -> Array:
     faces = []
     for bone, other in ((child, parent), (parent, child)):
         distance, _, closest, normals = Distance(other).signed(bone.vertices)
-        facing = np.einsum("ni,ni->n", bone.vertex_normals(), normals) < -0.7
+        facing = np.einsum("ni,ni->n", bone.vertex_normals(), normals) < OPPOSED
         near = facing & (distance < threshold)
         faces += [bone.vertices[near], closest[near]]
     return np.concatenate(faces)

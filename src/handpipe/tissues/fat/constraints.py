@@ -12,6 +12,8 @@ from handpipe.core import Array, BoolArray, IntArray, Region, Shapes
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import mass_lumped
 
+WALL = 0.9  # of a valley's width: a point that far out which is nearer has another wall beside it
+
 
 @dataclass(frozen=True)
 class InnerPoints:
@@ -115,7 +117,7 @@ def inner_points(
         parts.append((np.full(len(vertex), index), vertex, *on))
     columns = (np.concatenate(p) for p in zip(*parts, strict=True))
     points = InnerPoints(tuple(n[0] for n in named), tuple(n[1] for n in named), *columns)
-    in_valley = distance.signed(points.rest + valley * points.normal)[0] < 0.9 * valley
+    in_valley = distance.signed(points.rest + valley * points.normal)[0] < WALL * valley
     changed = in_valley & (points.region == Region.sliding)
     return replace(points, region=np.where(changed, Region.contact, points.region).astype(np.int64))
 

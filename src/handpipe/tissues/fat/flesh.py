@@ -13,7 +13,7 @@ from handpipe.fem.solver import Limits
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.fat.tissue import Tissue
 
-# The places of organs within are needed to a tenth of a millimetre, and the skin is not needed.
+# mm: the places of organs within are needed to a tenth of a millimetre, and the skin is not needed.
 BRIEFLY = Limits(renewals=3, settled=0.05, gross=np.inf)
 
 

@@ -13,6 +13,7 @@ from handpipe.mesh.tets import TetMesh
 
 SAMPLES = 20  # points a tet, to measure how much of it is tissue
 LEAST_OCCUPANCY = 0.1  # a tet of the mesh keeps at least this share of its stiffness
+OUTWARDS = 0.1  # of an edge by which the hull is larger than the skin
 
 
 def tissue_mesh(skin: Surface, inner: Surface, edge: float) -> tuple[TetMesh, Array]:
@@ -37,7 +38,7 @@ def tissue_mesh(skin: Surface, inner: Surface, edge: float) -> tuple[TetMesh, Ar
         Share of each tet that is tissue, at least 0.1.
     """
     hull = remesh(skin, edge)
-    hull = hull.moved(hull.vertices + 0.1 * edge * hull.vertex_normals())
+    hull = hull.moved(hull.vertices + OUTWARDS * edge * hull.vertex_normals())
     full = tetrahedralise(hull, edge)
     share = occupancy(full, skin, inner)
     depth = Distance(inner).signed(full.vertices)[0]

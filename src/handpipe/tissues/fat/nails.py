@@ -8,6 +8,9 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array, IntArray, RigidTransform
 from handpipe.mesh.surfaces import Distance, Surface
 
+SHARE, LEVER = 1e-3, 25.0  # 1 and mm^2: resistance to motion, of the vertices' weight; to turns, over that
+STILL, STILL_TURN = 1e-4, 1e-5  # mm and rad
+
 
 def nail_vertices(skin: Surface, nail: Surface, tolerance: float) -> IntArray:
     """Skin vertices of a nail.
@@ -81,12 +84,12 @@ def fit_correction(
         arm = moved - bone(centre)
         rows = np.concatenate([np.cross(arm, normals), normals], axis=1)[near]
         residual = np.einsum("ni,ni->n", closest - moved, normals)[near]
-        weight = 1e-3 * near.sum()
-        step = np.linalg.solve(rows.T @ rows + weight * np.diag([25.0] * 3 + [1.0] * 3), rows.T @ residual)
+        weight = SHARE * near.sum()
+        step = np.linalg.solve(rows.T @ rows + weight * np.diag([LEVER] * 3 + [1.0] * 3), rows.T @ residual)
         turn = RigidTransform.about(bone(centre), Rotation.from_rotvec(step[:3]).as_matrix())
         increment = RigidTransform(turn.rotation, turn.translation + step[3:])
         correction = bone.inverse() @ increment @ bone @ correction
-        if np.linalg.norm(step[3:]) < 1e-4 and np.linalg.norm(step[:3]) < 1e-5:
+        if np.linalg.norm(step[3:]) < STILL and np.linalg.norm(step[:3]) < STILL_TURN:
             break
     return correction
 

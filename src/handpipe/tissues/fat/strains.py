@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 ON_THE_WAY = Limits(
     renewals=4, settled=0.01, gross=np.inf
-)  # while the search chooses between shapes, they may still creep
+)  # mm: while the search chooses between shapes, they may still creep
 
 
 @dataclass(frozen=True)

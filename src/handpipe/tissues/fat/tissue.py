@@ -29,11 +29,12 @@ log = logging.getLogger(__name__)
 OPTIONS = Options(
     displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=False, barrier=True, name="soft tissue"
 )
-# Root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's noise;
-# gross is more than the mean error of any model of the skin: figures of such a shape would say nothing.
+# mm, root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's
+# noise; gross is more than the mean error of any model of the skin: its figures would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
 CROWDED = 0.5  # mm of the skin's self-penetration, at the start or the end, from which tissue is shrunk
 SIZES = (0.75, 0.9)  # relative sizes of the shrunk tissue, in turn; at 0.6 thin places are crushed
+SOFTEST = 1e-3  # of the constraints' stiffness, where they stiffen in steps
 
 
 @dataclass(frozen=True)
@@ -337,7 +338,7 @@ class Tissue:
             log.info("%s; retrying with constraints that stiffen in steps", error)
 
         def softened(t: float) -> list[Potential]:
-            return [elastic, *self.held(below, rigid, start, 1e-3 ** (1 - t))]
+            return [elastic, *self.held(below, rigid, start, SOFTEST ** (1 - t))]
 
         return equilibrium.continuation(softened, start, options=OPTIONS)
 

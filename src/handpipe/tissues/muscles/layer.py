@@ -33,6 +33,7 @@ log = logging.getLogger(__name__)
 
 BITE = 0.5  # mm of depth, at most, that one set of planes resolves: more at once throws thin muscles far off
 GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, until planes are renewed
+STILL, LOOSE, LONGEST = 1e-3, 1e-3, 3.0  # mm, 1 and mm: tolerances of moves and forces, and the longest step
 
 
 @dataclass(frozen=True)
@@ -217,9 +218,9 @@ class MuscleLayer:
 
     def _equilibrium(self, potentials: Sequence[Potential], x: Array, frame: str) -> Equilibrium:
         options = equilibrium.Options(
-            displacement_tolerance=1e-3,
-            force_tolerance=1e-3,
-            max_step=3.0,
+            displacement_tolerance=STILL,
+            force_tolerance=LOOSE,
+            max_step=LONGEST,
             barrier=True,
             name=f"muscles of {frame}",
         )

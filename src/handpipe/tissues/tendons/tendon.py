@@ -21,7 +21,7 @@ from handpipe.tissues.tendons.rods.rod import closest_on_rod, frames, lay, point
 from handpipe.tissues.tendons.rods.tube import Tube
 
 BEND_LENGTH = 2.0  # mm over which the rod rounds the kink at a hook
-CALIBRATIONS = 6
+CALIBRATIONS = 6  # rounds in which rest lengths follow the tension
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ class Effects:
     strengths: Mapping[ImageEffect, Strength]
     others: Strength = "none"
 
-    def of(self, name: ImageEffect) -> float | None:
+    def size(self, name: ImageEffect) -> float | None:
         """Size of an effect in its unit, or None where it is off."""
         strength = self.strengths.get(name, self.others)
         return None if strength == "none" else float(getattr(AMOUNTS[name], strength))

@@ -56,9 +56,9 @@ def moved(k: Complex, voxels: float, rng: np.random.Generator) -> Complex:
 def acquired(shape: tuple[int, ...], effects: Effects) -> NDArray[np.bool_]:
     """Which samples (nx, ny, 1) of k-space are acquired; zeros fill the rest."""
     x, y = fft.fftfreq(shape[0]), fft.fftfreq(shape[1])
-    share = effects.of("gibbs") or 1.0
+    share = effects.size("gibbs") or 1.0
     lines = np.abs(y) <= 0.5 * share
-    if part := effects.of("partial_fourier"):
+    if part := effects.size("partial_fourier"):
         lines &= y >= (0.5 - part) * share
     return ((np.abs(x) <= 0.5 * share)[:, None] & lines)[..., None]
 
@@ -71,4 +71,4 @@ def noisy(k: Complex, deviation: float, rng: np.random.Generator) -> Complex:
 
 def bandwidth(effects: Effects) -> float:
     """Readout bandwidth in Hz/voxel."""
-    return effects.of("chemical_shift") or BANDWIDTH
+    return effects.size("chemical_shift") or BANDWIDTH

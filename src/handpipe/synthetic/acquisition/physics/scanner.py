@@ -50,11 +50,11 @@ def scan(
     for image in (water, fat):
         image[...] = received(image, grid, effects, streams)
     k = fft.fft2(water, axes=PLANE, norm="ortho")
-    peaks = kspace.of_fat(grid.shape[0], sequence, effects.of("chemical_shift"))
+    peaks = kspace.of_fat(grid.shape[0], sequence, effects.size("chemical_shift"))
     k += fft.fft2(fat, axes=PLANE, norm="ortho") * peaks[:, None, None]
     del water, fat
     found = np.abs(fft.ifft2(sampled(k, grid, sequence, effects, streams), axes=PLANE, norm="ortho"))
-    gain = streams.of("gain").uniform(300.0, 1500.0) / sequence.reference
+    gain = streams.stream("gain").uniform(300.0, 1500.0) / sequence.reference
     return (found * gain).astype(np.float32)
 
 
@@ -71,15 +71,15 @@ def signals(
 
 def received(image: Field, grid: Grid, effects: Effects, streams: Streams) -> Field:
     """One species' signal after distortion, the coil and the slices."""
-    if hertz := effects.of("distortion"):
+    if hertz := effects.size("distortion"):
         voxels = hertz / kspace.bandwidth(effects)
-        image = receive.distorted(image, receive.field_shift(grid, voxels, streams.of("distortion")))
-    if far := effects.of("coil"):
-        image = image * receive.coil_sensitivity(grid, far, streams.of("coil"))
+        image = receive.distorted(image, receive.field_shift(grid, voxels, streams.stream("distortion")))
+    if far := effects.size("coil"):
+        image = image * receive.coil_sensitivity(grid, far, streams.stream("coil"))
     deep = grid.shape[2]
-    if width := effects.of("slice_profile"):
+    if width := effects.size("slice_profile"):
         image = image @ receive.profile(deep, width).T.astype(np.float32)
-    if thickness := effects.of("slice_thickness"):
+    if thickness := effects.size("slice_thickness"):
         image = image @ receive.slices(deep, thickness).T.astype(np.float32)
     return image
 
@@ -88,10 +88,10 @@ def sampled(
     k: kspace.Complex, grid: Grid, sequence: Sequence, effects: Effects, streams: Streams
 ) -> kspace.Complex:
     """k-space as it is sampled: folding, motion, noise, and zeros where nothing is acquired."""
-    if share := effects.of("wrap"):
+    if share := effects.size("wrap"):
         k = kspace.folded(k, share)
-    if amplitude := effects.of("ghosts"):
-        k = kspace.moved(k, amplitude / grid.spacing, streams.of("ghosts"))
-    if noise := effects.of("noise"):
-        k = kspace.noisy(k, noise * sequence.reference, streams.of("noise"))
+    if amplitude := effects.size("ghosts"):
+        k = kspace.moved(k, amplitude / grid.spacing, streams.stream("ghosts"))
+    if noise := effects.size("noise"):
+        k = kspace.noisy(k, noise * sequence.reference, streams.stream("noise"))
     return np.where(kspace.acquired(k.shape, effects), k, np.complex64(0))

@@ -15,6 +15,6 @@ class Streams:
 
     seed: Sequence[int]
 
-    def of(self, name: str) -> np.random.Generator:
+    def stream(self, name: str) -> np.random.Generator:
         """The stream of a name, from its start."""
         return np.random.default_rng([*self.seed, zlib.crc32(name.encode())])

@@ -15,21 +15,21 @@ from handpipe.synthetic.acquisition.physics.streams import Streams
 from handpipe.synthetic.acquisition.physics.subcutaneous import subcutaneous
 
 FASCICLES: Lengths = (40.0, 5.0, 5.0)  # mm of the bundles of a muscle
-SEPTA_IN_MUSCLE: Lengths = (60.0, 9.0, 9.0)
+SEPTA_IN_MUSCLE: Lengths = (60.0, 9.0, 9.0)  # mm of the sheets between the bundles
 
 
 def detailed(anatomy: Anatomy, grid: Grid, effects: Effects, streams: Streams) -> Iterator[Layer]:
     """The subject's layers in paint order, each followed by the structures in it."""
     for number, (tissue, share) in enumerate(anatomy.layers):
-        if tissue == "cortical" and (width := effects.of("joints")):
+        if tissue == "cortical" and (width := effects.size("joints")):
             yield from joint_layers(anatomy.bones, grid, width)
         yield tissue, share
         if number == 0:
             yield from subcutaneous(np.asarray(share), grid, anatomy.palm, effects, streams)
-        elif tissue == "muscle" and (thickness := effects.of("muscle_streaks")):
-            rng = streams.of("muscle_streaks")
+        elif tissue == "muscle" and (thickness := effects.size("muscle_streaks")):
+            rng = streams.stream("muscle_streaks")
             for streak, lengths in (("fat", FASCICLES), ("fascia", SEPTA_IN_MUSCLE)):
                 yield streak, share * sheet(vanishing(grid, lengths, rng), thickness, grid.spacing)
-        elif tissue == "marrow" and (most := effects.of("trabeculae")):
-            rng = streams.of("trabeculae")
+        elif tissue == "marrow" and (most := effects.size("trabeculae")):
+            rng = streams.stream("trabeculae")
             yield "trabeculae", trabecular_share(share, anatomy.bones, grid, most, rng)

@@ -33,19 +33,19 @@ def subcutaneous(
 ) -> Iterator[Layer]:
     """Layers over the fat that fills the skin, below muscles and bones."""
     depth, spacing = skin_depth(inside, grid.spacing), grid.spacing
-    if thickness := effects.of("septa"):
-        yield "fascia", inside * sheet(vanishing(grid, CELLS, streams.of("septa")), thickness, spacing)
-    if thickness := effects.of("palmar_fascia"):
+    if thickness := effects.size("septa"):
+        yield "fascia", inside * sheet(vanishing(grid, CELLS, streams.stream("septa")), thickness, spacing)
+    if thickness := effects.size("palmar_fascia"):
         palmar = np.clip(3.0 * _facing(depth, palm), 0.0, 1.0)
         yield "fascia", palmar * sheet(np.abs(depth - FASCIA), thickness, spacing)
     there = np.clip((depth - STRANDS[0]) / spacing, 0.0, 1.0)
     there *= np.clip((STRANDS[1] - depth) / spacing, 0.0, 1.0)
     for name, tissue in STRANDS_OF.items():
-        if radius := effects.of(name):  # type: ignore[arg-type]
-            rng = streams.of(name)
+        if radius := effects.size(name):  # type: ignore[arg-type]
+            rng = streams.stream(name)
             distance = np.hypot(vanishing(grid, ALONG, rng), vanishing(grid, ALONG, rng))
             yield tissue, there * strand(distance, radius, spacing)
-    if thickness := effects.of("skin"):
+    if thickness := effects.size("skin"):
         yield "dermis", inside * np.clip(0.5 + (thickness - depth) / spacing, 0.0, 1.0)
 
 

@@ -24,6 +24,8 @@ ON_BONE = 0.4  # mm from a bone within which a vertex moves with it; farther ver
 FEWEST = 3  # vertices that attach an end to a bone
 SHORTER = 0.8 ** np.arange(4)  # of the edges of a cage, until it does not cut itself
 SPREAD = 0.5  # share of harmonic weights in a blend of bones' motions
+TET_EDGE = 1.3  # of the cage's edges
+STIFF = 1e6  # of the largest entry of a Laplacian: attached vertices keep their weights
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ class Body:
             ).largest_component()  # what is thinner breaks off, and is carried along
             if not cuts_itself(cage):
                 break
-        mesh = tetrahedralise(cage, 1.3 * edge)
+        mesh = tetrahedralise(cage, TET_EDGE * edge)
         visible = np.ones(len(surface.vertices), dtype=bool)
         visible[np.concatenate(list(attachments.values()))] = False
         embedding = Embedding.embed(surface.vertices, mesh)
@@ -185,7 +187,7 @@ class Body:
         laplacian = dirichlet_matrix(tets, gradients, self.mesh.volumes(), len(vertices))
         hold = self.matrix[self.held]
         owner = np.repeat(np.arange(len(self.attachments)), [len(i) for i in self.attachments.values()])
-        stiff = 1e6 * abs(laplacian).max()
+        stiff = STIFF * abs(laplacian).max()
         system = (laplacian + stiff * hold.T @ hold).tocsr()
         weights = factorise(system).solve(stiff * (hold.T @ np.eye(len(self.attachments))[owner]))
         weights = np.clip(weights, 0.0, 1.0)

@@ -30,9 +30,9 @@ from handpipe.tissues.muscles.fitting.body import Body, Transforms
 
 log = logging.getLogger(__name__)
 
-HANDLES = 4
+HANDLES = 4  # weights of the interpolation, which are searched for
 SPRING = 500.0  # mN/mm of an attached point, as in the fit to images
-ITERATIONS = 15
+ITERATIONS = 15  # of the search, at most
 TOLERANCE = 1e-4  # of dW/da
 
 

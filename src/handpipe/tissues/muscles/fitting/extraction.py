@@ -33,19 +33,19 @@ from handpipe.tissues.muscles.fitting.templates import Guess
 
 log = logging.getLogger(__name__)
 
-# In other poses the muscle is known but for its bending: it nearly keeps its volume and its guessed strains.
 # Further out than 2 mm lie the far sides of neighbours.
 SEARCH = MarkerSettings.model_validate({"search": 2.0})
 TOUCHING, NEAR = 0.3, 0.5  # mm from a neighbour, where only edges this near belong to the muscle itself
 WITHIN = 0.3  # mm inside a bone up to which a muscle's boundary counts as touching the bone
-SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)
+SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of harmonic weights in the blends that are tried
 SEEN = 0.9  # share of its boundary in the image from which no other guess is tried
 TRUSTED = 0.5  # share from which a fit tells how the muscles around it have moved
 ALIKE = 0.3  # mm of mean distance under which one of two guesses is dropped
 # In neutral the template is known roughly: a little weight keeps from wandering what no image shows, strains
 # along a slender muscle and borders between muscles.
 NEUTRAL = ShapeOptions(strain=0.01)
-POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)
+POSED = ShapeOptions(fields=(30, 60), volume=0.1, strain=0.03)  # only the bending is unknown
+SAME_SIDE = 0.3  # cosine of the angle to a neighbour's normal, up to which an edge may be the neighbour's
 
 
 @dataclass(frozen=True)
@@ -458,7 +458,7 @@ def image_markers(
         for tree in trees:
             near = about(found.points, tree.surface, offsets.max(initial=0.0))
             gap, _, _, normals = tree.signed(found.points[near])
-            alike = np.einsum("ij,ij->i", normals, found.normals[near]) > 0.3
+            alike = np.einsum("ij,ij->i", normals, found.normals[near]) > SAME_SIDE
             keep[near] &= ~(alike & (np.abs(gap) < offsets[near]))
             touching = far[about(places[far], tree.surface, TOUCHING)]
             keep[touching] &= tree.signed(places[touching])[0] > TOUCHING

@@ -26,6 +26,10 @@ from handpipe.mesh.tets import TetMesh, tet_laplacian
 from handpipe.shapes.strains import COUNTS, StretchField
 
 log = logging.getLogger(__name__)
+COINCIDENT = 1e-3  # rad: poses nearer to one another weigh alike
+ALONE = 1.05  # times the largest distance of poses alone, which is allowed at least
+SHORTEST, ARMIJO = 1e-3, 0.1  # share of a step, and of the predicted decrease that it must bring
+CONVERGED = 1e-4  # relative decrease below which an iteration ends
 
 
 @dataclass(frozen=True)
@@ -37,8 +41,8 @@ class StrainOptions:
     alpha : float
         Weight in 1/mm^2 of the surface against spatial smoothness, for a surface vertex.
     held : float
-        The same for attached vertices, whose places are known, and for those that touch a neighbour, into
-        which they would be moved.
+        The same, in 1/mm^2, for attached vertices, whose places are known, and for those that touch a
+        neighbour, into which they would be moved.
     largest : float
         Distance in mm between surfaces that pose smoothness may cost.
     sweeps : int
@@ -113,7 +117,7 @@ def pose_laplacian(poses: Array) -> Array:
     Each row is a pose less the mean of the others, weighted by inverse distance.
     """
     distances = np.linalg.norm(poses[:, None] - poses[None], axis=2)
-    nearness = 1 / np.maximum(distances, 1e-3)  # rad; poses that coincide weigh alike
+    nearness = 1 / np.maximum(distances, COINCIDENT)
     np.fill_diagonal(nearness, 0.0)
     return np.eye(len(poses)) - nearness / nearness.sum(axis=1, keepdims=True)
 
@@ -168,7 +172,7 @@ def fit_pose_strains(
     descent = _Descent(blocks, space, options)
     alone = descent.largest(x)
     log.info("poses alone: largest distance %.3f mm", alone.max())
-    allowed = max(options.largest, 1.05 * alone.max())
+    allowed = max(options.largest, ALONE * alone.max())
     x, gamma, objectives = descent.with_largest_gamma(x, allowed)
     vertices = np.stack(x)
     return _result(rest, stretch, vertices, gamma, descent.largest(x), objectives)
@@ -249,10 +253,10 @@ class _Block:
         direction = -self.factor.solve(gradient.ravel()).reshape(-1, 3)
         slope = 2 * float((gradient * direction).sum())
         size = 1.0
-        while size > 1e-3:
+        while size > SHORTEST:
             trial = x + size * direction
             after = self.value(trial, field_)
-            if after <= before + 0.1 * size * slope and self.stretch.inverted(trial) <= inverted:
+            if after <= before + ARMIJO * size * slope and self.stretch.inverted(trial) <= inverted:
                 return trial, before - after
             size *= 0.5
         return x, 0.0
@@ -264,7 +268,7 @@ class _Block:
             self.linearise(x)
             self.factorise(0.0)
             x, decrease = self.step(x, nothing)
-            if decrease < 1e-4 * self.value(x, nothing):
+            if decrease < CONVERGED * self.value(x, nothing):
                 break
         self.linearise(x)
         return x
@@ -304,7 +308,7 @@ class _Descent:
                 s[k] = block.stretch(out[k])
                 decrease += gain
             objectives.append(self.objective(out, s, gamma))
-            if decrease < 1e-4 * objectives[-1]:
+            if decrease < CONVERGED * objectives[-1]:
                 break
         return out, objectives
 

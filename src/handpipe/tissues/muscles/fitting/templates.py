@@ -31,6 +31,8 @@ CLEARLY = 0.7  # of the error of the maps from the best similarity: a reason to 
 NEAR = 0.75  # of a bone's size: what attaches to it is nearer
 VERTEX_IDS = "Give {bone: [template vertex ids]}"  # the remedy for a malformed file of attachments
 FINEST = 0.4  # of the edge length that is asked for
+VOLUMES = (0.2, 5.0)  # times a template's volume: a bone's map beyond is wrong
+SIMILARITIES, AFFINITIES = 20, 20  # iterations of closest points, by each kind of map
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def register_bones(templates: Mapping[str, Surface], bones: Mapping[str, Surface
     starts = _similarities(templates, bones)
     if len(starts) == 1:
         return _registered(templates, bones, starts[0])
-    found = [_Turned.of(templates, bones, start) for start in starts]
+    found = [_Turned.register(templates, bones, start) for start in starts]
     log.info("template bones turned about their line: %s mm", np.round([f.error for f in found], 2))
     best = min(found, key=lambda f: f.error)
     best = best if best.error < CLEARLY * found[0].error else found[0]
@@ -85,7 +87,7 @@ def _refined(templates: Mapping[str, Surface], bones: Mapping[str, Surface], bes
     middle = centres.mean(axis=0)
     for angle in FINER:
         starts = [_turned(best.start, sign * angle, line, middle) for sign in (-1.0, 1.0)]
-        best = min([best, *(_Turned.of(templates, bones, s) for s in starts)], key=lambda f: f.error)
+        best = min([best, *(_Turned.register(templates, bones, s) for s in starts)], key=lambda f: f.error)
     return best
 
 
@@ -98,7 +100,7 @@ class _Turned:
     error: float
 
     @staticmethod
-    def of(templates: Mapping[str, Surface], bones: Mapping[str, Surface], start: Affine) -> _Turned:
+    def register(templates: Mapping[str, Surface], bones: Mapping[str, Surface], start: Affine) -> _Turned:
         maps = _registered(templates, bones, start)
         return _Turned(start, maps, _misfit(templates, bones, maps))
 
@@ -221,15 +223,15 @@ def _register(template: Surface, bone: Surface, start: Affine) -> Affine:
     source, back = sample_points(template, 2 * SAMPLES, seed=2), sample_points(bone, 2 * SAMPLES, seed=3)
     target = Distance(bone)
     guess = start
-    for iteration in range(40):
+    for iteration in range(SIMILARITIES + AFFINITIES):
         forth = target.closest(guess(source))[2]
         moved = template.moved(guess(template.vertices))
         _, triangles, at = Distance(moved).closest(back)
         inverse = np.linalg.inv(guess.matrix)
         origins = (at - guess.offset) @ inverse.T
         a, b = np.vstack([source, origins]), np.vstack([forth, back])
-        guess = fit_similarity(a, b) if iteration < 20 else _fit_affine(a, b)
-    if not 0.2 < np.linalg.det(guess.matrix) < 5:
+        guess = fit_similarity(a, b) if iteration < SIMILARITIES else _fit_affine(a, b)
+    if not VOLUMES[0] < np.linalg.det(guess.matrix) < VOLUMES[1]:
         raise ConvergenceError(
             "Template bone", f"its volume would change by {np.linalg.det(guess.matrix):.2f}"
         )
@@ -489,7 +491,7 @@ def require_near_bones(
     far = [(name, float(np.median(bone.closest(x)[0])), reach) for name, x, bone, reach in groups]
     name, distance, reach = max(far, key=lambda group: group[1] / group[2])
     problem = f"attaches to {name}, but is {distance:.3g} mm away from its template"
-    cause = likely_cause(near, 0.99)
+    cause = likely_cause(near)
     remedy = (
         f"It would fit if it is in {cause}" if cause else "Give templates of bones and organs in one frame"
     )

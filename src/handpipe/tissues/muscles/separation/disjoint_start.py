@@ -12,34 +12,34 @@ from handpipe.core import Array, ConvergenceError
 from handpipe.fem.solver import largest
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.tissues.muscles.separation.deflation import Deflation
-from handpipe.tissues.muscles.separation.overlap import Body, crossing, meet
+from handpipe.tissues.muscles.separation.overlap import Collider, crossing, meet
 
 log = logging.getLogger(__name__)
 
 FIRST_MARGIN = 0.05  # mm, first margin between a muscle and a bone
 MARGIN_GROWTH = 1.5  # growth of the margin in each further round: bones reach through large triangles
 LARGEST_MARGIN = 2.0  # mm
-ROUNDS = 60
+ROUNDS = 60  # at most
 MOST_PUSHES = 5  # of two fully deflated muscles, before they are smoothed farther
 DEPTHS = (
     0.3,
     1.0,
 )  # mm, largest penetration that a push resolves: deeper, its direction may be wrong
 LARGEST_MOTION = 8.0  # mm of a vertex: from farther away, muscles hardly grow back to their places
-SHORT_STEP, MOST_STEPS = 0.05, 40  # mm outside a bone in one step, and number of steps
+SHORT_STEP, MOST_STEPS = 0.05, 40  # mm and 1: way out of a bone in one step, and number of steps
 
 
 class Inseparable(ConvergenceError):
     """Muscles intersect however deflated: their attachments are inside one another, or cross."""
 
 
-def body_pairs(muscles: Sequence[Body], bones: Sequence[Body]) -> list[tuple[int, int]]:
+def body_pairs(muscles: Sequence[Collider], bones: Sequence[Collider]) -> list[tuple[int, int]]:
     """Pairs of muscle and muscle, or muscle and bone, as indices into muscles followed by bones."""
     m, b = len(muscles), len(bones)
     return [*combinations(range(m), 2), *((i, m + j) for i in range(m) for j in range(b))]
 
 
-def disjoint_start(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array] | None:
+def disjoint_start(muscles: Sequence[Collider], bones: Sequence[Collider]) -> list[Array] | None:
     """Vertices (n, 3) of each muscle at which no bodies intersect; None if none intersect at rest.
 
     Where muscles have to move far, a second attempt resolves deeper penetrations by pushes. The result that
@@ -71,7 +71,7 @@ def disjoint_start(muscles: Sequence[Body], bones: Sequence[Body]) -> list[Array
     return best
 
 
-def _deflated(muscles: Sequence[Body], bones: Sequence[Body], deepest: float) -> list[Array] | None:
+def _deflated(muscles: Sequence[Collider], bones: Sequence[Collider], deepest: float) -> list[Array] | None:
     """One attempt of `disjoint_start`: pushes resolve penetrations up to `deepest` mm."""
     bodies = [*muscles, *bones]
     starts = [_Start(b, bodies, deepest) for b in muscles]
@@ -101,7 +101,7 @@ class _Start:
     edges cut, no push direction is known, and the muscle is smoothed at once.
     """
 
-    def __init__(self, body: Body, bodies: Sequence[Body], deepest: float) -> None:
+    def __init__(self, body: Collider, bodies: Sequence[Collider], deepest: float) -> None:
         self._body, self._bodies, self._deepest = body, bodies, deepest
         self._margins = np.zeros(len(bodies))  # mm from each bone; zero: not pushed
         self._intersecting = np.zeros(

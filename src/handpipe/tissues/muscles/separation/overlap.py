@@ -14,7 +14,7 @@ from handpipe.mesh.surfaces import Distance, Surface, concatenate
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Collider:
     """A closed surface that may collide with others.
 
     Triangles with an attached vertex are tied: they collide with no bone and no other tied triangle.
@@ -63,7 +63,7 @@ class Body:
         return np.setdiff1d(np.arange(len(self.surface.vertices)), self.attached)
 
 
-def collision_filter(bodies: Sequence[Body], chosen: IntArray | None = None) -> ipctk.CollisionFilter:
+def collision_filter(bodies: Sequence[Collider], chosen: IntArray | None = None) -> ipctk.CollisionFilter:
     """Filter of the copies that may collide, bodies in order.
 
     Excluded are copies of one body, two fixed copies, and a tied copy with a tied or fixed one. `chosen` (n,)
@@ -83,7 +83,7 @@ def collision_filter(bodies: Sequence[Body], chosen: IntArray | None = None) -> 
     return apart & ipctk.make_vertex_patches_filter(group[of].astype(np.int32))
 
 
-def meet(a: Body, b: Body, at_a: Surface, at_b: Surface) -> bool:
+def meet(a: Collider, b: Collider, at_a: Surface, at_b: Surface) -> bool:
     """Whether two bodies at their current surfaces intersect, or one contains the other.
 
     The test is exact: every edge against every triangle, and winding numbers.
@@ -103,7 +103,7 @@ def _in_box(points: Array, other: Array) -> BoolArray:
     return ((points >= other.min(axis=0)) & (points <= other.max(axis=0))).all(axis=1)
 
 
-def _cut(a: Body, b: Body, xa: Array, xb: Array) -> bool:
+def _cut(a: Collider, b: Collider, xa: Array, xb: Array) -> bool:
     """Whether an edge of one body cuts a triangle of the other; only triangles in both boxes are tested."""
     (of_a, triangles_a), (of_b, triangles_b) = a.copies, b.copies
     xa, xb = xa[of_a], xb[of_b]
@@ -119,7 +119,7 @@ def _cut(a: Body, b: Body, xa: Array, xb: Array) -> bool:
     return bool(ipctk.has_intersections(mesh, at, ipctk.LBVH()))
 
 
-def crossing(a: Body, b: Body, xa: Array, xb: Array) -> IntArray:
+def crossing(a: Collider, b: Collider, xa: Array, xb: Array) -> IntArray:
     """Vertices (k,) of a whose edges or triangles, at xa (n, 3), cross those of b at xb (m, 3).
 
     As in `meet`, crossings of two tied triangles do not count.
@@ -144,7 +144,7 @@ def _reaching(x: Array, triangles: IntArray, low: Array, high: Array) -> IntArra
     return triangles[meets.all(axis=1)]
 
 
-def _probes(b: Body, xb: Array, xa: Array) -> IntArray:
+def _probes(b: Collider, xb: Array, xa: Array) -> IntArray:
     """Vertices of b that show whether b is inside a. Of a bone it is one: muscles attach inside it."""
     if not b.fixed:
         return b.free
@@ -156,7 +156,7 @@ def _inside(points: Array, surface: Surface) -> bool:
     return len(near) > 0 and bool(surface.contains(near).any())
 
 
-def depth(a: Body, xa: Array, other: Distance) -> float:
+def depth(a: Collider, xa: Array, other: Distance) -> float:
     """Penetration in mm of a's free vertices, edge midpoints and triangle centres into a surface."""
     triangles, edges = a.surface.triangles[~a.tied], a.surface.edges()
     edges = edges[~np.isin(edges, a.attached).any(axis=1)]

@@ -22,7 +22,7 @@ from handpipe.fem.solver import equilibrium
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import mass_lumped
 from handpipe.tissues.muscles.separation.disjoint_start import body_pairs, disjoint_start
-from handpipe.tissues.muscles.separation.overlap import Body, collision_filter, depth
+from handpipe.tissues.muscles.separation.overlap import Collider, collision_filter, depth
 from handpipe.tissues.muscles.separation.surface_energy import KeptVolumes, Plate, thin_plate, volume_gradient
 
 log = logging.getLogger(__name__)
@@ -35,6 +35,7 @@ LOOSE_TOLERANCE = 8.0  # tolerance of the solves with these barriers, times the 
 VISIBLE_STIFFNESS = 30.0  # resistance of a visible vertex to displacement, times that of a hidden one
 ATTACHMENT_STIFFNESS = 1e2  # of springs at attached vertices, times the vertex's own
 MOST_ROUNDS = 6  # rounds of the last solve; each changes the pressures
+FORCE_TOLERANCE = 1e-2  # of the solves: moves decide
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class SeparationOptions:
     iterations: int = 300
 
 
-NO_VOLUME = SeparationOptions(volume=np.inf)
+NO_VOLUME = SeparationOptions(volume=np.inf)  # surfaces alone: any change of volume is allowed
 
 
 @dataclass(frozen=True)
@@ -154,10 +155,10 @@ def separate(
     nothing = np.zeros(0, dtype=np.int64)
     scene = _Scene(
         [
-            Body(n, s, np.asarray((attached or {}).get(n, nothing)), visible=(visible or {}).get(n))
+            Collider(n, s, np.asarray((attached or {}).get(n, nothing)), visible=(visible or {}).get(n))
             for n, s in muscles.items()
         ],
-        [Body(n, s, nothing, fixed=True) for n, s in fixed.items()],
+        [Collider(n, s, nothing, fixed=True) for n, s in fixed.items()],
     )
     rest = scene.rest()
     before = scene.penetration(rest)
@@ -173,8 +174,8 @@ def separate(
 class _Scene:
     """Muscles, with their vertices concatenated in x (N, 3), and bones."""
 
-    muscles: list[Body]
-    bones: list[Body]
+    muscles: list[Collider]
+    bones: list[Collider]
 
     @property
     def parts(self) -> list[slice]:
@@ -218,7 +219,7 @@ class _Scene:
         )
 
 
-def _joined(bones: Sequence[Body]) -> tuple[Array, IntArray] | None:
+def _joined(bones: Sequence[Collider]) -> tuple[Array, IntArray] | None:
     if not bones:
         return None
     starts = np.cumsum([0, *(len(b.surface.vertices) for b in bones)])
@@ -234,7 +235,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     barrier = scene.barrier(start, options.clearance)
     settings = equilibrium.Options(
         displacement_tolerance=options.tolerance,
-        force_tolerance=1e-2,
+        force_tolerance=FORCE_TOLERANCE,
         max_iterations=options.iterations,
         allow_partial=True,
         untangle=False,
@@ -263,7 +264,7 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     raise ConvergenceError("Separation of muscles", problem)
 
 
-def _plate(body: Body, reach: float) -> sparse.csr_matrix:
+def _plate(body: Collider, reach: float) -> sparse.csr_matrix:
     """Stiffness (n, n) of a muscle's surface, with springs at attached and visible vertices."""
     plate = thin_plate(body.surface, reach)
     pull = np.zeros(plate.shape[0])

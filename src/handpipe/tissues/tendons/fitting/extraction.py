@@ -16,8 +16,9 @@ from handpipe.tissues.tendons.rods.rod import resample, tangents
 
 SPACING = 1.2  # mm, length of a segment
 SMOOTHING = 2.5  # mm; wiggles of the centres shorter than this are noise
-ROUNDS = 8
+ROUNDS = 8  # of centres and radii
 CLEARANCE = 0.5  # of the radius that a tendon's centre keeps from bone at least
+LEAST_WEIGHT = 1e-3  # of a section that was not found
 
 
 @dataclass(frozen=True)
@@ -95,12 +96,12 @@ def extract(
         found = tubes.darkness_centre(volume, x, tangents(x), radius, bones, iterations=1)
         x = resample(_through_centres(x, found, spacing), spacing)
     found = tubes.darkness_centre(volume, x, tangents(x), radius, bones)
-    radii = smoothed(found.radii[:, None], found.confidence + 1e-3, spacing, 2.0 * SMOOTHING)[:, 0]
+    radii = smoothed(found.radii[:, None], found.confidence + LEAST_WEIGHT, spacing, 2.0 * SMOOTHING)[:, 0]
     return NeutralTendon(x, radii, found.confidence, tubes.tube_surface(volume, x, radius, bones))
 
 
 def _through_centres(x: Array, found: tubes.Sections, spacing: float) -> Array:
-    weights = found.confidence + 1e-3
+    weights = found.confidence + LEAST_WEIGHT
     return smoothed(found.centres, weights, spacing, SMOOTHING)
 
 

@@ -21,6 +21,7 @@ from handpipe.tissues.tendons.rods.rod import closest_on_rod, tangents
 log = logging.getLogger(__name__)
 
 FindCentres = Callable[[Array, Array], tuple[Array, Array]]
+SURFACE = 50.0  # c4 : c1 of Zheng 2022, Table 2
 
 
 @dataclass(frozen=True)
@@ -30,11 +31,11 @@ class Settings:
     largest_turn: float = 0.26  # rad of the bones between two solves of stage 1
     rigid_spacing: float = 4.0  # mm between the rigid points of stage 1
     rigid_weight: float = 0.95  # skinning weight from which a point counts as rigid to its bone
-    rigid_smoothing: float = 2.0
-    centre_rounds: int = 20
-    centre_smoothing: float = 1.0
-    surface_smoothing: float = 1.0
-    surface_rounds: int = 30
+    rigid_smoothing: float = 2.0  # mm, of stage 1
+    centre_rounds: int = 20  # of stage 2, at most
+    centre_smoothing: float = 1.0  # mm, of stage 2
+    surface_smoothing: float = 1.0  # mm, of stage 3
+    surface_rounds: int = 30  # of stage 3, at most
     surface_step: float = 5e-3  # mm; stage 3 ends where no vertex moves more
 
 
@@ -135,7 +136,7 @@ def fit_surface(
     `centres`, hooks of stage 2, are kept with the surface's stiffness: where the surface is not trusted,
     and at the free end, they hold the rod better than its bending.
     """
-    stiffness = 50.0 * PULL  # c4 : c1 of Table 2
+    stiffness = SURFACE * PULL
     bend = Bend(stiffness * settings.surface_smoothing**4, tendon.length)
     first, twist = tendon.first_normal(bones), np.zeros(len(x) - 1)
     fit = SurfaceFit(tendon.tube, target, first, stiffness, tendon.length, twist)

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from handpipe.core import Array, IntArray
+from handpipe.core import Array, IntArray, robust
 from handpipe.mesh.surfaces import Distance
 from handpipe.tissues.tendons.rods.energies import REACH
 from handpipe.tissues.tendons.rods.rod import directions, frames
 from handpipe.tissues.tendons.rods.tube import SEGMENTS, Tube
+
+LEAST_SPREAD = 0.25  # mm, of the bulk
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,8 @@ class Target:
             return closest, target_normals, np.zeros(len(points))
         offset = np.sum((points - closest) * target_normals, axis=1)
         centre = np.median(offset[believed])
-        spread = max(1.4826 * float(np.median(np.abs(offset[believed] - centre))), 0.25)
-        weights = np.maximum(1.0 - ((offset - centre) / (4.685 * spread)) ** 2, 0.0) ** 2
+        spread = max(robust.NORMAL * float(np.median(np.abs(offset[believed] - centre))), LEAST_SPREAD)
+        weights = np.maximum(1.0 - ((offset - centre) / (robust.TUKEY * spread)) ** 2, 0.0) ** 2
         return closest, target_normals, np.where(believed, weights, 0.0)
 
 

@@ -14,6 +14,8 @@ from handpipe.tissues.tendons.fitting.surface_fit import SurfaceFit
 from handpipe.tissues.tendons.rods.rod import frames
 from handpipe.tissues.tendons.rods.tube import SEGMENTS
 
+CONVEX = 0.1  # least cosine of a twist in the Hessian, which keeps it positive
+
 
 def twist_energy(angles: Array, anchor: float = 1.0) -> float:
     """-sum cos(a_i+1 - a_i) - anchor cos(a_1) of angles (Q,) in rad, `anchor` the paper's c3."""
@@ -32,11 +34,11 @@ def twist_gradient(angles: Array, anchor: float = 1.0) -> Array:
 
 def _twist_bands(angles: Array, anchor: float) -> Array:
     """Upper bands (SEGMENTS, Q) of the Hessian of `twist_energy`, kept positive."""
-    c = np.maximum(np.cos(np.diff(angles)), 0.1)
+    c = np.maximum(np.cos(np.diff(angles)), CONVEX)
     bands = np.zeros((SEGMENTS, len(angles)))
     bands[-1, 1:] += c
     bands[-1, :-1] += c
-    bands[-1, 0] += anchor * max(np.cos(angles[0]), 0.1)
+    bands[-1, 0] += anchor * max(np.cos(angles[0]), CONVEX)
     bands[-2, 1:] -= c
     return bands
 

@@ -17,6 +17,7 @@ from handpipe.core import Array, BoolArray, IntArray
 
 REACH = 3  # vertices i and i + REACH may share a term, no further
 RETURNS = 3  # times that a hook may hold a rod again in one solve
+BISECTIONS = 80  # at most, to the least energy between two hooks
 
 
 class RodEnergy(Protocol):
@@ -242,7 +243,7 @@ def _closest_on_piece(a: Array, b: Array, c: Array) -> tuple[float, float]:
         t = high
         if c0 + low * (c1 + low * (c2 + low * c3)) < 0.0 < c0 + high * (c1 + high * (c2 + high * c3)):
             t = 0.5 * (low + high)
-            for _ in range(80):
+            for _ in range(BISECTIONS):
                 slope = c0 + t * (c1 + t * (c2 + t * c3))
                 low, high = (t, high) if slope < 0.0 else (low, t)
                 curvature = c1 + t * (2.0 * c2 + 3.0 * t * c3)

@@ -26,6 +26,7 @@ LEAST_ADDED, MOST_ADDED = 1e-3, 1e8  # tension that is added to keep a descent, 
 PENALTY = 1e6  # on constraints, over the largest second derivative
 EXACT = 1.0  # up to this added tension hooks give their whole second derivative, beyond it a convex part
 BAND = 4 * REACH + 2  # unknowns are ordered x_0, multiplier_0, x_1, multiplier_1, ...
+ARMIJO = 1e-4  # share of the decrease of a rod's energy, as predicted, that a step must bring
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,9 @@ class Options:
     `smallest_step` in mm ends the solution as well.
     """
 
-    tolerance: float = 1e-7
-    smallest_step: float = 1e-7
-    max_iterations: int = 200
+    tolerance: float = 1e-7  # unbalanced lateral force over the largest tension
+    smallest_step: float = 1e-7  # mm
+    max_iterations: int = 200  # of one solve
     largest_turn: float = 0.5  # rad a step
     accept_unfinished: bool = False  # after `max_iterations`, for callers that iterate themselves
 
@@ -213,7 +214,7 @@ def _descend(
             turn, slope = _newton_turn(blocks, stiffness, gradient, d, length)
             share = min(1.0, options.largest_turn / max(float(np.linalg.norm(turn, axis=1).max()), 1e-300))
             trial = _turned(x[0], d, share * turn, length)
-            if sum(energy.value(trial) for energy in energies) <= before + 1e-4 * share * slope + rounding:
+            if sum(energy.value(trial) for energy in energies) <= before + ARMIJO * share * slope + rounding:
                 less = added / 10.0 if added > LEAST_ADDED * force else 0.0
                 return trial, length * float(np.abs(np.cumsum(turn, axis=0)).max()), less
         added = max(4.0 * added, LEAST_ADDED * force)

@@ -13,7 +13,7 @@ from handpipe.tissues.tendons.rods.rod import directions, frames, lay, perpendic
 from handpipe.tissues.tendons.rods.tube import Tube, round_surface
 
 PULL = 0.5  # c1 |f| of Zheng et al. 2022, Table 2: the tension of the rod
-SIDES = 16
+SIDES = 16  # of a tube's section
 
 
 @dataclass(frozen=True)
