@@ -15,6 +15,8 @@ Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
 COINCIDENT = 1e-9  # rad, or a share of the points' spread; closer poses are one
 # rad, or shares of the points' spread; examples that spread less in a direction tell no slope along it.
 LINEAR_SPREAD = 0.1
+# Sum of absolute weights, at most: 1 to 1.6 between examples, 5 to 8 at joints' limits that no example nears.
+FARTHEST = 2.0
 
 
 def ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
@@ -223,13 +225,18 @@ class PoseSpace:
         if here.any():
             return here / here.sum()
         if self.interpolation == "rbf":
-            return self._rbf_weights(pose, distances)
-        nearness = (distances.min() / distances) ** (2 if self.interpolation == "inverse-square" else 1)
-        return nearness / nearness.sum()
+            return bounded(self._rbf_weights(pose, distances), self._near_weights(distances, 1))
+        return self._near_weights(distances, 2 if self.interpolation == "inverse-square" else 1)
 
     def interpolate(self, values: Array, bones: Mapping[str, RigidTransform]) -> Array:
         """Values (...) in a pose from values (N, ...) at the examples (Zheng 2022, Eq. 2)."""
         return np.tensordot(self.weights(bones), values, axes=1)
+
+    @staticmethod
+    def _near_weights(distances: Array, power: int) -> Array:
+        """Positive weights (N,) that fall with a power of the examples' distances (N,)."""
+        nearness = (distances.min() / distances) ** power
+        return nearness / nearness.sum()
 
     def _rbf_weights(self, pose: Array, distances: Array) -> Array:
         """Solve the saddle-point system of linear radial functions under reproduction of the linear part."""
@@ -276,3 +283,25 @@ class PoseSpace:
             group["interpolation"],
             dict(group.get("points", {})),
         )
+
+
+def bounded(weights: Array, near: Array, most: float = FARTHEST) -> Array:
+    """Weights that extrapolate no farther than a bound, moved towards positive weights where they do.
+
+    Parameters
+    ----------
+    weights, near : array (N,)
+        Weights of any sign, and positive ones; both sum to one.
+    most : float
+        Largest sum of absolute weights, above one.
+
+    Returns
+    -------
+    array (N,)
+        `weights` themselves where their absolute values sum to `most` or less; they change continuously
+        beyond.
+    """
+    size = float(np.abs(weights).sum())
+    if size <= most:
+        return weights
+    return near + (most - 1.0) / (size - 1.0) * (weights - near)
