@@ -211,8 +211,14 @@ class PoseSpace:
         return float(pdist(self.examples).min(initial=np.inf))
 
     def vector(self, bones: Mapping[str, RigidTransform]) -> Array:
-        """Pose vector (d,) of bone transforms from neutral."""
-        return _vector(self.bones, self.reference, self.points, bones)
+        """Pose vector (d,) of bone transforms from neutral.
+
+        A rotation has two vectors, in opposite directions, whose lengths sum to a full turn: taken is the one
+        nearer to an example. Two joints that bend by more than half a turn together would else count as bent
+        backwards.
+        """
+        found = _vector(self.bones, self.reference, self.points, bones)
+        return found if self.points else _unwound(found, self.examples)
 
     def weights(self, bones: Mapping[str, RigidTransform]) -> Array:
         """Weights (N,) of the examples in a pose; they sum to one and are exact at the examples."""
@@ -283,6 +289,22 @@ class PoseSpace:
             group["interpolation"],
             dict(group.get("points", {})),
         )
+
+
+def _unwound(vector: Array, examples: Array) -> Array:
+    """Rotation vectors (3 k,), each of the two that are equal taken which is nearer to an example or to none.
+
+    examples: (N, 3 k). Vectors up to half a turn stay as they are unless an example lies beyond it.
+    """
+    own = vector.reshape(-1, 3)
+    known = np.concatenate([np.zeros((1, *own.shape)), examples.reshape(-1, *own.shape)])
+    angles = np.linalg.norm(own, axis=1, keepdims=True)
+    other = own * (1.0 - 2.0 * np.pi / np.maximum(angles, COINCIDENT))
+
+    def distance(to: Array) -> Array:
+        return np.linalg.norm(known - to, axis=2).min(axis=0)
+
+    return np.where((distance(other) < distance(own))[:, None], other, own).ravel()
 
 
 def bounded(weights: Array, near: Array, most: float = FARTHEST) -> Array:
