@@ -147,7 +147,7 @@ class PoseSpace:
         "inverse-distance" (Zheng 2022) is positive and has kinks at the examples. "inverse-square" is
         positive and smooth, but flat at the examples. "rbf" is linear radial basis functions with a linear
         part, which follow trends at the price of negative weights, for quantities that may be extrapolated,
-        such as logarithms of strains.
+        such as logarithms of strains. Far from all examples these weights are `bounded`.
     points : mapping of str to array (k, 3)
         Points of each bone in neutral, in mm; empty for rotation vectors.
 
@@ -234,6 +234,14 @@ class PoseSpace:
             return bounded(self._rbf_weights(pose, distances), self._near_weights(distances, 1))
         return self._near_weights(distances, 2 if self.interpolation == "inverse-square" else 1)
 
+    def extrapolates(self, bones: Mapping[str, RigidTransform]) -> bool:
+        """Whether a pose is so far from the examples that its weights are bounded."""
+        pose = self.vector(bones)
+        distances = np.linalg.norm(self.examples - pose, axis=1)
+        if self.interpolation != "rbf" or (distances < COINCIDENT).any():
+            return False
+        return bool(np.abs(self._rbf_weights(pose, distances)).sum() > FARTHEST)
+
     def interpolate(self, values: Array, bones: Mapping[str, RigidTransform]) -> Array:
         """Values (...) in a pose from values (N, ...) at the examples (Zheng 2022, Eq. 2)."""
         return np.tensordot(self.weights(bones), values, axes=1)
@@ -297,7 +305,7 @@ def _unwound(vector: Array, examples: Array) -> Array:
     examples: (N, 3 k). Vectors up to half a turn stay as they are unless an example lies beyond it.
     """
     own = vector.reshape(-1, 3)
-    known = np.concatenate([np.zeros((1, *own.shape)), examples.reshape(-1, *own.shape)])
+    known = np.concatenate([np.zeros((1, *own.shape)), examples.reshape(len(examples), *own.shape)])
     angles = np.linalg.norm(own, axis=1, keepdims=True)
     other = own * (1.0 - 2.0 * np.pi / np.maximum(angles, COINCIDENT))
 
