@@ -147,7 +147,7 @@ def test_a_start_that_leads_into_skin_is_followed_by_the_next(monkeypatch):
 
 
 def test_a_further_start_whose_bodies_leave_no_room_is_not_tried(monkeypatch):
-    """Cores 2.4 mm apart hold prongs that are 6 mm thick: the second start lies as deep in itself as the first."""
+    """Cores 2.2 mm apart hold prongs 6 mm thick: the second start lies as deep in itself as the first."""
     motions, body = together(3.9), tissue()
     crowded = start(motions)
     assert body.overlap(crowded) > 3.0
