@@ -289,9 +289,7 @@ class Tissue:
         """Starts (n, 3), without those deep in themselves once something is found."""
         for start in starts:
             if found and self.overlap(start) >= LOST:
-                log.info(
-                    "soft tissue: a start with skin %.2f mm in itself is not tried", self.overlap(start)
-                )
+                log.info("soft tissue: a start with skin %.2f mm in itself is not tried", self.overlap(start))
                 continue
             yield start
 
