@@ -76,3 +76,10 @@ def test_a_group_keeps_everything(spaces):
     np.testing.assert_array_equal(
         again.interpolate(VALUES, NEAR, pose), spaces.interpolate(VALUES, NEAR, pose)
     )
+
+
+def test_bones_far_from_all_examples_are_named():
+    poses = {name: bent(*angles) for name, angles in (("open", (0, 0)), ("a", (0.2, 0.3)), ("b", (0.1, 0.5)))}
+    spaces = LocalPoseSpaces.build(BONES, PARENTS, poses, "rbf")
+    assert spaces.extrapolated(bent(0.15, 0.4)) == []
+    assert spaces.extrapolated(bent(0.2, 1.5)) == ["palm", "little1", "little2"]

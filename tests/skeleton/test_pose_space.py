@@ -4,7 +4,13 @@ from manufactured import turn
 
 from handpipe.core import artifacts
 from handpipe.core.rigid import RigidTransform
-from handpipe.skeleton.posing.pose_space import PoseSpace, felt_vector, pose_vector, reference_bone
+from handpipe.skeleton.posing.pose_space import (
+    FARTHEST,
+    PoseSpace,
+    felt_vector,
+    pose_vector,
+    reference_bone,
+)
 
 PARENTS = {"proximal": "metacarpal", "middle": "proximal"}
 BONES = ("metacarpal", "proximal", "middle")
@@ -73,14 +79,47 @@ def test_the_reference_has_most_controlling_descendants():
     assert pose_vector(("proximal", "middle"), "proximal", pose(1.0, 0.2, 0.5)) == pytest.approx([0, 0.5, 0])
 
 
-def test_rbf_reproduces_linear_functions_also_beyond_the_examples():
+def test_rbf_reproduces_linear_functions_also_a_little_beyond_the_examples():
     rng = np.random.default_rng(1)
     examples = rng.normal(size=(9, 3))
     s = PoseSpace(("a", "b"), "a", examples, tuple("123456789"), "rbf")
     slope, offset = rng.normal(size=(3, 4)), rng.normal(size=4)
-    for scale in (0.3, 3.0):
-        at = scale * rng.normal(size=3)
+    for scale in (0.3, 1.2):
+        at = scale * examples[0]
         assert np.allclose(s.weights_at(at) @ (examples @ slope + offset), at @ slope + offset, atol=1e-9)
+
+
+def test_rbf_extrapolates_within_a_bound_without_a_jump():
+    """The joints of a hand reach three times as far as examples that bend little."""
+    little = {n: pose(*b) for n, b in {"neutral": (0.0,), "a": (0.4, 0.1, 0.1), "b": (0.1, 0.0, 0.6)}.items()}
+    s = PoseSpace.build(BONES, PARENTS, {**little, "c": pose(0.3, -0.2, 0.3)}, "rbf")
+    way = [s.weights(pose(1.5 * t, 0.3 * t, 1.4 * t)) for t in np.linspace(0.05, 1.0, 400)]
+    sizes = np.abs(way).sum(axis=1)
+    assert sizes[0] < 1.5 and 1.5 < sizes.max() <= FARTHEST + 1e-12
+    assert np.allclose(np.sum(way, axis=1), 1.0)
+    assert np.abs(np.diff(way, axis=0)).max() < 0.05
+    assert s.extrapolates(pose(1.5, 0.3, 1.4)) and not s.extrapolates(pose(0.2, 0.0, 0.3))
+    assert not any(s.extrapolates(example) for example in little.values())
+
+
+@pytest.mark.parametrize("bend", [1.7, 1.8, 2.2])
+def test_joints_that_bend_by_more_than_half_a_turn_together_count_as_bent(bend):
+    s = space("rbf")
+    assert s.vector(pose(1.5, 0.0, bend)) == pytest.approx([0.0, 1.5, 0.0, 0.0, 1.5 + bend, 0.0])
+    fist = list(EXAMPLES).index("fist")
+    assert s.weights(pose(1.5, 0.0, bend))[fist] > 0.5
+
+
+def test_rotations_below_half_a_turn_keep_their_bits():
+    s, rng = space("rbf"), np.random.default_rng(5)
+    for angles in rng.uniform([-0.4, -0.3, -0.1], [1.5, 0.3, 1.5], size=(50, 3)):
+        assert np.array_equal(s.vector(pose(*angles)), pose_vector(BONES, "metacarpal", pose(*angles)))
+
+
+def test_one_bone_alone_has_no_rotation_to_tell():
+    s = PoseSpace.build(["a"], {}, {"p": {"a": RigidTransform.identity()}}, "rbf")
+    moved = {"a": RigidTransform(turn([0, 2.0, 0]), np.ones(3))}
+    assert s.weights(moved) == pytest.approx([1.0]) and not s.extrapolates(moved)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])

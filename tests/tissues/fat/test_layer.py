@@ -50,6 +50,19 @@ def test_strains_and_nails_are_those_of_the_examples():
     np.testing.assert_allclose(half, np.exp(0.05), rtol=1e-6)
 
 
+def test_a_pose_far_from_the_examples_is_warned_of(caplog):
+    tissue = limb(Region.fixed)
+    poses = {"neutral": REST, "little": _bent(0.3), "more": _bent(0.6)}
+    spaces = LocalPoseSpaces.build(("root", "core"), {"core": "root"}, poses, "rbf")
+    strains = FatStrains(spaces, np.zeros((3, len(tissue.mesh.tets), 6)), {})
+    layer = TissueLayer("fat", tissue, strains)
+    for angle, warned in ((0.45, False), (2.0, True)):
+        caplog.clear()
+        bones = _bent(angle)
+        layer._warn_beyond(Frame("fist", {}, bones))
+        assert ("fat of fist: no example is near around root, core" in caplog.text) == warned
+
+
 def test_an_example_is_sought_from_where_its_strains_were_found():
     tissue, bent = limb(Region.fixed), _bent(0.5)
     rng = np.random.default_rng(0)

@@ -146,6 +146,20 @@ def test_a_start_that_leads_into_skin_is_followed_by_the_next(monkeypatch):
     assert len(searches) == 3 and settled.rests and body.overlap(settled.x) < 0.16
 
 
+def test_a_further_start_whose_bodies_leave_no_room_is_not_tried(monkeypatch):
+    """Cores 2.2 mm apart hold prongs 6 mm thick: the second start lies as deep in itself as the first."""
+    motions, body = together(3.9), tissue()
+    crowded = start(motions)
+    assert body.overlap(crowded) > 3.0
+    searches = _led_astray(monkeypatch, motions, 9)
+    monkeypatch.setattr(Tissue, "opened", lambda self, *given, **_: given[3])
+    one = body.at_rest(below(motions), BASE, None, [start(together(1.5)), crowded, crowded])
+    assert len(searches) == 1 + 1 and body.overlap(one.x) > 3.0
+    del searches[:]
+    body.at_rest(below(motions), BASE, None, [start(together(1.5)), start(together(2.5))])
+    assert len(searches) == 2 + 2
+
+
 def test_without_an_equilibrium_from_any_start_there_is_no_result(monkeypatch):
     def none(self, *arguments):
         raise ConvergenceError("soft tissue", "none from here")

@@ -84,6 +84,21 @@ class LocalPoseSpaces:
         weights = sum(np.outer(share, self.spaces[b].weights(bones)) for b, share in near.items())
         return np.einsum("mn,nm...->m...", weights, values)
 
+    def extrapolated(self, bones: Mapping[str, RigidTransform]) -> list[str]:
+        """Bones around which a pose is so far from the examples that weights are bounded.
+
+        Parameters
+        ----------
+        bones : mapping of str to RigidTransform
+            Transforms of the pose from neutral.
+
+        Returns
+        -------
+        list of str
+            Names, in the order of the spaces.
+        """
+        return [bone for bone, space in self.spaces.items() if space.extrapolates(bones)]
+
     def to_group(self) -> dict[str, Any]:
         """Content for an artifact's group."""
         return {bone: space.to_group() for bone, space in self.spaces.items()}

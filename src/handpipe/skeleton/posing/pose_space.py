@@ -15,6 +15,8 @@ Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
 COINCIDENT = 1e-9  # rad, or a share of the points' spread; closer poses are one
 # rad, or shares of the points' spread; examples that spread less in a direction tell no slope along it.
 LINEAR_SPREAD = 0.1
+# Sum of absolute weights, at most: 1 to 1.6 between examples, 5 to 8 at joints' limits that no example nears.
+FARTHEST = 2.0
 
 
 def ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
@@ -145,7 +147,7 @@ class PoseSpace:
         "inverse-distance" (Zheng 2022) is positive and has kinks at the examples. "inverse-square" is
         positive and smooth, but flat at the examples. "rbf" is linear radial basis functions with a linear
         part, which follow trends at the price of negative weights, for quantities that may be extrapolated,
-        such as logarithms of strains.
+        such as logarithms of strains. Far from all examples these weights are `bounded`.
     points : mapping of str to array (k, 3)
         Points of each bone in neutral, in mm; empty for rotation vectors.
 
@@ -209,8 +211,14 @@ class PoseSpace:
         return float(pdist(self.examples).min(initial=np.inf))
 
     def vector(self, bones: Mapping[str, RigidTransform]) -> Array:
-        """Pose vector (d,) of bone transforms from neutral."""
-        return _vector(self.bones, self.reference, self.points, bones)
+        """Pose vector (d,) of bone transforms from neutral.
+
+        A rotation has two vectors, in opposite directions, whose lengths sum to a full turn: taken is the one
+        nearer to an example. Two joints that bend by more than half a turn together would else count as bent
+        backwards.
+        """
+        found = _vector(self.bones, self.reference, self.points, bones)
+        return found if self.points else _unwound(found, self.examples)
 
     def weights(self, bones: Mapping[str, RigidTransform]) -> Array:
         """Weights (N,) of the examples in a pose; they sum to one and are exact at the examples."""
@@ -223,13 +231,26 @@ class PoseSpace:
         if here.any():
             return here / here.sum()
         if self.interpolation == "rbf":
-            return self._rbf_weights(pose, distances)
-        nearness = (distances.min() / distances) ** (2 if self.interpolation == "inverse-square" else 1)
-        return nearness / nearness.sum()
+            return bounded(self._rbf_weights(pose, distances), self._near_weights(distances, 1))
+        return self._near_weights(distances, 2 if self.interpolation == "inverse-square" else 1)
+
+    def extrapolates(self, bones: Mapping[str, RigidTransform]) -> bool:
+        """Whether a pose is so far from the examples that its weights are bounded."""
+        pose = self.vector(bones)
+        distances = np.linalg.norm(self.examples - pose, axis=1)
+        if self.interpolation != "rbf" or (distances < COINCIDENT).any():
+            return False
+        return bool(np.abs(self._rbf_weights(pose, distances)).sum() > FARTHEST)
 
     def interpolate(self, values: Array, bones: Mapping[str, RigidTransform]) -> Array:
         """Values (...) in a pose from values (N, ...) at the examples (Zheng 2022, Eq. 2)."""
         return np.tensordot(self.weights(bones), values, axes=1)
+
+    @staticmethod
+    def _near_weights(distances: Array, power: int) -> Array:
+        """Positive weights (N,) that fall with a power of the examples' distances (N,)."""
+        nearness = (distances.min() / distances) ** power
+        return nearness / nearness.sum()
 
     def _rbf_weights(self, pose: Array, distances: Array) -> Array:
         """Solve the saddle-point system of linear radial functions under reproduction of the linear part."""
@@ -276,3 +297,41 @@ class PoseSpace:
             group["interpolation"],
             dict(group.get("points", {})),
         )
+
+
+def _unwound(vector: Array, examples: Array) -> Array:
+    """Rotation vectors (3 k,), each of the two that are equal taken which is nearer to an example or to none.
+
+    examples: (N, 3 k). Vectors up to half a turn stay as they are unless an example lies beyond it.
+    """
+    own = vector.reshape(-1, 3)
+    known = np.concatenate([np.zeros((1, *own.shape)), examples.reshape(len(examples), *own.shape)])
+    angles = np.linalg.norm(own, axis=1, keepdims=True)
+    other = own * (1.0 - 2.0 * np.pi / np.maximum(angles, COINCIDENT))
+
+    def distance(to: Array) -> Array:
+        return np.linalg.norm(known - to, axis=2).min(axis=0)
+
+    return np.where((distance(other) < distance(own))[:, None], other, own).ravel()
+
+
+def bounded(weights: Array, near: Array, most: float = FARTHEST) -> Array:
+    """Weights that extrapolate no farther than a bound, moved towards positive weights where they do.
+
+    Parameters
+    ----------
+    weights, near : array (N,)
+        Weights of any sign, and positive ones; both sum to one.
+    most : float
+        Largest sum of absolute weights, above one.
+
+    Returns
+    -------
+    array (N,)
+        `weights` themselves where their absolute values sum to `most` or less; they change continuously
+        beyond.
+    """
+    size = float(np.abs(weights).sum())
+    if size <= most:
+        return weights
+    return near + (most - 1.0) / (size - 1.0) * (weights - near)

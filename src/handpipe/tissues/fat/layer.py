@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +15,8 @@ from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import LocalPoseSpaces
 from handpipe.tissues.fat.nails import from_vector
 from handpipe.tissues.fat.tissue import Tissue
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,13 @@ class TissueLayer:
             transforms[name] = bones[part.bone] @ correction
         return transforms
 
+    def _warn_beyond(self, frame: Frame) -> None:
+        """Name the bones around which no example is near."""
+        beyond = self.strains.spaces.extrapolated(frame.bones) if self.strains else []
+        if beyond:
+            text = "%s of %s: no example is near around %s; its strains are those of a pose nearer to them"
+            log.warning(text, self.name, frame.name, ", ".join(beyond))
+
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """Skin surface and tissue tets at equilibrium.
 
@@ -129,6 +139,7 @@ class TissueLayer:
             Where there is no equilibrium, or tets are inverted.
         """
         tissue, bones = self.tissue, frame.bones
+        self._warn_beyond(frame)
         rigid, strains = self.rigid(bones), self.plastic_strains(bones)
         settled = tissue.at_rest(below, rigid, strains, self.starts(bones))
         x = settled.x

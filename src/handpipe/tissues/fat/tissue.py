@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -33,6 +33,7 @@ OPTIONS = Options(
 # noise; gross is more than the mean error of any model of the skin: its figures would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
 CROWDED = 0.5  # mm of the skin's self-penetration, at the start or the end, from which tissue is shrunk
+LOST = 3.0  # mm of a further start's self-penetration, from which it leads where the first one led
 SIZES = (0.75, 0.9)  # relative sizes of the shrunk tissue, in turn; at 0.6 thin places are crushed
 SOFTEST = 1e-3  # of the constraints' stiffness, where they stiffen in steps
 
@@ -257,7 +258,8 @@ class Tissue:
         Self-penetration is that of the skin. Starts are tried in turn, by way of smaller sizes where their
         skin lies in itself. A start whose skin did not is tried again by way of smaller sizes if the
         equilibrium's skin does. Where every equilibrium has self-penetration, the one with the least is
-        taken.
+        taken. Once there is an equilibrium, starts with skin 3 mm or more in itself are not tried: their
+        bodies leave no room, and that is the pose's fault.
 
         Raises
         ------
@@ -266,7 +268,7 @@ class Tissue:
         """
         found: list[Settled] = []
         failure: ConvergenceError | None = None
-        for way in self._ways(below, rigid, strains, starts):
+        for way in self._ways(below, rigid, strains, self._worth_trying(starts, found)):
             if found:
                 log.info(
                     "soft tissue: skin self-penetration %.2f mm; retrying from the next start",
@@ -284,12 +286,20 @@ class Tissue:
             raise failure
         return min(found, key=lambda settled: self.overlap(settled.x))
 
+    def _worth_trying(self, starts: Iterable[Array], found: Sequence[Settled]) -> Iterator[Array]:
+        """Starts (n, 3), without those deep in themselves once something is found."""
+        for start in starts:
+            if found and self.overlap(start) >= LOST:
+                log.info("soft tissue: a start with skin %.2f mm in itself is not tried", self.overlap(start))
+                continue
+            yield start
+
     def _ways(
         self,
         below: Mapping[str, Shapes],
         rigid: Mapping[str, RigidTransform],
         strains: Array | None,
-        starts: Sequence[Array],
+        starts: Iterable[Array],
     ) -> Iterator[Array]:
         """Initial guesses (n, 3): each start, opened if it has to be, then opened anyway."""
         for start in starts:
