@@ -47,8 +47,8 @@ def blurred_shells(
         thickness = (whole.volume() - marrow.volume()) / (0.5 * (whole.area() + marrow.area()))
         if thickness < UNRESOLVED * width:
             found[name] = (
-                f"its shell looks {thickness:.1f} mm thick, hardly more than the voxels of {width:.1f} mm that "
-                f"were acquired and interpolated to {np.min(volume.spacing):.1f} mm: it may be thinner, and the "
-                "bone's surface off by some of the difference"
+                f"its shell looks {thickness:.1f} mm thick, hardly more than the voxels of {width:.1f} mm "
+                f"that were acquired, and interpolated to {np.min(volume.spacing):.1f} mm: it may be "
+                "thinner, and the bone's surface off by some of the difference"
             )
     return dict(sorted(found.items()))

@@ -9,9 +9,10 @@ from scipy import fft, ndimage
 from handpipe.core import Array
 from handpipe.imaging.volumes.volume import Volume
 
-STEP = 0.4  # decades by which the power falls more at the end of what was acquired than to either side
+STEP = 0.35  # decades by which the power falls more at the end of what was acquired than to either side
 WIDTH = 0.06  # of the finest wave number, over which the power is compared on either side
-LEAST = 0.45  # of the finest wave number: scanners interpolate to voxels of a half at most
+LEAST = 0.5  # of the finest wave number: scanners interpolate to voxels of a half at most
+BODY = 0.5  # of the highest mean along a line, from which a line passes through the body
 FEWEST = 24  # voxels along an axis, of which a spectrum is told
 
 
@@ -39,9 +40,12 @@ def _acquired(values: NDArray, axis: int) -> float:
     n = values.shape[axis]
     if n < FEWEST:
         return 1.0
-    line = np.moveaxis(values, axis, -1).astype(np.float32)
-    waves = fft.rfft((line - line.mean()) * np.hanning(n).astype(np.float32), axis=-1)
-    power = np.log10(np.mean(np.abs(waves) ** 2, axis=(0, 1)) + 1e-30)
+    lines = np.moveaxis(values, axis, -1).reshape(-1, n).astype(np.float32)
+    level = lines.mean(axis=1)
+    # Lines through the body: a magnitude's noise in air is not that of what was acquired.
+    lines = lines[level >= BODY * np.percentile(level, 98)]
+    waves = fft.rfft((lines - lines.mean()) * np.hanning(n).astype(np.float32), axis=1)
+    power = np.log10(np.mean(np.abs(waves) ** 2, axis=0) + 1e-30)
     finest, width = len(power) - 1, max(round(WIDTH * n), 3)
     means = ndimage.uniform_filter1d(power, width, mode="nearest")
     ends = np.arange(width + 2, finest - width)
