@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -10,7 +11,7 @@ from dataclasses import dataclass, field
 from benchmarks.bones.notices import listening
 from benchmarks.bones.subject import Scan
 from handpipe.core.configuration import Dataset
-from handpipe.imaging.bone_surfaces import marrow_surface, whole_bone
+from handpipe.imaging.bone_surfaces import blurred_shells, marrow_surface, whole_bone
 from handpipe.imaging.segmentation import Appearance, SegmentationSettings, merge
 from handpipe.imaging.segmentation import segment as claimed
 from handpipe.imaging.segmentation.claims import appearances, doubted
@@ -18,6 +19,7 @@ from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.bones.registration_result import Registration
 from handpipe.skeleton.registration import register_pose, unmoved
 
+log = logging.getLogger("handpipe.benchmarks.bones")  # the library's, which benchmarks listen to
 EVERY = "all bones"
 
 
@@ -86,6 +88,8 @@ def segment(scan: Scan, settings: SegmentationSettings, neutral: Segmented | Non
         for bone, claim in bones.items() if neutral is None else ():
             others = [surface for other, surface in marrow.items() if other != bone]
             whole[bone] = whole_bone(scan.volume, claim, marrow[bone], others)
+        for bone, reason in blurred_shells(scan.volume, marrow, whole).items():
+            log.warning("%s: %s", bone, reason)
     return Segmented(marrow, whole, looks, notes)
 
 

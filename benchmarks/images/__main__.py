@@ -19,12 +19,14 @@ from benchmarks.threads import take_threads
 
 if TYPE_CHECKING:  # loading them loads numba, which reads its number of threads then
     from benchmarks.images.document import Table
+    from handpipe.core import Metrics
 
 CHECKOUT = Path(__file__).parents[2]
 OUTPUT = CHECKOUT / "results" / "benchmarks" / "images.json"
 DOCUMENT = CHECKOUT / "docs" / "hard-cases-images.md"
 PICTURE = CHECKOUT / "docs" / "figures" / "image-model.png"
-PARTS = ("effects", "coarse", "sweep", "calibration")
+SCANS = CHECKOUT / "docs" / "scans.md"
+PARTS = ("effects", "coarse", "sweep", "calibration", "chain")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -61,9 +63,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if options.document:
             calibration.draw(levels, PICTURE)
             document.write({"calibration": calibration.table(levels)}, DOCUMENT)
+    if "chain" in options.what:
+        found |= _chain(options.document)
     metrics.write(options.output, found)
     if options.document:
         document.write(_texts(tables), DOCUMENT)
+
+
+def _chain(documented: bool) -> Metrics:
+    """Figures of the whole chain; its rows are kept, so that a run that was broken off goes on."""
+    from benchmarks.images import document
+    from benchmarks.images.chain import document as tables
+    from benchmarks.images.chain import rows
+
+    kept = rows.file_in(OUTPUT.parent)
+    alone, swept = ([*rows.measured(cases, kept)] for cases in (rows.cases(), rows.sweep()))
+    if documented:
+        document.write({"chain": tables.chain_table(alone, document.commit())}, DOCUMENT)
+        document.write({"chain sweep": tables.sweep_table(swept)}, SCANS)
+    return rows.figures(alone) | rows.sweep_figures(swept)
 
 
 def _texts(tables: dict[str, Table]) -> dict[str, str]:

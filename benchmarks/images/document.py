@@ -52,7 +52,7 @@ def rows_table(table: Table) -> str:
     lines += ["| " + " | ".join(COLUMNS) + " |", "|" + " --- |" * len(COLUMNS)]
     for row in table.rows:
         cells = (
-            _named(row.effect),
+            named(row.effect),
             row.strength,
             "" if row.dice is None else f"{row.dice[0]:.3f} / {row.dice[1]:.3f}",
             "" if row.surface is None else f"{row.surface:.2f}",
@@ -67,7 +67,7 @@ def rows_table(table: Table) -> str:
 
 def words(rows: Sequence[Row]) -> str:
     """What the library said, as a list."""
-    found = [f"- {_named(row.effect)}, {row.strength}: *{_short(row.said)}*" for row in rows if row.said]
+    found = [f"- {named(row.effect)}, {row.strength}: *{_short(row.said)}*" for row in rows if row.said]
     return "\n".join(["What the library said:", "", *found])
 
 
@@ -75,7 +75,7 @@ def _short(said: Sequence[str]) -> str:
     return "; ".join(said[:2]) + ("; …" if len(said) > 2 else "")
 
 
-def _named(effect: str) -> str:
+def named(effect: str) -> str:
     return f"`{effect}`" if effect in AMOUNTS else effect
 
 

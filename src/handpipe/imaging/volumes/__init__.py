@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         require_known,
     )
     from handpipe.imaging.volumes.rasterisation import rasterise
+    from handpipe.imaging.volumes.resolution import acquired_voxels
     from handpipe.imaging.volumes.same_frame import (
         Foreground,
         likely_cause,
@@ -42,6 +43,7 @@ __all__ = [
     "LabelMap",
     "Labels",
     "Volume",
+    "acquired_voxels",
     "box",
     "colours",
     "holds_background",

@@ -10,7 +10,7 @@ from pathlib import Path
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset
 from handpipe.hand import labelled_bones
-from handpipe.imaging.bone_surfaces import marrow_surface, outline_surface, whole_bone
+from handpipe.imaging.bone_surfaces import blurred_shells, marrow_surface, outline_surface, whole_bone
 from handpipe.imaging.learned import learned_appearances, learned_doubts
 from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, claims, merge
 from handpipe.imaging.volumes import pose_volume, rasterise, read_labels, write_labels
@@ -96,6 +96,10 @@ def merge_labels(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) 
             others = [marrows[other] for other in marrows if other != name]
             drawn = marrow if learned else shown.get("whole", {}).get(name)
             surfaces[name]["whole"] = drawn or whole_bone(volume, bones[name], marrow, others)
+        if not learned:
+            wholes = {name: parts["whole"] for name, parts in surfaces.items()}
+            for name, reason in blurred_shells(volume, marrows, wholes).items():
+                log.warning("%s: %s", name, reason)
     for name, parts in surfaces.items():
         log.info("%s: marrow of %.0f mm^3", name, parts["marrow"].volume())
     outermost = {table[name]: parts.get("whole", parts["marrow"]) for name, parts in surfaces.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,8 +17,10 @@ from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.muscles.muscle_files import read_bodies
-from handpipe.stages.poses import flesh_in_poses
+from handpipe.stages.poses import doubted_bones, flesh_in_poses
 from handpipe.tissues.muscles.fitting import PoseData, extract_poses
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,12 @@ def extract_muscle_shapes(inputs: Inputs, output: Path, dataset: Dataset) -> Non
         )
         for pose, moved in transforms.items()
     }
-    found = extract_poses(read_bodies(inputs.neutral), bones, poses)
+    bodies = read_bodies(inputs.neutral)
+    for pose, path in zip(dataset.examples, inputs.registrations, strict=True):
+        for muscle, body in bodies.items():
+            for bone, doubt in doubted_bones(path, body.attachments).items():
+                log.warning("%s in %s is in doubt: it follows %s, and %s", muscle, pose, bone, doubt)
+    found = extract_poses(bodies, bones, poses)
     data = {
         pose: {m: {"vertices": e.surface.vertices, "mesh_vertices": e.vertices} for m, e in muscles.items()}
         for pose, muscles in found.items()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +16,11 @@ from handpipe.mesh.surfaces import Distance, concatenate, each_moved
 from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
+from handpipe.stages.poses import doubted_bones
 from handpipe.tissues.tendons.fitting import Target, centre_finder, register
 from handpipe.tissues.tendons.rods import RestTendon
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,8 @@ def register_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str, p
     neutral = artifacts.read(inputs.neutral, "neutral_tendon")
     volume = pose_volume(dataset, pose)
     transforms = read_registration(inputs.registration, tendon.bones)
+    for bone, doubt in doubted_bones(inputs.registration, tendon.bones).items():
+        log.warning("%s in %s is in doubt: it follows %s, and %s", name, pose, bone, doubt)
     surfaces = {b: rig.surfaces[b] for b in tendon.bones}
     bones = Distance(concatenate([*each_moved(surfaces, transforms).values()]))
     radius = float(neutral["radii"].mean())

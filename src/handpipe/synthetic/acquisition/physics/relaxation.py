@@ -1,16 +1,29 @@
 """Proton density, relaxation times and share of fat of tissues at 1.5 T and 3 T.
 
-T1 and T2 of muscle, cartilage, synovial fluid, subcutaneous fat and yellow marrow are means over volunteers'
-knees (Gold 2004, AJR 183:343); of blood and nerve those of Stanisz 2005 (Magn Reson Med 54:507), where the
-nerve is the optic nerve. Tendon, ligament and cortical bone are solids to these sequences, of T2 around 1 ms
-(Robson 2006, NMR Biomed 19:765; Du 2013, NMR Biomed 26:489). Dermis: Richard 1991 (J Invest Dermatol
-97:120) at 1.5 T, its T1 scaled to 3 T as muscle's. Water's proton density is relative to pure water. Fat's
-proton density is near water's per volume.
+Sources of T1 and T2:
+
+- muscle, cartilage, synovial fluid, subcutaneous fat, marrow: Gold 2004, volunteers' knees, 1.5 and 3 T;
+- blood, nerve (the optic one): Stanisz 2005, excised tissue at 37 degrees C, 1.5 and 3 T;
+- cortical bone: T1 of Reichert 2005 (the lower end, 1.5 T) and Du 2010 (3 T); T2 of Du 2013;
+- tendon: T1 at 3 T between Filho 2009 (specimens) and Wright 2012 (volunteers, 725 ms); T2 of Robson 2006;
+- ligament, fascia: T2 within Robson 2006's 4 to 10 ms; T1 assumed between tendon's and cartilage's;
+- dermis: Richard 1991, 1.5 T; its T1 at 3 T is scaled as muscle's.
+
+Solids (cortical bone, tendon, ligament) hardly show at these echo times: their T1 does not matter. Proton
+density is relative to pure water: a tissue's water by volume; fat's is near water's. Shares of fat are usual
+proton density fat fractions, not of one source: subcutaneous fat, yellow marrow, a young hand's muscle.
 
 T2* is not a constant of a tissue: it depends on voxels and on shim. Those of muscle, fat and marrow were
 chosen so that tissue ratios at three echo times agree with the 3 T gradient echoes of a foot, a hand and
 calves (`benchmarks.images.calibration`); at 1.5 T the field-dependent rate 1/T2* - 1/T2 is half of that.
-Trabecular bone shortens T2* of the marrow around it (Majumdar 1991, Magn Reson Med 22:111), most near joints.
+Trabecular bone shortens T2* of the marrow around it (Majumdar 1991), most near joints.
+
+References
+----------
+Gold 2004, AJR 183:343. Stanisz 2005, Magn Reson Med 54:507. Reichert 2005, Magn Reson Imaging 23:611.
+Du 2010, J Magn Reson 207:304. Du 2013, NMR Biomed 26:489. Robson 2006, NMR Biomed 19:765.
+Filho 2009, AJR 192:W117. Wright 2012, Magn Reson Med 68:1279. Richard 1991, J Invest Dermatol 97:120.
+Majumdar 1991, Magn Reson Med 22:111.
 """
 
 from __future__ import annotations
