@@ -36,8 +36,9 @@ RIM = 5  # voxels around the region that gradients and splines need
 FEWEST = 300  # voxels of a region
 ITERATIONS = 30
 STILL = 1e-5  # rad, and mm
-ALIKE = 0.8  # correlation of intensities in the region, from which on the images show one contrast
-SPREAD = 2.0  # times the patches' spread: errors of one foot's images by what patches state
+RELATED = 0.5  # cosine of the edges' directions; a foot's echoes of unlike contrast have more
+ALIKE = 0.9  # correlation of intensities in the region, from which on the images show one contrast
+SPREAD = 3.0  # times the patches' spread: errors of one foot's images by what patches state
 FARTHEST = 3.0  # stated deviations of the surfaces' registration, beyond which images show something else
 LEAST_FARTHEST = np.array([np.radians(3.0), 1.0])  # rad and voxels that this is taken of at least
 
@@ -82,6 +83,10 @@ class PoseImages:
         middle = self.bones[bone].vertices.mean(axis=0)
         pair = _Pair.build(crop, region, self.target, found.transform, middle)
         transform, covariance = pair.aligned(found.transform)
+        related = pair.related(transform)
+        if related < RELATED:
+            LOG.warning("%s: its images have little in common (%.2f); its surfaces tell its place", bone, related)
+            return found
         apart = _between(found.transform, transform, middle)
         limit = np.maximum(
             FARTHEST * np.array([np.radians(found.rotation_deviation), found.translation_deviation]),
@@ -90,7 +95,7 @@ class PoseImages:
         turn, shift = (float(np.linalg.norm(part)) for part in (apart[:3], apart[3:]))
         if turn > limit[0] or shift > limit[1]:
             LOG.warning(
-                "%s: images place it %.1f deg and %.2f mm from where its surfaces do; the surfaces' place is kept",
+                "%s: images place it %.1f deg and %.2f mm from where its surfaces do, which is kept",
                 *(bone, np.degrees(turn), shift),
             )
             return replace(found, covariance=found.covariance + np.outer(apart, apart))
@@ -182,6 +187,14 @@ class _Pair:
         arms = transform(points) - transform(self.middle)
         jacobian = np.concatenate([np.cross(arms[None], by_world), by_world], axis=-1)
         return Rows(jacobian.reshape(-1, 6), (known - found[:, self.region]).ravel())
+
+    def related(self, transform: RigidTransform) -> float:
+        """Cosine between the edges' directions of both images, from about 1/3 for unrelated ones to 1."""
+        one, other = (
+            edge_directions(values)[:, self.region]
+            for values in (self.neutral.values.astype(float), self.warped(transform))
+        )
+        return float((one * other).sum() / np.sqrt((one**2).sum() * (other**2).sum()))
 
     def correlation(self, transform: RigidTransform) -> float:
         """Correlation of both images' intensities in the region."""
