@@ -1,4 +1,4 @@
-"""A round bone whose roll its surface does not tell: texture within it and marks on it do, in either contrast."""
+"""A round bone whose roll its surface does not tell: texture within it and marks on it do."""
 
 from __future__ import annotations
 

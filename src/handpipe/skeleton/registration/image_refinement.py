@@ -85,7 +85,9 @@ class PoseImages:
         transform, covariance = pair.aligned(found.transform)
         related = pair.related(transform)
         if related < RELATED:
-            LOG.warning("%s: its images have little in common (%.2f); its surfaces tell its place", bone, related)
+            LOG.warning(
+                "%s: its images have little in common (%.2f); its surfaces tell its place", bone, related
+            )
             return found
         apart = _between(found.transform, transform, middle)
         limit = np.maximum(
@@ -198,9 +200,7 @@ class _Pair:
 
     def correlation(self, transform: RigidTransform) -> float:
         """Correlation of both images' intensities in the region."""
-        return float(
-            np.corrcoef(self.neutral.values[self.region], self.warped(transform)[self.region])[0, 1]
-        )
+        return float(np.corrcoef(self.neutral.values[self.region], self.warped(transform)[self.region])[0, 1])
 
 
 def _between(first: RigidTransform, second: RigidTransform, middle: Array) -> Array:
