@@ -29,10 +29,10 @@ def distance(points):
 
 
 def channel(first):
-    """Intensities in which muscle, or else fat, looks like bone; both alternate around it."""
+    """Intensities in which muscle, or else fat, looks like bone; each lies on two sides of it."""
 
     def intensity(points):
-        muscle = np.sin(points[..., 0] / 2.5) * points[..., 1] > 0
+        muscle = points[..., 1] * points[..., 2] > 0
         value = np.where(muscle == first, BONE, BRIGHT)
         return np.where(distance(points) < 0, BONE, value)
 

@@ -89,7 +89,7 @@ def test_contrast_that_turns_over_tells_the_roll_but_the_deviation_stays(bone) -
     found = refined(bone, image(MOTION, dark=1.0, bright=0.5, seed=1), start)
     print("reversed", errors(found), found.rotation_deviation)
     assert errors(found)[0] < 1.0
-    assert found.rotation_deviation >= start.rotation_deviation
+    assert found.rotation_deviation > 0.999 * start.rotation_deviation
 
 
 def test_unrelated_image_changes_nothing(bone, caplog) -> None:

@@ -163,7 +163,7 @@ class _Pair:
         grid = self.neutral.to_world(np.indices(self.neutral.shape).reshape(3, -1).T)
         index = self.splines.to_index(transform(grid)).T
         values = ndimage.map_coordinates(self.splines.values, index, prefilter=False, mode="nearest")
-        return values.reshape(self.neutral.shape)
+        return np.asarray(values).reshape(self.neutral.shape)
 
     def aligned(self, transform: RigidTransform) -> tuple[RigidTransform, Array]:
         """The motion of least squared differences of the edges' directions, and its covariance (6, 6)."""

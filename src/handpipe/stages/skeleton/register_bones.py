@@ -39,5 +39,5 @@ def _images(inputs: Inputs, dataset: Dataset, pose: str) -> PoseImages | None:
     """The images of neutral and of the pose, where the dataset asks for a refinement by them."""
     if dataset.registration != "images":
         return None
-    both = (pose_volume(dataset, name) for name in (dataset.neutral, pose))
-    return PoseImages(*both, read_surfaces(inputs.neutral, "whole"))
+    still, moved = pose_volume(dataset, dataset.neutral), pose_volume(dataset, pose)
+    return PoseImages(still, moved, read_surfaces(inputs.neutral, "whole"))
