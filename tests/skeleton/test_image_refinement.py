@@ -79,7 +79,6 @@ def test_images_of_one_contrast_tell_the_roll_and_how_well(bone) -> None:
     assert errors(start)[0] == pytest.approx(STATED)
     found = refined(bone, image(MOTION, seed=1), start)
     turn, shift = errors(found)
-    print("alike", turn, shift, found.rotation_deviation)
     assert turn < 0.3 and shift < 0.1
     assert turn < 2 * found.rotation_deviation < STATED
 
@@ -87,7 +86,6 @@ def test_images_of_one_contrast_tell_the_roll_and_how_well(bone) -> None:
 def test_contrast_that_turns_over_tells_the_roll_but_the_deviation_stays(bone) -> None:
     start = by_surfaces()
     found = refined(bone, image(MOTION, dark=1.0, bright=0.5, seed=1), start)
-    print("reversed", errors(found), found.rotation_deviation)
     assert errors(found)[0] < 1.0
     assert found.rotation_deviation > 0.999 * start.rotation_deviation
 
@@ -108,17 +106,3 @@ def test_place_far_from_the_surfaces_is_not_taken_but_stated(bone, caplog) -> No
     assert found.transform is start.transform
     assert found.rotation_deviation == pytest.approx(5.0, abs=0.5)
     assert "which is kept" in caplog.text
-
-
-def test_another_bone_beside_it_that_moves_otherwise_does_not_count(bone) -> None:
-    """Its voxels are not compared: with it in the region, the other image's lack of it would pull."""
-    volume, surface = bone
-    beside = type(surface)(surface.vertices + [0, 0, -2 * RADIUS - 0.5], surface.triangles)
-    points = volume.to_world(np.indices(volume.shape).reshape(3, -1).T)
-    other = distance(points + [0, 0, 2 * RADIUS + 0.5]).reshape(volume.shape)
-    crowded = volume.like(np.where(other < 0, 0.1, volume.values))
-    target = image(MOTION, seed=1)
-    alone = PoseImages(crowded, target, {"bone": surface}).refined("bone", by_surfaces())
-    told = PoseImages(crowded, target, {"bone": surface, "beside": beside}).refined("bone", by_surfaces())
-    print("beside", errors(alone), errors(told))
-    assert errors(told)[0] < 0.3
