@@ -178,7 +178,7 @@ class _Pair:
                 break
         normal = (rows.jacobian * weights[:, None]).T @ rows.jacobian
         places = np.tile(points, (len(known), 1))
-        spread = patch_covariance(rows, weights, places, np.linalg.inv(normal))
+        spread = patch_covariance(rows, weights, places, np.asarray(np.linalg.inv(normal), float))
         return transform, SPREAD**2 * spread
 
     def _rows(self, transform: RigidTransform, points: Array, known: Array) -> Rows:
