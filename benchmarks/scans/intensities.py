@@ -67,10 +67,11 @@ def _descent(
 
 
 def _image(volume: Volume, kind: int = sitk.sitkFloat32) -> sitk.Image:
-    """A volume on a grid without turns, as SimpleITK's image in the same world coordinates."""
+    """A volume as SimpleITK's image in the same world coordinates."""
     image = sitk.Cast(sitk.GetImageFromArray(np.ascontiguousarray(volume.values.T)), kind)
     image.SetSpacing(tuple(volume.spacing))
     image.SetOrigin(tuple(volume.affine[:3, 3]))
+    image.SetDirection(tuple((volume.affine[:3, :3] / volume.spacing).ravel()))
     return image
 
 

@@ -101,6 +101,7 @@ CHANGES = [
             "bones.distal2.template": ("new/distal2.ply", "place_templates"),
             "other_labels.sesamoid1": (9, "correct_bone merge_labels segment_pose"),
             "contrast": ("learned", "correct_bone merge_labels segment_pose"),
+            "registration": ("images", "register_bones"),
             "joints.DIP2.parent": (
                 "proximal2",
                 "fit_rig make_bone_fascia merge_labels mesh_soft_tissue register_bones",

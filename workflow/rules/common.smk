@@ -139,6 +139,18 @@ def of_labels(wildcards):
     return reads(*fields)(wildcards)
 
 
+def reads_with_channels(*fields):
+    """As `reads`, and the pose's channels where the bones' look is learned from them."""
+
+    def values(wildcards):
+        learned = dataset(wildcards.subject).contrast == "learned"
+        return reads(*fields, *(["poses.{pose}.channels"] if learned else []))(
+            wildcards
+        )
+
+    return values
+
+
 def reads_with_maps(poses, *fields):
     """As `reads`, and what the reading of muscles in label maps needs where one of the poses has a map.
 
@@ -333,6 +345,33 @@ def separated_images():
         for name, pose in dataset(subject).poses.items()
         if pose.dixon is not None
     ]
+
+
+def channels_of_pose(wildcards):
+    """Input function: the pose's further volumes, of which bones are learned; none where none are."""
+    data = dataset(wildcards.subject)
+    if data.contrast != "learned":
+        return []
+    return [data.path(p) for p in data.poses[wildcards.pose].channels.values()]
+
+
+def registered_images(wildcards):
+    """Input function: the images of neutral and of the pose, where they refine the registration."""
+    data = dataset(wildcards.subject)
+    if data.registration != "images":
+        return []
+    return volumes(wildcards.subject, [data.neutral, wildcards.pose])
+
+
+def reads_registered(*fields):
+    """As `reads`, and what the reading of the images needs where they refine the registration."""
+
+    def values(wildcards):
+        if dataset(wildcards.subject).registration != "images":
+            return reads(*fields)(wildcards)
+        return reads(*fields, *image_of("{neutral}"), *image_of())(wildcards)
+
+    return values
 
 
 def seeds_of_pose(wildcards):

@@ -6,6 +6,7 @@ rule register_bones:
         neutral=in_neutral(paths.BONE_SURFACES),
         target=paths.BONE_SURFACES,
         carried=carried_template,
+        images=registered_images,
     output:
         paths.REGISTRATION,
     log:
@@ -17,8 +18,9 @@ rule register_bones:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads(
+        dataset=reads_registered(
             "neutral",
+            "registration",
             "bones.names",
             "joints.*.parent",
             "joints.*.child",

@@ -6,6 +6,7 @@ rule segment_pose:
         volume=of_pose("volume"),
         seeds=seeds_of_pose,
         labels=of_pose("labels"),
+        channels=channels_of_pose,
     output:
         paths.SEGMENTED,
     log:
@@ -17,7 +18,7 @@ rule segment_pose:
         mem_mb=2500,
         runtime=20,
     params:
-        dataset=reads(
+        dataset=reads_with_channels(
             *image_of(),
             "bones.*.label",
             "other_labels",
@@ -41,6 +42,7 @@ rule correct_bone:
         seeds=seeds_of_pose,
         scribbles=lambda w: scribbles(w.subject, w.pose, w.bone),
         labels=of_pose("labels"),
+        channels=channels_of_pose,
     output:
         paths.CORRECTED,
     log:
@@ -52,7 +54,7 @@ rule correct_bone:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads(
+        dataset=reads_with_channels(
             *image_of(),
             "bones.*.label",
             "other_labels",

@@ -358,6 +358,11 @@ class Dataset(Model):
         "bright_marrow",
         description="how bones show: as bright marrow within a dark shell, or as their strokes teach",
     )
+    registration: Literal["surfaces", "images"] = Field(
+        "surfaces",
+        description="what tells a bone's motion: its surfaces, or these and then the images in the bone's "
+        "own region, for poses of one contrast",
+    )
     joints: dict[Name, Joint]
     muscles: dict[Name, Muscle] = {}
     ligaments: dict[Name, Muscle] = {}

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.skeleton.registration.image_refinement import PoseImages
     from handpipe.skeleton.registration.neutral_bones import neutral_doubts
     from handpipe.skeleton.registration.odd_bones import without_odd_bones
     from handpipe.skeleton.registration.pose_registration import register_pose, unmoved
@@ -14,6 +15,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "PoseImages",
     "neutral_doubts",
     "register",
     "register_pose",

@@ -12,15 +12,19 @@ from handpipe.core.configuration import Dataset
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.bones.registration_result import Registration, loosest_turn
 from handpipe.skeleton.registration.doubts import doubted
+from handpipe.skeleton.registration.image_refinement import PoseImages
 from handpipe.skeleton.registration.registration import register
+from handpipe.skeleton.registration.registration_table import UNSURE
 from handpipe.skeleton.rig.rig import outwards
 
 LOG = logging.getLogger(__name__)
-UNSURE = 2.0  # deg of deviation that a warning names; the rig gives such a bone little weight
 
 
 def register_pose(
-    dataset: Dataset, neutral: Mapping[str, Surface], target: Mapping[str, Surface]
+    dataset: Dataset,
+    neutral: Mapping[str, Surface],
+    target: Mapping[str, Surface],
+    images: PoseImages | None = None,
 ) -> dict[str, Registration]:
     """Registrations of a pose's bones, from the root outwards.
 
@@ -36,6 +40,8 @@ def register_pose(
         Neutral marrow surfaces in mm by bone.
     target : mapping of str to Surface
         Marrow surfaces in the pose in mm by bone.
+    images : PoseImages, optional
+        Images of both poses, which refine each bone's registration.
 
     Returns
     -------
@@ -65,6 +71,8 @@ def register_pose(
         except ConvergenceError as error:
             LOG.warning("%s is left out: %s", bone, error)
             continue
+        if images is not None:
+            found[bone] = images.refined(bone, found[bone])
         LOG.info("%s: rms %.3f mm", bone, found[bone].rms)
     if not found:
         raise ConvergenceError(

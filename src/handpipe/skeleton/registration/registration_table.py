@@ -12,6 +12,7 @@ from handpipe.skeleton.bones.registration_result import Registration
 Row = dict[str, str | float]
 Errors = Mapping[str, tuple[float, float]]
 UNITS = {"rotation": "deg", "translation": "mm"}
+UNSURE = 2.0  # deg of deviation from which a turn is named; the rig gives such a bone little weight
 
 
 def registration_rows(pose: str, found: Mapping[str, Registration], errors: Errors) -> list[Row]:
@@ -60,9 +61,10 @@ def registration_figures(rows: Sequence[Row], missing: Sequence[tuple[str, str]]
     Returns
     -------
     Metrics
-        Numbers of doubtful and missing bones; each bone's deviations in deg and mm; largest deviations and
-        errors of the bones that are not in doubt; and how well the deviations predict the errors: the root
-        mean square of their ratio, ideally one, and the share of errors within two deviations.
+        Numbers of doubtful and missing bones and of turns that are known poorly, with their names; each
+        bone's deviations in deg and mm; largest deviations and errors of the bones that are not in doubt; and
+        how well the deviations predict the errors: the root mean square of their ratio, ideally one, and the
+        share of errors within two deviations.
     """
     trusted = [row for row in rows if not row["doubt"]]
     doubtful = [(str(row["pose"]), str(row["bone"])) for row in rows if row["doubt"]]
@@ -72,6 +74,11 @@ def registration_figures(rows: Sequence[Row], missing: Sequence[tuple[str, str]]
     }
     figures |= {f"doubtful_{pose}_{bone}": (1.0, "1") for pose, bone in doubtful}
     figures |= {f"missing_{pose}_{bone}": (1.0, "1") for pose, bone in missing}
+    loose = [row for row in trusted if float(row["rotation_deviation"]) > UNSURE]
+    figures["unsure_turns"] = (float(len(loose)), "1")
+    figures |= {
+        f"unsure_turn_{row['pose']}_{row['bone']}": (float(row["rotation_deviation"]), "deg") for row in loose
+    }
     for kind, unit in UNITS.items():
         for row in rows:
             name = f"{kind}_deviation_{row['pose']}_{row['bone']}"

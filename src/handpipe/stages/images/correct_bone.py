@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from handpipe.core.configuration import Dataset
 from handpipe.hand import labelled_bones
 from handpipe.imaging.learned import segment_learned
 from handpipe.imaging.segmentation import SegmentationSettings, add_scribbles, check_seeds, save, segment_bone
-from handpipe.imaging.volumes import pose_volume, read_labels
+from handpipe.imaging.volumes import pose_channels, pose_volume, read_labels
 from handpipe.stages.files import Files
 from handpipe.stages.images.known_seeds import known_seeds
 
@@ -23,6 +24,7 @@ class Inputs(Files):
     seeds: Path
     scribbles: Path
     labels: Path | None = None
+    channels: Sequence[Path] = ()
 
 
 def correct_bone(inputs: Inputs, output: Path, dataset: Dataset, pose: str, bone: str) -> None:
@@ -38,7 +40,8 @@ def correct_bone(inputs: Inputs, output: Path, dataset: Dataset, pose: str, bone
     others = set(dataset.bones) - {bone}
     check_seeds(path, seeds, dataset.labels, others, dataset.other_labels)
     if dataset.contrast == "learned":
-        learned, wrong = segment_learned([volume], seeds, dataset.labels)
+        channels = [volume, *pose_channels(dataset, pose, volume).values()]
+        learned, wrong = segment_learned(channels, seeds, dataset.labels)
         if bone in wrong:
             raise InputError(path, "scribbles", f"{bone}: {wrong[bone]}", "Draw more of them")
         found = learned[bone]

@@ -22,7 +22,7 @@ from handpipe.imaging.segmentation import (
     save,
     segment,
 )
-from handpipe.imaging.volumes import Volume, pose_volume
+from handpipe.imaging.volumes import Volume, pose_channels, pose_volume
 from handpipe.mesh.surfaces import Surface
 from handpipe.stages.files import Files
 from handpipe.stages.images.known_seeds import known_seeds
@@ -37,6 +37,7 @@ class Inputs(Files):
     volume: Path
     seeds: Path | None
     labels: Path | None = None
+    channels: Sequence[Path] = ()
 
 
 def segment_pose(inputs: Inputs, output: Path, dataset: Dataset, pose: str, scribbled: Sequence[str]) -> None:
@@ -69,7 +70,8 @@ def _segmented(
     others = {name: label for name, label in dataset.seed_labels.items() if name not in bones}
     check_seeds(path, seeds, bones, scribbled if drawn else bones, others)
     if dataset.contrast == "learned":
-        found, wrong = segment_learned([volume], seeds, bones)
+        channels = [volume, *pose_channels(dataset, pose, volume).values()]
+        found, wrong = segment_learned(channels, seeds, bones)
     else:
         found, wrong = segment(volume, seeds, bones, SegmentationSettings.from_dataset(dataset))
     missing = [name for name in wrong if name not in scribbled]

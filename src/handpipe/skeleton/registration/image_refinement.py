@@ -1,0 +1,220 @@
+"""Refinement of a bone's registration by the images in its own region: edges of one image on the other's.
+
+A surface of nearly round cross-sections hardly tells a roll, and its border moves with the contrast. The
+image within the bone and on it tells more: texture, vessels, the cortex's thickness, attachments.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
+
+from handpipe.core import Array, BoolArray, RigidTransform
+from handpipe.imaging.volumes import Volume
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.skeleton.bones.registration_result import Registration
+from handpipe.skeleton.registration.edge_directions import edge_directions
+from handpipe.skeleton.registration.normal_equations import (
+    Rows,
+    larger,
+    moved,
+    patch_covariance,
+    robust_weights,
+    solve,
+)
+
+LOG = logging.getLogger(__name__)
+
+AROUND = 2.0  # voxels of other tissue around a bone that move with it: cortex, and what lies on it
+RIM = 5  # voxels around the region that gradients and splines need
+FEWEST = 300  # voxels of a region
+ITERATIONS = 30
+STILL = 1e-5  # rad, and mm
+RELATED = 0.5  # cosine of the edges' directions; a foot's echoes of unlike contrast have more
+ALIKE = 0.9  # correlation of intensities in the region, from which on the images show one contrast
+SPREAD = 3.0  # times the patches' spread: errors of one foot's images by what patches state
+FARTHEST = 3.0  # stated deviations of the surfaces' registration, beyond which images show something else
+LEAST_FARTHEST = np.array([np.radians(3.0), 1.0])  # rad and voxels that this is taken of at least
+
+
+@dataclass(frozen=True)
+class PoseImages:
+    """Images of neutral and of a pose, and the neutral bones, whose registrations they refine.
+
+    Parameters
+    ----------
+    neutral, target : Volume
+        The images.
+    bones : mapping of str to Surface
+        Whole neutral bones by name, mm.
+    """
+
+    neutral: Volume
+    target: Volume
+    bones: Mapping[str, Surface]
+
+    def refined(self, bone: str, found: Registration) -> Registration:
+        """A bone's registration by its surfaces, refined by the images.
+
+        Parameters
+        ----------
+        bone : str
+            Name of the bone.
+        found : Registration
+            Registration of its surfaces.
+
+        Returns
+        -------
+        Registration
+            The refined transform with its covariance. Images of different contrast leave the deviation that
+            the surfaces state; where both ways differ by more than this, the surfaces' transform is kept and
+            its covariance holds the difference.
+        """
+        crop, region = self._region(bone)
+        if np.count_nonzero(region) < FEWEST:
+            LOG.warning("%s: too few voxels to refine its registration by the images", bone)
+            return found
+        middle = self.bones[bone].vertices.mean(axis=0)
+        pair = _Pair.build(crop, region, self.target, found.transform, middle)
+        transform, covariance = pair.aligned(found.transform)
+        related = pair.related(transform)
+        if related < RELATED:
+            LOG.warning(
+                "%s: its images have little in common (%.2f); its surfaces tell its place", bone, related
+            )
+            return found
+        apart = _between(found.transform, transform, middle)
+        limit = np.maximum(
+            FARTHEST * np.array([np.radians(found.rotation_deviation), found.translation_deviation]),
+            LEAST_FARTHEST * [1, self.neutral.spacing.max()],
+        )
+        turn, shift = (float(np.linalg.norm(part)) for part in (apart[:3], apart[3:]))
+        if turn > limit[0] or shift > limit[1]:
+            LOG.warning(
+                "%s: images place it %.1f deg and %.2f mm from where its surfaces do, which is kept",
+                *(bone, np.degrees(turn), shift),
+            )
+            return replace(found, covariance=found.covariance + np.outer(apart, apart))
+        alike = pair.correlation(transform)
+        if alike < ALIKE:
+            covariance = larger(found.covariance, covariance)
+        LOG.info(
+            "%s: refined by %.2f deg and %.2f mm; correlation of the images %.2f",
+            *(bone, np.degrees(turn), shift, alike),
+        )
+        return replace(found, transform=transform, covariance=covariance)
+
+    def _region(self, bone: str) -> tuple[Volume, BoolArray]:
+        """The neutral image around a bone, and the voxels in it and on it that no other bone has."""
+        corners = self.neutral.to_index(_corners(self.bones[bone].vertices))
+        margin = int(AROUND) + RIM
+        lower = np.maximum(np.floor(corners.min(axis=0)).astype(int) - margin, 0)
+        upper = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + margin + 1, self.neutral.shape)
+        crop = self.neutral.crop(lower, upper)
+        points = crop.to_world(np.indices(crop.shape).reshape(3, -1).T)
+        inside = Distance(self.bones[bone]).signed(points)[0] < AROUND * crop.spacing.min()
+        for name, other in self.bones.items():
+            if name != bone and _near(other.vertices, points[inside]):
+                inside[inside] = Distance(other).signed(points[inside])[0] > 0
+        return crop, inside.reshape(crop.shape)
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """The neutral image's region of one bone and the other image around its place, as splines.
+
+    Parameters
+    ----------
+    neutral : Volume
+        Image around the neutral bone.
+    region : array (nx, ny, nz) of bool
+        The voxels that are compared.
+    splines : Volume
+        Coefficients of cubic splines of the other image.
+    middle : array (3,)
+        Centre of the small motions, mm.
+    """
+
+    neutral: Volume
+    region: BoolArray
+    splines: Volume
+    middle: Array
+
+    @staticmethod
+    def build(
+        neutral: Volume, region: BoolArray, target: Volume, start: RigidTransform, middle: Array
+    ) -> _Pair:
+        grid = neutral.to_world(np.array(list(product(*((0, n - 1) for n in neutral.shape)))))
+        there = target.to_index(start(grid))
+        lower = np.maximum(np.floor(there.min(axis=0)).astype(int) - RIM, 0)
+        upper = np.maximum(np.ceil(there.max(axis=0)).astype(int) + RIM, lower + 1)
+        crop = target.crop(lower, upper)
+        splines = ndimage.spline_filter(crop.values.astype(float))
+        return _Pair(neutral, region, Volume(splines, crop.affine), middle)
+
+    def warped(self, transform: RigidTransform) -> Array:
+        """The other image (nx, ny, nz) on the neutral image's voxels."""
+        grid = self.neutral.to_world(np.indices(self.neutral.shape).reshape(3, -1).T)
+        index = self.splines.to_index(transform(grid)).T
+        values = ndimage.map_coordinates(self.splines.values, index, prefilter=False, mode="nearest")
+        return np.asarray(values).reshape(self.neutral.shape)
+
+    def aligned(self, transform: RigidTransform) -> tuple[RigidTransform, Array]:
+        """The motion of least squared differences of the edges' directions, and its covariance (6, 6)."""
+        points = self.neutral.to_world(np.argwhere(self.region))
+        known = edge_directions(self.neutral.values.astype(float))[:, self.region]
+        for _ in range(ITERATIONS):
+            rows = self._rows(transform, points, known)
+            weights = robust_weights(rows.distance)
+            step = solve(rows, weights)
+            transform = moved(transform, step, self.middle)
+            if np.abs(step).max() < STILL:
+                break
+        normal = (rows.jacobian * weights[:, None]).T @ rows.jacobian
+        places = np.tile(points, (len(known), 1))
+        spread = patch_covariance(rows, weights, places, np.asarray(np.linalg.inv(normal), float))
+        return transform, SPREAD**2 * spread
+
+    def _rows(self, transform: RigidTransform, points: Array, known: Array) -> Rows:
+        """What small motions change in the edges' directions, and what is missing to those known."""
+        found = edge_directions(self.warped(transform))
+        slopes = np.stack([np.stack(np.gradient(part), axis=-1)[self.region] for part in found])
+        by_world = slopes @ np.linalg.inv(self.neutral.affine[:3, :3]) @ transform.rotation.T
+        arms = transform(points) - transform(self.middle)
+        jacobian = np.concatenate([np.cross(arms[None], by_world), by_world], axis=-1)
+        return Rows(jacobian.reshape(-1, 6), (known - found[:, self.region]).ravel())
+
+    def related(self, transform: RigidTransform) -> float:
+        """Cosine between the edges' directions of both images, from about 1/3 for unrelated ones to 1."""
+        one, other = (
+            edge_directions(values)[:, self.region]
+            for values in (self.neutral.values.astype(float), self.warped(transform))
+        )
+        return float((one * other).sum() / np.sqrt((one**2).sum() * (other**2).sum()))
+
+    def correlation(self, transform: RigidTransform) -> float:
+        """Correlation of both images' intensities in the region."""
+        return float(np.corrcoef(self.neutral.values[self.region], self.warped(transform)[self.region])[0, 1])
+
+
+def _between(first: RigidTransform, second: RigidTransform, middle: Array) -> Array:
+    """The small motion (6,), as `moved` takes it, from one transform to another."""
+    turn = Rotation.from_matrix(second.rotation @ first.rotation.T).as_rotvec()
+    return np.concatenate([turn, second(middle) - first(middle)])
+
+
+def _corners(points: Array) -> Array:
+    """Corners (8, 3) of the points' box."""
+    return np.array(list(product(*zip(points.min(axis=0), points.max(axis=0), strict=True))))
+
+
+def _near(points: Array, others: Array) -> bool:
+    """Whether the boxes of two sets of points overlap."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    return len(others) > 0 and bool(((others.min(axis=0) <= high) & (others.max(axis=0) >= low)).all())
