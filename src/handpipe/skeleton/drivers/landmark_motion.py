@@ -16,7 +16,7 @@ from handpipe.core import Array, InputError, RigidTransform
 from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
 from handpipe.skeleton.drivers.landmarks import FINGERS, LANDMARKS, Hand, HandLandmarks, read_landmarks
 from handpipe.skeleton.joints.angles import Angles
-from handpipe.skeleton.posing.inverse_kinematics import Options, solve
+from handpipe.skeleton.posing.inverse_kinematics import Options, Reach, solve
 from handpipe.skeleton.posing.targets import Direction, Position, Target
 from handpipe.skeleton.rig.rig import Rig
 
@@ -88,6 +88,30 @@ class LandmarkMap:
         return LandmarkMap(places, segments)
 
 
+@dataclass(frozen=True)
+class LandmarkFit:
+    """Angles in rad that landmarks gave, and root mean square residuals.
+
+    `distance` in mm is that of the landmarks from the rig's points, which people's proportions decide;
+    `turn` in rad that of the bones' directions.
+    """
+
+    angles: Angles
+    distance: float
+    turn: float
+
+    @staticmethod
+    def of(found: Reach, targets: Sequence[Target]) -> LandmarkFit:
+        """The residuals of what inverse kinematics found."""
+        places = [d / LEAN for d, t in zip(found.distances, targets, strict=True) if isinstance(t, Position)]
+        turns = [d / t.lever for d, t in zip(found.distances, targets, strict=True) if isinstance(t, Direction)]
+        return LandmarkFit(found.angles, _mean_square(places), _mean_square(turns))
+
+
+def _mean_square(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values else 0.0
+
+
 def read_landmark_angles(path: str | Path, rig: Rig, hand: Hand = "right") -> dict[str, Angles]:
     """Joint angles of a file of MediaPipe landmarks, within their limits.
 
@@ -126,13 +150,23 @@ def landmark_angles(
     options = Options(rest_weight=0.3, tolerance=5.0)
     for name, points in zip(landmarks.names, landmarks.points * mirror, strict=True):
         seen = dict(zip(LANDMARKS, points, strict=True))
-        # The palm's moving bones are first taken at rest, then where the first answer has them.
-        for _ in range(2):
-            placed = _place_palm(seen, rig, where, angles, f"{source}: {name}")
-            found = solve(rig, _targets(placed, rig, where), start=angles, options=options)
-            angles = found.angles
+        angles = fit_points(seen, rig, where, angles, options, f"{source}: {name}").angles
         frames[name] = angles
     return frames
+
+
+def fit_points(
+    seen: Mapping[str, Array], rig: Rig, where: LandmarkMap, start: Angles, options: Options, source: str
+) -> LandmarkFit:
+    """Angles that bring the rig's bones nearest to landmarks (3,) by name, from initial angles in rad."""
+    angles = start
+    # The palm's moving bones are first taken as in the start, then where the first answer has them.
+    for _ in range(2):
+        placed = _place_palm(seen, rig, where, angles, source)
+        targets = _targets(placed, rig, where)
+        found = solve(rig, targets, start=angles, options=options)
+        angles = found.angles
+    return LandmarkFit.of(found, targets)
 
 
 def _place_palm(

@@ -1,0 +1,182 @@
+"""Angles of frames from targets at times: inverse kinematics at keys, splines between them.
+
+Each key is solved by itself, from the pose that it names. A target that two successive keys share is met by
+the frames between them, too: each starts from the spline and keeps near to it.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.core import Array
+from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
+from handpipe.skeleton.joints.angles import Angles
+from handpipe.skeleton.motion.interpolation import angles_between, spline
+from handpipe.skeleton.motion.motion import Motion
+from handpipe.skeleton.motion.target_file import Goal, Place, TargetKey, read_targets
+from handpipe.skeleton.posing.inverse_kinematics import Options, Reach, solve
+from handpipe.skeleton.posing.targets import Apart, Meeting, Position, Target
+from handpipe.skeleton.posing.validity import PoseValidity
+from handpipe.skeleton.rig.rig import Rig
+
+LOG = logging.getLogger(__name__)
+OPTIONS = Options(rest_weight=0.5, tolerance=1.0)  # mm a rad from the key's own pose; mm within which it is met
+PARTINGS = 6  # rounds of pushing colliding bones apart
+PUSH = 3.0  # a millimetre of penetration beside one of a target
+PAD = 0.8  # of the way from a bone's joint to its end
+
+Spot = tuple[str, str | tuple[float, float, float]]  # bone, and the place on it
+
+
+def read_target_motion(path: str | Path, rig: Rig) -> Motion:
+    """Angles of the frames of a file of targets, within limits.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML file of targets.
+    rig : Rig
+        Rig that is posed.
+
+    Returns
+    -------
+    Motion
+        Frames; `target_distance` in mm of those with targets. What is not reached is said by key.
+
+    Raises
+    ------
+    InputError
+        If the file is wrong, or names an unknown bone.
+    """
+    file, times = read_targets(path, rig.limits, rig.bones)
+    solver = _Solver(rig, file.flesh, PoseValidity(rig))
+    found = [solver.key(key) for key in file.keys]
+    said = [f"{name}: {reach}" for name, reach in zip(times.names, found, strict=True) if not reach.reached]
+    at = times.frames
+    frames = angles_between(times.times, [reach.angles for reach in found], rig.angle_names, at)
+    distances: dict[int, float] = {}
+    for i, (key, time) in enumerate(zip(file.keys, times.times, strict=True)):
+        if (key.touch or key.reach) and abs(time - round(time)) < 1e-6:
+            distances[round(time)] = max(found[i].distances)
+    for first, pair in enumerate(zip(file.keys, file.keys[1:], strict=False)):
+        touches, goals = _shared(*pair)
+        if not (touches or goals):
+            continue
+        paths = [_Path.of(file.keys, times.times, goal) for goal in goals]
+        between = (at > times.times[first] + 1e-6) & (at < times.times[first + 1] - 1e-6)
+        for frame in np.flatnonzero(between):
+            asked = [solver.meeting(*touch) for touch in touches]
+            asked += [solver.position(p.spot, p.at(at[frame])) for p in paths]
+            reach = solver.near(frames[frame], asked)
+            frames[frame], distances[int(frame)] = reach.angles, max(reach.distances)
+            if not reach.reached:
+                said.append(f"{times.frame_names[frame]}: {reach}")
+    for sentence in said:
+        LOG.warning("%s: %s", path, sentence)
+    names = times.frame_names
+    figures = {names[i]: {"target_distance": d} for i, d in distances.items()}
+    return Motion(dict(zip(names, frames, strict=True)), figures, said)
+
+
+@dataclass(frozen=True)
+class _Path:
+    """Places (k, 3) in mm of one point at times (k,)."""
+
+    spot: Spot
+    times: Array
+    places: Array
+
+    @staticmethod
+    def of(keys: Sequence[TargetKey], times: Array, spot: Spot) -> _Path:
+        given = [(t, g.to) for key, t in zip(keys, times, strict=True) for g in key.reach if _spot(g) == spot]
+        return _Path(spot, np.array([t for t, _ in given]), np.array([place for _, place in given]))
+
+    def at(self, time: float) -> Array:
+        place: Array = spline(self.times, self.places, np.array([time]))[0]
+        return place
+
+
+class _Solver:
+    """Inverse kinematics of keys and frames, with bones kept out of one another."""
+
+    def __init__(self, rig: Rig, flesh: float, validity: PoseValidity) -> None:
+        self.rig, self.validity = rig, validity
+        self.joints, self.tips = joint_places(rig), bone_tips(rig)
+        self.pads = {bone: _pad(rig, bone, end, flesh) for bone, end in self._ends().items()}
+
+    def _ends(self) -> dict[str, Array]:
+        """The far end of every bone that has a joint: its tip, or the mean of the joints that it carries."""
+        carried = {
+            bone: np.mean([self.joints[j.child] for j in self.rig.joints if j.parent == bone], axis=0)
+            for bone in set(self.rig.parents.values()) & set(self.joints)
+        }
+        return carried | self.tips
+
+    def key(self, key: TargetKey) -> Reach:
+        """A key's own pose brought to its targets."""
+        rest = dict.fromkeys(self.rig.angle_names, 0.0)
+        rest |= {name: float(np.radians(value)) for name, value in key.angles.items()}
+        asked: list[Target] = [self.meeting(_spot(a), _spot(b)) for a, b in key.touch]
+        asked += [self.position(_spot(goal), np.array(goal.to)) for goal in key.reach]
+        return self._parted(rest, asked, rest)
+
+    def near(self, angles: Angles, targets: Sequence[Target]) -> Reach:
+        """Angles near given ones that meet targets."""
+        return self._parted(angles, targets, angles)
+
+    def meeting(self, first: Spot, second: Spot) -> Target:
+        return Meeting(first[0], self._point(first), second[0], self._point(second))
+
+    def position(self, spot: Spot, place: Array) -> Target:
+        return Position(spot[0], self._point(spot), place)
+
+    def _point(self, spot: Spot) -> Array:
+        bone, at = spot
+        if at == "pad" and bone in self.pads:
+            return self.pads[bone]
+        if isinstance(at, str):
+            return self.tips.get(bone, self.rig.surfaces[bone].vertices.mean(axis=0))
+        return np.array(at, float)
+
+    def _parted(self, start: Mapping[str, float], targets: Sequence[Target], rest: Mapping[str, float]) -> Reach:
+        """Inverse kinematics, again with bones that collide pushed apart until none does."""
+        reach = solve(self.rig, targets, start=start, rest=rest, options=OPTIONS)
+        pushes: list[Target] = []
+        for _ in range(PARTINGS):
+            contacts = self.validity.contacts(reach.angles)
+            if not contacts:
+                break
+            pushes += [Apart(c.bone, c.point, c.other, c.closest, c.normal, c.allowed, PUSH) for c in contacts]
+            reach = solve(self.rig, [*targets, *pushes], start=reach.angles, rest=rest, options=OPTIONS)
+        return Reach(reach.angles, reach.distances[: len(targets)], reach.held, reach.tolerance)
+
+
+def _spot(place: Place | Goal) -> Spot:
+    return place.bone, place.at
+
+
+def _shared(first: TargetKey, second: TargetKey) -> tuple[list[tuple[Spot, Spot]], list[Spot]]:
+    """Touches, and points with goals, that both keys have."""
+    pairs = [[(_spot(a), _spot(b)) for a, b in key.touch] for key in (first, second)]
+    goals = [[_spot(goal) for goal in key.reach] for key in (first, second)]
+    return [p for p in pairs[0] if p in pairs[1]], [g for g in goals[0] if g in goals[1]]
+
+
+def _pad(rig: Rig, bone: str, end: Array, flesh: float) -> Array:
+    """Neutral point (3,) in mm on the skin of a bone's palmar side: where its end goes as its joint bends."""
+    joint = next(j for j in rig.joints if j.child == bone)
+    along = end - joint.fit.centre
+    if not joint.angles:
+        return joint.fit.centre + PAD * along
+    palmar = np.cross(joint.fit.axes.directions[0], along)
+    palmar /= max(float(np.linalg.norm(palmar)), 1e-12)
+    inside = joint.fit.centre + PAD * along
+    vertices = rig.surfaces[bone].vertices
+    close = np.linalg.norm(np.cross(vertices - inside, palmar), axis=1) < 3.0  # mm from the line outwards
+    surface = float(((vertices - inside) @ palmar)[close].max(initial=0.0))
+    return inside + (surface + flesh) * palmar
