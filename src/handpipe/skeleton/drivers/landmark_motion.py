@@ -16,6 +16,7 @@ from handpipe.core import Array, InputError, RigidTransform
 from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
 from handpipe.skeleton.drivers.landmarks import FINGERS, LANDMARKS, Hand, HandLandmarks, read_landmarks
 from handpipe.skeleton.joints.angles import Angles
+from handpipe.skeleton.joints.limits import long_axis
 from handpipe.skeleton.posing.inverse_kinematics import Options, Reach, solve
 from handpipe.skeleton.posing.targets import Direction, Position, Target
 from handpipe.skeleton.rig.rig import Rig
@@ -28,6 +29,7 @@ BONES = {
     },
 }
 ENDS = {"THUMB": ("CMC", "MCP", "IP", "TIP"), **dict.fromkeys(FINGERS, ("MCP", "PIP", "DIP", "TIP"))}
+ARM = 1.5  # widths of the row of knuckles from them to the point that tells the palm's direction
 LEAN = 0.3  # weight of a landmark's place, where the direction of its bone has one
 FAINT = 0.3  # weight in the palm of landmarks that do not move with the root bone
 PALM_ERROR = 0.35  # distance of the palm's landmarks from the rig's, relative to their spread
@@ -86,6 +88,28 @@ class LandmarkMap:
             remedy = "Name them metacarpal1, proximal1 to 5, middle2 to 5 and distal1 to 5"
             raise InputError("landmarks", "bones", "the rig has no bones with the names of fingers", remedy)
         return LandmarkMap(places, segments)
+
+    def with_wrist(self, rig: Rig) -> LandmarkMap:
+        """With a point of the palm's direction, `ARM` knuckle widths before the knuckles.
+
+        As it is where the bone of the middle knuckle has no long axis, or a knuckle is missing.
+        """
+        if not {f"{f}_MCP" for f in FINGERS} <= self.places.keys():
+            return self
+        knuckles = np.array([self.places[f"{f}_MCP"][1] for f in FINGERS])
+        bone, knuckle = self.places["MIDDLE_FINGER_MCP"]
+        along = long_axis(rig.surfaces[bone])
+        if along is None:
+            return self
+        along = along * np.sign(along @ (knuckle - rig.surfaces[bone].vertices.mean(axis=0)))
+        return LandmarkMap(self.places | {"WRIST": (bone, wrist(knuckles, along))}, self.segments)
+
+
+def wrist(knuckles: Array, along: Array) -> Array:
+    """The point (3,) that many knuckle widths before the knuckles (4, 3), against the palm's direction (3,)."""
+    width = float(np.linalg.norm(knuckles[0] - knuckles[-1]))
+    point: Array = knuckles.mean(axis=0) - ARM * width * along
+    return point
 
 
 @dataclass(frozen=True)
@@ -174,12 +198,14 @@ def _place_palm(
 ) -> dict[str, Array]:
     """Landmarks scaled, turned and moved to where the rig's palm is, in mm."""
     bones = rig.bone_transforms(dict.fromkeys(rig.angle_names, 0.0) | angles)
-    palm = [n for n in ("THUMB_CMC", *(f"{f}_MCP" for f in FINGERS)) if n in where.places]
+    palm = [n for n in ("WRIST", "THUMB_CMC", *(f"{f}_MCP" for f in FINGERS)) if n in where.places]
     ours = np.array([bones[where.places[n][0]](where.places[n][1]) for n in palm])
     theirs = np.array([seen[n] for n in palm])
     weights = np.array(
         [1.0 if where.places[n][0] == rig.root or _rigid(rig, where.places[n][0]) else FAINT for n in palm]
     )
+    if "WRIST" in palm:  # it tells the palm's direction; where a thumb's joint lies differs between trackers
+        weights[[n == "THUMB_CMC" for n in palm]] = FAINT
     _check_spread(ours, source, "the rig")
     _check_spread(theirs, source, "the landmarks")
     middle = weights @ theirs / weights.sum()

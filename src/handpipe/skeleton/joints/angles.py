@@ -115,7 +115,8 @@ def write_angles(path: str | Path, frames: Mapping[str, Mapping[str, float]]) ->
     names = list(next(iter(frames.values()), {}))
     lines = [",".join(["frame", *(n + UNIT for n in names)])]
     for frame, angles in frames.items():
-        lines.append(",".join([frame, *(repr(float(np.degrees(angles[n]))) for n in names)]))
+        cell = f'"{frame}"' if "," in frame else frame
+        lines.append(",".join([cell, *(repr(float(np.degrees(angles[n]))) for n in names)]))
     write_text(path, "\n".join(lines) + "\n")
 
 

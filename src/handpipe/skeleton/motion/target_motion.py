@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,8 @@ from handpipe.skeleton.posing.validity import PoseValidity
 from handpipe.skeleton.rig.rig import Rig
 
 LOG = logging.getLogger(__name__)
-OPTIONS = Options(rest_weight=0.5, tolerance=1.0)  # mm a rad from the key's own pose; mm within which it is met
+OPTIONS = Options(rest_weight=2.0, tolerance=1.0)  # mm a rad from the key's own pose; mm within which it is met
+NEAR = replace(OPTIONS, restarts=False)  # a search that begins where another one ended
 PARTINGS = 6  # rounds of pushing colliding bones apart
 PUSH = 3.0  # a millimetre of penetration beside one of a target
 PAD = 0.8  # of the way from a bone's joint to its end
@@ -123,11 +124,11 @@ class _Solver:
         rest |= {name: float(np.radians(value)) for name, value in key.angles.items()}
         asked: list[Target] = [self.meeting(_spot(a), _spot(b)) for a, b in key.touch]
         asked += [self.position(_spot(goal), np.array(goal.to)) for goal in key.reach]
-        return self._parted(rest, asked, rest)
+        return self._parted(rest, asked, rest, OPTIONS)
 
     def near(self, angles: Angles, targets: Sequence[Target]) -> Reach:
         """Angles near given ones that meet targets."""
-        return self._parted(angles, targets, angles)
+        return self._parted(angles, targets, angles, NEAR)
 
     def meeting(self, first: Spot, second: Spot) -> Target:
         return Meeting(first[0], self._point(first), second[0], self._point(second))
@@ -143,17 +144,21 @@ class _Solver:
             return self.tips.get(bone, self.rig.surfaces[bone].vertices.mean(axis=0))
         return np.array(at, float)
 
-    def _parted(self, start: Mapping[str, float], targets: Sequence[Target], rest: Mapping[str, float]) -> Reach:
+    def _parted(
+        self, start: Mapping[str, float], targets: Sequence[Target], rest: Mapping[str, float], first: Options
+    ) -> Reach:
         """Inverse kinematics, again with bones that collide pushed apart until none does."""
-        reach = solve(self.rig, targets, start=start, rest=rest, options=OPTIONS)
+        reach = solve(self.rig, targets, start=start, rest=rest, options=first)
         pushes: list[Target] = []
         for _ in range(PARTINGS):
             contacts = self.validity.contacts(reach.angles)
             if not contacts:
                 break
             pushes += [Apart(c.bone, c.point, c.other, c.closest, c.normal, c.allowed, PUSH) for c in contacts]
-            reach = solve(self.rig, [*targets, *pushes], start=reach.angles, rest=rest, options=OPTIONS)
-        return Reach(reach.angles, reach.distances[: len(targets)], reach.held, reach.tolerance)
+            reach = solve(self.rig, [*targets, *pushes], start=reach.angles, rest=rest, options=NEAR)
+        left = reach.distances[: len(targets)]
+        held = reach.held if max(left, default=0.0) > reach.tolerance else {}
+        return Reach(reach.angles, left, held, reach.tolerance)
 
 
 def _spot(place: Place | Goal) -> Spot:

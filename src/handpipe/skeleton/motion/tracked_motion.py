@@ -19,8 +19,8 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 
 from handpipe.core import Array, BoolArray
 from handpipe.core.configuration import Recording
-from handpipe.skeleton.drivers.landmark_motion import LandmarkMap, fit_points
-from handpipe.skeleton.drivers.landmarks import Hand
+from handpipe.skeleton.drivers.landmark_motion import LandmarkMap, fit_points, wrist
+from handpipe.skeleton.drivers.landmarks import FINGERS, Hand
 from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.motion.interpolation import spline
 from handpipe.skeleton.motion.motion import Motion
@@ -29,6 +29,7 @@ from handpipe.skeleton.posing.inverse_kinematics import Options
 from handpipe.skeleton.rig.rig import Rig
 
 LOG = logging.getLogger(__name__)
+KNUCKLES = [f"{finger}_MCP" for finger in FINGERS]
 AROUND = 7  # rows of the running median
 FAR, LEAST = 3 * 1.4826, np.radians(10.0)  # of an outlier: deviations by the median one, and rad
 
@@ -92,11 +93,14 @@ def _fitted(
 ) -> tuple[Array, Array]:
     """Angles (n, k) in rad of the chosen rows, and their residuals (n, 2): points in mm, directions in deg."""
     where = LandmarkMap.of_rig(rig)
+    where = where if track.directions is None else where.with_wrist(rig)
     mirror = np.array([-1.0, 1, 1]) if mirrored else np.ones(3)
     angles: Angles = {}
     values, residuals = [], []
     for i in np.flatnonzero(chosen):
         seen = dict(zip(NAMES, track.points[i] * mirror, strict=True))
+        if track.directions is not None:
+            seen["WRIST"] = wrist(np.array([seen[n] for n in KNUCKLES]), track.directions[i] * mirror)
         options = Options(rest_weight=0.3, tolerance=5.0, restarts=not angles)
         found = fit_points(seen, rig, where, angles, options, f"{path}: {track.times[i]:.3f} s")
         angles = found.angles

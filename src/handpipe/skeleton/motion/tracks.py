@@ -24,6 +24,7 @@ from handpipe.skeleton.joints.frame_table import number_in
 DIGITS = ("thumb", "index", "middle", "ring", "little")
 POINTS = tuple(f"{digit}_{end}" for digit in DIGITS for end in ("mcp", "pip", "dip", "tip"))
 NAMES = LANDMARKS[1:]  # of the same points in the same order
+PALM = tuple(f"palm_direction_{c}" for c in "xyz")
 COLUMNS = ("timestamp_us", "side", "confidence", *(f"{point}_{c}" for point in POINTS for c in "xyz"))
 SURE = 0.2  # confidence of the tracker; a row of less counts as missing
 
@@ -38,6 +39,8 @@ class Track:
         Times of the rows in s, increasing, the first one zero.
     points : array (n, 20, 3)
         Points in the order of `NAMES`, mm.
+    directions : array (n, 3) or None
+        Unit direction of the palm towards the fingers, where the file has it.
     hand : str
         "right" or "left".
     unsure : int
@@ -46,6 +49,7 @@ class Track:
 
     times: Array
     points: Array
+    directions: Array | None
     hand: Hand
     unsure: int
 
@@ -97,7 +101,8 @@ def read_track(path: str | Path, side: Hand) -> Track:
         problem = f"there is no column {missing[0]!r}"
         raise InputError(path, "header", problem, f"The columns are {', '.join(COLUMNS[:5])}, …")
     rows = [(n, row) for n, row in enumerate(reader, start=2) if row["side"] == side]
-    numbers = np.array([_numbers(path, n, row) for n, row in rows]).reshape(len(rows), -1)
+    known = PALM if set(PALM) <= set(reader.fieldnames or ()) else ()
+    numbers = np.array([_numbers(path, n, row, known) for n, row in rows]).reshape(len(rows), -1)
     sure = numbers[:, 1] >= SURE if len(rows) else np.zeros(0, bool)
     if sure.sum() < 3:
         problem = f"there are {sure.sum()} rows of a {side} hand with a confidence of {SURE} and more"
@@ -107,8 +112,9 @@ def read_track(path: str | Path, side: Hand) -> Track:
     if late.size:
         problem = "is not later than the hand's row before it"
         raise InputError(path, f"row {rows[late[0] + 1][0]}, timestamp_us", problem, "Sort the rows by time")
-    points = numbers[sure, 2:].reshape(-1, len(POINTS), 3)
-    return Track(seconds[sure] - seconds[sure][0], points, side, int((~sure).sum()))
+    points = numbers[sure, 2 : 2 + 3 * len(POINTS)].reshape(-1, len(POINTS), 3)
+    directions = numbers[sure, -3:] if known else None
+    return Track(seconds[sure] - seconds[sure][0], points, directions, side, int((~sure).sum()))
 
 
 def frame_times(path: str | Path, track: Track, recording: Recording) -> dict[str, float]:
@@ -133,9 +139,9 @@ def frame_times(path: str | Path, track: Track, recording: Recording) -> dict[st
     return {f"frame{n + 1}": float(t) for n, t in zip(numbers[:count], times[:count], strict=True)}
 
 
-def _numbers(path: str | Path, number: int, row: dict[str, str]) -> Sequence[float]:
-    """Time in us, confidence, and coordinates of all points."""
-    cells = [row[c] for c in COLUMNS if c != "side"]
+def _numbers(path: str | Path, number: int, row: dict[str, str], further: Sequence[str]) -> Sequence[float]:
+    """Time in us, confidence, coordinates of all points, and of further columns."""
+    cells = [row[c] for c in (*COLUMNS, *further) if c != "side"]
     try:
         values = [number_in(cell or "") for cell in cells]
     except ValueError as error:

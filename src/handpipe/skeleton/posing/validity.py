@@ -236,7 +236,8 @@ def validity_table(
         One row per frame: `frame`, `beyond` in deg with the `angle` that is farthest beyond its seen range,
         `distance` in deg from the `nearest` seen pose, `depth` in mm with the `bones` that penetrate deepest.
     metrics : Metrics
-        Numbers of unseen and of colliding frames, the largest `beyond` and the largest `depth`.
+        Numbers of unseen and of colliding frames, largest and mean `distance`, the largest `beyond` and the
+        largest `depth`.
     """
     rows: list[dict[str, str | float]] = []
     found = [(name, validity.check(angles)) for name, angles in frames.items()]
@@ -257,6 +258,8 @@ def validity_table(
     metrics: Metrics = {
         "frames_unseen": (float(sum(not v.inside for _, v in found)), "frames"),
         "frames_colliding": (float(sum(bool(v.collisions) for _, v in found)), "frames"),
+        "distance_max": (max((float(r["distance"]) for r in rows), default=0.0), "deg"),
+        "distance_mean": (float(np.mean([r["distance"] for r in rows])) if rows else 0.0, "deg"),
         "beyond_max": (max((abs(float(r["beyond"])) for r in rows), default=0.0), "deg"),
         "bone_depth_max": (max((float(r["depth"]) for r in rows), default=0.0), "mm"),
     }
