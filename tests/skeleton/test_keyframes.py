@@ -1,4 +1,4 @@
-"""Keyframes become frames at their times, stay between their keys and within limits; wrong files are refused."""
+"""Keyframes become frames at their times and stay between their keys; wrong files are refused."""
 
 import numpy as np
 import pytest

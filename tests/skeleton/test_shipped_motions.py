@@ -18,7 +18,12 @@ from handpipe.synthetic.phantom.phantom_hand_bones import bones
 
 ROOT = Path(__file__).parents[2]
 DATA = load_dataset(ROOT / "config/datasets/phantom-hand-preview.yaml")
-FRAMES = {"close-fist": 132, "thumb-opposition": 996, "numbers": 360, "sign-letters": 732}  # Zheng 2022, Table 3
+FRAMES = {
+    "close-fist": 132,
+    "thumb-opposition": 996,
+    "numbers": 360,
+    "sign-letters": 732,
+}  # Zheng 2022, Table 3
 EVERY = 12  # frames; every so many are looked at for collisions, as are all keys
 FINGERS = {"index": 2, "middle": 3, "ring": 4, "little": 5}
 

@@ -8,9 +8,10 @@ from five_fingers import posed, random_angles, rig, tips
 from handpipe.core.errors import InputError
 from handpipe.skeleton.drivers.bone_lines import bone_tips
 from handpipe.skeleton.motion import expand_motion, motion_frame_names
-from handpipe.skeleton.posing.inverse_kinematics import Options, solve
+from handpipe.skeleton.motion.target_motion import TargetSolver
 from handpipe.skeleton.posing.targets import Apart
 from handpipe.skeleton.posing.validity import PoseValidity
+from handpipe.skeleton.rig.twists import moving_bones
 
 RIG = rig()
 TIPS = bone_tips(RIG)
@@ -66,7 +67,7 @@ def test_thumb_and_index_touch_and_keep_touching(tmp_path):
     for frame in ("pinch", "pinch+3", "held"):
         angles = motion.frames[frame]
         ends = [posed(TIPS[b], b, angles)[0] for b in ("distal1", "distal2")]
-        assert np.linalg.norm(ends[0] - ends[1]) < 1.0
+        assert np.linalg.norm(ends[0] - ends[1]) < 2.0  # tips lie a little inside, and bones keep apart
     assert motion.frames["held"]["MP3_flexion"] > np.radians(30)  # free joints keep near the key's own pose
 
 
@@ -94,20 +95,16 @@ def test_what_is_out_of_reach_is_said_by_key_with_its_distance(tmp_path):
     assert motion.figures["far"]["target_distance"] == pytest.approx(left, abs=0.5) and left > 30
 
 
-def test_a_point_is_pushed_out_of_a_bone_along_its_normal():
+def test_bones_that_collide_are_pushed_apart():
     check = PoseValidity(RIG)
     clash = ZERO | {"MP2_abduction": np.radians(-20), "MP3_abduction": np.radians(20)}
-    contacts = check.contacts(clash)
-    assert contacts and set(check.check(clash).collisions)
-    pushes = [Apart(c.bone, c.point, c.other, c.closest, c.normal, c.allowed) for c in contacts]
-    found = solve(RIG, pushes, start=clash, rest=clash, options=Options(rest_weight=0.05))
-    depth = sum(check.check(found.angles).collisions.values())
-    assert depth < 0.5 * sum(check.check(clash).collisions.values())
+    assert check.check(clash).collisions
+    found = TargetSolver(RIG, 6.0, check).near(clash, [])
+    assert sum(check.check(found.angles).collisions.values()) < 0.4
+    assert all(abs(found.angles[n] - clash[n]) < np.radians(25) for n in ZERO)  # and not undone
 
 
 def test_the_push_has_the_derivatives_of_finite_differences():
-    from handpipe.skeleton.rig.twists import moving_bones
-
     clash = ZERO | {"MP2_abduction": np.radians(-20), "MP3_abduction": np.radians(20), "PIP2_flexion": 0.3}
     contact = PoseValidity(RIG).contacts(clash)[0]
     target = Apart(contact.bone, contact.point, contact.other, contact.closest, contact.normal)
@@ -124,7 +121,10 @@ def test_the_push_has_the_derivatives_of_finite_differences():
     ("keys", "message"),
     [
         ([{"time": 0}, {"time": 0}], r"keys\.1 \(key2\), time: is not later than 'key1'"),
-        ([{"time": 0}, {"time": 1, "touch": [["distal1", "distal9"]]}], r"keys\.1 \(key2\): no bone 'distal9'"),
+        (
+            [{"time": 0}, {"time": 1, "touch": [["distal1", "distal9"]]}],
+            r"keys\.1 \(key2\): no bone 'distal9'",
+        ),
         ([{"time": 0}, {"time": 1, "angles": {"PIP2_flexion": 200}}], "PIP2_flexion: 200 deg is outside"),
         ([{"time": 0}, {"time": 1, "angles": {"PIP7_flexion": 2}}], "PIP7_flexion: is not an angle"),
         ([{"time": 0, "name": "a"}, {"time": 1, "name": "a"}], r"keys\.1 \(a\): its name is another key's"),

@@ -729,6 +729,9 @@ def report_stages(subject):
     stages += ["skin"] if "fat" in layers else []
     stages += ["poses"] if report_poses(subject) else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]
+    stages += [
+        f"motion-{name}" for name in SETTINGS.scenes if is_motion(scene(name).frames)
+    ]
     return stages
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from handpipe.core import Metrics, Shapes
 from handpipe.evaluation.table import Row
-from handpipe.hand import UNITS as ARTIFACT_UNITS
 from handpipe.hand import POP, Failure, SimulatedFrame
+from handpipe.hand import UNITS as ARTIFACT_UNITS
 
 UNITS = ARTIFACT_UNITS | {"inverted_tets": "tets"}
 LEAST = ("least_det",)  # figures whose smallest value is the worst

@@ -59,9 +59,9 @@ class Continuity:
         -------
         dict of str to str or float
             `joint_motion`, the largest change of an angle in deg; `move`, the largest move of a vertex of
-            skin or muscles in mm, and `continuity`, its share a degree; `unexplained`, the largest distance in
-            mm of a vertex from where the two bones nearest to it would carry it, or any blend of them, `pop`,
-            its share a degree, and `pop_body`. Empty for a first frame, and without skin and muscles.
+            skin or muscles in mm, and `continuity`, its share a degree; `unexplained`, the largest distance
+            in mm of a vertex from where the two bones nearest to it would carry it, or any blend of them,
+            `pop`, its share a degree, and `pop_body`. Empty for a first frame, and without skin and muscles.
         """
         bodies = dict(_surfaces(layers))
         now = {name: vertices for name, (_, vertices) in bodies.items()}
@@ -136,8 +136,8 @@ def continuity_metrics(steps: Iterable[Step]) -> Metrics:
     Returns
     -------
     Metrics
-        `continuity_max` and `pop_max` in mm/deg, `unexplained_max` in mm, and `pops`, the number of frames whose
-        `pop` is above `POP`. Empty without steps.
+        `continuity_max` and `pop_max` in mm/deg, `unexplained_max` in mm, and `pops`, the number of frames
+        whose `pop` is above `POP`. Empty without steps.
     """
     found = [step for step in steps if step]
     if not found:

@@ -492,7 +492,7 @@ class Dataset(Model):
 
 
 class Recording(Model):
-    """Which part of a recording of tracked points a scene plays, and how the noise of tracking is filtered."""
+    """Which part of a recording of tracked points a scene plays, and how its noise is filtered."""
 
     side: Literal["right", "left"] | None = Field(
         None, description="hand that is followed, mirrored if it is the other; by default the subject's"

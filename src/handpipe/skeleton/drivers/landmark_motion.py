@@ -106,7 +106,7 @@ class LandmarkMap:
 
 
 def wrist(knuckles: Array, along: Array) -> Array:
-    """The point (3,) that many knuckle widths before the knuckles (4, 3), against the palm's direction (3,)."""
+    """The point (3,) `ARM` knuckle widths before the knuckles (4, 3), against the palm's direction (3,)."""
     width = float(np.linalg.norm(knuckles[0] - knuckles[-1]))
     point: Array = knuckles.mean(axis=0) - ARM * width * along
     return point
@@ -127,8 +127,9 @@ class LandmarkFit:
     @staticmethod
     def of(found: Reach, targets: Sequence[Target]) -> LandmarkFit:
         """The residuals of what inverse kinematics found."""
-        places = [d / LEAN for d, t in zip(found.distances, targets, strict=True) if isinstance(t, Position)]
-        turns = [d / t.lever for d, t in zip(found.distances, targets, strict=True) if isinstance(t, Direction)]
+        pairs = [*zip(found.distances, targets, strict=True)]
+        places = [d / LEAN for d, t in pairs if isinstance(t, Position)]
+        turns = [d / t.lever for d, t in pairs if isinstance(t, Direction)]
         return LandmarkFit(found.angles, _mean_square(places), _mean_square(turns))
 
 

@@ -1,4 +1,4 @@
-"""Motions: keyframes with times, targets of inverse kinematics, tracked points; each becomes angles of frames."""
+"""Motions: keyframes, targets of inverse kinematics, tracked points; each becomes angles of frames."""
 
 from typing import TYPE_CHECKING
 

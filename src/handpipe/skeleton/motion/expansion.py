@@ -19,7 +19,6 @@ from handpipe.skeleton.motion.tracks import frame_times, is_track_table, read_tr
 from handpipe.skeleton.rig.rig import Rig
 
 
-
 def is_motion(path: str | Path) -> bool:
     """Whether a file describes a motion and not frames: keyframes, targets or tracked points.
 

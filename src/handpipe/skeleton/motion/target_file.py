@@ -28,7 +28,7 @@ def _bone(value: Any) -> Any:
 
 
 class Place(Model):
-    """A point of a bone: its pad (skin on the palmar side of its end), its tip, or neutral coordinates in mm."""
+    """A point of a bone: its pad (skin palmar of its end), its tip, or neutral coordinates in mm."""
 
     bone: Name
     at: Literal["pad", "tip"] | Vector = "pad"
@@ -44,7 +44,7 @@ End = Annotated[Place, BeforeValidator(_bone)]
 
 
 class TargetKey(Model):
-    """What is to be met at a time. `angles` in degrees are those of the pose that free joints keep near to."""
+    """What is to be met at a time. Free joints keep near to `angles` in degrees."""
 
     name: str | None = None
     time: float
@@ -66,7 +66,9 @@ class TargetFile(Model):
         return [key.name or f"key{i}" for i, key in enumerate(self.keys, start=1)]
 
 
-def read_targets(path: str | Path, limits: Limits, bones: tuple[str, ...] = ()) -> tuple[TargetFile, KeyTimes]:
+def read_targets(
+    path: str | Path, limits: Limits, bones: tuple[str, ...] = ()
+) -> tuple[TargetFile, KeyTimes]:
     """Read a file of targets.
 
     Parameters

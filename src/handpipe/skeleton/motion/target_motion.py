@@ -25,10 +25,12 @@ from handpipe.skeleton.posing.validity import PoseValidity
 from handpipe.skeleton.rig.rig import Rig
 
 LOG = logging.getLogger(__name__)
-OPTIONS = Options(rest_weight=2.0, tolerance=1.0)  # mm a rad from the key's own pose; mm within which it is met
-NEAR = replace(OPTIONS, restarts=False)  # a search that begins where another one ended
-PARTINGS = 6  # rounds of pushing colliding bones apart
+MET = 1.0  # mm; a target that is as near is met
+OPTIONS = Options(rest_weight=2.0, tolerance=MET)  # mm that a rad from the key's own pose counts as
+NEAR = replace(OPTIONS, restarts=False)
+PARTINGS, LASTING = 6, 2  # rounds of pushing colliding bones apart; rounds for which a push lasts
 PUSH = 3.0  # a millimetre of penetration beside one of a target
+FACING, ARM = 0.15, 10.0  # weight of pads that face each other; mm along their normals where they do
 PAD = 0.8  # of the way from a bone's joint to its end
 
 Spot = tuple[str, str | tuple[float, float, float]]  # bone, and the place on it
@@ -55,7 +57,7 @@ def read_target_motion(path: str | Path, rig: Rig) -> Motion:
         If the file is wrong, or names an unknown bone.
     """
     file, times = read_targets(path, rig.limits, rig.bones)
-    solver = _Solver(rig, file.flesh, PoseValidity(rig))
+    solver = TargetSolver(rig, file.flesh, PoseValidity(rig))
     found = [solver.key(key) for key in file.keys]
     said = [f"{name}: {reach}" for name, reach in zip(times.names, found, strict=True) if not reach.reached]
     at = times.frames
@@ -73,7 +75,7 @@ def read_target_motion(path: str | Path, rig: Rig) -> Motion:
         for frame in np.flatnonzero(between):
             asked = [solver.meeting(*touch) for touch in touches]
             asked += [solver.position(p.spot, p.at(at[frame])) for p in paths]
-            reach = solver.near(frames[frame], asked)
+            reach = solver.near(frames[frame], asked, solver.facing(touches))
             frames[frame], distances[int(frame)] = reach.angles, max(reach.distances)
             if not reach.reached:
                 said.append(f"{times.frame_names[frame]}: {reach}")
@@ -102,13 +104,15 @@ class _Path:
         return place
 
 
-class _Solver:
+class TargetSolver:
     """Inverse kinematics of keys and frames, with bones kept out of one another."""
 
     def __init__(self, rig: Rig, flesh: float, validity: PoseValidity) -> None:
         self.rig, self.validity = rig, validity
         self.joints, self.tips = joint_places(rig), bone_tips(rig)
-        self.pads = {bone: _pad(rig, bone, end, flesh) for bone, end in self._ends().items()}
+        ends = self._ends()
+        self.normals = {b: n for b, end in ends.items() if (n := _palmar(rig, b, end)) is not None}
+        self.pads = {b: _pad(rig, b, ends[b], n, flesh) for b, n in self.normals.items()}
 
     def _ends(self) -> dict[str, Array]:
         """The far end of every bone that has a joint: its tip, or the mean of the joints that it carries."""
@@ -122,13 +126,56 @@ class _Solver:
         """A key's own pose brought to its targets."""
         rest = dict.fromkeys(self.rig.angle_names, 0.0)
         rest |= {name: float(np.radians(value)) for name, value in key.angles.items()}
-        asked: list[Target] = [self.meeting(_spot(a), _spot(b)) for a, b in key.touch]
+        touches = [(_spot(a), _spot(b)) for a, b in key.touch]
+        asked: list[Target] = [self.meeting(*touch) for touch in touches]
         asked += [self.position(_spot(goal), np.array(goal.to)) for goal in key.reach]
-        return self._parted(rest, asked, rest, OPTIONS)
+        found = self.near(rest, asked, self.facing(touches))
+        if found.reached:
+            return found
+        other = solve(self.rig, asked, start=rest, rest=rest, options=OPTIONS)
+        other = self.near(other.angles, asked, self.facing(touches))
+        return min(found, other, key=lambda r: max(r.distances))
 
-    def near(self, angles: Angles, targets: Sequence[Target]) -> Reach:
-        """Angles near given ones that meet targets."""
-        return self._parted(angles, targets, angles, NEAR)
+    def near(
+        self, angles: Mapping[str, float], targets: Sequence[Target], further: Sequence[Target] = ()
+    ) -> Reach:
+        """Angles near given ones that meet targets; bones that collide are pushed apart."""
+        further = list(further)
+        reach = self._solved(targets, further, angles, angles)
+        rounds: list[list[Target]] = []
+        for _ in range(PARTINGS):
+            contacts = self.validity.contacts(reach.angles)
+            if not contacts:
+                break
+            rounds.append(
+                [Apart(c.bone, c.point, c.other, c.closest, c.normal, c.allowed, PUSH) for c in contacts]
+            )
+            pushes = [push for each in rounds[-LASTING:] for push in each]
+            reach = self._solved(targets, [*further, *pushes], reach.angles, angles)
+        return reach
+
+    def _solved(
+        self,
+        targets: Sequence[Target],
+        further: Sequence[Target],
+        start: Mapping[str, float],
+        rest: Mapping[str, float],
+    ) -> Reach:
+        """Angles by all targets, with the distances of the first ones alone."""
+        found = solve(self.rig, [*targets, *further], start=start, rest=rest, options=NEAR)
+        left = found.distances[: len(targets)]
+        return Reach(found.angles, left, found.held if max(left, default=0.0) > MET else {}, MET)
+
+    def facing(self, touches: Sequence[tuple[Spot, Spot]]) -> list[Target]:
+        """That pads which touch face each other: a point before each is to be behind the other."""
+        found: list[Target] = []
+        for a, b in touches:
+            if a[1] == b[1] == "pad" and a[0] in self.normals and b[0] in self.normals:
+                for first, second in ((a, b), (b, a)):
+                    before = self._point(first) + ARM * self.normals[first[0]]
+                    behind = self._point(second) - ARM * self.normals[second[0]]
+                    found.append(Meeting(first[0], before, second[0], behind, FACING))
+        return found
 
     def meeting(self, first: Spot, second: Spot) -> Target:
         return Meeting(first[0], self._point(first), second[0], self._point(second))
@@ -144,22 +191,6 @@ class _Solver:
             return self.tips.get(bone, self.rig.surfaces[bone].vertices.mean(axis=0))
         return np.array(at, float)
 
-    def _parted(
-        self, start: Mapping[str, float], targets: Sequence[Target], rest: Mapping[str, float], first: Options
-    ) -> Reach:
-        """Inverse kinematics, again with bones that collide pushed apart until none does."""
-        reach = solve(self.rig, targets, start=start, rest=rest, options=first)
-        pushes: list[Target] = []
-        for _ in range(PARTINGS):
-            contacts = self.validity.contacts(reach.angles)
-            if not contacts:
-                break
-            pushes += [Apart(c.bone, c.point, c.other, c.closest, c.normal, c.allowed, PUSH) for c in contacts]
-            reach = solve(self.rig, [*targets, *pushes], start=reach.angles, rest=rest, options=NEAR)
-        left = reach.distances[: len(targets)]
-        held = reach.held if max(left, default=0.0) > reach.tolerance else {}
-        return Reach(reach.angles, left, held, reach.tolerance)
-
 
 def _spot(place: Place | Goal) -> Spot:
     return place.bone, place.at
@@ -172,16 +203,21 @@ def _shared(first: TargetKey, second: TargetKey) -> tuple[list[tuple[Spot, Spot]
     return [p for p in pairs[0] if p in pairs[1]], [g for g in goals[0] if g in goals[1]]
 
 
-def _pad(rig: Rig, bone: str, end: Array, flesh: float) -> Array:
-    """Neutral point (3,) in mm on the skin of a bone's palmar side: where its end goes as its joint bends."""
+def _palmar(rig: Rig, bone: str, end: Array) -> Array | None:
+    """Unit normal (3,) in neutral of a bone's palmar side: where its end goes as its joint bends."""
     joint = next(j for j in rig.joints if j.child == bone)
-    along = end - joint.fit.centre
     if not joint.angles:
-        return joint.fit.centre + PAD * along
-    palmar = np.cross(joint.fit.axes.directions[0], along)
-    palmar /= max(float(np.linalg.norm(palmar)), 1e-12)
-    inside = joint.fit.centre + PAD * along
+        return None
+    normal = np.cross(joint.fit.axes.directions[0], end - joint.fit.centre)
+    size = float(np.linalg.norm(normal))
+    return normal / size if size > 0 else None
+
+
+def _pad(rig: Rig, bone: str, end: Array, normal: Array, flesh: float) -> Array:
+    """Neutral point (3,) in mm on the skin of a bone's palmar side, near its end."""
+    joint = next(j for j in rig.joints if j.child == bone)
+    inside: Array = joint.fit.centre + PAD * (end - joint.fit.centre)
     vertices = rig.surfaces[bone].vertices
-    close = np.linalg.norm(np.cross(vertices - inside, palmar), axis=1) < 3.0  # mm from the line outwards
-    surface = float(((vertices - inside) @ palmar)[close].max(initial=0.0))
-    return inside + (surface + flesh) * palmar
+    close = np.linalg.norm(np.cross(vertices - inside, normal), axis=1) < 3.0  # mm from the line outwards
+    surface = float(((vertices - inside) @ normal)[close].max(initial=0.0))
+    return inside + (surface + flesh) * normal

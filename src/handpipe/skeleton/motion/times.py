@@ -40,7 +40,9 @@ class KeyTimes:
         return names
 
 
-def key_times(path: str | Path, where: Sequence[str], names: Sequence[str], times: Sequence[float]) -> KeyTimes:
+def key_times(
+    path: str | Path, where: Sequence[str], names: Sequence[str], times: Sequence[float]
+) -> KeyTimes:
     """Checked times of keys, moved so that the first key is at zero.
 
     Parameters

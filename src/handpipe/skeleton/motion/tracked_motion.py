@@ -2,11 +2,11 @@
 
 1. Every row is fitted by inverse kinematics within limits, as landmarks are, from the row before.
 2. An angle that leaves the median of the seven rows around it by more than three deviations (1.4826 times
-   the median absolute deviation) and 10 degrees is an outlier of tracking and becomes that median
+   the median absolute deviation) and 5 degrees is an outlier of tracking and becomes that median
    (Hampel 1974).
-3. Gaps up to a stated length are bridged by monotone splines; longer ones cut the recording, and have no frames.
-4. A Gaussian of a stated deviation smooths each piece: its weights are positive, so that limits hold, and it is
-   symmetric, so that it delays nothing.
+3. Gaps up to a stated length are bridged by monotone splines; longer ones cut the recording: no frames.
+4. A Gaussian of a stated deviation smooths each piece: its weights are positive, so that limits hold, and
+   it is symmetric, so that it delays nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from handpipe.skeleton.rig.rig import Rig
 LOG = logging.getLogger(__name__)
 KNUCKLES = [f"{finger}_MCP" for finger in FINGERS]
 AROUND = 7  # rows of the running median
-FAR, LEAST = 3 * 1.4826, np.radians(10.0)  # of an outlier: deviations by the median one, and rad
+FAR, LEAST = 3 * 1.4826, np.radians(5.0)  # of an outlier: deviations by the median one, and rad
 
 
 def read_tracked_motion(path: str | Path, rig: Rig, hand: Hand, recording: Recording) -> Motion:
@@ -91,7 +91,7 @@ def read_tracked_motion(path: str | Path, rig: Rig, hand: Hand, recording: Recor
 def _fitted(
     path: str | Path, rig: Rig, track: Track, chosen: BoolArray, mirrored: bool
 ) -> tuple[Array, Array]:
-    """Angles (n, k) in rad of the chosen rows, and their residuals (n, 2): points in mm, directions in deg."""
+    """Angles (n, k) in rad of the chosen rows, and residuals (n, 2): points in mm, directions in deg."""
     where = LandmarkMap.of_rig(rig)
     where = where if track.directions is None else where.with_wrist(rig)
     mirror = np.array([-1.0, 1, 1]) if mirrored else np.ones(3)

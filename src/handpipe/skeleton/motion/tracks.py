@@ -102,7 +102,9 @@ def read_track(path: str | Path, side: Hand) -> Track:
         raise InputError(path, "header", problem, f"The columns are {', '.join(COLUMNS[:5])}, …")
     rows = [(n, row) for n, row in enumerate(reader, start=2) if row["side"] == side]
     known = PALM if set(PALM) <= set(reader.fieldnames or ()) else ()
-    numbers = np.array([_numbers(path, n, row, known) for n, row in rows]).reshape(len(rows), -1)
+    numbers = np.array([_numbers(path, n, row, known) for n, row in rows]).reshape(
+        len(rows), len(COLUMNS) - 1 + len(known)
+    )
     sure = numbers[:, 1] >= SURE if len(rows) else np.zeros(0, bool)
     if sure.sum() < 3:
         problem = f"there are {sure.sum()} rows of a {side} hand with a confidence of {SURE} and more"

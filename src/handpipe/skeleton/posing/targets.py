@@ -129,7 +129,8 @@ class Direction:
 class Apart:
     """A point of a bone is not to lie inside another bone, deeper than `allowed` mm beyond a plane of it.
 
-    The plane passes `other_point` (3,) with the outward unit `normal` (3,), both of the other bone in neutral.
+    The plane passes `other_point` (3,) with the outward unit `normal` (3,), both of the other bone in
+    neutral.
     """
 
     bone: str
