@@ -180,9 +180,7 @@ CHANGES = [
             "layers": (["bones", "skin"], "report simulate"),
             "frames": ("config/scenes/moved.csv", "evaluate_frames simulate"),
             "bones": ({"distal2": "Index3"}, "evaluate_frames simulate"),
-            **{
-                f"recording.{field}": (value, "") for field, value in RECORDING.items()
-            },  # no table
+            **{f"recording.{field}": (value, "") for field, value in RECORDING.items()},  # no table
             "only": (["index"], ""),  # all of the finger's bones
             "chunk": (5, "simulate"),
             "obj": (True, "export_obj require_frames"),

@@ -28,9 +28,7 @@ LIMITS = np.radians([[-10.0, 90.0]])
 def hinge():
     """Two tetrahedra of bones that turn about z between them."""
     none = Residual(np.zeros((2, 3)), LIMITS[:, 0], LIMITS[:, 1])
-    fit = JointFit(
-        Axes(np.array([[0.0, 0, 1]]), (0,)), np.array([32.0, 0, 0]), none, none, np.zeros((0, 1))
-    )
+    fit = JointFit(Axes(np.array([[0.0, 0, 1]]), (0,)), np.array([32.0, 0, 0]), none, none, np.zeros((0, 1)))
     bones = {"base": Surface(CORNERS, TRIANGLES), "tip": Surface(CORNERS + [35.0, 0, 0], TRIANGLES)}
     return Rig("base", (RigJoint("hinge", "base", "tip", ("bend",), LIMITS, fit),), bones, {})
 
@@ -46,9 +44,7 @@ def expanded(folder, name, text):
     (folder / name).write_text(text)
     outputs = expand_motion.Outputs(folder / "angles.csv", folder / "motion.json", folder / "rows.json")
     scene = Scene(layers=("bones",), frames=folder / name)
-    expand_motion.expand_motion(
-        expand_motion.Inputs(folder / "rig.h5", folder / name), outputs, DATA, scene
-    )
+    expand_motion.expand_motion(expand_motion.Inputs(folder / "rig.h5", folder / name), outputs, DATA, scene)
     return outputs
 
 

@@ -15,7 +15,6 @@ import numpy as np
 
 from handpipe.core import Array
 from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
-from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.motion.interpolation import angles_between, spline
 from handpipe.skeleton.motion.motion import Motion
 from handpipe.skeleton.motion.target_file import Goal, Place, TargetKey, read_targets
@@ -178,9 +177,11 @@ class TargetSolver:
         return found
 
     def meeting(self, first: Spot, second: Spot) -> Target:
+        """That two spots meet."""
         return Meeting(first[0], self._point(first), second[0], self._point(second))
 
     def position(self, spot: Spot, place: Array) -> Target:
+        """That a spot is at a place (3,) in mm."""
         return Position(spot[0], self._point(spot), place)
 
     def _point(self, spot: Spot) -> Array:
