@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
+import yaml
 from benchmarks.trust.stale import Workbench, workbench
 from snakemake.exceptions import WorkflowError
 
@@ -15,6 +16,8 @@ CHUNK = 12
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Workbench]:
     with workbench() as made:
+        scene = made.folder / "config/scenes/performance.yaml"
+        made.write("scenes/absent", yaml.safe_load(scene.read_text()) | {"frames": "absent/recording.csv"})
         yield made
 
 
@@ -24,7 +27,7 @@ def jobs(bench: Workbench, rule: str, **config: object) -> list[dict[str, str]]:
 
 
 def test_shipped_motions_are_cut_into_chunks_of_their_frames(bench: Workbench) -> None:
-    scenes = [*FRAMES, "performance"]  # its recording is not beside this folder: it is skipped
+    scenes = [*FRAMES, "absent"]  # the recording of the last one is not there: it is skipped
     plan = bench.plan("phantom-hand-preview", scenes=scenes).compared
     of = {rule: [dict(j.wildcards) for j in plan if j.rule == rule] for rule in ("expand_motion", "simulate")}
     assert sorted(w["scene"] for w in of["expand_motion"]) == sorted(FRAMES)
@@ -35,7 +38,7 @@ def test_shipped_motions_are_cut_into_chunks_of_their_frames(bench: Workbench) -
 
 def test_a_build_of_absent_recordings_alone_is_refused(bench: Workbench) -> None:
     with pytest.raises(WorkflowError, match="the recording of every scene is absent"):
-        bench.plan("phantom-hand-preview", scenes=["performance"])
+        bench.plan("phantom-hand-preview", scenes=["absent"])
 
 
 def test_a_recording_that_is_there_is_expanded_and_its_filter_reruns_that(bench: Workbench) -> None:

@@ -124,4 +124,4 @@ def _recording(path: str | Path, kind: str | None, recording: Recording | None) 
     if kind is None:
         remedy = "Give a table whose first column is `key`, targets as .yaml, or tracked points"
         raise InputError(path, "frames", "holds no keyframes, targets or tracked points", remedy)
-    return recording or Recording()
+    return recording or Recording.model_validate({})

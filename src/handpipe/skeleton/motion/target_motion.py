@@ -18,7 +18,7 @@ from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
 from handpipe.skeleton.motion.interpolation import angles_between, spline
 from handpipe.skeleton.motion.motion import Motion
 from handpipe.skeleton.motion.target_file import Goal, Place, TargetKey, read_targets
-from handpipe.skeleton.posing.inverse_kinematics import Options, Reach, solve
+from handpipe.skeleton.posing.inverse_kinematics import Limits, Options, Reach, solve
 from handpipe.skeleton.posing.targets import Apart, Meeting, Position, Target
 from handpipe.skeleton.posing.validity import PoseValidity
 from handpipe.skeleton.rig.rig import Rig
@@ -30,6 +30,7 @@ NEAR = replace(OPTIONS, restarts=False)
 PARTINGS, LASTING = 6, 2  # rounds of pushing colliding bones apart; rounds for which a push lasts
 PUSH = 3.0  # a millimetre of penetration beside one of a target
 FACING, ARM = 0.15, 10.0  # weight of pads that face each other; mm along their normals where they do
+BOX = np.radians(8.0)  # by which a frame between keys may leave the spline: neighbours stay neighbours
 PAD = 0.8  # of the way from a bone's joint to its end
 
 Spot = tuple[str, str | tuple[float, float, float]]  # bone, and the place on it
@@ -74,10 +75,10 @@ def read_target_motion(path: str | Path, rig: Rig) -> Motion:
         for frame in np.flatnonzero(between):
             asked = [solver.meeting(*touch) for touch in touches]
             asked += [solver.position(p.spot, p.at(at[frame])) for p in paths]
-            reach = solver.near(frames[frame], asked, solver.facing(touches))
+            reach = solver.near(frames[frame], asked, solver.facing(touches), BOX)
             frames[frame], distances[int(frame)] = reach.angles, max(reach.distances)
             if not reach.reached:
-                said.append(f"{times.frame_names[frame]}: {reach}")
+                said.append(f"{times.frame_names[frame]}: {max(reach.distances):.1f} mm are left")
     for sentence in said:
         LOG.warning("%s: %s", path, sentence)
     names = times.frame_names
@@ -136,11 +137,19 @@ class TargetSolver:
         return min(found, other, key=lambda r: max(r.distances))
 
     def near(
-        self, angles: Mapping[str, float], targets: Sequence[Target], further: Sequence[Target] = ()
+        self,
+        angles: Mapping[str, float],
+        targets: Sequence[Target],
+        further: Sequence[Target] = (),
+        box: float = np.inf,
     ) -> Reach:
-        """Angles near given ones that meet targets; bones that collide are pushed apart."""
+        """Angles near given ones, by `box` in rad, that meet targets; bones that collide are pushed apart."""
+        limits = {
+            name: (max(low, angles[name] - box), min(high, angles[name] + box))
+            for name, (low, high) in self.rig.limits.items()
+        }
         further = list(further)
-        reach = self._solved(targets, further, angles, angles)
+        reach = self._solved(targets, further, angles, angles, limits)
         rounds: list[list[Target]] = []
         for _ in range(PARTINGS):
             contacts = self.validity.contacts(reach.angles)
@@ -150,7 +159,7 @@ class TargetSolver:
                 [Apart(c.bone, c.point, c.other, c.closest, c.normal, c.allowed, PUSH) for c in contacts]
             )
             pushes = [push for each in rounds[-LASTING:] for push in each]
-            reach = self._solved(targets, [*further, *pushes], reach.angles, angles)
+            reach = self._solved(targets, [*further, *pushes], reach.angles, angles, limits)
         return reach
 
     def _solved(
@@ -159,9 +168,10 @@ class TargetSolver:
         further: Sequence[Target],
         start: Mapping[str, float],
         rest: Mapping[str, float],
+        limits: Limits,
     ) -> Reach:
         """Angles by all targets, with the distances of the first ones alone."""
-        found = solve(self.rig, [*targets, *further], start=start, rest=rest, options=NEAR)
+        found = solve(self.rig, [*targets, *further], start=start, rest=rest, limits=limits, options=NEAR)
         left = found.distances[: len(targets)]
         return Reach(found.angles, left, found.held if max(left, default=0.0) > MET else {}, MET)
 

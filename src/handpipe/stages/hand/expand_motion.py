@@ -8,8 +8,8 @@ from pathlib import Path
 
 from handpipe.core import artifacts, metrics
 from handpipe.core.configuration import Dataset, Scene
-from handpipe.skeleton import motion
 from handpipe.skeleton.drivers import write_angles
+from handpipe.skeleton.motion import expand_motion as angles_of_motion
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 
@@ -36,7 +36,7 @@ def expand_motion(inputs: Inputs, outputs: Outputs, dataset: Dataset, scene: Sce
     rig = Rig.load(inputs.rig)
     figures: metrics.Metrics = {}
     with metrics.measured(figures):
-        made = motion.expand_motion(inputs.motion, rig, hand=dataset.hand, recording=scene.recording)
+        made = angles_of_motion(inputs.motion, rig, hand=dataset.hand, recording=scene.recording)
     rows = [{"frame": name, **made.figures.get(name, {})} for name in made.frames]
     write_angles(outputs.angles, made.frames)
     artifacts.write_text(outputs.table, json.dumps({"frames": rows, "said": made.said}, indent=2))
