@@ -132,7 +132,7 @@ def test_the_thumb_meets_every_finger(motions):
     motion = motions["thumb-opposition"]
     for finger in FINGERS:
         assert motion.figures[finger]["target_distance"] < 1.0
-        assert motion.figures[f"{finger}+15"]["target_distance"] < 3.0
+        assert motion.figures[f"{finger}+15"]["target_distance"] < 4.0  # bones are kept apart first
 
 
 def test_the_performance_plays_as_many_frames_as_the_papers():
