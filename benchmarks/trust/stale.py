@@ -61,6 +61,7 @@ ECHOES = [
     {"time_ms": time, "magnitude": f"echoes/{time}.nii.gz", "phase": f"echoes/{time}-phase.nii.gz"}
     for time in (3.45, 4.6, 5.75)
 ]
+RECORDING = {"side": "left", "rate": 30.0, "start": 0.5, "count": 9, "smooth": 0.05, "bridge": 0.1}
 LOOK_READERS = "correct_bone propose_seeds segment_pose"
 CHANGES = [
     *_changes(
@@ -180,6 +181,7 @@ CHANGES = [
             "layers": (["bones", "skin"], "report simulate"),
             "frames": ("config/scenes/moved.csv", "evaluate_frames simulate"),
             "bones": ({"distal2": "Index3"}, "evaluate_frames simulate"),
+            **{f"recording.{field}": (value, "") for field, value in RECORDING.items()},  # no table
             "only": (["index"], ""),  # all of the finger's bones
             "chunk": (5, "simulate"),
             "obj": (True, "export_obj require_frames"),

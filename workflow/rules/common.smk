@@ -43,6 +43,7 @@ from handpipe.hand import (
 )
 from handpipe.imaging.volumes import labelled_names
 from handpipe.skeleton.drivers import frame_names
+from handpipe.skeleton.motion import is_motion, motion_frame_names
 from handpipe.synthetic import generators
 
 
@@ -57,6 +58,29 @@ def checked(load, *arguments):
 SETTINGS = checked(
     settings_of, config, "configuration (config/config.yaml, --configfile or --config)"
 )
+
+
+def playable_scenes():
+    """Scenes of the configuration whose recordings are here; others are skipped with a reason."""
+    kept = []
+    for name in SETTINGS.scenes:
+        try:
+            made = load_scene(f"config/scenes/{name}.yaml")
+        except HandpipeError:  # said where the scene is needed
+            kept.append(name)
+            continue
+        if made.recording is not None and not made.frames.exists():
+            logger.warning(
+                f"handpipe: scene {name} is skipped: its recording {made.frames} is not on this machine"
+            )
+        else:
+            kept.append(name)
+    if SETTINGS.scenes and not kept:
+        raise WorkflowError("handpipe: scenes: the recording of every scene is absent")
+    return kept
+
+
+SETTINGS = SETTINGS.model_copy(update={"scenes": tuple(playable_scenes())})
 
 
 @functools.cache
@@ -518,13 +542,33 @@ def frames(subject, name):
     data, made = dataset(subject), scene(name)
     checked(require_plain, f"config/scenes/{name}.yaml", "frames", made.frames)
     bones = [data.root_bone, *(b for b in data.bones if b != data.root_bone)]
-    return checked(frame_names, made.frames, joint_limits(data), bones, made.bones)
+    limits = joint_limits(data)
+    if is_motion(made.frames):
+        return checked(
+            motion_frame_names, made.frames, limits, bones, data.hand, made.recording
+        )
+    return checked(frame_names, made.frames, limits, bones, made.bones)
+
+
+def described_frames(wildcards):
+    """The file that describes a scene's frames, found to be right."""
+    frames(wildcards.subject, wildcards.scene)
+    return scene(wildcards.scene).frames
 
 
 def frames_file(wildcards):
-    """The file of a scene's frames, found to be right."""
-    frames(wildcards.subject, wildcards.scene)
-    return scene(wildcards.scene).frames
+    """The file of a scene's frames; of a motion, the angles that are made of it."""
+    described = described_frames(wildcards)
+    if is_motion(described):
+        return paths.at(paths.SCENE_ANGLES, **wildcards)
+    return described
+
+
+def motion_table(wildcards):
+    """The figures of a motion's frames; none where the scene's file has the frames themselves."""
+    if not is_motion(described_frames(wildcards)):
+        return []
+    return paths.table_of("motion-{scene}").format(**wildcards)
 
 
 def chunks(subject, name):
@@ -724,6 +768,9 @@ def report_stages(subject):
     stages += ["skin"] if "fat" in layers else []
     stages += ["poses"] if report_poses(subject) else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]
+    stages += [
+        f"motion-{name}" for name in SETTINGS.scenes if is_motion(scene(name).frames)
+    ]
     return stages
 
 

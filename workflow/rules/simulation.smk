@@ -1,6 +1,32 @@
 # Frames of a scene, layer by layer; frames do not depend on one another (Zheng 2022 §3).
 
 
+# Of scenes that describe a motion alone: keyframes, targets of inverse kinematics, tracked points.
+rule expand_motion:
+    input:
+        rig=paths.RIG,
+        motion=described_frames,
+    output:
+        angles=paths.SCENE_ANGLES,
+        metrics=paths.metrics_of("motion-{scene}"),
+        table=paths.table_of("motion-{scene}"),
+    log:
+        paths.log_of("expand_motion", "scene"),
+    benchmark:
+        paths.cost_of("expand_motion", "scene")
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=30,
+    params:
+        scene=reads_scene("recording"),
+        dataset=reads("hand"),
+    message:
+        "{wildcards.subject}: {wildcards.scene}, angles of the frames"
+    script:
+        "../scripts/expand_motion.py"
+
+
 rule simulate:
     input:
         rig=paths.RIG,
@@ -30,6 +56,7 @@ rule evaluate_frames:
     input:
         rig=paths.RIG,
         frames=frames_file,
+        motion=motion_table,
         chunks=scene_chunks,
     output:
         metrics=paths.metrics_of("frames-{scene}"),

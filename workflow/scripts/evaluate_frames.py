@@ -1,4 +1,4 @@
-"""Figures of a scene's frames: whether inside what was seen, collisions of bones, solvers, failures."""
+"""Figures of a scene's frames: distance to what was seen, collisions, solvers, continuity, failures."""
 
 from common import dataset_of, inputs_of, outputs_of, scene_of, stage
 

@@ -88,6 +88,7 @@ POSE_SKIN = f"{SUBJECT}/poses/{{pose}}/skin.h5"
 SIMULATION = f"{SUBJECT}/simulation"
 SCENE_CHUNKS = "*/frames-*.h5"  # of all scenes below SIMULATION, to look for
 SCENE_CHUNK = f"{SIMULATION}/{{scene}}/frames-{{chunk}}.h5"
+SCENE_ANGLES = f"{SIMULATION}/{{scene}}/angles.csv"  # of a motion
 SCENE_GLB = f"{SIMULATION}/{{scene}}/{{scene}}.glb"
 SCENE_VTK = f"{SIMULATION}/{{scene}}/vtk"
 SCENE_OBJ = f"{SIMULATION}/{{scene}}/obj"

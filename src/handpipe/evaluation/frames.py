@@ -8,13 +8,14 @@ import numpy as np
 
 from handpipe.core import Metrics, Shapes
 from handpipe.evaluation.table import Row
+from handpipe.hand import POP, Failure, SimulatedFrame
 from handpipe.hand import UNITS as ARTIFACT_UNITS
-from handpipe.hand import Failure, SimulatedFrame
 
 UNITS = ARTIFACT_UNITS | {"inverted_tets": "tets"}
 LEAST = ("least_det",)  # figures whose smallest value is the worst
 OVERLAP = 0.01  # mm; the report omits a smaller overlap of the skin
 INNER_OVERLAP = 0.5  # mm; half a voxel of a usual scan: less is within the error of the bodies' surfaces
+REACHED = 1.0  # mm; a target that is farther is not met
 COMPRESSION = 0.01  # of a tendon's pull; the report omits a smaller compression
 
 
@@ -217,6 +218,13 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
             yield "tissue penetrates the organs inside", _depth(row, name, "_inner_overlap")
         if name.endswith("_compression") and _positive(row, name, COMPRESSION):
             yield "tendons are compressed and folded", f"{_number(row, name):.1f} of the pull"
+    if _positive(row, "pop", POP):
+        where = f"{row['pop_body']}: {_number(row, 'unexplained'):.2f} mm beyond what its bones explain"
+        yield "the shape jumps from the frame before", f"{where}, {_number(row, 'joint_motion'):.1f} deg"
+    if _positive(row, "target_distance", REACHED):
+        yield "targets are not reached", f"{_number(row, 'target_distance'):.1f} mm are left"
+    if _positive(row, "bridged"):
+        yield "the recording has a gap that is bridged", "interpolated"
     if _number(row, "beyond"):
         yield "outside the range of the scans", f"{row['angle']} by {_number(row, 'beyond'):+.1f} deg"
     if _positive(row, "depth"):

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from handpipe.hand.appearance import colour, opacity, shown, tissue
     from handpipe.hand.carried import Carried, with_carried_hints
     from handpipe.hand.checks import faults
+    from handpipe.hand.continuity import POP, Continuity, Step, continuity_metrics
     from handpipe.hand.export import surface_triangles, write_glb, write_obj_sequence, write_vtu_series
     from handpipe.hand.frames import (
         UNITS,
@@ -36,11 +37,15 @@ else:
 
 __all__ = [
     "Carried",
+    "Continuity",
     "Failure",
+    "POP",
     "Simulated",
     "SimulatedFrame",
+    "Step",
     "UNITS",
     "colour",
+    "continuity_metrics",
     "failures_in",
     "faults",
     "figure_units",

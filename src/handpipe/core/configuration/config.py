@@ -496,12 +496,29 @@ class Dataset(Model):
         return self.root / relative
 
 
+class Recording(Model):
+    """Which part of a recording of tracked points a scene plays, and how its noise is filtered."""
+
+    side: Literal["right", "left"] | None = Field(
+        None, description="hand that is followed, mirrored if it is the other; by default the subject's"
+    )
+    rate: float = Field(24.0, gt=0, le=1000, description="frames of the scene a second of the recording")
+    start: float = Field(0.0, ge=0, description="of the first frame: s after the hand's first row")
+    count: int | None = Field(None, ge=1, description="number of frames; by default all")
+    smooth: float = Field(0.03, ge=0, le=1, description="standard deviation in s of the Gaussian filter")
+    bridge: float = Field(0.25, ge=0, le=5, description="longest gap in s that is bridged")
+
+
 class Scene(Model):
     """Which layers, which frames. `skin` without `fat` is one soft tissue around the bones (Wang 2019)."""
 
     layers: tuple[str, ...]
     frames: Path = Field(
-        description="CSV of joint angles in degrees, one frame a row; BVH; or hand landmarks (JSON, CSV)"
+        description="CSV of joint angles in degrees, one frame a row, or of keyframes; BVH; hand landmarks "
+        "(JSON, CSV); targets of inverse kinematics (YAML); a recording of tracked points (CSV)"
+    )
+    recording: Recording | None = Field(
+        None, description="of tracked points in `frames`; the scene is skipped where that file is absent"
     )
     bones: dict[Name, str] = Field(
         {}, description="bone -> name of its joint in a BVH file, where the two differ"

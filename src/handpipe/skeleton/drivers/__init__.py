@@ -6,7 +6,8 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.skeleton.drivers.scene_frames import frame_names, read_frames
+    from handpipe.skeleton.joints.angles import write_angles
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["frame_names", "read_frames"]
+__all__ = ["frame_names", "read_frames", "write_angles"]

@@ -16,7 +16,8 @@ from handpipe.core import Array, InputError, RigidTransform
 from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
 from handpipe.skeleton.drivers.landmarks import FINGERS, LANDMARKS, Hand, HandLandmarks, read_landmarks
 from handpipe.skeleton.joints.angles import Angles
-from handpipe.skeleton.posing.inverse_kinematics import Options, solve
+from handpipe.skeleton.joints.limits import long_axis
+from handpipe.skeleton.posing.inverse_kinematics import Options, Reach, solve
 from handpipe.skeleton.posing.targets import Direction, Position, Target
 from handpipe.skeleton.rig.rig import Rig
 
@@ -28,6 +29,7 @@ BONES = {
     },
 }
 ENDS = {"THUMB": ("CMC", "MCP", "IP", "TIP"), **dict.fromkeys(FINGERS, ("MCP", "PIP", "DIP", "TIP"))}
+ARM = 1.5  # widths of the row of knuckles from them to the point that tells the palm's direction
 LEAN = 0.3  # weight of a landmark's place, where the direction of its bone has one
 FAINT = 0.3  # weight in the palm of landmarks that do not move with the root bone
 PALM_ERROR = 0.35  # distance of the palm's landmarks from the rig's, relative to their spread
@@ -89,6 +91,53 @@ class LandmarkMap:
             raise InputError("landmarks", "bones", "the rig has no bones with the names of fingers", remedy)
         return LandmarkMap(places, segments)
 
+    def with_wrist(self, rig: Rig) -> LandmarkMap:
+        """With a point of the palm's direction, `ARM` knuckle widths before the knuckles.
+
+        As it is where the bone of the middle knuckle has no long axis, or a knuckle is missing.
+        """
+        if not {f"{f}_MCP" for f in FINGERS} <= self.places.keys():
+            return self
+        knuckles = np.array([self.places[f"{f}_MCP"][1] for f in FINGERS])
+        bone, knuckle = self.places["MIDDLE_FINGER_MCP"]
+        along = long_axis(rig.surfaces[bone])
+        if along is None:
+            return self
+        along = along * np.sign(along @ (knuckle - rig.surfaces[bone].vertices.mean(axis=0)))
+        return LandmarkMap(self.places | {"WRIST": (bone, wrist(knuckles, along))}, self.segments)
+
+
+def wrist(knuckles: Array, along: Array) -> Array:
+    """The point (3,) `ARM` knuckle widths before the knuckles (4, 3), against the palm's direction (3,)."""
+    width = float(np.linalg.norm(knuckles[0] - knuckles[-1]))
+    point: Array = knuckles.mean(axis=0) - ARM * width * along
+    return point
+
+
+@dataclass(frozen=True)
+class LandmarkFit:
+    """Angles in rad that landmarks gave, and root mean square residuals.
+
+    `distance` in mm is that of the landmarks from the rig's points, which people's proportions decide;
+    `turn` in rad that of the bones' directions.
+    """
+
+    angles: Angles
+    distance: float
+    turn: float
+
+    @staticmethod
+    def of(found: Reach, targets: Sequence[Target]) -> LandmarkFit:
+        """The residuals of what inverse kinematics found."""
+        pairs = [*zip(found.distances, targets, strict=True)]
+        places = [d / LEAN for d, t in pairs if isinstance(t, Position)]
+        turns = [d / t.lever for d, t in pairs if isinstance(t, Direction)]
+        return LandmarkFit(found.angles, _mean_square(places), _mean_square(turns))
+
+
+def _mean_square(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if values else 0.0
+
 
 def read_landmark_angles(path: str | Path, rig: Rig, hand: Hand = "right") -> dict[str, Angles]:
     """Joint angles of a file of MediaPipe landmarks, within their limits.
@@ -128,13 +177,23 @@ def landmark_angles(
     options = Options(rest_weight=REST_WEIGHT, tolerance=TOLERANCE)
     for name, points in zip(landmarks.names, landmarks.points * mirror, strict=True):
         seen = dict(zip(LANDMARKS, points, strict=True))
-        # The palm's moving bones are first taken at rest, then where the first answer has them.
-        for _ in range(2):
-            placed = _place_palm(seen, rig, where, angles, f"{source}: {name}")
-            found = solve(rig, _targets(placed, rig, where), start=angles, options=options)
-            angles = found.angles
+        angles = fit_points(seen, rig, where, angles, options, f"{source}: {name}").angles
         frames[name] = angles
     return frames
+
+
+def fit_points(
+    seen: Mapping[str, Array], rig: Rig, where: LandmarkMap, start: Angles, options: Options, source: str
+) -> LandmarkFit:
+    """Angles that bring the rig's bones nearest to landmarks (3,) by name, from initial angles in rad."""
+    angles = start
+    # The palm's moving bones are first taken as in the start, then where the first answer has them.
+    for _ in range(2):
+        placed = _place_palm(seen, rig, where, angles, source)
+        targets = _targets(placed, rig, where)
+        found = solve(rig, targets, start=angles, options=options)
+        angles = found.angles
+    return LandmarkFit.of(found, targets)
 
 
 def _place_palm(
@@ -142,12 +201,14 @@ def _place_palm(
 ) -> dict[str, Array]:
     """Landmarks scaled, turned and moved to where the rig's palm is, in mm."""
     bones = rig.bone_transforms(dict.fromkeys(rig.angle_names, 0.0) | angles)
-    palm = [n for n in ("THUMB_CMC", *(f"{f}_MCP" for f in FINGERS)) if n in where.places]
+    palm = [n for n in ("WRIST", "THUMB_CMC", *(f"{f}_MCP" for f in FINGERS)) if n in where.places]
     ours = np.array([bones[where.places[n][0]](where.places[n][1]) for n in palm])
     theirs = np.array([seen[n] for n in palm])
     weights = np.array(
         [1.0 if where.places[n][0] == rig.root or _rigid(rig, where.places[n][0]) else FAINT for n in palm]
     )
+    if "WRIST" in palm:  # it tells the palm's direction; where a thumb's joint lies differs between trackers
+        weights[[n == "THUMB_CMC" for n in palm]] = FAINT
     _check_spread(ours, source, "the rig")
     _check_spread(theirs, source, "the landmarks")
     middle = weights @ theirs / weights.sum()

@@ -111,11 +111,20 @@ def read_angles(path: str | Path, limits: Limits) -> dict[str, Angles]:
 
 
 def write_angles(path: str | Path, frames: Mapping[str, Mapping[str, float]]) -> None:
-    """Write frames (frame name -> angle name -> rad) as CSV in degrees, atomically."""
+    """Write frames as a table of angles in degrees, atomically; `read_angles` reads it.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV file to be written.
+    frames : mapping of str to mapping of str to float
+        Angles in rad by frame and angle name, each frame with all angles of the first one.
+    """
     names = list(next(iter(frames.values()), {}))
     lines = [",".join(["frame", *(n + UNIT for n in names)])]
     for frame, angles in frames.items():
-        lines.append(",".join([frame, *(repr(float(np.degrees(angles[n]))) for n in names)]))
+        cell = f'"{frame}"' if "," in frame else frame
+        lines.append(",".join([cell, *(repr(float(np.degrees(angles[n]))) for n in names)]))
     write_text(path, "\n".join(lines) + "\n")
 
 

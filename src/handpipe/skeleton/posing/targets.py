@@ -123,3 +123,37 @@ class Direction:
         bone = bones[self.bone]
         direction = bone.transform.rotation @ self.direction
         return self.lever * (direction - self.along), self.lever * np.cross(bone.angular, direction).T
+
+
+@dataclass(frozen=True)
+class Apart:
+    """A point of a bone is not to lie inside another bone, deeper than `allowed` mm beyond a plane of it.
+
+    The plane passes `other_point` (3,) with the outward unit `normal` (3,), both of the other bone in
+    neutral.
+    """
+
+    bone: str
+    point: Array
+    other: str
+    other_point: Array
+    normal: Array
+    allowed: float = 0.0
+    weight: float = 1.0
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        """Both bones."""
+        return (self.bone, self.other)
+
+    def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
+        """Weighted depth (1,) in mm, zero outside, and its derivatives (1, n) in mm per rad."""
+        a, b = bones[self.bone], bones[self.other]
+        normal = b.transform.rotation @ self.normal
+        gap = a.transform(self.point) - b.transform(self.other_point)
+        height = float(normal @ gap) + self.allowed
+        if height >= 0:
+            return np.zeros(1), np.zeros((1, len(a.angular)))
+        turned = np.cross(b.angular, normal) @ gap
+        rates = (a.velocities(self.point) - b.velocities(self.other_point)) @ normal + turned
+        return np.array([self.weight * height]), self.weight * rates[None]

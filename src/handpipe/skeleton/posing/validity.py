@@ -61,6 +61,34 @@ class Validity:
         return "; ".join(parts) or f"inside what was seen, nearest to {self.nearest}"
 
 
+@dataclass(frozen=True)
+class Contact:
+    """A neutral point (3,) of a bone inside another one.
+
+    Parameters
+    ----------
+    bone : str
+        Bone of the point.
+    point : array (3,)
+        Neutral point in mm.
+    other : str
+        Bone that it is inside.
+    closest : array (3,)
+        Neutral point of the other bone's surface that is closest, mm.
+    normal : array (3,)
+        Unit normal there, outwards, in neutral.
+    allowed : float
+        Depth in mm that does not count, since the bones have it in neutral.
+    """
+
+    bone: str
+    point: Array
+    other: str
+    closest: Array
+    normal: Array
+    allowed: float
+
+
 class PoseValidity:
     """A rig's seen poses and bone surfaces, prepared for many checks of poses.
 
@@ -113,6 +141,31 @@ class PoseValidity:
         deeper = {pair: d - self._neutral.get(pair, 0.0) for pair, d in found.items()}
         collisions = {pair: d for pair, d in deeper.items() if d > TOUCH}
         return Validity(beyond, list(self.poses)[nearest], float(apart[nearest]), self._spacing(), collisions)
+
+    def contacts(self, angles: Mapping[str, float]) -> list[Contact]:
+        """Where bones lie deepest in one another, beyond what they do in neutral.
+
+        Parameters
+        ----------
+        angles : mapping of str to float
+            All angles of the rig in rad.
+
+        Returns
+        -------
+        list of Contact
+            The deepest vertex of each bone of each colliding pair.
+        """
+        bones = self.rig.bone_transforms(angles)
+        found = []
+        for pair in self.check(angles).collisions:
+            for bone, other in (pair, pair[::-1]):
+                across = bones[other].inverse() @ bones[bone]
+                vertices = self.rig.surfaces[bone].vertices
+                signed, _, closest, normals = self._distances[other].signed(across(vertices))
+                i, allowed = int(np.argmin(signed)), self._neutral.get(pair, 0.0)
+                if -signed[i] > allowed:
+                    found.append(Contact(bone, vertices[i], other, closest[i], normals[i], allowed))
+        return found
 
     def _spacing(self) -> float:
         between = np.sqrt(np.nanmean((self._seen[:, None] - self._seen[None]) ** 2, axis=2))
@@ -183,7 +236,8 @@ def validity_table(
         One row per frame: `frame`, `beyond` in deg with the `angle` that is farthest beyond its seen range,
         `distance` in deg from the `nearest` seen pose, `depth` in mm with the `bones` that penetrate deepest.
     metrics : Metrics
-        Numbers of unseen and of colliding frames, the largest `beyond` and the largest `depth`.
+        Numbers of unseen and of colliding frames, largest and mean `distance`, the largest `beyond` and the
+        largest `depth`.
     """
     rows: list[dict[str, str | float]] = []
     found = [(name, validity.check(angles)) for name, angles in frames.items()]
@@ -204,6 +258,8 @@ def validity_table(
     metrics: Metrics = {
         "frames_unseen": (float(sum(not v.inside for _, v in found)), "frames"),
         "frames_colliding": (float(sum(bool(v.collisions) for _, v in found)), "frames"),
+        "distance_max": (max((float(r["distance"]) for r in rows), default=0.0), "deg"),
+        "distance_mean": (float(np.mean([r["distance"] for r in rows])) if rows else 0.0, "deg"),
         "beyond_max": (max((abs(float(r["beyond"])) for r in rows), default=0.0), "deg"),
         "bone_depth_max": (max((float(r["depth"]) for r in rows), default=0.0), "mm"),
     }

@@ -1,16 +1,16 @@
-"""Figures of a scene's frames: whether inside what was seen, collisions of bones, solvers, failures."""
+"""Figures of a scene's frames: distance to what was seen, collisions, solvers, continuity, failures."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from handpipe.core import artifacts, metrics
 from handpipe.core.configuration import Dataset, Role, Scene
 from handpipe.evaluation import Row, figure_metrics, figure_names, with_figures
-from handpipe.hand import read_simulated
+from handpipe.hand import Continuity, SimulatedFrame, Step, continuity_metrics, read_simulated
 from handpipe.skeleton.drivers import read_frames
 from handpipe.skeleton.posing import PoseValidity, validity_table
 from handpipe.skeleton.rig import Rig
@@ -23,6 +23,7 @@ class Inputs(Files):
 
     rig: Path
     frames: Path
+    motion: Path | None
     chunks: Sequence[Path]
 
 
@@ -35,7 +36,7 @@ class Outputs(Files):
 
 
 def evaluate_frames(inputs: Inputs, outputs: Outputs, dataset: Dataset, scene: Scene) -> None:
-    """Figures of a scene's frames: whether inside what was seen, collisions of bones, solvers, failures."""
+    """Figures of a scene's frames: distance to what was seen, collisions, solvers, continuity, failures."""
     rig = Rig.load(inputs.rig)
     frames = read_frames(inputs.frames, rig, hand=dataset.hand, bones=scene.bones)
     seen = [p for p in dataset.poses_of(Role.neutral, Role.example) if p in rig.poses]
@@ -43,9 +44,41 @@ def evaluate_frames(inputs: Inputs, outputs: Outputs, dataset: Dataset, scene: S
     with metrics.measured(figures):
         table, found = validity_table(PoseValidity(rig, seen), frames)
         rows: list[Row] = [*table]
-        plain = list(rows[0])
+        plain, steps = list(rows[0]), _Steps(rig, list(frames))
         for chunk in inputs.chunks:
-            rows = with_figures(rows, *read_simulated(chunk))
-        found |= figure_metrics(rows, figure_names(rows, plain))
+            simulated, failures = read_simulated(chunk)
+            rows = with_figures(rows, simulated, failures)
+            steps.follow(simulated)
+        found |= figure_metrics(rows, figure_names(rows, plain)) | continuity_metrics(steps.found.values())
+        further = _figures_of_motion(inputs.motion)
+        rows = [{**row, **further.get(_frame(row), {}), **steps.found.get(_frame(row), {})} for row in rows]
     artifacts.write_text(outputs.table, json.dumps(rows, indent=2))
     metrics.write(outputs.metrics, found | figures)
+
+
+class _Steps:
+    """The steps of a scene by frame; none after a frame that is missing."""
+
+    def __init__(self, rig: Rig, order: Sequence[str]) -> None:
+        self.found: dict[str, Step] = {}
+        self._continuity, self._number = Continuity(rig.surfaces), {name: i for i, name in enumerate(order)}
+        self._last = -1
+
+    def follow(self, frames: Sequence[SimulatedFrame]) -> None:
+        for frame, layers in frames:
+            if self._number[frame.name] != self._last + 1:
+                self._continuity.cut()
+            self._last = self._number[frame.name]
+            self.found[frame.name] = self._continuity.step(frame, layers)
+
+
+def _figures_of_motion(path: Path | None) -> Mapping[str, Row]:
+    """Figures of the frames of a motion by name."""
+    if path is None:
+        return {}
+    rows: list[Row] = json.loads(path.read_text(encoding="utf-8"))["frames"]
+    return {_frame(row): row for row in rows}
+
+
+def _frame(row: Row) -> str:
+    return str(row["frame"])

@@ -1,0 +1,126 @@
+"""Keyframes as a table of angles at times.
+
+key,time [frame],MP2_flexion [deg],PIP2_flexion [deg]
+open,0,0,0
+fist,131,66,88
+
+Times are frames, or seconds (`time [s]`, 24 frames each). A key does not give an angle whose cell is empty.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.core import InputError
+from handpipe.skeleton.joints.angles import UNIT, Angles, Limits
+from handpipe.skeleton.joints.frame_table import Line, delimiter_of, frame_name, number_in, read_table
+from handpipe.skeleton.motion.times import UNITS, KeyTimes, key_times
+
+KEY = "key"
+TIMES = {f"time [{unit}]": scale for unit, scale in UNITS.items()}
+
+
+@dataclass(frozen=True)
+class Keyframes:
+    """Keys with their times, and the angles in rad that each of them gives."""
+
+    times: KeyTimes
+    angles: tuple[Angles, ...]
+
+
+def is_keyframe_table(path: str | Path) -> bool:
+    """Whether a table holds keyframes, by its header."""
+    try:
+        with open(path, encoding="utf-8-sig", errors="replace") as file:
+            header = file.readline()
+            return header.split(delimiter_of(header))[0].strip('" \n') == KEY
+    except OSError:
+        return False
+
+
+def read_keyframes(path: str | Path, limits: Limits) -> Keyframes:
+    """Read a table of keyframes.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV file with angles in degrees.
+    limits : mapping of str to (float, float)
+        Lower and upper limit of every angle in rad.
+
+    Returns
+    -------
+    Keyframes
+
+    Raises
+    ------
+    InputError
+        If an angle is unknown, times do not increase, or an angle is beyond its limits. It names row and
+        column.
+    """
+    header, lines, decimal_comma = read_table(path)
+    if len(header) < 2 or header[1] not in TIMES:
+        remedy = f"Begin the file with: {KEY},{next(iter(TIMES))},{next(iter(limits), 'MP2_flexion')}{UNIT}"
+        raise InputError(path, "header", f"its second column is not one of {', '.join(TIMES)}", remedy)
+    columns = [_angle(path, name, limits) for name in header[2:]]
+    if len(set(columns)) < len(columns):
+        twice = next(c for c in columns if columns.count(c) > 1)
+        raise InputError(path, f"column {twice + UNIT!r}", "stands twice", "Keep one of the two")
+    names: list[str] = []
+    times, angles = [], []
+    for line in lines:
+        row = line[1]
+        names.append(frame_name(path, line, names))
+        where = f"row {line[0]} (key {names[-1]})"
+        if len(row) != len(header):
+            raise InputError(path, where, f"has {len(row)} cells, not {len(header)}", "Complete it")
+        times.append(TIMES[header[1]] * _number(path, f"{where}, time", row[1], decimal_comma))
+        cells = dict(zip(columns, row[2:], strict=True))
+        given = {
+            name: float(np.radians(_number(path, f"{where}, {name}", cell, decimal_comma)))
+            for name, cell in cells.items()
+            if cell.strip()
+        }
+        require_within(path, where, given, limits)
+        angles.append(given)
+    return Keyframes(key_times(path, _places(lines, names), names, times), tuple(angles))
+
+
+def require_within(path: str | Path, where: str, angles: Angles, limits: Limits) -> None:
+    """Raise `InputError` for an angle in rad that is unknown or beyond its limits."""
+    for name, value in angles.items():
+        if name not in limits:
+            remedy = f"The angles are {', '.join(limits)}"
+            raise InputError(path, f"{where}, {name}", "is not an angle of this rig", remedy)
+        low, high, degrees = np.degrees([*limits[name], value])
+        if not low - 1e-6 <= degrees <= high + 1e-6:
+            problem = f"{degrees:.6g} deg is outside its limits of {low:.6g} to {high:.6g} deg"
+            remedy = "Bring it within the limits, or widen limits_deg of the joint in the dataset file"
+            raise InputError(path, f"{where}, {name}", problem, remedy)
+
+
+def _places(lines: list[Line], names: list[str]) -> list[str]:
+    return [f"row {number} (key {name})" for (number, _), name in zip(lines, names, strict=True)]
+
+
+def _angle(path: str | Path, column: str, limits: Limits) -> str:
+    name = column.removesuffix(UNIT)
+    if name == column:
+        raise InputError(path, f"column {column!r}", "does not say its unit", f"Name it like {name + UNIT!r}")
+    if name not in limits:
+        remedy = f"The angles are {', '.join(limits)}"
+        raise InputError(path, f"column {column!r}", "is not an angle of this rig", remedy)
+    return name
+
+
+def _number(path: str | Path, where: str, cell: str, decimal_comma: bool) -> float:
+    try:
+        value = number_in(cell, decimal_comma)
+    except ValueError as error:
+        raise InputError(path, where, f"{cell!r} is not a number", "Give a number") from error
+    if not np.isfinite(value):
+        raise InputError(path, where, "is not a finite number", "Give a number")
+    return value

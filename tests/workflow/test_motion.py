@@ -1,0 +1,60 @@
+"""Scenes in motion in the plan of a build: one expansion a scene, as many chunks as their frames need."""
+
+from collections.abc import Iterator
+
+import pytest
+import yaml
+from benchmarks.trust.stale import Workbench, workbench
+from snakemake.exceptions import WorkflowError
+
+from handpipe.skeleton.motion.tracks import COLUMNS
+
+FRAMES = {"close-fist": 132, "thumb-opposition": 996, "numbers": 360, "sign-letters": 732}
+CHUNK = 12
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Workbench]:
+    with workbench() as made:
+        scene = made.folder / "config/scenes/performance.yaml"
+        made.write("scenes/absent", yaml.safe_load(scene.read_text()) | {"frames": "absent/recording.csv"})
+        yield made
+
+
+def jobs(bench: Workbench, rule: str, **config: object) -> list[dict[str, str]]:
+    found = bench.plan("phantom-hand-preview", **config).compared
+    return [dict(job.wildcards) for job in found if job.rule == rule]
+
+
+def test_shipped_motions_are_cut_into_chunks_of_their_frames(bench: Workbench) -> None:
+    scenes = [*FRAMES, "absent"]  # the recording of the last one is not there: it is skipped
+    plan = bench.plan("phantom-hand-preview", scenes=scenes).compared
+    of = {rule: [dict(j.wildcards) for j in plan if j.rule == rule] for rule in ("expand_motion", "simulate")}
+    assert sorted(w["scene"] for w in of["expand_motion"]) == sorted(FRAMES)
+    for name, count in FRAMES.items():
+        assert sum(w["scene"] == name for w in of["simulate"]) == -(-count // CHUNK)
+    assert len(of["simulate"]) == sum(-(-count // CHUNK) for count in FRAMES.values())
+
+
+def test_a_build_of_absent_recordings_alone_is_refused(bench: Workbench) -> None:
+    with pytest.raises(WorkflowError, match="the recording of every scene is absent"):
+        bench.plan("phantom-hand-preview", scenes=["absent"])
+
+
+def test_a_recording_that_is_there_is_expanded_and_its_filter_reruns_that(bench: Workbench) -> None:
+    rows = [",".join(COLUMNS)]
+    for i in range(20):
+        cells = {"timestamp_us": 10_000 * i, "side": "right", "confidence": 1}
+        rows.append(",".join(str(cells.get(c, len(c) + i)) for c in COLUMNS))
+    (bench.folder / "waves.csv").write_text("\n".join(rows) + "\n")
+    scene = {"layers": ["bones"], "frames": "waves.csv", "recording": {"rate": 50, "count": 9}, "chunk": 4}
+    bench.write("scenes/waves", scene)
+    before = bench.plan("phantom-hand-preview", scenes=["waves"])
+    assert sum(job.rule == "simulate" for job in before.compared) == 3
+    bench.write("scenes/waves", {**scene, "recording": {**scene["recording"], "smooth": 0.1}})
+    after = bench.plan("phantom-hand-preview", scenes=["waves"])
+    assert {job.rule for job in after.changed(before)} == {"expand_motion"}
+
+
+def test_frames_as_such_need_no_expansion(bench: Workbench) -> None:
+    assert not jobs(bench, "expand_motion", scenes=["hand-preview"])
