@@ -118,11 +118,14 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Dataset]:
     for chunk, frames in enumerate((scene[:2], scene[2:])):
         simulated = [(f, below | {"fat": fat["m0"]}) for f, below, fat in frames]
         write_frames(folder / f"frames-{chunk}.h5", simulated)
-    poses = {"flat": ("neutral", "flat.nii.gz"), "drawn": ("heldout", "drawn.nii.gz")}
+    poses = {"flat": "neutral", "drawn": "heldout"}
     content = {
         "name": "limb",
         "root": folder,
-        "poses": {pose: {"role": role, "volume": file} for pose, (role, file) in poses.items()},
+        "poses": {
+            pose: {"role": role, "volume": f"{pose}.nii.gz", "seeds": f"{pose}-seeds.nii.gz"}
+            for pose, role in poses.items()
+        },
         "bones": {"near": {"label": 1}, "far": {"label": 2}},
         "joints": {
             "hinge": {
@@ -204,11 +207,10 @@ def test_a_scene_gets_a_series_on_one_grid(subject: tuple[Path, Dataset], tmp_pa
         places = inside @ image.affine[:3, :3].T + image.affine[:3, 3]
         x = np.interp(places[:, 0], [-50, 4, 16 + share * SHIFT, 60 + share * SHIFT], [-50, 4, 16, 60])
         true = texture(np.column_stack([x, places[:, 1:]]))
-        deep = (places > START + 1).all(axis=1) & (places < START + SIZE + [share * SHIFT, 0, 0] - 1).all(
-            axis=1
-        )
+        end = START + SIZE + [share * SHIFT, 0, 0]
+        deep = ((places > START + 1) & (places < end - 1)).all(axis=1)
         assert np.abs(values[tuple(inside.T)] - true)[deep].mean() < 2
-        assert inside.shape[0] * 0.8**3 == pytest.approx((SIZE + [share * SHIFT, 0, 0]).prod(), rel=0.05)
+        assert inside.shape[0] * 0.8**3 == pytest.approx((end - START).prod(), rel=0.05)
     assert len([*(tmp_path / "images").glob("*.png")]) == 3
 
 

@@ -206,6 +206,7 @@ class GlbWriter:
         self.weights = self.accessor(np.eye(count, dtype=np.float32).reshape(-1, 1))
 
     def add(self, layer: str, body: str, shapes: Mapping[int, Shape]) -> None:
+        """Add a body by its shape in each frame."""
         shape = next(iter(shapes.values()))
         cells = surface_triangles(shape.cells)
         used, local = np.unique(cells, return_inverse=True)
@@ -243,11 +244,13 @@ class GlbWriter:
         animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
     def finish(self) -> gltf.GLTF2:
+        """The document with its buffer."""
         self.document.buffers = [gltf.Buffer(byteLength=len(self.blob))]
         self.document.set_binary_blob(bytes(self.blob))
         return self.document
 
     def material(self, look: str) -> int:
+        """The material of a tissue, made once."""
         if look not in self.materials:
             linear = [c**2.2 for c in colour(look)]  # glTF factors are linear light
             surface = gltf.PbrMetallicRoughness(
@@ -260,7 +263,7 @@ class GlbWriter:
         return self.materials[look]
 
     def accessor(self, values: NDArray, target: int | None = None, *, bounds: bool = False) -> int:
-        """Append an array (n, 1, 3, 4 or 16) of float32, uint32 or uint16 to the buffer; return its accessor."""
+        """Append an array (n, 1, 3, 4 or 16) of float32, uint32 or uint16; return its accessor."""
         view = gltf.BufferView(buffer=0, byteOffset=len(self.blob), byteLength=values.nbytes, target=target)
         self.blob += np.ascontiguousarray(values).tobytes()
         self.document.bufferViews.append(view)
@@ -277,4 +280,5 @@ class GlbWriter:
 
 
 def to_gltf(vectors: Array) -> NDArray[np.float32]:
+    """Vectors (n, 3) in mm, z up, as glTF has them: float32 in m, y up."""
     return (vectors @ TO_GLTF.T).astype(np.float32)

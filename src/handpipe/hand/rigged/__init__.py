@@ -1,4 +1,4 @@
-"""A simulated hand for riggers: a skeleton, skin weights, and corrective shapes that give every frame exactly."""
+"""A simulated hand for riggers: a skeleton, skin weights, and corrective shapes that give every frame."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Linear blend skinning by four bones a vertex, and the shapes before it that give a wanted shape after it."""
+"""Linear blend skinning by four bones a vertex, and the shapes before it that give those after it."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import numpy as np
 import pygltflib as gltf
 from scipy.spatial.transform import Rotation
 
-from handpipe.core import Array, RigidTransform, Shape, Shapes, atomic
+from handpipe.core import Array, IntArray, RigidTransform, Shape, Shapes, atomic
 from handpipe.hand.appearance import shown, tissue
 from handpipe.hand.export import TO_GLTF, GlbWriter, surface_triangles, to_gltf, write_empty
 from handpipe.hand.rigged.linear_blend import LinearBlend
@@ -29,8 +29,8 @@ def write_rigged_glb(
     """Write a skeleton with skinned bodies and a corrective shape for each frame, metres, y up.
 
     Each bone is a node at the centre of its joint, a child of its parent's node, with a rotation and a
-    translation in each frame. Bones are skinned to their own node alone. Every other vertex has the weights of
-    up to four bones; the corrective shape of a frame is added in neutral, before skinning, and gives the
+    translation in each frame. Bones are skinned to their own node alone. Every other vertex has the weights
+    of up to four bones; the corrective shape of a frame is added in neutral, before skinning, and gives the
     simulated shape exactly. A rigger may drive the skeleton otherwise and keep the shapes as correctives.
 
     Parameters
@@ -88,7 +88,7 @@ class _RiggedWriter:
         shape, writer = next(iter(shapes.values())), self.writer
         cells = surface_triangles(shape.cells)
         used, local = np.unique(cells, return_inverse=True)
-        local = local.reshape(cells.shape)
+        local = np.asarray(local, np.int64).reshape(cells.shape)
         rest = shape.rest[used]
         of_bone = layer == "bones" and body in self.rig.bones
         blend = (
@@ -106,7 +106,7 @@ class _RiggedWriter:
         return max(float(np.linalg.norm(skinned[n] - moved[n], axis=1).max()) for n in moved)
 
     def _primitive(
-        self, rest: Array, cells: Array, blend: LinearBlend, shapes: Sequence[Array]
+        self, rest: Array, cells: IntArray, blend: LinearBlend, shapes: Sequence[Array]
     ) -> gltf.Primitive:
         add = self.writer.accessor
         attributes = gltf.Attributes(

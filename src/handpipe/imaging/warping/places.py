@@ -38,7 +38,8 @@ class Places:
     def imaged(self, image: Volume) -> BoolArray:
         """Which voxels (k,) of the body were inside of an image at rest."""
         index = image.to_index(self.rest)
-        return ((index > -0.5) & (index < np.array(image.shape) - 0.5)).all(axis=1)
+        within = (index > -0.5) & (index < np.array(image.shape) - 0.5)
+        return np.asarray(within.all(axis=1), dtype=np.bool_)
 
     def values(self, image: Volume) -> Array:
         """What an image at rest shows at each voxel (k,) of the body; 0 beyond the image."""

@@ -97,12 +97,13 @@ def _draw(
     simulated: tuple[Rig, Frame, Mapping[str, Shapes]],
 ) -> None:
     rig, frame, layers = simulated
+
+    def row(name: str, volume: Volume, like: Volume) -> Row:
+        return Row(name, lambda points: volume.sample(root(points)), (0.0, like.bright))
+
     rows = [
-        Row(name, lambda points, volume=volume: volume.sample(root(points)), (0.0, like.bright))
-        for name, volume, like in (
-            ("scan", images.posed, images.posed),
-            ("moved", shown["layers"], images.neutral),
-            ("rigid", shown["rigid"], images.neutral),
-        )
+        row("scan", images.posed, images.posed),
+        row("moved", shown["layers"], images.neutral),
+        row("rigid", shown["rigid"], images.neutral),
     ]
     write_slices(path, rows, anatomical_planes(rig, frame, layers), layers)
