@@ -25,6 +25,7 @@ include: "workflow/rules/ligaments.smk"
 include: "workflow/rules/fascia.smk"
 include: "workflow/rules/fat.smk"
 include: "workflow/rules/simulation.smk"
+include: "workflow/rules/views.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmarks.smk"
 
@@ -75,6 +76,7 @@ rule all:
         each_subject(paths.REPORT),
         each_subject(paths.metrics_of("build")),
         obj_sequences(),
+        views(),
         each_subject(paths.COMPLETE),
 
 
@@ -169,6 +171,7 @@ rule simulation:
         subject_checks(),
         each_subject(paths.SCENE_GLB),
         obj_sequences(),
+        views(),
         each_subject(paths.SIMULATION_COMPLETE),
 
 

@@ -185,6 +185,8 @@ CHANGES = [
             "only": (["index"], ""),  # all of the finger's bones
             "chunk": (5, "simulate"),
             "obj": (True, "export_obj require_frames"),
+            "rigged": (True, "export_rigged require_frames"),
+            "images": (True, "evaluate_images move_image move_images report require_frames"),
         },
     ),
     *_changes(

@@ -173,11 +173,26 @@ def test_volumes_give_the_skins_that_scans_do_not(
 
 
 @pytest.mark.parametrize("target", ["simulation", "all"])
-def test_obj_files_are_written_where_a_scene_asks_for_them(small: Path, target: str) -> None:
+def test_obj_and_rigged_files_are_written_where_a_scene_asks_for_them(small: Path, target: str) -> None:
     write_scene(small, "plain", "layers: [bones]")
-    write_scene(small, "exported", "layers: [bones]\nobj: true")
+    write_scene(small, "exported", "layers: [bones]\nobj: true\nrigged: true")
     rules = planned(small, target, "--config", "subjects=[small]", "scenes=[plain,exported]")
-    assert (rules["export_scene"], rules["export_obj"]) == (2, 1)
+    assert (rules["export_scene"], rules["export_obj"], rules["export_rigged"]) == (2, 1, 1)
+
+
+@pytest.mark.parametrize(("layers", "poses"), [("fat", 1), ("skin", 0)])
+@pytest.mark.parametrize("target", ["simulation", "all"])
+def test_the_neutral_image_is_moved_where_a_scene_asks_for_it(
+    small: Path, target: str, layers: str, poses: int
+) -> None:
+    write_scene(small, "plain", "layers: [bones]")
+    write_scene(small, "moved", f"layers: [{layers}]\nimages: true")
+    rules = planned(small, target, "--config", "subjects=[small]", "scenes=[plain,moved]")
+    assert rules["move_images"] == 1
+    compared = poses if target == "all" else 0
+    assert (rules.get("move_image", 0), rules.get("evaluate_images", 0)) == (compared, min(compared, 1))
+    rules = planned(small, target, "--config", "subjects=[small]", "scenes=[plain]")
+    assert not {"move_images", "move_image", "evaluate_images"} & set(rules)
 
 
 def test_the_skin_is_meshed_once_for_fat_and_soft_tissue(nothing_built: Path) -> None:

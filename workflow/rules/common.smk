@@ -616,6 +616,22 @@ def obj_sequences():
     return expand(paths.SCENE_OBJ, subject=buildable_subjects(), scene=asked)
 
 
+def views():
+    """Moved neutral images and rigged hands, of the scenes that ask for them."""
+    moved = [name for name in SETTINGS.scenes if scene(name).images]
+    rigged = [name for name in SETTINGS.scenes if scene(name).rigged]
+    subjects = buildable_subjects()
+    return expand(paths.SCENE_IMAGES, subject=subjects, scene=moved) + expand(
+        paths.SCENE_RIGGED, subject=subjects, scene=rigged
+    )
+
+
+def poses_with_moved_images(subject):
+    """Scanned poses into which the neutral image is moved: with fat, where a scene asks for images."""
+    asked = any(scene(name).images for name in SETTINGS.scenes)
+    return scanned(subject) if asked and "fat" in scene_layers() else []
+
+
 def scribbles(subject, pose, bone):
     """Extra seeds of one bone: a change there reruns that bone alone."""
     data = dataset(subject)
@@ -767,6 +783,7 @@ def report_stages(subject):
     stages += [f"scan-{pose}" for pose in aligned_scans(subject)]
     stages += ["skin"] if "fat" in layers else []
     stages += ["poses"] if report_poses(subject) else []
+    stages += ["images"] if poses_with_moved_images(subject) else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]
     stages += [
         f"motion-{name}" for name in SETTINGS.scenes if is_motion(scene(name).frames)

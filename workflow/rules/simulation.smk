@@ -129,7 +129,8 @@ rule require_frames:
         chunks=chunks_of_scenes,
         made=lambda w: each_subject(paths.REPORT)
         + each_subject(paths.metrics_of("build"))
-        + obj_sequences(),
+        + obj_sequences()
+        + views(),
     output:
         paths.COMPLETE,
     log:
@@ -152,7 +153,7 @@ rule require_frames:
 use rule require_frames as require_simulation with:
     input:
         chunks=chunks_of_scenes,
-        made=lambda w: each_subject(paths.SCENE_GLB) + obj_sequences(),
+        made=lambda w: each_subject(paths.SCENE_GLB) + obj_sequences() + views(),
     output:
         paths.SIMULATION_COMPLETE,
     log:

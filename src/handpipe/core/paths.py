@@ -83,6 +83,9 @@ POSE_LAYERS = f"{SUBJECT}/poses/{{pose}}/{{inner}}.h5"
 POSE_FLESH = f"{SUBJECT}/poses/{{pose}}/flesh.h5"
 POSE_INNER = f"{SUBJECT}/poses/{{pose}}/inner.h5"
 POSE_SKIN = f"{SUBJECT}/poses/{{pose}}/skin.h5"
+MOVED_IMAGE = f"{SUBJECT}/poses/{{pose}}/moved.nii.gz"
+MOVED_SLICES = f"{SUBJECT}/poses/{{pose}}/moved.png"
+MOVED_FIGURES = f"{SUBJECT}/poses/{{pose}}/moved.json"
 
 # Simulated scenes.
 SIMULATION = f"{SUBJECT}/simulation"
@@ -92,6 +95,8 @@ SCENE_ANGLES = f"{SIMULATION}/{{scene}}/angles.csv"  # of a motion
 SCENE_GLB = f"{SIMULATION}/{{scene}}/{{scene}}.glb"
 SCENE_VTK = f"{SIMULATION}/{{scene}}/vtk"
 SCENE_OBJ = f"{SIMULATION}/{{scene}}/obj"
+SCENE_RIGGED = f"{SIMULATION}/{{scene}}/{{scene}}-rigged.glb"
+SCENE_IMAGES = f"{SIMULATION}/{{scene}}/images"
 SIMULATION_COMPLETE = f"{SIMULATION}/complete.json"
 
 # Figures of the stages, tables of the report, and the report.

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
     from handpipe.hand.labelled import labelled_bones, labelled_muscles, names_of_labels, require_seeds
     from handpipe.hand.layer_loading import load_layers
+    from handpipe.hand.moved_image import grid_around, places_in_neutral, skin_of
     from handpipe.hand.part import part_of
     from handpipe.hand.resume import key_of
     from handpipe.hand.simulation import Failure, Simulated, SimulatedFrame, simulate, simulate_frame
@@ -50,6 +51,7 @@ __all__ = [
     "faults",
     "figure_units",
     "finished_frames",
+    "grid_around",
     "joint_limits",
     "key_of",
     "labelled_bones",
@@ -60,6 +62,7 @@ __all__ = [
     "names_of_labels",
     "opacity",
     "part_of",
+    "places_in_neutral",
     "read_frames",
     "read_simulated",
     "require_files",
@@ -69,6 +72,7 @@ __all__ = [
     "shown",
     "simulate",
     "simulate_frame",
+    "skin_of",
     "surface_triangles",
     "tissue",
     "write_frames",

@@ -26,6 +26,8 @@ from handpipe.mesh.tets import TetMesh
 
 CELL_TYPES = {2: "line", 3: "triangle", 4: "tetra"}
 ASSET = gltf.Asset(version="2.0", generator="handpipe")
+COMPONENTS = {"float32": gltf.FLOAT, "uint32": gltf.UNSIGNED_INT, "uint16": gltf.UNSIGNED_SHORT}
+ELEMENTS = {1: gltf.SCALAR, 3: gltf.VEC3, 4: gltf.VEC4, 16: gltf.MAT4}
 TO_GLTF = 1e-3 * np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # mm to m, z up to y up
 
 
@@ -167,24 +169,29 @@ def write_glb(
     step : bool
         Whether each frame stays until the next one; else shapes are blended linearly.
     """
-    if not frames:  # an accessor cannot be empty
-        empty = gltf.GLTF2(asset=ASSET, scenes=[gltf.Scene(nodes=[])], scene=0)
-        with atomic(path) as temporary:
-            empty.save_binary(str(temporary))
+    if not frames:
+        write_empty(path)
         return
     names = [frame.name for frame, _ in frames]
     bodies: dict[tuple[str, str], dict[int, Shape]] = {}
     for number, (_, layers) in enumerate(frames):
         for layer, body, shape in shown(layers):
             bodies.setdefault((layer, body), {})[number] = shape
-    writer = _GlbWriter(names, fps, "STEP" if step else "LINEAR")
+    writer = GlbWriter(names, fps, "STEP" if step else "LINEAR")
     for (layer, body), shapes_of_body in bodies.items():
         writer.add(layer, body, shapes_of_body)
     with atomic(path) as temporary:
         writer.finish().save_binary(str(temporary))
 
 
-class _GlbWriter:
+def write_empty(path: str | Path) -> None:
+    """Write a glTF binary with an empty scene: an accessor cannot be empty."""
+    empty = gltf.GLTF2(asset=ASSET, scenes=[gltf.Scene(nodes=[])], scene=0)
+    with atomic(path) as temporary:
+        empty.save_binary(str(temporary))
+
+
+class GlbWriter:
     """Collects meshes and their animation into one glTF with one buffer."""
 
     def __init__(self, names: Sequence[str], fps: float, interpolation: str) -> None:
@@ -195,12 +202,11 @@ class _GlbWriter:
         self.blob = bytearray()
         self.materials: dict[str, int] = {}
         count = len(names)
-        self.times = self._accessor(
-            np.arange(count, dtype=np.float32)[:, None] / np.float32(fps), bounds=True
-        )
-        self.weights = self._accessor(np.eye(count, dtype=np.float32).reshape(-1, 1))
+        self.times = self.accessor(np.arange(count, dtype=np.float32)[:, None] / np.float32(fps), bounds=True)
+        self.weights = self.accessor(np.eye(count, dtype=np.float32).reshape(-1, 1))
 
     def add(self, layer: str, body: str, shapes: Mapping[int, Shape]) -> None:
+        """Add a body by its shape in each frame."""
         shape = next(iter(shapes.values()))
         cells = surface_triangles(shape.cells)
         used, local = np.unique(cells, return_inverse=True)
@@ -208,20 +214,18 @@ class _GlbWriter:
         rest = shape.rest[used]
         moved = [shapes[i].vertices[used] if i in shapes else rest for i in range(len(self.names))]
         primitive = gltf.Primitive(
-            attributes=gltf.Attributes(
-                POSITION=self._accessor(_to_gltf(rest), gltf.ARRAY_BUFFER, bounds=True)
-            ),
-            indices=self._accessor(local.reshape(-1, 1).astype(np.uint32), gltf.ELEMENT_ARRAY_BUFFER),
+            attributes=gltf.Attributes(POSITION=self.accessor(to_gltf(rest), gltf.ARRAY_BUFFER, bounds=True)),
+            indices=self.accessor(local.reshape(-1, 1).astype(np.uint32), gltf.ELEMENT_ARRAY_BUFFER),
             mode=gltf.LINES if cells.shape[1] == 2 else gltf.TRIANGLES,
-            material=self._material(tissue(layer, body)),
-            targets=[{"POSITION": self._accessor(_to_gltf(x - rest), bounds=True)} for x in moved],
+            material=self.material(tissue(layer, body)),
+            targets=[{"POSITION": self.accessor(to_gltf(x - rest), bounds=True)} for x in moved],
         )
         if cells.shape[1] == 3:
-            normals = _to_gltf(1e3 * Surface(rest, local).vertex_normals())
-            primitive.attributes.NORMAL = self._accessor(normals, gltf.ARRAY_BUFFER)
+            normals = to_gltf(1e3 * Surface(rest, local).vertex_normals())
+            primitive.attributes.NORMAL = self.accessor(normals, gltf.ARRAY_BUFFER)
             for target, x in zip(primitive.targets, moved, strict=True):
-                change = _to_gltf(1e3 * Surface(x, local).vertex_normals()) - normals
-                target["NORMAL"] = self._accessor(change)
+                change = to_gltf(1e3 * Surface(x, local).vertex_normals()) - normals
+                target["NORMAL"] = self.accessor(change)
         self._mesh(f"{layer}/{body}", primitive)
 
     def _mesh(self, name: str, primitive: gltf.Primitive) -> None:
@@ -240,11 +244,13 @@ class _GlbWriter:
         animation.channels.append(gltf.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
 
     def finish(self) -> gltf.GLTF2:
+        """The document with its buffer."""
         self.document.buffers = [gltf.Buffer(byteLength=len(self.blob))]
         self.document.set_binary_blob(bytes(self.blob))
         return self.document
 
-    def _material(self, look: str) -> int:
+    def material(self, look: str) -> int:
+        """The material of a tissue, made once."""
         if look not in self.materials:
             linear = [c**2.2 for c in colour(look)]  # glTF factors are linear light
             surface = gltf.PbrMetallicRoughness(
@@ -256,16 +262,16 @@ class _GlbWriter:
             self.document.materials.append(material)
         return self.materials[look]
 
-    def _accessor(self, values: NDArray, target: int | None = None, *, bounds: bool = False) -> int:
-        """Append an array (n, 1 or 3) of float32 or uint32 to the buffer; return its accessor."""
+    def accessor(self, values: NDArray, target: int | None = None, *, bounds: bool = False) -> int:
+        """Append an array (n, 1, 3, 4 or 16) of float32, uint32 or uint16; return its accessor."""
         view = gltf.BufferView(buffer=0, byteOffset=len(self.blob), byteLength=values.nbytes, target=target)
         self.blob += np.ascontiguousarray(values).tobytes()
         self.document.bufferViews.append(view)
         accessor = gltf.Accessor(
             bufferView=len(self.document.bufferViews) - 1,
-            componentType=gltf.FLOAT if values.dtype == np.float32 else gltf.UNSIGNED_INT,
+            componentType=COMPONENTS[values.dtype.name],
             count=len(values),
-            type=gltf.SCALAR if values.shape[1] == 1 else gltf.VEC3,
+            type=ELEMENTS[values.shape[1]],
         )
         if bounds:
             accessor.min, accessor.max = values.min(axis=0).tolist(), values.max(axis=0).tolist()
@@ -273,5 +279,6 @@ class _GlbWriter:
         return len(self.document.accessors) - 1
 
 
-def _to_gltf(vectors: Array) -> NDArray[np.float32]:
+def to_gltf(vectors: Array) -> NDArray[np.float32]:
+    """Vectors (n, 3) in mm, z up, as glTF has them: float32 in m, y up."""
     return (vectors @ TO_GLTF.T).astype(np.float32)

@@ -528,6 +528,10 @@ class Scene(Model):
     )
     chunk: int = Field(4, ge=1, description="frames in one job")
     obj: bool = Field(False, description="write the frames as a sequence of OBJ files, too")
+    rigged: bool = Field(
+        False, description="write a glTF with skeleton, skin weights and corrective shapes, too"
+    )
+    images: bool = Field(False, description="move the neutral image with the frames, and into scanned poses")
 
     @model_validator(mode="after")
     def _known(self) -> Scene:
@@ -535,6 +539,8 @@ class Scene(Model):
         for layer in self.layers:
             if layer not in known:
                 raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(known)}")
+        if self.images and not {"fat", "skin"} & set(self.needed):
+            raise ValueError("images: need fat or skin among the layers: the skin bounds the moved image")
         return self
 
     @property

@@ -1,0 +1,12 @@
+"""What people look at and work with: the neutral image in motion and its likeness to scans, a rigged hand."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.stages.views import evaluate_images, export_rigged, move_image, move_images
+else:
+    __getattr__ = face(__name__)
+
+__all__ = ["evaluate_images", "export_rigged", "move_image", "move_images"]

@@ -1,0 +1,100 @@
+# The neutral image in motion, with the frames of a scene and into scanned poses (Zheng 2022 Figs. 1, 2, 32, 33); a
+# rigged hand.
+
+
+rule move_images:
+    input:
+        rig=paths.RIG,
+        volume=neutral_volume,
+        chunks=scene_chunks,
+    output:
+        directory(paths.SCENE_IMAGES),
+    log:
+        paths.log_of("move_images", "scene"),
+    benchmark:
+        paths.cost_of("move_images", "scene")
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=60,
+    params:
+        dataset=reads("neutral", *image_of("{neutral}")),
+    message:
+        "{wildcards.subject}: {wildcards.scene}, the neutral image in motion"
+    script:
+        "../scripts/move_images.py"
+
+
+rule move_image:
+    input:
+        rig=paths.RIG,
+        inner=paths.POSE_INNER,
+        skin=paths.POSE_SKIN,
+        neutral=neutral_volume,
+        volume=of_pose("volume"),
+    output:
+        volume=paths.MOVED_IMAGE,
+        slices=paths.MOVED_SLICES,
+        table=paths.MOVED_FIGURES,
+    log:
+        paths.log_of("move_image", "pose"),
+    benchmark:
+        paths.cost_of("move_image", "pose")
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=10,
+    params:
+        dataset=reads(
+            "neutral", *image_of("{neutral}"), *image_of(), "poses.{pose}.role"
+        ),
+    message:
+        "{wildcards.subject}: the neutral image moved into {wildcards.pose}"
+    script:
+        "../scripts/move_image.py"
+
+
+rule evaluate_images:
+    input:
+        tables=lambda w: expand(
+            paths.MOVED_FIGURES,
+            subject=w.subject,
+            pose=poses_with_moved_images(w.subject),
+        ),
+    output:
+        metrics=paths.metrics_of("images"),
+        table=paths.table_of("images"),
+    log:
+        paths.log_of("evaluate_images"),
+    benchmark:
+        paths.cost_of("evaluate_images")
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        costs=costs_of("move_image"),
+    message:
+        "{wildcards.subject}: how alike moved and scanned images are"
+    script:
+        "../scripts/evaluate_images.py"
+
+
+rule export_rigged:
+    input:
+        rig=paths.RIG,
+        chunks=scene_chunks,
+    output:
+        paths.SCENE_RIGGED,
+    log:
+        paths.log_of("export_rigged", "scene"),
+    benchmark:
+        paths.cost_of("export_rigged", "scene")
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: {wildcards.scene} as a skeleton with skins and corrective shapes"
+    script:
+        "../scripts/export_rigged.py"
