@@ -168,7 +168,7 @@ def _parameters(folder: Path) -> Table:
 
 
 def _scenes(folder: Path) -> Table:
-    timed = {path.name: _layer_seconds(path) for path in sorted((folder / "logs/simulate").glob("*"))}
+    timed = {path.name: layer_seconds(path) for path in sorted((folder / "logs/simulate").glob("*"))}
     layers = list(dict.fromkeys(layer for frames in timed.values() for f in frames.values() for layer in f))
     rows: list[tuple[Cell, ...]] = []
     for scene, frames in timed.items():
@@ -189,8 +189,19 @@ def _scenes(folder: Path) -> Table:
     return Table("scenes", "Table 3. The time cost of each scene, and each layer's share.", heads, rows)
 
 
-def _layer_seconds(logs: Path) -> Mapping[str, Mapping[str, float]]:
-    """Seconds of the last simulation of each frame, by frame and layer."""
+def layer_seconds(logs: Path) -> Mapping[str, Mapping[str, float]]:
+    """Seconds of the last simulation of each frame.
+
+    Parameters
+    ----------
+    logs : Path
+        Folder with the logs of a scene's chunks.
+
+    Returns
+    -------
+    mapping of str to mapping of str to float
+        By frame and layer.
+    """
     found: dict[str, dict[str, float]] = defaultdict(dict)
     for path in sorted(logs.glob("*.log")):
         for line in path.read_text(encoding="utf-8").splitlines():
