@@ -1,4 +1,4 @@
-"""`python -m benchmarks.fidelity PART --output FILE`: the finger at one fidelity; `merge` puts parts together."""
+"""`python -m benchmarks.fidelity PART --output FILE`: the finger at one fidelity; `merge` joins parts."""
 
 from __future__ import annotations
 

@@ -14,7 +14,12 @@ CHECKOUT = Path(__file__).parents[2]
 
 def finger(folder: Path) -> Path:
     """A built finger, as far as the benchmark copies it."""
-    for name in ("data/volumes/fist.nii.gz", "segmentation/fist/surfaces.h5", "registration/fist.h5", "rig.h5"):
+    for name in (
+        "data/volumes/fist.nii.gz",
+        "segmentation/fist/surfaces.h5",
+        "registration/fist.h5",
+        "rig.h5",
+    ):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(name, encoding="utf-8")
     return folder
@@ -35,7 +40,9 @@ def test_a_point_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
 
 
 def test_figures_of_a_build_whose_tendons_failed(tmp_path: Path) -> None:
-    metrics.write(tmp_path / "metrics/skin.json", {"true_heldout_error_mean": (0.5, "mm"), "seconds": (9, "s")})
+    metrics.write(
+        tmp_path / "metrics/skin.json", {"true_heldout_error_mean": (0.5, "mm"), "seconds": (9, "s")}
+    )
     log = tmp_path / "logs/simulate" / SCENE / "0.log"
     log.parent.mkdir(parents=True)
     log.write_text(
@@ -54,7 +61,10 @@ def test_picture_and_table_of_the_points_that_were_measured(tmp_path: Path) -> N
     for point, seconds, error in (("preview", 2.0, 0.9), ("standard", 5.0, 0.6)):
         found[f"{point}_frame_seconds_mean"] = (seconds, "s")
         found[f"{point}_skin_true_heldout_error_mean"] = (error, "mm")
-    assert table(found).splitlines()[2:] == ["| preview | 2 |  | 0.9 |  |  |", "| standard | 5 |  | 0.6 |  |  |"]
+    assert table(found).splitlines()[2:] == [
+        "| preview | 2 |  | 0.9 |  |  |",
+        "| standard | 5 |  | 0.6 |  |  |",
+    ]
     metrics.write(tmp_path / "all.json", found)
     main([str(tmp_path / "all.json"), "--output", str(tmp_path / "all.png")])
     assert (tmp_path / "all.png").stat().st_size > 5000

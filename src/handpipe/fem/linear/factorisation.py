@@ -83,8 +83,8 @@ def factorise(
     memory_limit : float
         Largest memory in bytes that the factor may need.
     single : bool
-        Factorise in single precision where the library can (MKL): about half the time and memory. Solutions then
-        need refinement.
+        Factorise in single precision where the library can (MKL), in about half the time and memory.
+        Solutions then need refinement.
 
     Returns
     -------

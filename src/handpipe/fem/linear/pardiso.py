@@ -60,7 +60,7 @@ class PardisoFactor:
     """Matrix type 2 (positive definite) or -2 (indefinite) of the upper triangle, nested dissection by METIS.
 
     OMP_NUM_THREADS or MKL_NUM_THREADS set the number of threads. Memory is freed when the factor is deleted.
-    With `single`, the factor is in single precision: half as large, and a preconditioner rather than a solver.
+    With `single`, the factor is in single precision, half as large: a preconditioner rather than a solver.
     """
 
     library: ctypes.CDLL | None = None  # see `load`
@@ -134,7 +134,7 @@ class PardisoFactor:
         check_memory(self.work, self._limit)
         self._pattern = Pattern(matrix)
 
-    def _call(self, phase: int, b: Array | None = None, x: Array | None = None, count: int = 1) -> None:
+    def _call(self, phase: int, b: NDArray | None = None, x: NDArray | None = None, count: int = 1) -> None:
         assert self.library is not None
         nothing = np.zeros(1)
 

@@ -90,8 +90,8 @@ class SystemSequence:
     `coarse` (n, c), the prolongation of `TwoLevel`, two levels precondition from the beginning.
 
     With `single`, factors are in single precision, and conjugate gradients refine each solution to its
-    tolerance. They are in double precision from the first matrix on that is indefinite in single precision, or
-    whose solution cannot be refined.
+    tolerance. From the first matrix on that is indefinite in single precision, or whose solution cannot be
+    refined, they are in double precision.
     """
 
     def __init__(

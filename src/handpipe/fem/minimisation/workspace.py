@@ -18,7 +18,7 @@ class Workspace:
     """
 
     def __init__(self, rest: Array, coarse: sp.csr_matrix | None = None, single: bool = False) -> None:
-        """Empty workspace; rest (n, 3): positions at rest or near it; coarse (n, c), single: as of `Options`."""
+        """Empty workspace; rest (n, 3): positions at rest or near it; coarse, single: as of `Options`."""
         self.systems = SystemSequence(rest=rest, coarse=coarse, single=single)
         self.held = False
         self._block: FreeBlock | None = None
