@@ -62,12 +62,13 @@ def test_where_single_precision_fails_factors_are_double(caplog: pytest.LogCaptu
     assert backend != "mkl" or "double precision from here on" in caplog.text
 
 
-def test_indefinite_matrices_are_found_out() -> None:
+def test_indefinite_matrices_are_found_out_and_factors_stay_single(caplog: pytest.LogCaptureFixture) -> None:
     good = stiffness()
     bad = sp.csr_matrix(good - 0.9 * sp.diags(good.diagonal()))
     sequence = SystemSequence(memory_limit=1e12, single=True)
-    with pytest.raises(NotPositiveDefinite):
+    with caplog.at_level("INFO"), pytest.raises(NotPositiveDefinite):
         sequence.solve(bad, FORCES)
+    assert "double precision" not in caplog.text
     x = sequence.solve(good, FORCES, tolerance=1e-6)
     assert np.linalg.norm(FORCES - good @ x) <= 1e-6 * np.linalg.norm(FORCES)
 

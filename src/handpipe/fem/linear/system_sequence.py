@@ -90,8 +90,8 @@ class SystemSequence:
     `coarse` (n, c), the prolongation of `TwoLevel`, two levels precondition from the beginning.
 
     With `single`, factors are in single precision, and conjugate gradients refine each solution to its
-    tolerance. From the first matrix on that is indefinite in single precision, or whose solution cannot be
-    refined, they are in double precision.
+    tolerance. From the first matrix on that is indefinite in single precision alone, or whose solution cannot
+    be refined, they are in double precision.
     """
 
     def __init__(
@@ -208,8 +208,10 @@ class SystemSequence:
             if not self._single:
                 raise
         self.work.factorisations += 1
-        self._be_double("a matrix is indefinite in")
-        return self._renewed(matrix)
+        found = factorise(matrix, True, self._limit)  # raises where the matrix is indefinite indeed
+        self._be_double("a matrix seems indefinite in")
+        self._factor = found
+        return found
 
     def _be_double(self, reason: str) -> None:
         """Forget the factor in single precision; all later ones are in double precision."""
