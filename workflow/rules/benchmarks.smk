@@ -278,7 +278,7 @@ rule benchmark_trust:
 FIDELITIES = ["preview", "standard", "paper-fat", "paper"]
 
 
-# A build in a folder of its own below results/benchmarks/fidelity; called again it goes on where it was stopped.
+# A build in a folder of its own; called again it goes on where it was stopped.
 rule benchmark_fidelity_part:
     input:
         paths.at(paths.RIG, subject="phantom-finger"),
