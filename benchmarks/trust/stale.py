@@ -22,7 +22,7 @@ import yaml
 from benchmarks.trust.job_plans import JobPlan, plan
 from handpipe.core import Metrics
 from handpipe.core.configuration import Dataset, Model, Scene, load_dataset
-from handpipe.core.configuration.config import Settings
+from handpipe.core.configuration.settings import Settings
 from handpipe.hand import named_files
 
 CHECKOUT = Path(__file__).parents[2]
@@ -187,6 +187,7 @@ CHANGES = [
             "obj": (True, "export_obj require_frames"),
             "rigged": (True, "export_rigged require_frames"),
             "images": (True, "evaluate_images move_image move_images report require_frames"),
+            "fidelity": ("standard", ""),  # the build's
         },
     ),
     *_changes(
@@ -196,8 +197,16 @@ CHANGES = [
                 ["bones-and-skin"],
                 "evaluate_frames export_scene report require_frames simulate",
             ),
+            "fidelity": (
+                "paper",
+                "extract_tendon make_bone_fascia make_muscle_fascia make_skin mesh_fat mesh_soft_tissue "
+                "report separate_neutral",
+            ),
             "edges.muscle": (1.9, "report separate_neutral"),
             "edges.fascia": (1.9, "make_bone_fascia make_muscle_fascia report"),
+            "edges.bone_fascia": (1.9, "make_bone_fascia report"),
+            "edges.muscle_fascia": (1.9, "make_muscle_fascia report"),
+            "edges.tendon": (0.9, "extract_tendon report"),
             "edges.skin": (1.9, "make_skin report"),
             "edges.fat": (2.6, "mesh_fat mesh_soft_tissue report"),
             "interpolation": ("inverse-square", "collect_fat_strains report"),

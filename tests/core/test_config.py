@@ -1,11 +1,13 @@
 """Dataset and scene files: what is wrong in them is named with file and field."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 import yaml
 
-from handpipe.core.configuration.config import Edges, Scene, load_dataset, load_scene, settings_of
+from handpipe.core.configuration.config import Scene, load_dataset, load_scene
+from handpipe.core.configuration.settings import EDGES, Edges, require_fidelity, settings_of
 from handpipe.core.errors import InputError
 from handpipe.core.layer_registry import LAYERS
 
@@ -154,27 +156,63 @@ def test_a_dataset_is_like_one_that_is_whole_itself(tmp_path, like):
 GIVEN = {
     "subjects": "one-hand",
     "scenes": ["pinch", "fist"],
-    "edges": {"muscle": "1.8", "fascia": 2, "skin": "25e-1", "fat": 4.0},
+    "fidelity": "preview",
     "interpolation": "rbf",
     "truth": "toy",
 }
+BEFORE = {"muscle": 2.5, "bone_fascia": 2.5, "muscle_fascia": 2.5, "tendon": 1.2, "skin": 2.5, "fat": 4.0}
 
 
 def test_settings_have_one_form_however_they_are_given():
-    found = settings_of(GIVEN)
+    found = settings_of(GIVEN | {"edges": {"muscle": "1.8", "fascia": 2, "skin": "25e-1"}})
     assert found.subjects == ("one-hand",)
     assert found.scenes == ("pinch", "fist")
-    assert found.edges == Edges(muscle=1.8, fascia=2.0, skin=2.5, fat=4.0)
-    assert {type(value) for _, value in found.edges} == {float}
+    assert found.sizes == Edges(**BEFORE | {"muscle": 1.8, "bone_fascia": 2.0, "muscle_fascia": 2.0})
+    assert {type(value) for _, value in found.sizes} == {float}
+
+
+def test_preview_has_the_lengths_that_were_the_default():
+    """Builds from before fidelities keep their meshes."""
+    assert settings_of(GIVEN).sizes.model_dump() == BEFORE
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({"fascia": 1.0}, (1.0, 1.0)),
+        ({"fascia": 1.0, "bone_fascia": 0.7}, (0.7, 1.0)),
+        ({"fascia": 1.0, "muscle_fascia": 0.7}, (1.0, 0.7)),
+        ({"muscle_fascia": 0.7}, (2.5, 0.7)),
+    ],
+)
+def test_single_edges_replace_those_of_the_fidelity(given, expected):
+    found = settings_of(GIVEN | {"edges": given})
+    assert (found.sizes.bone_fascia, found.sizes.muscle_fascia) == expected
+    assert found.sizes.fat == EDGES["preview"].fat
+
+
+def test_each_fidelity_is_at_least_as_fine_as_the_one_before():
+    lengths = [list(EDGES[name].model_dump().values()) for name in ("preview", "standard", "paper")]
+    assert all(b <= a for one, next_ in pairwise(lengths) for a, b in zip(one, next_, strict=True))
+    assert lengths[0] != lengths[1] != lengths[2]
+
+
+def test_a_scene_of_another_fidelity_is_refused():
+    scene = Scene(layers=("bones",), frames="frames.csv", fidelity="paper")
+    require_fidelity("fist.yaml", scene, settings_of(GIVEN | {"fidelity": "paper"}))
+    with pytest.raises(InputError, match="--config fidelity=paper") as caught:
+        require_fidelity("fist.yaml", scene, settings_of(GIVEN))
+    assert (caught.value.source, caught.value.field) == ("fist.yaml", "fidelity")
 
 
 @pytest.mark.parametrize(
     ("change", "field"),
     [
-        ({"edges": {**GIVEN["edges"], "muscle": "wide"}}, "edges.muscle"),
-        ({"edges": {**GIVEN["edges"], "fat": 0}}, "edges.fat"),
-        ({"edges": {**GIVEN["edges"], "skin": "nan"}}, "edges.skin"),
-        ({"edges": {"muscle": 1}}, "edges.fascia"),
+        ({"edges": {"muscle": "wide"}}, "edges.muscle"),
+        ({"edges": {"fat": 0}}, "edges.fat"),
+        ({"edges": {"skin": "nan"}}, "edges.skin"),
+        ({"edges": {"bones": 1}}, "edges.bones"),
+        ({"fidelity": "papers"}, "fidelity"),
         ({"interpolation": "linear"}, "interpolation"),
         ({"subjects": ["One Hand"]}, "subjects.0"),
         ({"subject": "one-hand"}, "subject"),

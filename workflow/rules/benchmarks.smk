@@ -274,3 +274,76 @@ rule benchmark_trust:
         "whether wrong results are refused: all figures"
     script:
         "../scripts/benchmark.py"
+
+
+FIDELITIES = ["preview", "standard", "paper-fat", "paper"]
+
+
+# A build in a folder of its own; called again it goes on where it was stopped.
+rule benchmark_fidelity_part:
+    input:
+        paths.at(paths.RIG, subject="phantom-finger"),
+    output:
+        paths.benchmark_of("fidelity/{part}.json"),
+    log:
+        paths.benchmark_of("logs/benchmark_fidelity_part/{part}.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_fidelity_part/{part}.tsv")
+    wildcard_constraints:
+        part="|".join(FIDELITIES),
+    threads: 1
+    resources:
+        mem_mb=6000,
+        runtime=600,
+    params:
+        name="fidelity",
+        arguments=lambda w: [w.part],
+    message:
+        "the finger at {wildcards.part}: errors and seconds"
+    script:
+        "../scripts/benchmark.py"
+
+
+rule benchmark_fidelity_figures:
+    input:
+        expand(paths.benchmark_of("fidelity/{part}.json"), part=FIDELITIES),
+    output:
+        paths.benchmark_of("fidelity.json"),
+    log:
+        paths.benchmark_of("logs/benchmark_fidelity_figures.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_fidelity_figures.tsv")
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        name="fidelity",
+        arguments=lambda w, input: ["merge", *input],
+    message:
+        "speed of the chain against its error: all figures"
+    script:
+        "../scripts/benchmark.py"
+
+
+rule benchmark_fidelity:
+    input:
+        paths.benchmark_of("fidelity.json"),
+    output:
+        paths.benchmark_of("fidelity.png"),
+        paths.benchmark_of("fidelity.md"),
+    log:
+        paths.benchmark_of("logs/benchmark_fidelity.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_fidelity.tsv")
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        name="fidelity.document",
+        arguments=lambda w, input: [*input],
+    message:
+        "speed of the chain against its error: picture and table"
+    script:
+        "../scripts/benchmark.py"

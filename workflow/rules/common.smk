@@ -26,6 +26,7 @@ from handpipe.core.configuration import (
     Role,
     load_dataset,
     load_scene,
+    require_fidelity,
     selection,
     settings_of,
 )
@@ -219,7 +220,10 @@ def scene(name):
             f"handpipe: scenes: {name!r} is no name of a scene. Name its file with a letter first, "
             "then letters, digits, _ and -"
         )
-    return checked(load_scene, f"config/scenes/{name}.yaml")
+    file = f"config/scenes/{name}.yaml"
+    found = checked(load_scene, file)
+    checked(require_fidelity, file, found, SETTINGS)
+    return found
 
 
 def buildable_subjects():

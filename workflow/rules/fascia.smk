@@ -17,7 +17,7 @@ rule make_bone_fascia:
         runtime=10,
     params:
         dataset=reads("joints.*.parent", "joints.*.child"),
-        edge=SETTINGS.edges.fascia,
+        edge=SETTINGS.sizes.bone_fascia,
     message:
         "{wildcards.subject}: bone fascia"
     script:
@@ -45,7 +45,7 @@ rule make_muscle_fascia:
         runtime=10,
     params:
         dataset=reads("muscles.names"),
-        edge=SETTINGS.edges.fascia,
+        edge=SETTINGS.sizes.muscle_fascia,
     message:
         "{wildcards.subject}: muscle fascia"
     script:

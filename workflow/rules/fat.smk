@@ -43,7 +43,7 @@ rule make_skin:
         runtime=10,
     params:
         dataset=reads("root", "nails", "root_bone"),
-        edge=SETTINGS.edges.skin,
+        edge=SETTINGS.sizes.skin,
     message:
         "{wildcards.subject}: neutral skin from its scan"
     script:
@@ -66,7 +66,7 @@ rule mesh_fat:
         mem_mb=2500,
         runtime=10,
     params:
-        edge=SETTINGS.edges.fat,
+        edge=SETTINGS.sizes.fat,
     message:
         "{wildcards.subject}: tetrahedra between the inner surface and the skin"
     script:
@@ -89,7 +89,7 @@ rule mesh_soft_tissue:
         runtime=10,
     params:
         dataset=reads("neutral", "joints.*.parent", "joints.*.child"),
-        edge=SETTINGS.edges.fat,
+        edge=SETTINGS.sizes.fat,
     message:
         "{wildcards.subject}: one soft tissue between the bones and the skin"
     script:

@@ -70,7 +70,7 @@ rule separate_neutral:
         runtime=30,
     params:
         dataset=reads("muscles.names"),
-        edge=SETTINGS.edges.muscle,
+        edge=SETTINGS.sizes.muscle,
     message:
         "{wildcards.subject}: separate the muscles in neutral"
     script:

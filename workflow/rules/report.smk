@@ -61,7 +61,7 @@ rule report:
         },
         jobs=lambda w: str(paths.at(paths.COSTS, subject=w.subject)),
         benchmarks=paths.benchmark_of("fem.json"),  # shown where someone has made it
-        settings={k: str(v) for k, v in SETTINGS.model_dump(mode="json").items()},
+        settings=SETTINGS.shown,
     message:
         "{wildcards.subject}: report"
     script:

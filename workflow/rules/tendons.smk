@@ -27,6 +27,7 @@ rule extract_tendon:
             "tendons.{tendon}.path",
             "tendons.{tendon}.radius",
         ),
+        edge=SETTINGS.sizes.tendon,
     message:
         "{wildcards.subject}: extract the {wildcards.tendon} tendon in neutral"
     script:

@@ -6,5 +6,9 @@ with stage(snakemake):
     from handpipe.stages.tendons.extract_tendon import Inputs, extract_tendon
 
     extract_tendon(
-        inputs_of(snakemake, Inputs), output_of(snakemake), dataset_of(snakemake), snakemake.wildcards.tendon
+        inputs_of(snakemake, Inputs),
+        output_of(snakemake),
+        dataset_of(snakemake),
+        snakemake.wildcards.tendon,
+        snakemake.params.edge,
     )

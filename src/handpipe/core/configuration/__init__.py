@@ -29,9 +29,9 @@ if TYPE_CHECKING:
         load_dataset,
         load_scene,
         load_yaml,
-        settings_of,
     )
     from handpipe.core.configuration.selection import restored
+    from handpipe.core.configuration.settings import require_fidelity, settings_of
 else:
     __getattr__ = face(__name__)
 
@@ -58,6 +58,7 @@ __all__ = [
     "load_dataset",
     "load_scene",
     "load_yaml",
+    "require_fidelity",
     "restored",
     "selection",
     "settings_of",

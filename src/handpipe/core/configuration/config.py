@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 import yaml
 from pydantic import (
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
     ValidationError,
@@ -27,6 +26,8 @@ T = TypeVar("T", bound=BaseModel)
 Vector = tuple[float, float, float]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 Subject = Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]*$")]
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]  # mm
+Fidelity = Literal["preview", "standard", "paper"]
 Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
 Strength = Literal["none", "usual", "severe"]
 ImageEffect = Literal[
@@ -532,6 +533,9 @@ class Scene(Model):
         False, description="write a glTF with skeleton, skin weights and corrective shapes, too"
     )
     images: bool = Field(False, description="move the neutral image with the frames, and into scanned poses")
+    fidelity: Fidelity | None = Field(
+        None, description="the fidelity that it is made for; a build of another one is refused"
+    )
 
     @model_validator(mode="after")
     def _known(self) -> Scene:
@@ -547,54 +551,6 @@ class Scene(Model):
     def needed(self) -> list[str]:
         """The scene's layers and all that they need, inside out."""
         return needed(self.layers)
-
-
-Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]  # mm
-
-
-class Edges(Model):
-    """Edge lengths in mm."""
-
-    muscle: Length = Field(description="of the muscles' tetrahedra")
-    fascia: Length = Field(description="of the fasciae's triangles")
-    skin: Length = Field(description="of the skin's triangles")
-    fat: Length = Field(description="of the tetrahedra of the fat and of the single soft tissue")
-
-
-def _listed(value: Any) -> Any:
-    return [value] if isinstance(value, str) else value
-
-
-class Settings(Model):
-    """What is built: config/config.yaml, with what the command line puts in its place."""
-
-    subjects: Annotated[tuple[Subject, ...], BeforeValidator(_listed)]
-    scenes: Annotated[tuple[str, ...], BeforeValidator(_listed)]
-    edges: Edges
-    interpolation: Interpolation = Field(description="of fat strains over poses")
-    truth: Literal["toy", "full"] = Field(description="resolution of coupled simulations that make subjects")
-
-
-def settings_of(content: Any, source: str | Path = "config") -> Settings:
-    """The settings in a configuration that Snakemake merged.
-
-    Parameters
-    ----------
-    content : mapping
-        The merged configuration.
-    source : path
-        Where it comes from, for error texts.
-
-    Returns
-    -------
-    Settings
-
-    Raises
-    ------
-    InputError
-        Where a key is wrong or missing; it names the first one.
-    """
-    return _checked(source, content, Settings)
 
 
 def load_yaml(path: str | Path, model: type[T]) -> T:
@@ -617,7 +573,7 @@ def load_yaml(path: str | Path, model: type[T]) -> T:
     InputError
         Where the file is missing or malformed, or a field is wrong; it names the first wrong field.
     """
-    return _checked(path, _content(path), model)
+    return checked(path, _content(path), model)
 
 
 class _Loader(yaml.SafeLoader):
@@ -641,7 +597,8 @@ def _content(path: str | Path) -> Any:
         raise InputError(path, "YAML", " ".join(str(error).split()), "Mend the syntax") from error
 
 
-def _checked(path: str | Path, content: Any, model: type[T]) -> T:
+def checked(path: str | Path, content: Any, model: type[T]) -> T:
+    """A model of the content of a file; `InputError` names the first wrong field."""
     try:
         return model.model_validate(content)
     except ValidationError as error:
@@ -736,14 +693,14 @@ def _paths(content: Any, field: str = "") -> Iterator[tuple[str, Path]]:
 def _dataset(path: str | Path) -> Dataset:
     content = _content(path)
     if not isinstance(content, dict) or "like" not in content:
-        return _checked(path, content, Dataset)
+        return checked(path, content, Dataset)
     other = Path(path).with_name(f"{content['like']}.yaml")
     if not other.is_file():
         raise InputError(path, "like", f"there is no {other.name} beside it", "Name a dataset of that folder")
     further = _content(other)
     if "like" in further:
         raise InputError(path, "like", f"{other.name} is like another one itself", "Name that one")
-    return _checked(path, {**further, **content}, Dataset)
+    return checked(path, {**further, **content}, Dataset)
 
 
 def load_scene(path: str | Path) -> Scene:

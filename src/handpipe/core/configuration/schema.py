@@ -13,7 +13,8 @@ from pathlib import Path
 
 from handpipe.core.artifacts import write_text
 from handpipe.core.command import Parser, reported
-from handpipe.core.configuration.config import Dataset, Model, Scene, Settings
+from handpipe.core.configuration.config import Dataset, Model, Scene
+from handpipe.core.configuration.settings import Settings
 
 MODELS: dict[str, type[Model]] = {"config": Settings, "dataset": Dataset, "scene": Scene}
 

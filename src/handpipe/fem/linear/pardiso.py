@@ -60,14 +60,20 @@ class PardisoFactor:
     """Matrix type 2 (positive definite) or -2 (indefinite) of the upper triangle, nested dissection by METIS.
 
     OMP_NUM_THREADS or MKL_NUM_THREADS set the number of threads. Memory is freed when the factor is deleted.
+    With `single`, the factor is in single precision, half as large: a preconditioner rather than a solver.
     """
 
     library: ctypes.CDLL | None = None  # see `load`
 
     def __init__(
-        self, matrix: sp.csr_matrix, positive: bool = True, memory_limit: float = float("inf")
+        self,
+        matrix: sp.csr_matrix,
+        positive: bool = True,
+        memory_limit: float = float("inf"),
+        single: bool = False,
     ) -> None:
         """Raises as `linear.factorise`."""
+        self._real = np.float32 if single else np.float64
         self.work = Work(0.0, 0.0, 0.0, BALANCE)
         self._limit = memory_limit
         self._handle = np.zeros(64, dtype=np.int64)
@@ -81,6 +87,7 @@ class PardisoFactor:
         self._parameters[7] = 0 if positive else 2
         self._parameters[9] = 8 if not positive else 13  # pivots perturbed below 10^-8
         self._parameters[20] = 1  # Bunch-Kaufman pivoting
+        self._parameters[27] = int(single)
         self._parameters[34] = 1  # indices from zero
         self.refactorise(matrix)
 
@@ -89,14 +96,18 @@ class PardisoFactor:
         matrix.sort_indices()
         if self._pattern is None or not self._pattern.fits(matrix):
             self._analyse(matrix)
-        self._values = matrix.data[self._places]
+        self._values = matrix.data[self._places].astype(self._real, copy=False)
         self._call(FACTORISE)
 
     def solve(self, b: Array) -> Array:
         """Solution of A x = b, for b (N,) or (N, k), in the memory order of b."""
-        columns = np.asfortranarray(b, dtype=float)
+        size = float(np.abs(b).max(initial=0.0)) if self._real is np.float32 else 1.0
+        scale = size or 1.0  # keeps small forces within the range of single precision
+        columns = np.asfortranarray(b if scale == 1.0 else b / scale, dtype=self._real)
         x = np.empty_like(columns)
         self._call(SOLVE, columns, x, count=1 if b.ndim == 1 else b.shape[1])
+        if self._real is np.float32:
+            x = scale * x.astype(float, order="F")
         return x if b.flags.f_contiguous else np.ascontiguousarray(x)
 
     @property
@@ -110,7 +121,7 @@ class PardisoFactor:
         self._indptr, self._indices, self._places = _upper_triangle(
             matrix.indptr.astype(np.int32, copy=False), matrix.indices.astype(np.int32, copy=False)
         )
-        self._values = matrix.data[self._places]
+        self._values = matrix.data[self._places].astype(self._real, copy=False)
         self._parameters[17] = self._parameters[18] = -1  # report the factor's entries and the flops
         self._call(ANALYSE)
         kibibytes = self._parameters[14:17].astype(float)
@@ -123,7 +134,7 @@ class PardisoFactor:
         check_memory(self.work, self._limit)
         self._pattern = Pattern(matrix)
 
-    def _call(self, phase: int, b: Array | None = None, x: Array | None = None, count: int = 1) -> None:
+    def _call(self, phase: int, b: NDArray | None = None, x: NDArray | None = None, count: int = 1) -> None:
         assert self.library is not None
         nothing = np.zeros(1)
 

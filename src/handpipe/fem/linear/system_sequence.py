@@ -89,6 +89,10 @@ class SystemSequence:
     positions `rest` (n, 3) for their rigid modes. The default limit is a share of the free memory, the only
     choice here that depends on the machine's state: set it where results must agree to the last bit. With
     `coarse` (n, c), the prolongation of `TwoLevel`, two levels precondition from the beginning.
+
+    With `single`, factors are in single precision, and conjugate gradients refine each solution to its
+    tolerance. From the first matrix on that is indefinite in single precision alone, or whose solution cannot
+    be refined, they are in double precision.
     """
 
     def __init__(
@@ -98,11 +102,12 @@ class SystemSequence:
         rest: Array | None = None,
         coarse: sp.csr_matrix | None = None,
         by_clock: bool = False,
+        single: bool = False,
     ) -> None:
         self.work = LinearWork()
         self.residual = 0.0  # |b - A x| / |b| of the last solution
         self._limit = _default_limit() if memory_limit is None else memory_limit
-        self._rest, self._coarse, self._by_clock = rest, coarse, by_clock
+        self._rest, self._coarse, self._by_clock, self._single = rest, coarse, by_clock, single
         self._factor: Factor | None = None
         self._precondition: Callable[[Array], Array] = np.copy
         self._too_large = coarse is not None
@@ -168,10 +173,7 @@ class SystemSequence:
         self._ageing = None
         start = time.perf_counter()
         try:
-            if self._factor is None:
-                self._factor = factorise(matrix, True, self._limit)
-            else:
-                self._factor.refactorise(matrix)
+            factor = self._factor = self._renewed(matrix)
         except (NotPositiveDefinite, SingularMatrix):
             self.work.factorisations += 1
             raise
@@ -179,18 +181,43 @@ class SystemSequence:
             factor_seconds = time.perf_counter() - start
             self.work.seconds["factorise"] += factor_seconds
         self.work.factorisations += 1
-        predicted = self._factor.work
+        predicted = factor.work
         self.work.factor_bytes = max(self.work.factor_bytes, predicted.bytes)
         start = time.perf_counter()
-        x = self._factor.solve(b)
+        x = factor.solve(b)
         self.residual = _residual(matrix, x, b)
         solve_seconds = time.perf_counter() - start
         self.work.seconds["solve"] += solve_seconds
-        self._precondition = self._factor.solve
+        self._precondition = factor.solve
         self._ageing = Ageing(factor_seconds / solve_seconds if self._by_clock else predicted.price)
         if self.residual <= tolerance:
             return x
-        return self._hand_on(self._iterate(matrix, b, tolerance, POLISHING), tolerance)
+        found = self._iterate(matrix, b, tolerance, POLISHING)
+        if self._single and found.end is not End.CONVERGED:
+            self._be_double("a system is too badly conditioned for")
+            return self._by_new_factor(matrix, b, tolerance)
+        return self._hand_on(found, tolerance)
+
+    def _renewed(self, matrix: sp.csr_matrix) -> Factor:
+        """The factor at hand, of another matrix, or a first one."""
+        try:
+            if self._factor is None:
+                return factorise(matrix, True, self._limit, self._single)
+            self._factor.refactorise(matrix)
+            return self._factor
+        except NotPositiveDefinite:
+            if not self._single:
+                raise
+        self.work.factorisations += 1
+        found = factorise(matrix, True, self._limit)  # raises where the matrix is indefinite indeed
+        self._be_double("a matrix seems indefinite in")
+        self._factor = found
+        return found
+
+    def _be_double(self, reason: str) -> None:
+        """Forget the factor in single precision; all later ones are in double precision."""
+        log.info("%s single precision: factors are in double precision from here on", reason)
+        self._single, self._factor = False, None
 
     def _by_new_levels(self, matrix: sp.csr_matrix, b: Array, tolerance: float) -> Array:
         if self._rest is None:

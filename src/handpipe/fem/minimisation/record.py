@@ -39,6 +39,9 @@ class Options:
         Carries fields from c of the vertices to all n. With it linear systems are solved by two levels, where
         a factor of all unknowns would be too large, and a step ends at negative curvature (Steihaug 1983);
         then bound `max_step`, too.
+    single : bool
+        Factorise in single precision, and refine solutions by conjugate gradients to the same tolerance. For
+        systems of 100,000 unknowns and more, whose factors take most of the time and memory.
     name : str
         Name of the solve in log lines and errors.
 
@@ -60,6 +63,7 @@ class Options:
     untangle: bool = True
     barrier: bool = False
     coarse: sp.csr_matrix | None = None
+    single: bool = False
     name: str = "equilibrium"
 
     def __post_init__(self) -> None:

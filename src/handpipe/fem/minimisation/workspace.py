@@ -17,9 +17,9 @@ class Workspace:
     `held` is True once no rigid-body mode was found to be unconstrained.
     """
 
-    def __init__(self, rest: Array, coarse: sp.csr_matrix | None = None) -> None:
-        """Empty workspace; rest (n, 3): positions at rest or near it; coarse (n, c): as of `Options`."""
-        self.systems = SystemSequence(rest=rest, coarse=coarse)
+    def __init__(self, rest: Array, coarse: sp.csr_matrix | None = None, single: bool = False) -> None:
+        """Empty workspace; rest (n, 3): positions at rest or near it; coarse, single: as of `Options`."""
+        self.systems = SystemSequence(rest=rest, coarse=coarse, single=single)
         self.held = False
         self._block: FreeBlock | None = None
         self._free = np.zeros(0, dtype=bool)

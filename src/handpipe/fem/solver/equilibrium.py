@@ -72,7 +72,7 @@ def solve(
         if earlier is not None:
             log.info("%s: continuing from %s", options.name, checkpoint.path)
             x = earlier[2]
-    found = minimum(energy, x, free, options, Workspace(x, options.coarse), checkpoint)
+    found = minimum(energy, x, free, options, Workspace(x, options.coarse, options.single), checkpoint)
     if checkpoint is not None:
         checkpoint.done()
     return found
@@ -168,7 +168,7 @@ class _Path:
         self, x: Array, step: float, bounds: tuple[float, float], checkpoint: Checkpoint | None
     ) -> Equilibrium:
         """Positions at t = 1, or the last ones reached where the options allow that."""
-        self.workspace = Workspace(x, self.options.coarse)
+        self.workspace = Workspace(x, self.options.coarse, self.options.single)
         t, first, knots, started = 0.0, step, 0, time.perf_counter()
         if checkpoint is not None:
             t, step, x = self._take_up(x, step, checkpoint)

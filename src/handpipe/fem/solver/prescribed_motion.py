@@ -80,7 +80,7 @@ def approach(
     x, idle, workspace, energy = (
         finite(x, options.name),
         0,
-        Workspace(x, options.coarse),
+        Workspace(x, options.coarse, options.single),
         Sum([*potentials, barrier]),
     )
     for number in range(ROUNDS):

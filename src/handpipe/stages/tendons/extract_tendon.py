@@ -29,7 +29,7 @@ class Inputs(Files):
     carried: Path | None = None
 
 
-def extract_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:
+def extract_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str, edge: float) -> None:
     """A tendon's neutral rod and tube from the volume and a clicked curve."""
     tendon = dataset.tendons[name]
     rig = Rig.load(inputs.rig)
@@ -38,7 +38,7 @@ def extract_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str) ->
     else:
         clicked = Carried.load(inputs.carried).paths[name]
     bones = Distance(concatenate([rig.surfaces[b] for b in tendon.bones]))
-    found = extract(pose_volume(dataset, dataset.neutral), clicked, tendon.radius, bones)
+    found = extract(pose_volume(dataset, dataset.neutral), clicked, tendon.radius, bones, edge)
     log.info("%d segments, radius %.2f mm", len(found.x) - 1, found.radii.mean())
     data = {
         "x": found.x,

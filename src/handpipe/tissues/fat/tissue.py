@@ -29,6 +29,7 @@ log = logging.getLogger(__name__)
 OPTIONS = Options(
     displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=False, barrier=True, name="soft tissue"
 )
+LARGE = 20_000  # vertices from which factors are in single precision: they take most of the time and memory
 # mm, root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's
 # noise; gross is more than the mean error of any model of the skin: its figures would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
@@ -342,15 +343,16 @@ class Tissue:
     def _solve(
         self, elastic: Elastic, below: Mapping[str, Shapes], rigid: Mapping[str, RigidTransform], start: Array
     ) -> Equilibrium:
+        options = replace(OPTIONS, single=len(start) >= LARGE)
         try:
-            return equilibrium.solve([elastic, *self.held(below, rigid, start)], start, options=OPTIONS)
+            return equilibrium.solve([elastic, *self.held(below, rigid, start)], start, options=options)
         except ConvergenceError as error:
             log.info("%s; retrying with constraints that stiffen in steps", error)
 
         def softened(t: float) -> list[Potential]:
             return [elastic, *self.held(below, rigid, start, SOFTEST ** (1 - t))]
 
-        return equilibrium.continuation(softened, start, options=OPTIONS)
+        return equilibrium.continuation(softened, start, options=options)
 
     def validity(self, x: Array) -> Validity:
         """Whether the tissue is valid at x (n, 3)."""

@@ -1,0 +1,1 @@
+"""Speed of the whole chain against its error, over fidelities."""
