@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from handpipe.imaging.volumes.rasterisation import rasterise
     from handpipe.imaging.volumes.same_frame import (
         Foreground,
+        fits_clearly,
         likely_cause,
         require_points_in_image,
         require_scan_in_image,
@@ -44,6 +45,7 @@ __all__ = [
     "Volume",
     "box",
     "colours",
+    "fits_clearly",
     "holds_background",
     "labelled_names",
     "likely_cause",
