@@ -140,6 +140,7 @@ SCANS = {  # parts of the benchmark of scans, modules of benchmarks.scans: what 
     "skin": [],
     "alignment": expand(paths.metrics_of("rig"), subject="phantom-finger"),
     "effects": [],
+    "from_raw": expand(paths.metrics_of("skin"), subject="phantom-finger"),
 }
 
 
