@@ -36,7 +36,10 @@ log = logging.getLogger("benchmarks.scans.from_raw")
 CHECKOUT = Path(__file__).parents[2]
 PROJECT = ("Snakefile", "workflow", "config", "profiles")
 RAW = "raw"
-SKIN = {"skin_example": "example_error_mean", "skin_heldout": "heldout_error_mean"}  # names in metrics/skin.json
+SKIN = {
+    "skin_example": "example_error_mean",
+    "skin_heldout": "heldout_error_mean",
+}  # names in metrics/skin.json
 STILL = RigidTransform.identity()
 
 
@@ -101,7 +104,9 @@ def compared(case: Case, results: Path) -> Metrics:
     run(folder, "handpipe.cli", "check", case.name)
     scene = ["--configfile", case.overlay, "--scene", case.name]
     run(folder, "handpipe.cli", "build", case.name, *scene, "--cores", "1")
-    own = Build(folder / "results" / case.name, load_dataset(folder / f"config/datasets/{case.name}.yaml"), TILT)
+    own = Build(
+        folder / "results" / case.name, load_dataset(folder / f"config/datasets/{case.name}.yaml"), TILT
+    )
     found = ratios(Build(results.resolve() / case.plain, plain), own)
     typed = [word for word in case.typed(heldout) if not word.startswith("--")]
     return {"typed_values": (float(len(typed)), "1")} | found
@@ -157,7 +162,7 @@ def ratios(plain: Build, own: Build) -> Metrics:
 
 
 def errors(build: Build, truth: Truth) -> Metrics:
-    """Mean errors against the truth of bones and tendons, and of the skin against scans, by role of the poses."""
+    """Mean errors by role of the poses: of bones and tendons against the truth, of the skin against scans."""
     skin = metrics.read(build.folder / "metrics/skin.json")
     found: Metrics = {name: skin[figure] for name, figure in SKIN.items()}
     for role in (Role.example, Role.heldout):
