@@ -22,11 +22,13 @@ AIM = 8.0  # mm between points of the next path where the tendon is known
 TRIES = 6
 
 
-def extract_roughly(volume: Volume, path: Array, radius: float, bones: Distance | None = None) -> NeutralTendon:
+def extract_roughly(
+    volume: Volume, path: Array, radius: float, bones: Distance | None = None
+) -> NeutralTendon:
     """The rod, radii and surface of the dark tube that a rough path begins on.
 
-    Where the image shows no tube along the rest of the path, that rest is moved to begin at the end of what it
-    shows, and the tube is followed from there. What is not found so is left out, with a warning.
+    Where the image shows no tube along the rest of the path, that rest is moved to begin at the end of what
+    it shows, and the tube is followed from there. What is not found so is left out, with a warning.
 
     Parameters
     ----------
