@@ -1,11 +1,10 @@
 """A subject by `handpipe init` from raw scans, against the same subject from its generator's own templates.
 
-The raw scans are those of a built generated subject as a scanner writes them: tilted DICOM, skins as STL, strokes
-in neutral alone. Bones, joints and organs come from the template hand, which is not the generator's. Both builds
+The raw scans are those of a built generated subject as a scanner writes them: tilted DICOM, skins as STL,
+strokes in neutral alone. Bones, joints and organs come from the template hand, not the generator's. Both builds
 are compared with the same truth. Muscles are not: those of the template have no counterpart in the truth.
 
-`python -m benchmarks.scans from_raw` takes one finger; `python -m benchmarks.scans.from_raw --hand` the whole
-hand.
+`python -m benchmarks.scans from_raw` takes one finger; `python -m benchmarks.scans.from_raw --hand` the hand.
 """
 
 from __future__ import annotations
@@ -94,7 +93,7 @@ def measure(results: Path) -> Metrics:
 
 
 def compared(case: Case, results: Path) -> Metrics:
-    """Build a case from raw scans in a folder of its own below the results, and compare it with the plain one."""
+    """Build a case from raw scans, in a folder below the results, and compare it with the plain one."""
     folder = results.resolve() / "benchmarks" / "from_raw" / case.name
     plain = load_dataset(CHECKOUT / f"config/datasets/{case.plain}.yaml")
     heldout = plain.poses_of(Role.heldout)
