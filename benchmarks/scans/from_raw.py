@@ -1,7 +1,7 @@
 """A subject by `handpipe init` from raw scans, against the same subject from its generator's own templates.
 
 The raw scans are those of a built generated subject as a scanner writes them: tilted DICOM, skins as STL,
-strokes in neutral alone. Bones, joints and organs come from the template hand, not the generator's. Both builds
+strokes in neutral alone. Bones, joints and organs are the template hand's, not the generator's. Both builds
 are compared with the same truth. Muscles are not: those of the template have no counterpart in the truth.
 
 `python -m benchmarks.scans from_raw` takes one finger; `python -m benchmarks.scans.from_raw --hand` the hand.
