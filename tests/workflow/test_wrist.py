@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
 from handpipe.cli import main
@@ -56,6 +57,14 @@ def arrange(generated: Path, folder: Path) -> None:
     write_segments(folder / "my-carpus/neutral-seeds.seg.nrrd", drawn, volume.affine, table)
 
 
+def scribble(path: Path, bone: str) -> None:
+    """Name the strokes as scribbles of a bone: a person has looked at it. The capitate beside it has none."""
+    content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    neutral = content["poses"]["neutral"]
+    neutral["scribbles"] = {bone: neutral["seeds"]}
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A working copy where the rigs of both subjects are built from what `init` wrote."""
@@ -68,6 +77,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.chdir(folder)
         for subject, asked in zip(SUBJECTS, (only, joints), strict=True):
             assert main(["init", subject, "--volumes", subject, "--hand", "right", *asked]) == 0
+            root = PALM["hamate"] if subject == "my-carpus" else "hamate"
+            scribble(Path(f"config/datasets/{subject}.yaml"), root)
             assert main(["check", subject]) == 0
     process = run(folder, "-j1", "rig", "--config", f"subjects=[{','.join(SUBJECTS)}]", "scenes=[my-palm]")
     assert process.returncode == 0, process.stdout
