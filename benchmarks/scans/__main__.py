@@ -16,7 +16,7 @@ from benchmarks.parts import run_parts
 if TYPE_CHECKING:
     from handpipe.core import Metrics
 
-PARTS = ("foot", "knee", "skin", "alignment", "effects", "chain")
+PARTS = ("foot", "knee", "skin", "alignment", "effects", "chain", "from_raw")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

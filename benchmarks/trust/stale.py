@@ -121,7 +121,6 @@ CHANGES = [
             "ligaments.PIP2_ulnar.template": ("new/ligament.ply", "place_templates"),
             "ligaments.PIP2_ulnar.attachments": ("new/ligament.json", "place_templates"),
             "ligaments.PIP2_ulnar.landmarks": ("new/ligament.mrk.json", "place_templates"),
-            "tendons.flexor2.bone": ("middle2", ""),
             "tendons.flexor2.bones": (
                 ["distal2", "middle2", "proximal2"],
                 "extract_tendon fit_hooks register_tendon",

@@ -55,7 +55,7 @@ def test_tendons_begin_at_their_bones_and_pass_outside(hand) -> None:
     everything = Distance(concatenate([*surfaces.values()]))
     for entry in fields["tendons"].values():
         path, _ = read_markers(folder / entry["path"])
-        assert Distance(surfaces[entry["bone"]]).closest(path[:1])[0][0] < 3.0
+        assert Distance(surfaces[entry["bones"][0]]).closest(path[:1])[0][0] < 3.0
         assert everything.signed(path[1:])[0].min() > 0.0
 
 
@@ -113,6 +113,42 @@ def test_the_tendon_of_a_part_ends_with_its_bones(tmp_path: Path) -> None:
     whole, _ = read_markers(HAND / "tendons/flexor2.mrk.json")
     assert whole[-1, 0] < ends.min() - 10  # the whole hand's goes on to the wrist
     assert short[-1, 0] == pytest.approx(ends.min(), abs=5.0) and np.allclose(short[0], whole[0], atol=1e-3)
+
+
+def test_the_wrist_has_the_carpals_and_metacarpals() -> None:
+    whole = fields_of()
+    bones = bones_of_part(whole, ["wrist"])
+    assert {*bones} == {
+        "capitate",
+        "trapezoid",
+        "hamate",
+        "trapezium",
+        *(f"metacarpal{i}" for i in range(1, 6)),
+    }
+    fields = fields_of(bones=bones)
+    assert {n for n, j in fields["joints"].items() if j["angles"]} == {"TM", "CMC4", "CMC5"}
+    assert {*fields["muscles"]} == {"opponens_pollicis", "opponens_digiti_minimi"}
+    assert not fields["tendons"]
+
+
+@pytest.mark.parametrize(
+    ("names", "joints"),
+    [
+        (["hamate", "metacarpal4", "metacarpal5"], {"CMC4": "hamate", "CMC5": "hamate"}),
+        (["trapezium", "metacarpal1"], {"TM": "trapezium"}),
+        (["capitate", "hamate", "metacarpal5"], {"CMC5": "hamate", "fixed_hamate": "capitate"}),
+        (
+            ["capitate", "hamate", "metacarpal3"],
+            {"fixed_capitate": "metacarpal3", "fixed_hamate": "metacarpal3"},
+        ),
+    ],
+)
+def test_a_part_without_the_hands_root_has_a_root_of_its_own(
+    names: list[str], joints: dict[str, str]
+) -> None:
+    """Bones that move as one with the metacarpal III are fixed to one another where it is absent."""
+    fields = fields_of(bones=bones_of_part(fields_of(), names))
+    assert {n: j["parent"] for n, j in fields["joints"].items()} == joints
 
 
 @pytest.mark.parametrize(

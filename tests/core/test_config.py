@@ -47,7 +47,11 @@ def test_shipped_scenes_are_valid(path):
         (lambda c: (c.pop("generator"), c.update(images={})), "images: is only for generated"),
         (lambda c: c["poses"]["hook"].update(role="neutral"), "exactly one pose has the role neutral"),
         (lambda c: c["joints"]["PIP2"].update(parent="femur"), r"joints\.PIP2.*'femur'"),
-        (lambda c: c["tendons"]["flexor2"].update(bone="femur"), r"tendons\.flexor2.*'femur'"),
+        (lambda c: c["tendons"]["flexor2"].update(bones=["femur"]), r"tendons\.flexor2.*'femur'"),
+        (
+            lambda c: c["tendons"]["flexor2"].update(bone="distal2"),
+            r"tendons\.flexor2.*bone: is no field.*remove",
+        ),
         (lambda c: c["joints"]["PIP2"].update(limits_deg=[]), r"joints\.PIP2.*same length"),
         (lambda c: c.update(units="m"), "units"),
         (lambda c: c["tendons"]["flexor2"].update(radius=float("nan")), r"tendons\.flexor2\.radius.*finite"),

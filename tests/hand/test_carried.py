@@ -1,5 +1,6 @@
 """Axis hints, tendons' paths and nails of the shipped hand, carried onto bones of a known other shape."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from handpipe.core.configuration import Dataset
 from handpipe.hand.carried import Carried, with_carried_hints
 from handpipe.imaging.evidence import read_markers
 from handpipe.mesh.surfaces import read_surface
+from handpipe.tissues.muscles.fitting import Rival
 
 BONES = ("metacarpal2", "proximal2", "middle2", "distal2", "metacarpal3", "capitate")
 TURN = Rotation.from_euler("zyx", [35.0, -20.0, 10.0], degrees=True).as_matrix()
@@ -86,3 +88,22 @@ def test_stages_get_the_hints_in_the_neutral_frame(
     again = Carried.load(tmp_path / "carried.h5")
     np.testing.assert_array_equal(again.paths["flexor2"], carried.paths["flexor2"])
     np.testing.assert_array_equal(again.nails["nail2"].vertices, carried.nails["nail2"].vertices)
+    assert again.rival is None and again.figures() == {}
+
+
+def test_the_map_is_the_same_after_it_is_read(dataset: Dataset, carried: Carried, tmp_path: Path) -> None:
+    """So that muscles are placed by it to the last bit as by a map that is made anew."""
+    carried.save(tmp_path / "carried.h5", [])
+    curve = read_markers(dataset.path(dataset.tendons["flexor2"].path))[0]
+    np.testing.assert_array_equal(
+        Carried.load(tmp_path / "carried.h5").warp()(curve), carried.paths["flexor2"]
+    )
+
+
+def test_a_place_that_fits_nearly_as_well_is_kept_and_measured(carried: Carried, tmp_path: Path) -> None:
+    replace(carried, rival=Rival(0.31, 0.35, 168.0)).save(tmp_path / "carried.h5", [])
+    assert Carried.load(tmp_path / "carried.h5").figures() == {
+        "template_error": (0.31, "mm"),
+        "template_error_turned": (0.35, "mm"),
+        "template_turn": (168.0, "deg"),
+    }

@@ -10,6 +10,7 @@ import nibabel
 import numpy as np
 import pytest
 import SimpleITK
+import trimesh
 
 from handpipe.cli import main
 from handpipe.cli.new_subject import find_poses
@@ -20,7 +21,7 @@ from handpipe.hand import named_files
 from handpipe.imaging.volumes import write_segments
 
 from .running import ENVIRONMENT, TOY, planned
-from .small_subject import LABELS, write_image
+from .small_subject import LABELS, write_image, write_mesh
 from .test_bad_input import edit, missing_regions, open_bone
 
 SMALL = ("small", "--stage", "segmentation", TOY)
@@ -187,6 +188,36 @@ def test_init_of_a_name_that_is_none_writes_nothing(
     assert main(["init", "My Hand", "--volumes", "mine", "--hand", "right"]) == 1
     assert "config/datasets/My Hand.yaml: name" in capsys.readouterr().err
     assert not (small / "config/datasets/My Hand.yaml").exists() and not (small / "mine/template").exists()
+
+
+def test_init_writes_a_frame_of_their_own_for_scans_that_lie_elsewhere(
+    small: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One scan is displaced by 20 mm and 15 deg; one scanner has taken both."""
+    monkeypatch.chdir(small)
+    (small / "mine").mkdir()
+    limb = trimesh.creation.capsule(height=50, radius=10)
+    limb.vertices *= [1.0, 0.7, 1.0]
+    limb.vertices[:, 0] += 0.01 * (limb.vertices[:, 2] - 25.0) ** 2  # bent, so that every turn shows
+    index = np.moveaxis(np.indices((50, 40, 90)), 0, -1) - [22.0, 20.0, 20.0]
+    inside = limb.contains(index.reshape(-1, 3)).reshape(index.shape[:-1])
+    affine = np.eye(4)
+    affine[:3, 3] = [-22.0, -20.0, -20.0]
+    turned = trimesh.transformations.rotation_matrix(np.radians(15.0), [0.6, 0.0, 0.8], [0.0, 0.0, 25.0])
+    turned[:3, 3] += [12.0, 16.0, 0.0]
+    for pose, moved in (("neutral", turned), ("fist", np.eye(4))):
+        write_image(small / f"mine/{pose}.nii.gz", np.where(inside, 300.0, 5.0).astype(np.float32), affine)
+        write_mesh(small / f"mine/{pose}.stl", limb.copy().apply_transform(moved))
+    assert main(["init", "mine", "--volumes", "mine", "--hand", "right", "--only", "index"]) == 0
+    assert "scan_frame: own is written for neutral: the scan fits its volume once turned by 15 deg" in (
+        capsys.readouterr().out
+    )
+    poses = load_dataset("config/datasets/mine.yaml").poses
+    assert {name: pose.scan_frame for name, pose in poses.items()} == {"neutral": "own", "fist": "own"}
+    lines = Path("config/datasets/mine.yaml").read_text().splitlines()
+    for pose, reason in (("neutral", "turned by 15 deg and moved by 2"), ("fist", "as the other scans")):
+        before = lines[next(i for i, line in enumerate(lines) if line.startswith(f"  {pose}: ")) - 1]
+        assert before.startswith("  # ") and reason in before
 
 
 @pytest.mark.parametrize(

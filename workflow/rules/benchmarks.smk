@@ -141,6 +141,7 @@ SCANS = {  # parts of the benchmark of scans, modules of benchmarks.scans: what 
     "alignment": expand(paths.metrics_of("rig"), subject="phantom-finger"),
     "effects": [],
     "chain": [],
+    "from_raw": expand(paths.metrics_of("skin"), subject="phantom-finger"),
 }
 
 

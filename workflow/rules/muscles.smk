@@ -5,6 +5,7 @@ rule place_templates:
     input:
         rig=paths.RIG,
         templates=lambda w: template_files(w.subject),
+        carried=carried_template,
     output:
         paths.PLACED_TEMPLATES,
     log:

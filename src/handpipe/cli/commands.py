@@ -19,7 +19,8 @@ from handpipe.core import HandpipeError, InputError, paths, reported
 from handpipe.core.configuration import every_fault, load_dataset
 from handpipe.hand import faults
 
-PARTS = "thumb, index, middle, ring, little or a bone, where the scans show a part; may be repeated"
+PARTS = "thumb, index, middle, ring, little, wrist or a bone, if the scans show a part; may be repeated"
+JOINTS = "PARENT-CHILD, bones of other names in a ball joint, or PARENT-CHILD:fixed; may be repeated"
 USAGE = 2  # exit code of a command that is called wrongly
 
 app = typer.Typer(
@@ -77,9 +78,11 @@ def init(
     neutral: Annotated[str | None, typer.Option(metavar="POSE", help="if no pose is named neutral")] = None,
     heldout: Annotated[list[str] | None, typer.Option(metavar="POSE", help="only tests the result")] = None,
     only: Annotated[list[str] | None, typer.Option(metavar="PART", help=PARTS)] = None,
+    joint: Annotated[list[str] | None, typer.Option(metavar="BONES", help=JOINTS)] = None,
 ) -> None:
     """Write config/datasets/SUBJECT.yaml for a folder of scans; the template hand gives all else."""
-    path, notes = new_subject.init(subject, volumes, hand, neutral, tuple(heldout or ()), tuple(only or ()))
+    parts, joints = tuple(only or ()), tuple(joint or ())
+    path, notes = new_subject.init(subject, volumes, hand, neutral, tuple(heldout or ()), parts, joints)
     for note in notes:
         print(note)
     print(f"{path} and config/scenes/{subject}.yaml are written. Next: handpipe check {subject}")

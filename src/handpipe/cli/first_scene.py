@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from handpipe.core import write_text
-from handpipe.core.configuration import Dataset
+from handpipe.core.configuration import Dataset, Joint
 
 INNER = ("bones", "bone_fascia", "tendons", "muscles", "muscle_fascia", "ligaments")
 LAYERS = (*INNER, "fat", "skin")
+BONES = ("bones",)
+BONES_IN_SKIN = ("bones", "skin")  # of a part without organs
 SHARES = {"rest": 0.0, "bent1": 0.1, "bent2": 0.2}  # frames; shares of the largest flexion of each joint
 SCENE = """\
 # Written by `handpipe init`: three frames, each joint bent by up to a fifth of its largest flexion.
@@ -38,19 +40,22 @@ def write_first_scene(name: str, dataset: Dataset) -> tuple[Path, Path]:
     tuple of path
         As of `scene_files`.
     """
-    largest = {
-        angle: limits[1]
-        for joint in dataset.joints.values()
-        for angle, limits in zip(joint.angles, joint.limits_deg or (), strict=False)
-        if angle.endswith("flexion")
-    }
+    largest = dict(bend for joint in dataset.joints.values() if (bend := _bend(joint)))
     rows = [",".join(["frame", *(f"{angle} [deg]" for angle in largest)])]
     rows += [
         ",".join([frame, *(f"{share * limit:.1f}" for limit in largest.values())])
         for frame, share in SHARES.items()
     ]
     scene, frames = scene_files(name)
-    layers = LAYERS if dataset.has_skin(dataset.neutral) else INNER
+    inner, whole = (INNER, LAYERS) if dataset.muscles or dataset.tendons else (BONES, BONES_IN_SKIN)
+    layers = whole if dataset.has_skin(dataset.neutral) else inner
     write_text(frames, "\n".join(rows) + "\n")
     write_text(scene, SCENE.format(layers=", ".join(layers), frames=frames))
     return scene, frames
+
+
+def _bend(joint: Joint) -> tuple[str, float] | None:
+    """The joint's flexion, or its first angle where none is called so, with its upper limit in deg."""
+    angles = dict(zip(joint.angles, joint.limits_deg or (), strict=False))
+    chosen = next((name for name in angles if name.endswith("flexion")), next(iter(angles), None))
+    return None if chosen is None else (chosen, angles[chosen][1])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,21 +11,20 @@ import yaml
 
 from handpipe.anatomy import shipped
 from handpipe.cli.first_scene import scene_files, write_first_scene
+from handpipe.cli.found_files import TEMPLATE, VOLUMES, find_poses
+from handpipe.cli.own_bones import own_bones
+from handpipe.cli.scan_frames import own_frames
 from handpipe.core import InputError, write_text
 from handpipe.core.configuration import load_dataset
-from handpipe.imaging.volumes import holds_background
 
-SEGMENTATION = ".seg.nrrd"
-VOLUMES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
-SCANS = (".ply", ".obj", ".stl")
-SEEDS = re.compile(r"[ _.-]*(seeds?|strokes?)$", re.IGNORECASE)
-LABELS = re.compile(r"[ _.-]*(labels?|labelmap|seg|segmentation)$", re.IGNORECASE)
-OTHER_WORDS = re.compile(r"[ _.-]*(scan|skin|mri|mr|image|volume)$", re.IGNORECASE)
 NEUTRAL = ("neutral", "rest", "relaxed", "flat")  # names of a pose that is taken for neutral, best first
-TEMPLATE = "template"  # folder of the template's files beside the scans
 HEADER = """\
 # Written by `handpipe init`; config/README.md explains each field. Edit it freely: nothing overwrites it.
-# Bones, joints and organs are those of the template hand; their files are in {template}.
+"""
+OF_TEMPLATE = "# Bones, joints and organs are those of the template hand; their files are in {template}.\n"
+OF_PERSON = """\
+# Bones are numbered as the joints name them; labels of a seed volume have to be these, or edit them here.
+# Ball joints have axes of the neutral image; where a joint is a hinge, leave one angle with a rough axis.
 """
 
 
@@ -36,6 +35,7 @@ def init(
     neutral: str | None = None,
     heldout: tuple[str, ...] = (),
     only: tuple[str, ...] = (),
+    joints: tuple[str, ...] = (),
 ) -> tuple[Path, list[str]]:
     """Write config/datasets/NAME.yaml for a folder of scans, and the template's files into the folder.
 
@@ -55,6 +55,8 @@ def init(
         Poses that only test the result.
     only : tuple of str
         Fingers or bones that the scans show; all where there are none.
+    joints : tuple of str
+        Joints of other bones than the template's, as `own_bones` takes them; nothing is then taken from it.
 
     Returns
     -------
@@ -66,10 +68,11 @@ def init(
     Raises
     ------
     InputError
-        Where there is such a dataset, no volume, or no pose that may be neutral.
+        Where there is such a dataset, no volume, or no pose that may be neutral, and as `own_bones` and
+        `shipped.bones_of_part`.
     """
     path = Path(f"config/datasets/{name}.yaml")
-    bones = shipped.bones_of_part(shipped.fields_of(side), only) if only else None
+    anatomy, header, install = _anatomy(folder / TEMPLATE, side, only, joints)
     for file in (path, *scene_files(name)):
         if file.exists():
             raise InputError(file, "file", "exists already", "Edit it, or choose another name")
@@ -84,100 +87,50 @@ def init(
             raise InputError(folder, "heldout", f"has no pose {pose}", f"The poses are {', '.join(poses)}")
     if "labels" not in poses[rest]:
         poses[rest].setdefault("seeds", Path(f"{rest}-seeds.seg.nrrd"))
+    elsewhere = own_frames(folder, poses)
     content: dict[str, Any] = {
         "name": name,
         "root": str(folder),
         "units": "mm",
         "hand": side,
         "poses": {
-            pose: {"role": _role(pose, rest, heldout)} | {field: str(file) for field, file in files.items()}
+            pose: {"role": _role(pose, rest, heldout)}
+            | {field: str(file) for field, file in files.items()}
+            | ({"scan_frame": "own"} if pose in elsewhere else {})
             for pose, files in sorted(poses.items(), key=lambda item: (item[0] != rest, item[0]))
         },
     }
     if "scan" not in poses[rest]:
         content["skin_from_volume"] = True
-    content |= _below(TEMPLATE, shipped.fields_of(side, bones=bones)) | {"drawn_in": "template"}
-    text = HEADER.format(template=folder / TEMPLATE)
-    write_text(path, text + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110))
+    text = yaml.safe_dump(content | anatomy, sort_keys=False, default_flow_style=None, width=110)
+    write_text(path, HEADER + header + _with_comments(text, elsewhere))
     scene: list[Path] = []
     try:
         scene += write_first_scene(name, load_dataset(path))
-        shipped.install(folder / TEMPLATE, side, bones=bones)
+        install()
     except BaseException:
         for file in (path, *scene):  # nothing is half-written
             file.unlink()
         raise
     unused = [file for pose, files in found.items() if pose not in poses for file in files.values()]
-    return path, [*_notes(folder, rest, poses, unused)]
+    notes = _notes(folder, rest, poses, unused)
+    return path, [*notes, *(f"scan_frame: own is written for {p}: {why}" for p, why in elsewhere.items())]
 
 
-def find_poses(folder: Path) -> dict[str, dict[str, Path]]:
-    """Volumes, seeds, label maps and scans of each pose, told by the names of files.
-
-    A segmentation is seeds where its name says so or where it has the background, else a label map.
-
-    Parameters
-    ----------
-    folder : path
-        Searched with its sub-folders.
-
-    Returns
-    -------
-    dict
-        By pose and field (`volume`, `seeds`, `labels`, `scan`), paths relative to the folder. A pose may lack
-        any.
-
-    Raises
-    ------
-    InputError
-        Where there is no such folder, or there are two files for one field of a pose.
-    """
-    if not folder.is_dir():
-        raise InputError(folder, "folder", "does not exist", "Name the folder of the scans")
-    poses: dict[str, dict[str, Path]] = {}
-    for path in sorted(_candidates(folder)):
-        kind, pose = _kind(path, folder)
-        found = poses.setdefault(pose, {})
-        if kind in found:
-            problem = f"{found[kind]} and {path} are both the {kind} of {pose}"
-            raise InputError(folder, "files", problem, "Rename or move one of them")
-        found[kind] = path
-    return poses
-
-
-def _candidates(folder: Path) -> Iterator[Path]:
-    """Files of volumes, seeds and scans, and folders of DICOM images, relative to the folder."""
-    for path in folder.rglob("*"):
-        relative = path.relative_to(folder)
-        if TEMPLATE in relative.parts or any(part.startswith(".") for part in relative.parts):
-            continue
-        series = path.is_dir() and any(map(_is_dicom, path.iterdir()))
-        if series or (path.is_file() and path.name.lower().endswith((*VOLUMES, *SCANS))):
-            yield relative
-
-
-def _is_dicom(path: Path) -> bool:
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(132)[128:] == b"DICM"
-
-
-def _kind(path: Path, folder: Path) -> tuple[str, str]:
-    """The field that a file is for, and its pose: its name without what tells its kind."""
-    name = path.name
-    suffix = next((s for s in (SEGMENTATION, *VOLUMES, *SCANS) if name.lower().endswith(s)), "")
-    stem = name[: len(name) - len(suffix)]
-    kind = "scan" if suffix in SCANS else "volume"
-    if kind == "volume" and (SEEDS.search(stem) or SEEDS.search(path.parent.name)):
-        kind = "seeds"
-    elif kind == "volume" and (
-        suffix == SEGMENTATION or LABELS.search(stem) or LABELS.search(path.parent.name)
-    ):
-        kind = "seeds" if holds_background(folder / path) else "labels"
-    stem = OTHER_WORDS.sub("", LABELS.sub("", SEEDS.sub("", stem))) or path.parent.name or folder.name
-    pose = re.sub(r"[^A-Za-z0-9]+", "_", stem).strip("_")
-    return kind, pose if pose[:1].isalpha() else f"pose_{pose}"
+def _anatomy(
+    folder: Path, side: Literal["right", "left"], only: tuple[str, ...], joints: tuple[str, ...]
+) -> tuple[dict[str, Any], str, Callable[[], object]]:
+    """Fields of bones, joints and organs; a comment on them; what writes the template's files, if any."""
+    if joints and only:
+        raise InputError(
+            "--only", "parts", "are of the template hand, and --joint names other bones", "Give one"
+        )
+    if joints:
+        return own_bones(joints), OF_PERSON, lambda: None
+    bones = shipped.bones_of_part(shipped.fields_of(side), only) if only else None
+    fields = _below(TEMPLATE, shipped.fields_of(side, bones=bones)) | {"drawn_in": "template"}
+    install = partial(shipped.install, folder, side, bones=bones)
+    return fields, OF_TEMPLATE.format(template=folder), install
 
 
 def _neutral(folder: Path, poses: Mapping[str, object], given: str | None) -> str:
@@ -192,6 +145,13 @@ def _neutral(folder: Path, poses: Mapping[str, object], given: str | None) -> st
         if name in by_name:
             return by_name[name]
     raise InputError(folder, "neutral", "no pose is named so", f"Give --neutral, one of {', '.join(poses)}")
+
+
+def _with_comments(text: str, comments: Mapping[str, str]) -> str:
+    """YAML with a comment before the entry of each pose that has one."""
+    for pose, comment in comments.items():
+        text = text.replace(f"\n  {pose}: {{role", f"\n  # {comment}\n  {pose}: {{role", 1)
+    return text
 
 
 def _role(pose: str, neutral: str, heldout: tuple[str, ...]) -> str:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
-from handpipe.core import Array, artifacts
+from handpipe.core import Array, Metrics, artifacts
 from handpipe.core.configuration import Dataset
 from handpipe.imaging.evidence import read_markers
-from handpipe.mesh.surfaces import Surface, read_surface
-from handpipe.tissues.muscles.fitting import Warp
+from handpipe.mesh.surfaces import Biharmonic, Surface, read_surface
+from handpipe.tissues.muscles.fitting import Rival, Warp, through_points
 
 KIND = "carried_template"
 
@@ -31,11 +31,17 @@ class Carried:
         Points in mm along each tendon, from its insertion outwards.
     nails : mapping of str to Surface
         Patch of each nail, near the skin.
+    points : tuple of two array (n, 3)
+        Points in mm of the template bones, and where they lie on the subject's: what defines the map.
+    rival : Rival, optional
+        Another place of the template bones that fits nearly as well.
     """
 
     axis_hints: Mapping[str, Array]
     paths: Mapping[str, Array]
     nails: Mapping[str, Surface]
+    points: tuple[Array, Array]
+    rival: Rival | None = None
 
     @staticmethod
     def onto(dataset: Dataset, bones: Mapping[str, Surface]) -> Carried:
@@ -78,7 +84,22 @@ class Carried:
             name: warp(read_markers(dataset.path(tendon.path))[0]) for name, tendon in dataset.tendons.items()
         }
         patches = {name: read_surface(dataset.path(nail.surface)) for name, nail in dataset.nails.items()}
-        return Carried(hints, paths, {n: p.moved(warp(p.vertices)) for n, p in patches.items()})
+        nails = {n: p.moved(warp(p.vertices)) for n, p in patches.items()}
+        return Carried(hints, paths, nails, warp.points, warp.rival)
+
+    def warp(self) -> Biharmonic:
+        """The map that carried all this, from the template's frame to the subject's."""
+        return through_points(*self.points)
+
+    def figures(self) -> Metrics:
+        """How sure the place of the template bones is: empty where no other place fits nearly as well."""
+        if self.rival is None:
+            return {}
+        return {
+            "template_error": (self.rival.error, "mm"),
+            "template_error_turned": (self.rival.turned, "mm"),
+            "template_turn": (self.rival.turn, "deg"),
+        }
 
     def in_place(self, dataset: Dataset) -> Dataset:
         """The dataset with the carried axis hints in place of those of its template."""
@@ -91,8 +112,17 @@ class Carried:
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "carried_template"."""
         nails = {n: {"vertices": s.vertices, "triangles": s.triangles} for n, s in self.nails.items()}
-        data = {"axis_hints": dict(self.axis_hints), "paths": dict(self.paths), "nails": nails}
+        points = dict(zip(("source", "target"), self.points, strict=True))
+        data = {
+            "axis_hints": dict(self.axis_hints),
+            "paths": dict(self.paths),
+            "nails": nails,
+            "warp": points,
+        }
+        if self.rival is not None:
+            data["rival"] = asdict(self.rival)
         units = {f"paths/{name}": "mm" for name in self.paths}
+        units |= {f"warp/{name}": "mm" for name in points}
         units |= {f"nails/{name}/vertices": "mm" for name in nails}
         artifacts.write(path, data, kind=KIND, units=units, inputs=inputs)
 
@@ -101,7 +131,9 @@ class Carried:
         """Read what `save` wrote; raises `InputError` where the file is of another kind."""
         d = artifacts.read(path, KIND)
         nails = {n: Surface(g["vertices"], g["triangles"]) for n, g in d.get("nails", {}).items()}
-        return Carried(d["axis_hints"], d.get("paths", {}), nails)
+        points = d["warp"]["source"], d["warp"]["target"]
+        rival = Rival(**{name: float(x) for name, x in d["rival"].items()}) if "rival" in d else None
+        return Carried(d["axis_hints"], d.get("paths", {}), nails, points, rival)
 
 
 def with_carried_hints(dataset: Dataset, carried: Path | None) -> Dataset:

@@ -169,7 +169,7 @@ def _restricted(dataset: Dataset, bones: Sequence[str], layers: Collection[str])
 def _bones_of_organs(dataset: Dataset, kind: str) -> dict[str, set[str]]:
     """The bones that each tendon, muscle or ligament attaches to or passes."""
     if kind == "tendons":
-        return {name: {tendon.bone, *tendon.bones} for name, tendon in dataset.tendons.items()}
+        return {name: {*tendon.bones} for name, tendon in dataset.tendons.items()}
     organs: Mapping[str, Muscle] = getattr(dataset, kind)
     return {name: attached_bones(dataset, dataset.path(o.attachments)) for name, o in organs.items()}
 

@@ -98,14 +98,16 @@ def test_bones_in_a_line_are_turned_as_their_own_shapes_tell():
     """A finger's bones of other shapes: one similarity of all four fits as well turned by any angle."""
     known = {name: b.surface(b.whole, 0.8) for name, b in phantom_bones.bones().items()}
     templates = {name: read_surface(HAND / f"bones/{name}.ply") for name in known}
-    maps = register_bones(templates, {name: Surface(*parts) for name, parts in known.items()})
+    maps, rival = register_bones(templates, {name: Surface(*parts) for name, parts in known.items()})
+    assert rival is None or rival.turned > rival.error
     across = [polar(to.matrix)[0] @ [0.0, 1.0, 0.0] for to in maps.values()]  # both have radial along y
     assert np.degrees(np.arccos([axis[1] for axis in across])).max() < 20.0
 
 
 def test_bones_that_no_turn_suits_better_are_named_in_doubt(caplog):
     round_bones = {n: capsule(x) for n, x in (("a", 0.0), ("b", 45.0), ("c", 85.0))}
-    register_bones(round_bones, {n: s.moved(1.1 * s.vertices) for n, s in round_bones.items()})
+    _, rival = register_bones(round_bones, {n: s.moved(1.1 * s.vertices) for n, s in round_bones.items()})
+    assert rival is not None and rival.turn > 75.0 and rival.turned < 1.25 * rival.error
     assert "turned by" in caplog.text and "check where muscles lie" in caplog.text
 
 

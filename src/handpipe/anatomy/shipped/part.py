@@ -10,6 +10,8 @@ from typing import Any
 from handpipe.core import InputError
 
 FINGERS = {"thumb": "1", "index": "2", "middle": "3", "ring": "4", "little": "5"}  # last letter of bones
+WRIST = "wrist"  # distal carpals, and the metacarpals that they carry
+PHALANX = ("proximal", "middle", "distal")  # names of bones beyond the metacarpals begin so
 Fields = dict[str, Any]
 
 
@@ -21,7 +23,8 @@ def bones_of_part(fields: Fields, names: Iterable[str]) -> list[str]:
     fields : dict
         Fields of the whole template, of `fields_of`.
     names : iterable of str
-        Bones, or fingers: thumb, index, middle, ring, little. A finger has its metacarpal.
+        Bones, or parts: thumb, index, middle, ring, little, wrist. A finger has its metacarpal. The wrist has
+        the carpals of the template, which are the distal ones, and all metacarpals.
 
     Returns
     -------
@@ -37,22 +40,53 @@ def bones_of_part(fields: Fields, names: Iterable[str]) -> list[str]:
     chosen: set[str] = set()
     for name in names:
         found = [b for b in whole if b == name or b.endswith(FINGERS.get(name, "no finger"))]
+        if name == WRIST:
+            found = [b for b in whole if not b.startswith(PHALANX)]
         if not found:
             problem = f"{name} is neither a finger nor a bone of the template"
-            raise InputError(
-                "--only", "name", problem, f"Fingers: {', '.join(FINGERS)}; bones: {', '.join(whole)}"
-            )
+            remedy = f"Parts: {', '.join((*FINGERS, WRIST))}; bones: {', '.join(whole)}"
+            raise InputError("--only", "name", problem, f"{remedy}. For bones of other names give --joint")
         chosen.update(found)
     bones = [b for b in whole if b in chosen]
-    _require_connected(bones, fields["joints"])
+    _require_connected(bones, joints_between(bones, fields["joints"]))
     return bones
+
+
+def joints_between(bones: Collection[str], joints: Fields) -> Fields:
+    """Joints of a part of the template hand.
+
+    Bones that move as one with a bone that the part lacks are fixed to one another.
+
+    Parameters
+    ----------
+    bones : collection of str
+        Bones of the part, in the template's order.
+    joints : dict
+        Joints of the whole template.
+
+    Returns
+    -------
+    dict
+        Joints between bones of the part.
+    """
+    found: Fields = {}
+    first: dict[str, str] = {}  # bone of the part that stands for one that it lacks
+    carried = {joint["child"]: (name, joint) for name, joint in joints.items()}
+    for bone in (b for b in bones if b in carried):
+        name, joint = carried[bone]
+        parent = joint["parent"]
+        if parent not in bones and not joint["angles"]:
+            parent = first.setdefault(parent, bone)
+        if parent in bones and parent != bone:
+            found[name] = joint | {"parent": parent}
+    return {name: found[name] for name in joints if name in found}
 
 
 def part_of(fields: Fields, bones: Collection[str], source: Path) -> Fields:
     """Fields of a part of the template hand.
 
-    Joints, muscles and ligaments remain if the part has all their bones. A tendon remains if the part has the
-    bone of its insertion; it then runs along the part's bones.
+    Joints remain as `joints_between` says, muscles and ligaments if the part has all their bones. A tendon
+    remains if the part has the bone of its insertion; it then runs along the part's bones.
 
     Parameters
     ----------
@@ -74,13 +108,13 @@ def part_of(fields: Fields, bones: Collection[str], source: Path) -> Fields:
 
     return {
         "bones": {n: bone for n, bone in fields["bones"].items() if n in bones},
-        "joints": {n: j for n, j in fields["joints"].items() if {j["parent"], j["child"]} <= set(bones)},
+        "joints": joints_between(bones, fields["joints"]),
         "muscles": {n: organ for n, organ in fields["muscles"].items() if attached(organ)},
         "ligaments": {n: organ for n, organ in fields["ligaments"].items() if attached(organ)},
         "tendons": {
             n: tendon | {"bones": [b for b in tendon["bones"] if b in bones]}
             for n, tendon in fields["tendons"].items()
-            if tendon["bone"] in bones
+            if tendon["bones"][0] in bones
         },
         "nails": {n: nail for n, nail in fields["nails"].items() if nail["bone"] in bones},
     }

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,6 @@ def ship(template: SubjectTemplate, attachments: Attachments, dataset: Dataset, 
         path = f"tendons/{name}.mrk.json"
         write_markers(folder / path, tendon.path[chosen], kind="Curve")
         fields["tendons"][name] = {
-            "bone": tendon.bone,
             "bones": list(tendon.bones),
             "path": path,
             "radius": round(tendon.radius, 2),
@@ -109,7 +109,9 @@ def install(
     """
     fields = fields_of(side, source, bones)
     mirror = np.ones(3) if side == SIDE else MIRROR
-    whole = {t["path"]: t["bones"] for t in fields_of(source=source)["tendons"].values()}
+    whole = fields_of(source=source)
+    passed = {tendon["path"]: tendon["bones"] for tendon in whole["tendons"].values()}
+    bone_at = cache(lambda bone: Distance(read_surface(source / whole["bones"][bone]["template"])))
     for relative in _files(fields):
         path = folder / relative
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -120,7 +122,7 @@ def install(
         elif relative.endswith(".mrk.json"):
             points, _ = read_markers(source / relative)
             if bones is not None:
-                points = _along(points, whole[relative], bones, source)
+                points = _along(points, {bone: bone_at(bone) for bone in passed[relative]}, bones)
             write_markers(path, points * mirror, kind="Curve")
         else:
             shutil.copy(source / relative, path)
@@ -153,16 +155,16 @@ def fields_of(side: Side = SIDE, source: Path = HAND, bones: Collection[str] | N
     return fields
 
 
-def _along(path: Array, passed: Sequence[str], part: Collection[str], source: Path) -> Array:
+def _along(path: Array, passed: Mapping[str, Distance], part: Collection[str]) -> Array:
     """A tendon's path (n, 3) from its insertion while the nearest of the bones it passes is in the part."""
     lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
     at = np.concatenate([[0.0], np.cumsum(lengths)])
     curve = CubicSpline(at, path)
     fine = np.linspace(0.0, at[-1], SAMPLES)
-    surfaces = [read_surface(source / f"bones/{bone}.ply") for bone in passed]
-    nearest = np.argmin([Distance(surface).closest(curve(fine))[0] for surface in surfaces], axis=0)
-    outside = [passed[i] not in part for i in nearest]
-    end = fine[np.argmax(outside)] if any(outside) else at[-1]
+    nearest = np.argmin([bone.closest(curve(fine))[0] for bone in passed.values()], axis=0)
+    outside = [bone not in part for bone in passed]
+    cut = np.array(outside)[nearest]
+    end = fine[np.argmax(cut)] if cut.any() else at[-1]
     return np.asarray(curve(np.linspace(0.0, end, CURVE)))
 
 

@@ -217,12 +217,21 @@ class Muscle(Model):
 class Tendon(Model):
     """`path` is a .mrk.json curve of a few points along it in neutral, from its insertion outwards."""
 
-    bone: Name = Field(description="bone of its insertion, where the rod's first vertex is fixed")
     bones: tuple[Name, ...] = Field(
-        description="bones that it passes, from insertion outwards; they drive its hooks"
+        min_length=1,
+        description="bones that it passes, from that of its insertion outwards; they drive its hooks",
     )
     path: Path
     radius: float = Field(gt=0, le=20, description="rough radius in mm")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_bone(cls, given: Any) -> Any:
+        if isinstance(given, dict) and "bone" in given:
+            raise ValueError(
+                "bone: is no field any more; remove it, the tendon inserts at the first of `bones`"
+            )
+        return given
 
 
 class Nail(Model):
@@ -413,7 +422,7 @@ class Dataset(Model):
         for kind, named in (
             *((f"poses.{k}.scribbles", tuple(p.scribbles)) for k, p in self.poses.items()),
             *((f"joints.{k}", (j.parent, j.child)) for k, j in self.joints.items()),
-            *((f"tendons.{k}", (t.bone, *t.bones)) for k, t in self.tendons.items()),
+            *((f"tendons.{k}", t.bones) for k, t in self.tendons.items()),
             *((f"nails.{k}", (n.bone,)) for k, n in self.nails.items()),
         ):
             for bone in named:

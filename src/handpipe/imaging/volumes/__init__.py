@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from handpipe.imaging.volumes.resolution import acquired_voxels
     from handpipe.imaging.volumes.same_frame import (
         Foreground,
+        fits_clearly,
         likely_cause,
         require_points_in_image,
         require_scan_in_image,
@@ -46,6 +47,7 @@ __all__ = [
     "acquired_voxels",
     "box",
     "colours",
+    "fits_clearly",
     "holds_background",
     "labelled_names",
     "likely_cause",

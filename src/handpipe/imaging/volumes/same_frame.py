@@ -146,6 +146,24 @@ class Foreground:
         return 2.0 * both / max(either, 1)
 
 
+def fits_clearly(agreement: float, before: float = 0.0) -> bool:
+    """Whether a scan fits an image beyond doubt.
+
+    Parameters
+    ----------
+    agreement : float
+        Dice coefficient of the scan's inside and the body in the image.
+    before : float
+        That of another place or another pose's image, which the scan has to fit clearly less well.
+
+    Returns
+    -------
+    bool
+        False from the limit on below which a warning names the scan.
+    """
+    return agreement >= max(before + CLEARLY, DOUBTED)
+
+
 def require_scan_in_image(
     path: str | Path, scan: Surface, image: Foreground, others: Mapping[str, Callable[[], Foreground]]
 ) -> float:
@@ -175,13 +193,13 @@ def require_scan_in_image(
     """
     scan = scan if scan.volume() > 0 else scan.flipped()
     own = image.agreement(scan)
-    if own >= DOUBTED:
+    if fits_clearly(own):
         return own
     fits = {pose: make().agreement(scan) for pose, make in others.items()}
     better = max(fits, key=lambda pose: fits[pose], default="")
     cause = likely_cause(lambda matrix: image.agreement(scan, matrix), own + CLEARLY)
     problem = f"overlaps the body in the pose's image by a Dice coefficient of {own:.2f} only"
-    if better and fits[better] >= max(own + CLEARLY, DOUBTED):
+    if better and fits_clearly(fits[better], own):
         remedy = f"It fits the image of pose {better!r} ({fits[better]:.2f}): are the files exchanged?"
     elif cause is not None:
         remedy = (

@@ -8,7 +8,17 @@ if TYPE_CHECKING:
     from handpipe.skeleton.scan_alignment.alignment import Alignment, align_scan
     from handpipe.skeleton.scan_alignment.image_skin import ImageSkin
     from handpipe.skeleton.scan_alignment.refusal import limits_used, require_same_hand, require_same_size
+    from handpipe.skeleton.scan_alignment.scan_frame import ScanPlace, place_of_scan
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["Alignment", "ImageSkin", "align_scan", "limits_used", "require_same_hand", "require_same_size"]
+__all__ = [
+    "Alignment",
+    "ImageSkin",
+    "ScanPlace",
+    "align_scan",
+    "limits_used",
+    "place_of_scan",
+    "require_same_hand",
+    "require_same_size",
+]

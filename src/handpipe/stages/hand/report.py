@@ -101,6 +101,14 @@ def report(
     warnings = bone_warnings(asked.get("segmentation", {}))
     warnings += pose_warnings(tables.get("poses", []))
     warnings += [said for name in scenes for said in frame_warnings(name, tables[f"frames-{name}"])]
+    if "template_turn" in (rig_figures := asked.get("rig", {})):
+        error, turned, turn = (
+            rig_figures[name][0] for name in ("template_error", "template_error_turned", "template_turn")
+        )
+        warnings.append(
+            f"The template hand's bones fit nearly as well turned by {turn:.0f} deg ({turned:.2f} mm; "
+            f"{error:.2f} mm as they are): look whether muscles, tendons and nails lie on the right side."
+        )
     if bare:
         warnings.append(f"Skin without a scan, from the volume: {', '.join(bare)}. Nails are not in it.")
     write_report(

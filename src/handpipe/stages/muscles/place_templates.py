@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.core import InputError, artifacts
+from handpipe.core import Array, InputError, artifacts
 from handpipe.core.configuration import Dataset
+from handpipe.hand import Carried
 from handpipe.imaging.evidence import read_landmarks
 from handpipe.mesh.surfaces import read_surface
 from handpipe.skeleton.rig import Rig
@@ -25,6 +26,7 @@ class Inputs(Files):
 
     rig: Path
     templates: Sequence[Path]
+    carried: Path | None = None
 
 
 def place_templates(inputs: Inputs, output: Path, dataset: Dataset) -> None:
@@ -35,7 +37,10 @@ def place_templates(inputs: Inputs, output: Path, dataset: Dataset) -> None:
         for name, bone in dataset.bones.items()
         if bone.template is not None
     }
-    warp = Warp(templates, {name: bones[name] for name in templates})
+    if inputs.carried is None:
+        warp: Callable[[Array], Array] = Warp(templates, {name: bones[name] for name in templates})
+    else:
+        warp = Carried.load(inputs.carried).warp()
     data = {}
     for name, organ in {**dataset.muscles, **dataset.ligaments}.items():
         template = read_surface(dataset.path(organ.template), closed=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from handpipe.core import InputError, artifacts, metrics
 from handpipe.core.configuration import Dataset, Role
-from handpipe.hand import with_carried_hints
+from handpipe.hand import Carried
 from handpipe.skeleton.bones import read_registrations, read_surfaces
 from handpipe.skeleton.joints import limit_rows
 from handpipe.skeleton.registration import without_odd_bones
@@ -43,7 +43,8 @@ class Outputs(Files):
 
 def fit_rig(inputs: Inputs, outputs: Outputs, dataset: Dataset, organs: bool) -> None:
     """The kinematic rig from registered bones, its table of errors, and the limits of its angles."""
-    dataset = with_carried_hints(dataset, inputs.carried)
+    carried = None if inputs.carried is None else Carried.load(inputs.carried)
+    dataset = dataset if carried is None else carried.in_place(dataset)
     surfaces = read_surfaces(inputs.neutral, "whole")
     registered = dict(zip(dataset.poses, map(read_registrations, inputs.registrations), strict=True))
     doubtful = {(p, b): r.doubt for p, found in registered.items() for b, r in found.items() if r.doubt}
@@ -51,7 +52,7 @@ def fit_rig(inputs: Inputs, outputs: Outputs, dataset: Dataset, organs: bool) ->
         log.warning("%s: %s is left out: %s", pose, bone, doubt)
     trusted = {p: {b: r for b, r in found.items() if not r.doubt} for p, found in registered.items()}
     fit_poses = dataset.poses_of(Role.neutral, Role.example)
-    figures: metrics.Metrics = {}
+    figures: metrics.Metrics = {} if carried is None else carried.figures()
     with metrics.measured(figures):
         transforms = {p: {b: r.transform for b, r in found.items()} for p, found in trusted.items()}
         transforms, odd = without_odd_bones(dataset, transforms, surfaces, fit_poses)

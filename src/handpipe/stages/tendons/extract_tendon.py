@@ -14,7 +14,7 @@ from handpipe.imaging.volumes import pose_volume
 from handpipe.mesh.surfaces import Distance, concatenate
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.tissues.tendons.fitting import extract
+from handpipe.tissues.tendons.fitting import extract, extract_roughly
 
 log = logging.getLogger(__name__)
 
@@ -33,12 +33,14 @@ def extract_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str, ed
     """A tendon's neutral rod and tube from the volume and a clicked curve."""
     tendon = dataset.tendons[name]
     rig = Rig.load(inputs.rig)
+    bones = Distance(concatenate([rig.surfaces[b] for b in tendon.bones]))
+    volume = pose_volume(dataset, dataset.neutral)
     if inputs.carried is None:
         clicked, _ = read_markers(dataset.path(tendon.path))
+        found = extract(volume, clicked, tendon.radius, bones, edge)
     else:
-        clicked = Carried.load(inputs.carried).paths[name]
-    bones = Distance(concatenate([rig.surfaces[b] for b in tendon.bones]))
-    found = extract(pose_volume(dataset, dataset.neutral), clicked, tendon.radius, bones, edge)
+        path = Carried.load(inputs.carried).paths[name]
+        found = extract_roughly(volume, path, tendon.radius, bones, edge)
     log.info("%d segments, radius %.2f mm", len(found.x) - 1, found.radii.mean())
     data = {
         "x": found.x,

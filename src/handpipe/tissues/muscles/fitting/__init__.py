@@ -10,12 +10,14 @@ if TYPE_CHECKING:
     from handpipe.tissues.muscles.fitting.templates import (
         Affine,
         Guess,
+        Rival,
         Warp,
         fit_similarity,
         place,
         read_attachments,
         read_vertex_ids,
         require_near_bones,
+        through_points,
     )
 else:
     __getattr__ = face(__name__)
@@ -26,6 +28,7 @@ __all__ = [
     "Evidence",
     "Guess",
     "PoseData",
+    "Rival",
     "Warp",
     "extract_neutral",
     "extract_poses",
@@ -34,4 +37,5 @@ __all__ = [
     "read_attachments",
     "read_vertex_ids",
     "require_near_bones",
+    "through_points",
 ]

@@ -21,6 +21,7 @@ from handpipe.mesh.surfaces import Biharmonic, Distance, Surface, component_labe
 log = logging.getLogger(__name__)
 
 SAMPLES = 250  # points a bone that steer the warp
+SMOOTHING = 0.5  # mm
 ROUND = 0.85  # of V / A, half the radius of a long round body: 15 edges around it, which cut off 3 % of it
 NEARLY = 1.25  # times the error of the best similarity: one that fits nearly as well
 TURNED = np.radians(20.0)  # rad, between similarities that differ
@@ -55,28 +56,50 @@ class Affine:
         return points @ self.matrix.T + self.offset
 
 
-def register_bones(templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> dict[str, Affine]:
+@dataclass(frozen=True)
+class Rival:
+    """Maps of all template bones that are turned against the chosen ones, and that fit nearly as well.
+
+    Parameters
+    ----------
+    error : float
+        Mean distance in mm that the chosen maps leave.
+    turned : float
+        The same of the other maps.
+    turn : float
+        Angle in deg between them.
+    """
+
+    error: float
+    turned: float
+    turn: float
+
+
+def register_bones(
+    templates: Mapping[str, Surface], bones: Mapping[str, Surface]
+) -> tuple[dict[str, Affine], Rival | None]:
     """Affine maps of template bones onto the subject's bones of the same names.
 
     Similarities of all bones together start each bone's own iterative closest points: rigid with one scale
     first, then affine. One similarity tells right from left and front from back where bones lie side by side.
     The bones of one finger lie in a line: similarities that are turned about it fit nearly as well. There the
-    bones' own shapes decide, after each has been registered.
+    bones' own shapes decide, after each has been registered. If they do not exclude a turn, it is a rival.
     """
     starts = _similarities(templates, bones)
     if len(starts) == 1:
-        return _registered(templates, bones, starts[0])
+        return _registered(templates, bones, starts[0]), None
     found = [_Turned.register(templates, bones, start) for start in starts]
     log.info("template bones turned about their line: %s mm", np.round([f.error for f in found], 2))
     best = min(found, key=lambda f: f.error)
     best = best if best.error < CLEARLY * found[0].error else found[0]
     others = [f for f in found if _angle_between(f.start, best.start) > OPPOSED]
     other = min(others, key=lambda f: f.error, default=None)
+    rival = None
     if other and other.error < DISTINCT * best.error:
         report = "template bones: %.2f mm, and %.2f mm turned by %.0f deg: check where muscles lie"
-        turn = np.degrees(_angle_between(other.start, best.start))
-        log.warning(report, best.error, other.error, turn)
-    return (best if best is found[0] else _refined(templates, bones, best)).maps
+        rival = Rival(best.error, other.error, float(np.degrees(_angle_between(other.start, best.start))))
+        log.warning(report, rival.error, rival.turned, rival.turn)
+    return (best if best is found[0] else _refined(templates, bones, best)).maps, rival
 
 
 def _refined(templates: Mapping[str, Surface], bones: Mapping[str, Surface], best: _Turned) -> _Turned:
@@ -265,15 +288,15 @@ class Warp:
     """
 
     def __init__(self, templates: Mapping[str, Surface], bones: Mapping[str, Surface]) -> None:
-        self.registered = register_bones(templates, bones)
+        self.registered, self.rival = register_bones(templates, bones)
         source, target = [], []
         for name, affine in self.registered.items():
             points = sample_points(templates[name], SAMPLES, seed=4)
             moved = affine(points)
             source.append(points)
             target.append(Distance(bones[name]).closest(moved)[2])
-        a, b = np.vstack(source), np.vstack(target)
-        self._interpolate = Biharmonic(a, b, smoothing=0.5)
+        self.points = np.vstack(source), np.vstack(target)
+        self._interpolate = through_points(*self.points)
 
     def __call__(self, points: Array) -> Array:
         """Template points (n, 3) in the subject's neutral frame."""
@@ -282,6 +305,22 @@ class Warp:
     def jacobian(self, points: Array) -> Array:
         """Derivatives (n, 3, 3) at template points (n, 3)."""
         return self._interpolate.jacobian(points)
+
+
+def through_points(source: Array, target: Array) -> Biharmonic:
+    """The map of a `Warp` again, from its points.
+
+    Parameters
+    ----------
+    source, target : array (n, 3)
+        Points of the template bones, and where they lie on the subject's: `Warp.points`, in mm.
+
+    Returns
+    -------
+    Biharmonic
+        From the template's frame to the subject's.
+    """
+    return Biharmonic(source, target, smoothing=SMOOTHING)
 
 
 @dataclass(frozen=True)

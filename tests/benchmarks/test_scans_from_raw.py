@@ -1,0 +1,70 @@
+"""Errors of a build in another frame, against a truth that a known turn departs from; what a person types."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+from benchmarks.scans import from_raw
+from benchmarks.scans.from_raw import FINGER, HAND, Build, Truth, bones_off, ratios
+from scipy.spatial.transform import Rotation
+
+from handpipe.core import RigidTransform, artifacts
+from handpipe.core.configuration import load_dataset
+from handpipe.develop.raw_scans import TILT
+from handpipe.mesh.surfaces import Surface
+
+CHECKOUT = Path(__file__).parents[2]
+
+
+def motion(degrees: list[float], shift: list[float]) -> RigidTransform:
+    return RigidTransform(Rotation.from_rotvec(degrees, degrees=True).as_matrix(), np.array(shift))
+
+
+@dataclass(frozen=True)
+class Known(Build):
+    """A build whose rig is given."""
+
+    known: object = None
+
+    def rig(self):  # type: ignore[no-untyped-def]
+        return self.known
+
+
+def test_errors_do_not_depend_on_the_frame_of_the_build(tmp_path: Path) -> None:
+    true = motion([10.0, -30.0, 5.0], [3.0, 40.0, -8.0])
+    data = {"bones": {"distal2": {"rotation": true.rotation, "translation": true.translation}}}
+    artifacts.write(tmp_path / "hook.h5", data, kind="truth", inputs=[])
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=4.0).apply_translation([90.0, 5.0, -3.0])
+    middle = ball.vertices.mean(axis=0)
+    off = RigidTransform.about(middle, motion([0.0, 2.0, 0.0], [0, 0, 0]).rotation)
+    found = TILT @ motion([0, 0, 0], [0.3, 0.0, 0.4]) @ true @ off @ TILT.inverse()
+    rig = SimpleNamespace(
+        surfaces={"distal2": Surface(TILT(ball.vertices), ball.faces)},
+        poses={"hook": SimpleNamespace(angles={}, root=None)},
+        bone_transforms=lambda angles, root: {"distal2": found},
+    )
+    dataset = load_dataset(CHECKOUT / "config/datasets/phantom-finger.yaml")
+    turns, shifts = bones_off(Known(tmp_path, dataset, TILT, rig), Truth(dataset, tmp_path), ["hook"])
+    assert turns == pytest.approx([2.0]) and shifts == pytest.approx([0.5])
+
+
+def test_the_largest_ratio_is_named_for_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = {
+        "plain": {"skin": (0.04, "mm"), "turn": (0.5, "deg")},
+        "own": {"skin": (0.05, "mm"), "turn": (0.4, "deg")},
+    }
+    monkeypatch.setattr(from_raw, "errors", lambda build, truth: known[build.folder.name])
+    dataset = load_dataset(CHECKOUT / "config/datasets/phantom-finger.yaml")
+    found = ratios(Build(tmp_path / "plain", dataset), Build(tmp_path / "own", dataset, TILT))
+    assert found["figures_ratio_max"][0] == pytest.approx(1.25)
+    assert found["ratio_turn"][0] == pytest.approx(0.8) and found["raw_skin"] == (0.05, "mm")
+
+
+@pytest.mark.parametrize("case", [FINGER, HAND])
+def test_a_person_types_ten_values_at_most(case: from_raw.Case) -> None:
+    dataset = load_dataset(CHECKOUT / f"config/datasets/{case.plain}.yaml")
+    values = [word for word in case.typed(dataset.poses_of("heldout")) if not word.startswith("--")]
+    assert len(values) <= 10
