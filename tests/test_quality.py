@@ -153,7 +153,7 @@ def entries(known: Mapping[str, Path]) -> set[str]:
 # Where numbers inside functions are no settings: formulas, units, file formats, looks, bounds of arguments.
 NO_SETTINGS = re.compile(
     r"(core|cli|develop|evaluation|synthetic)/|fem/elements/|imaging/formats/|mesh/files/|.*/__main__.py"
-    r"|fem/linear/(pardiso|superlu).py|tissues/tendons/rods/energies.py|hand/export.py"
+    r"|fem/linear/(pardiso|superlu).py|tissues/tendons/rods/energies.py|hand/exports/export.py"
 )
 
 

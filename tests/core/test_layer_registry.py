@@ -22,7 +22,7 @@ from handpipe.core.layer_registry import (
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform
 from handpipe.hand.appearance import colour, opacity
-from handpipe.hand.export import write_vtu_series
+from handpipe.hand.exports.export import write_vtu_series
 from handpipe.hand.layer_loading import load_layers
 from handpipe.hand.simulation import simulate_frame
 from handpipe.mesh.surfaces.surface import Surface

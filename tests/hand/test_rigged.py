@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform
-from handpipe.hand.rigged.linear_blend import LinearBlend
-from handpipe.hand.rigged.rigged_glb import write_rigged_glb
+from handpipe.hand.exports.linear_blend import LinearBlend
+from handpipe.hand.exports.rigged_glb import write_rigged_glb
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.joints.axes import Axes
 from handpipe.skeleton.joints.joint_tree import RigJoint

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from handpipe.hand.carried import Carried, with_carried_hints
     from handpipe.hand.checks import faults
     from handpipe.hand.continuity import POP, Continuity, Step, continuity_metrics
-    from handpipe.hand.export import surface_triangles, write_glb, write_obj_sequence, write_vtu_series
+    from handpipe.hand.exports import surface_triangles, write_glb, write_obj_sequence, write_vtu_series
     from handpipe.hand.frames import (
         UNITS,
         failures_in,

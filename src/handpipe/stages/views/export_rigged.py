@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handpipe.hand import read_frames
-from handpipe.hand.rigged import write_rigged_glb
+from handpipe.hand.exports import write_rigged_glb
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.core import Array, IntArray, RigidTransform, Shape, Shapes, atomic
 from handpipe.hand.appearance import shown, tissue
-from handpipe.hand.export import TO_GLTF, GlbWriter, surface_triangles, to_gltf, write_empty
-from handpipe.hand.rigged.linear_blend import LinearBlend
+from handpipe.hand.exports.export import TO_GLTF, GlbWriter, surface_triangles, to_gltf, write_empty
+from handpipe.hand.exports.linear_blend import LinearBlend
 from handpipe.hand.simulation import SimulatedFrame
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.rig import Rig

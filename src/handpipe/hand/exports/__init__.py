@@ -1,0 +1,26 @@
+"""Files of a simulated hand for other programs: exact frames, and a rig with corrective shapes."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.hand.exports.export import (
+        surface_triangles,
+        write_glb,
+        write_obj_sequence,
+        write_vtu_series,
+    )
+    from handpipe.hand.exports.linear_blend import LinearBlend
+    from handpipe.hand.exports.rigged_glb import write_rigged_glb
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "LinearBlend",
+    "surface_triangles",
+    "write_glb",
+    "write_obj_sequence",
+    "write_rigged_glb",
+    "write_vtu_series",
+]
