@@ -129,7 +129,10 @@ CHANGES = [
             "tendons.flexor2.radius": (1.9, "extract_tendon"),
             "nails.nail2.bone": ("middle2", "make_skin"),
             "nails.nail2.surface": ("new/nail.ply", "make_skin"),
-            "drawn_in": ("template", "carry_template extract_tendon fit_rig make_skin register_bones"),
+            "drawn_in": (
+                "template",
+                "carry_template extract_tendon fit_rig make_skin place_templates register_bones",
+            ),
             "muscle_interpolation": ("inverse-square", "fit_muscle_strains"),
             "regions.bone_fascia": ("new/bone.json", "make_bone_fascia"),
             "regions.muscle_fascia": ("new/muscle.json", "make_muscle_fascia"),

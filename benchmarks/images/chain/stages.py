@@ -22,6 +22,7 @@ from handpipe.stages.skeleton import fit_rig, register_bones
 from handpipe.stages.tendons import extract_tendon, register_tendon
 from handpipe.stages.tissues import extract_skin
 
+SEGMENT = 1.2  # mm, of tendons' rods
 OF_THE_VIEW = "the border of the image cuts"
 EDGE = 2.5  # mm of muscles' tets, as in config/config.yaml
 
@@ -137,7 +138,7 @@ class Chain:
             neutral = self.file(data.neutral, f"{name}.h5")
             given = extract_tendon.Inputs(self.rig, self._volume(data.neutral), data.path(tendon.path))
 
-            extract = partial(extract_tendon.extract_tendon, given, neutral, data, name)
+            extract = partial(extract_tendon.extract_tendon, given, neutral, data, name, SEGMENT)
             self._step("extract_tendon", [name], extract)
             for pose in poses if neutral.exists() else ():
                 there = register_tendon.Inputs(

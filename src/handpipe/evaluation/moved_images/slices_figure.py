@@ -15,7 +15,7 @@ from handpipe.evaluation.pictures import contours
 from handpipe.evaluation.slices import Plane, Sample, draw_slice
 
 WIDTH, HEIGHT = 3.6, 2.6  # inches of a slice
-DPI = 100
+DPI = 100  # 1/inch
 
 
 @dataclass(frozen=True)

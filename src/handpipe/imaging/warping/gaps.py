@@ -9,7 +9,7 @@ from scipy.sparse.linalg import cg
 from handpipe.core import Array, BoolArray, ConvergenceError, Int32Array, IntArray
 
 TOLERANCE = 1e-6  # of the residual, relative to that of the first guess
-ITERATIONS = 5000
+ITERATIONS = 5000  # steps at most
 
 
 def fill_gaps(values: Array, known: BoolArray, slots: Int32Array, spacing: Array) -> Array:
