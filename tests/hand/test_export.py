@@ -17,8 +17,8 @@ from handpipe.core.errors import InputError
 from handpipe.core.layer_registry import LAYERS
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform
-from handpipe.hand import export
 from handpipe.hand.appearance import shown
+from handpipe.hand.exports import export
 from handpipe.hand.frames import failures_in, finished_frames, read_frames, read_simulated, write_frames
 from handpipe.hand.simulation import Failure
 

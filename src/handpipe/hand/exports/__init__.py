@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from handpipe.hand.exports.export import (
         surface_triangles,
         write_glb,
+        write_numbers,
         write_obj_sequence,
         write_vtu_series,
     )
@@ -20,6 +21,7 @@ __all__ = [
     "LinearBlend",
     "surface_triangles",
     "write_glb",
+    "write_numbers",
     "write_obj_sequence",
     "write_rigged_glb",
     "write_vtu_series",

@@ -71,7 +71,7 @@ def write_vtu_series(folder: str | Path, frames: Sequence[SimulatedFrame], fps: 
         The .pvd files.
     """
     folder = Path(folder)
-    _write_numbers(folder, frames)
+    write_numbers(folder, frames)
     series: dict[str, list[dict[str, str]]] = {}
     for number, (_, layers) in enumerate(frames):
         for layer, shapes in layers.items():
@@ -125,7 +125,7 @@ def write_obj_sequence(folder: str | Path, frames: Sequence[SimulatedFrame]) -> 
     list of Path
         The .obj files.
     """
-    _write_numbers(Path(folder), frames)
+    write_numbers(Path(folder), frames)
     paths = []
     for number, (_, layers) in enumerate(frames):
         path = Path(folder) / f"frame-{number:04d}.obj"
@@ -141,8 +141,16 @@ def write_obj_sequence(folder: str | Path, frames: Sequence[SimulatedFrame]) -> 
     return paths
 
 
-def _write_numbers(folder: Path, frames: Sequence[SimulatedFrame]) -> None:
-    """Write `frames.csv`: the number in the files' names, and the frame."""
+def write_numbers(folder: Path, frames: Sequence[SimulatedFrame]) -> None:
+    """Write `frames.csv`: the number in the names of a series' files, and the frame.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the series.
+    frames : sequence of SimulatedFrame
+        Frames in the order of time.
+    """
     text = io.StringIO()
     rows = ((f"{number:04d}", frame.name) for number, (frame, _) in enumerate(frames))
     csv.writer(text, lineterminator="\n").writerows([("number", "frame"), *rows])

@@ -42,17 +42,25 @@ def check_angles(angles: Mapping[str, float], limits: Limits, source: str | Path
     InputError
         If an angle is unknown, missing, not a number or beyond its limits.
     """
+    check_given_angles(angles, limits, source, row)
     where = f"{row}, " if row else ""
-    known = ", ".join(limits)
+    for name in limits:
+        if name not in angles:
+            remedy = f"Give every angle: {', '.join(limits)}"
+            raise InputError(source, f"{where}{name}", "is missing", remedy)
+
+
+def check_given_angles(
+    angles: Mapping[str, float], limits: Limits, source: str | Path, row: str = ""
+) -> None:
+    """Check that angles are known and within their limits, as `check_angles` does; some may be missing."""
+    where = f"{row}, " if row else ""
     for name in angles:
         if name not in limits:
-            raise InputError(
-                source, f"{where}{name}", "is not an angle of this rig", f"The angles are {known}"
-            )
-    for name, (lower, upper) in limits.items():
-        if name not in angles:
-            raise InputError(source, f"{where}{name}", "is missing", f"Give every angle: {known}")
-        value = angles[name]
+            remedy = f"The angles are {', '.join(limits)}"
+            raise InputError(source, f"{where}{name}", "is not an angle of this rig", remedy)
+    for name in (n for n in limits if n in angles):
+        (lower, upper), value = limits[name], angles[name]
         if not math.isfinite(value):
             raise InputError(source, f"{where}{name}", "is not a finite number", "Give the angle in degrees")
         if not lower - SLACK <= value <= upper + SLACK:
@@ -99,9 +107,8 @@ def read_angles(path: str | Path, limits: Limits) -> dict[str, Angles]:
             )
         name = frame_name(path, (number, row), [*frames])
         where = f"row {number} (frame {name})"
-        angles = {
-            c: _radians(path, where, c, cell, decimal_comma) for c, cell in zip(columns, row[1:], strict=True)
-        }
+        given = zip(columns, row[1:], strict=True)
+        angles = {c: radians_in(path, where, c, cell, decimal_comma) for c, cell in given}
         angles |= {name: 0.0 for name in limits if name not in angles}
         check_angles(angles, limits, path, where)
         frames[name] = angles
@@ -134,30 +141,34 @@ def _columns(path: str | Path, header: list[str], limits: Limits) -> list[str]:
         raise InputError(
             path, "header", "does not begin with the column 'frame'", f"Begin the file with: {example}"
         )
+    return angle_columns(path, header[1:], limits, f"The header is: {example}")
+
+
+def angle_columns(path: str | Path, cells: list[str], limits: Limits, remedy: str) -> list[str]:
+    """The angles that the heads of columns name with their unit; `remedy` is that for an unknown one."""
     names = []
-    for cell in header[1:]:
+    for cell in cells:
         name = cell.strip()
         if not name.endswith(UNIT):
             plain, _, unit = name.partition(" [")
             if unit:
                 problem = f"is in {unit.removesuffix(']')!r}, not in degrees"
-                remedy = f"Convert it and name it {plain + UNIT!r}"
-                raise InputError(path, f"column {name!r}", problem, remedy)
+                rename = f"Convert it and name it {plain + UNIT!r}"
+                raise InputError(path, f"column {name!r}", problem, rename)
             raise InputError(
                 path, f"column {name!r}", "does not say its unit", f"Name it like {name + UNIT!r}"
             )
         names.append(name.removesuffix(UNIT))
     for name in names:
         if name not in limits:
-            raise InputError(
-                path, f"column {name!r}", "is not an angle of this rig", f"The header is: {example}"
-            )
+            raise InputError(path, f"column {name + UNIT!r}", "is not an angle of this rig", remedy)
         if names.count(name) > 1:
-            raise InputError(path, f"column {name!r}", "stands twice", "Keep one of the two")
+            raise InputError(path, f"column {name + UNIT!r}", "stands twice", "Keep one of the two")
     return names
 
 
-def _radians(path: str | Path, where: str, name: str, cell: str, decimal_comma: bool) -> float:
+def radians_in(path: str | Path, where: str, name: str, cell: str, decimal_comma: bool) -> float:
+    """The angle in rad that a cell gives in degrees."""
     try:
         return float(np.radians(number_in(cell, decimal_comma)))
     except ValueError as error:

@@ -15,7 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.core import InputError
-from handpipe.skeleton.joints.angles import UNIT, Angles, Limits
+from handpipe.skeleton.joints.angles import (
+    UNIT,
+    Angles,
+    Limits,
+    angle_columns,
+    check_given_angles,
+    radians_in,
+)
 from handpipe.skeleton.joints.frame_table import Line, delimiter_of, frame_name, number_in, read_table
 from handpipe.skeleton.motion.times import UNITS, KeyTimes, key_times
 
@@ -65,10 +72,7 @@ def read_keyframes(path: str | Path, limits: Limits) -> Keyframes:
     if len(header) < 2 or header[1] not in TIMES:
         remedy = f"Begin the file with: {KEY},{next(iter(TIMES))},{next(iter(limits), 'MP2_flexion')}{UNIT}"
         raise InputError(path, "header", f"its second column is not one of {', '.join(TIMES)}", remedy)
-    columns = [_angle(path, name, limits) for name in header[2:]]
-    if len(set(columns)) < len(columns):
-        twice = next(c for c in columns if columns.count(c) > 1)
-        raise InputError(path, f"column {twice + UNIT!r}", "stands twice", "Keep one of the two")
+    columns = angle_columns(path, header[2:], limits, f"The angles are {', '.join(limits)}")
     names: list[str] = []
     times, angles = [], []
     for line in lines:
@@ -80,40 +84,17 @@ def read_keyframes(path: str | Path, limits: Limits) -> Keyframes:
         times.append(TIMES[header[1]] * _number(path, f"{where}, time", row[1], decimal_comma))
         cells = dict(zip(columns, row[2:], strict=True))
         given = {
-            name: float(np.radians(_number(path, f"{where}, {name}", cell, decimal_comma)))
+            name: radians_in(path, where, name, cell, decimal_comma)
             for name, cell in cells.items()
             if cell.strip()
         }
-        require_within(path, where, given, limits)
+        check_given_angles(given, limits, path, where)
         angles.append(given)
     return Keyframes(key_times(path, _places(lines, names), names, times), tuple(angles))
 
 
-def require_within(path: str | Path, where: str, angles: Angles, limits: Limits) -> None:
-    """Raise `InputError` for an angle in rad that is unknown or beyond its limits."""
-    for name, value in angles.items():
-        if name not in limits:
-            remedy = f"The angles are {', '.join(limits)}"
-            raise InputError(path, f"{where}, {name}", "is not an angle of this rig", remedy)
-        low, high, degrees = np.degrees([*limits[name], value])
-        if not low - 1e-6 <= degrees <= high + 1e-6:
-            problem = f"{degrees:.6g} deg is outside its limits of {low:.6g} to {high:.6g} deg"
-            remedy = "Bring it within the limits, or widen limits_deg of the joint in the dataset file"
-            raise InputError(path, f"{where}, {name}", problem, remedy)
-
-
 def _places(lines: list[Line], names: list[str]) -> list[str]:
     return [f"row {number} (key {name})" for (number, _), name in zip(lines, names, strict=True)]
-
-
-def _angle(path: str | Path, column: str, limits: Limits) -> str:
-    name = column.removesuffix(UNIT)
-    if name == column:
-        raise InputError(path, f"column {column!r}", "does not say its unit", f"Name it like {name + UNIT!r}")
-    if name not in limits:
-        remedy = f"The angles are {', '.join(limits)}"
-        raise InputError(path, f"column {column!r}", "is not an angle of this rig", remedy)
-    return name
 
 
 def _number(path: str | Path, where: str, cell: str, decimal_comma: bool) -> float:

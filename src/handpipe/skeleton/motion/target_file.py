@@ -18,8 +18,7 @@ from pydantic import BeforeValidator, Field
 
 from handpipe.core import InputError
 from handpipe.core.configuration import Model, Name, Vector, load_yaml
-from handpipe.skeleton.joints.angles import Limits
-from handpipe.skeleton.motion.keyframes import require_within
+from handpipe.skeleton.joints.angles import Limits, check_given_angles
 from handpipe.skeleton.motion.times import UNITS, KeyTimes, key_times
 
 
@@ -99,7 +98,7 @@ def read_targets(
     for i, (key, place) in enumerate(zip(found.keys, where, strict=True)):
         if names[i] in names[:i] or not names[i].isprintable():
             raise InputError(path, place, "its name is another key's or cannot be printed", "Name it anew")
-        require_within(path, f"{place}, angles", _radians(key), limits)
+        check_given_angles(_radians(key), limits, path, f"{place}, angles")
         for bone in _bones(key):
             if bones and bone not in bones:
                 raise InputError(path, place, f"no bone {bone!r}", f"The bones are {', '.join(bones)}")

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.core import write_text
 from handpipe.core.configuration import Dataset
 from handpipe.evaluation.moved_images import Row, anatomical_planes, write_slices
 from handpipe.hand import grid_around, places_in_neutral, read_frames, skin_of
+from handpipe.hand.exports import write_numbers
 from handpipe.imaging.volumes import pose_volume, write_volume
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
@@ -36,10 +34,7 @@ def move_images(inputs: Inputs, output: Path, dataset: Dataset) -> None:
     neutral = pose_volume(dataset, dataset.neutral)
     frames = [frame for chunk in inputs.chunks for frame in read_frames(chunk)]
     output.mkdir(parents=True, exist_ok=True)
-    names = io.StringIO()
-    rows = [("number", "frame"), *((f"{i:04d}", frame.name) for i, (frame, _) in enumerate(frames))]
-    csv.writer(names, lineterminator="\n").writerows(rows)
-    write_text(output / "frames.csv", names.getvalue())
+    write_numbers(output, frames)
     if not frames:
         return
     grid = grid_around([skin_of(layers) for _, layers in frames], float(neutral.spacing.min()))

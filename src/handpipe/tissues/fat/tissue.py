@@ -290,8 +290,8 @@ class Tissue:
     def _worth_trying(self, starts: Iterable[Array], found: Sequence[Settled]) -> Iterator[Array]:
         """Starts (n, 3), without those deep in themselves once something is found."""
         for start in starts:
-            if found and self.overlap(start) >= LOST:
-                log.info("soft tissue: a start with skin %.2f mm in itself is not tried", self.overlap(start))
+            if found and (depth := self.overlap(start)) >= LOST:
+                log.info("soft tissue: a start with skin %.2f mm in itself is not tried", depth)
                 continue
             yield start
 
