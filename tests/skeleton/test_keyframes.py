@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from five_fingers import rig
 
+from handpipe.core.configuration import Recording
 from handpipe.core.errors import InputError
 from handpipe.skeleton.drivers import read_frames, write_angles
 from handpipe.skeleton.motion import expand_motion, is_motion, motion_frame_names
@@ -103,3 +104,13 @@ def test_a_table_of_angles_is_no_motion(tmp_path):
     assert not is_motion(path)
     with pytest.raises(InputError, match="holds no keyframes, targets or tracked points"):
         expand_motion(path, RIG)
+
+
+def test_keyframes_with_the_settings_of_a_recording_are_refused(tmp_path):
+    path, recording = written(tmp_path, TABLE), Recording.model_validate({"rate": 30})
+    for read in (
+        lambda: motion_frame_names(path, RIG.limits, recording=recording),
+        lambda: expand_motion(path, RIG, recording=recording),
+    ):
+        with pytest.raises(InputError, match="recording: is given, but .* holds no tracked points"):
+            read()

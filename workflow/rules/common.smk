@@ -547,7 +547,7 @@ def frames(subject, name):
     checked(require_plain, f"config/scenes/{name}.yaml", "frames", made.frames)
     bones = [data.root_bone, *(b for b in data.bones if b != data.root_bone)]
     limits = joint_limits(data)
-    if is_motion(made.frames):
+    if is_motion(made.frames) or made.recording is not None:
         return checked(
             motion_frame_names, made.frames, limits, bones, data.hand, made.recording
         )

@@ -67,6 +67,7 @@ def motion_frame_names(
         If the file is wrong, or describes no motion.
     """
     kind = _kind(path)
+    _require_tracks(path, kind, recording)
     if kind == "keyframes":
         return read_keyframes(path, limits).times.frame_names
     if kind == "targets":
@@ -102,6 +103,7 @@ def expand_motion(
         If the file is wrong, describes no motion, or does not suit the rig.
     """
     kind = _kind(path)
+    _require_tracks(path, kind, recording)
     if kind == "keyframes":
         keys = read_keyframes(path, rig.limits)
         frames = angles_between(keys.times.times, keys.angles, rig.angle_names, keys.times.frames)
@@ -117,6 +119,13 @@ def _kind(path: str | Path) -> str | None:
     if is_keyframe_table(path):
         return "keyframes"
     return "track" if is_track_table(path) else None
+
+
+def _require_tracks(path: str | Path, kind: str | None, recording: Recording | None) -> None:
+    if recording is not None and kind != "track":
+        problem = "is given, but the file of frames holds no tracked points"
+        remedy = "Remove the field, or name a recording of tracked points under frames"
+        raise InputError(path, "recording", problem, remedy)
 
 
 def _recording(path: str | Path, kind: str | None, recording: Recording | None) -> Recording:
