@@ -24,6 +24,7 @@ from handpipe.core import Metrics
 from handpipe.core.configuration import Dataset, Model, Scene, load_dataset
 from handpipe.core.configuration.settings import Settings
 from handpipe.hand import named_files
+from handpipe.skeleton.motion.tracks import COLUMNS
 
 CHECKOUT = Path(__file__).parents[2]
 POSES = ("neutral", "bow", "fist", "half")  # of the finger; fewer jobs, the same rules
@@ -34,8 +35,8 @@ log = logging.getLogger(__name__)
 class Change:
     """A new value of a field, and the rules whose jobs have to run again of themselves, not behind others.
 
-    where: "person", a scanned subject with all that people may give; a generated subject's name; "scene" or
-    "config".
+    where: "person", a scanned subject with all that people may give; a generated subject's name; "scene";
+    "tracked", a scene of tracked points; or "config".
     """
 
     where: str
@@ -61,7 +62,6 @@ ECHOES = [
     {"time_ms": time, "magnitude": f"echoes/{time}.nii.gz", "phase": f"echoes/{time}-phase.nii.gz"}
     for time in (3.45, 4.6, 5.75)
 ]
-RECORDING = {"side": "left", "rate": 30.0, "start": 0.5, "count": 9, "smooth": 0.05, "bridge": 0.1}
 LOOK_READERS = "correct_bone propose_seeds segment_pose"
 CHANGES = [
     *_changes(
@@ -183,13 +183,23 @@ CHANGES = [
             "layers": (["bones", "skin"], "report simulate"),
             "frames": ("config/scenes/moved.csv", "evaluate_frames simulate"),
             "bones": ({"distal2": "Index3"}, "evaluate_frames simulate"),
-            **{f"recording.{field}": (value, "") for field, value in RECORDING.items()},  # no table
             "only": (["index"], ""),  # all of the finger's bones
             "chunk": (5, "simulate"),
             "obj": (True, "export_obj require_frames"),
             "rigged": (True, "export_rigged require_frames"),
             "images": (True, "evaluate_images move_image move_images report require_frames"),
             "fidelity": ("standard", ""),  # the build's
+        },
+    ),
+    *_changes(
+        "tracked",
+        {
+            "recording.side": ("left", "expand_motion"),
+            "recording.rate": (40, "expand_motion"),
+            "recording.start": (0.05, "expand_motion"),
+            "recording.count": (7, "expand_motion"),
+            "recording.smooth": (0.05, "expand_motion"),
+            "recording.bridge": (0.1, "expand_motion"),
         },
     ),
     *_changes(
@@ -220,7 +230,15 @@ CHANGES = [
 ALWAYS = {"person": {"check_subject"}}
 # Fields that name the subject or its kind: with another value it is another subject, built anew.
 IDENTITY = {"name", "like", "generator", "anatomy", "units", "subjects"}
-SCENE_OF = {"phantom-hand": "hand-poses", "knee": "knee"}  # of the others: flexion
+SCENE_OF = {"phantom-hand": "hand-poses", "knee": "knee", "tracked": "waves"}  # of the others: flexion
+KINDS = {"scene": "scene", "tracked": "scene", "config": "config"}  # of schemas; of the others: dataset
+SCENES = {"scene": "flexion", "tracked": "waves"}  # files of scenes, by `Change.where`
+TRACKED = {
+    "layers": ["bones"],
+    "frames": "waves.csv",
+    "chunk": 4,
+    "recording": {"side": "right", "rate": 50, "count": 8},
+}
 
 
 @dataclass
@@ -244,17 +262,19 @@ class Workbench:
             "phantom-hand": _dataset(self.folder, "phantom-hand"),
             "knee": _dataset(self.folder, "knee") | {"anatomy": "images"},
             "scene": yaml.safe_load(scene.read_text(encoding="utf-8")),
+            "tracked": TRACKED,
             "config": {},
         }
 
     def before(self, where: str) -> JobPlan:
         """The plan of `all` of the subject of a change, without the change."""
-        subject = where if where in ("phantom-finger", "phantom-hand", "knee") else "person"
-        if subject not in self._plans:
+        kind = where if where in SCENE_OF or where == "phantom-finger" else "person"
+        if kind not in self._plans:
             for name in ("person", "phantom-finger", "phantom-hand", "knee"):
                 self.write(f"datasets/{name}", self.contents[name])
-            self._plans[subject] = self.plan(subject)
-        return self._plans[subject]
+            self.write("scenes/waves", self.contents["tracked"])
+            self._plans[kind] = self.plan(kind)
+        return self._plans[kind]
 
     def after(self, change: Change) -> JobPlan:
         """The plan with the change."""
@@ -262,16 +282,17 @@ class Workbench:
         new = _with(old, change.field, change.value)
         if where == "config":
             return self.plan("person", **new)
-        name = "scenes/flexion" if where == "scene" else f"datasets/{where}"
-        subject = "person" if where == "scene" else where
+        name = f"scenes/{SCENES[where]}" if where in SCENES else f"datasets/{where}"
         try:
             self.write(name, new)
-            return self.plan(subject)
+            return self.plan("person" if where == "scene" else where)
         finally:
             self.write(name, old)
 
-    def plan(self, subject: str, **config: Any) -> JobPlan:
-        given = {"subjects": [subject], "scenes": [SCENE_OF.get(subject, "flexion")], **config}
+    def plan(self, kind: str, **config: Any) -> JobPlan:
+        """The plan of a subject, or of "tracked", the person with the scene of tracked points."""
+        subject = "person" if kind == "tracked" else kind
+        given = {"subjects": [subject], "scenes": [SCENE_OF.get(kind, "flexion")], **config}
         return plan(self.folder, ["all"], given)
 
     def write(self, name: str, content: Mapping[str, Any]) -> None:
@@ -290,6 +311,16 @@ class Workbench:
         found = {job.rule for job in self.after(change).changed(before)} - {"all"}
         expected = change.rules | ALWAYS.get(change.where, set())
         return set(expected - found), found - expected
+
+
+def write_waves(path: Path) -> None:
+    """Write a recording of both hands: twenty rows of each, 10 ms apart."""
+    rows = [",".join(COLUMNS)]
+    for i in range(20):
+        for side in ("left", "right"):
+            cells = {"timestamp_us": 10_000 * i, "side": side, "confidence": 1}
+            rows.append(",".join(str(cells.get(c, len(c) + i)) for c in COLUMNS))
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
 def _files(content: Mapping[str, Any]) -> list[Path]:
@@ -311,6 +342,7 @@ def workbench() -> Iterator[Workbench]:
         shutil.copy(CHECKOUT / "Snakefile", folder)
         scenes = folder / "config" / "scenes"
         shutil.copy(scenes / "flexion.csv", scenes / "moved.csv")
+        write_waves(folder / "waves.csv")
         yield Workbench(folder)
 
 
@@ -368,7 +400,7 @@ def unchecked_fields(changes: Sequence[Change] = CHANGES) -> set[str]:
     found = set()
     for kind, model in (("scene", Scene), ("config", Settings), ("dataset", Dataset)):
         given = [
-            c.field for c in changes if (c.where if c.where in ("scene", "config") else "dataset") == kind
+            c.field for c in changes if KINDS.get(c.where, "dataset") == kind
         ]
         for field in fields(model):
             if field not in IDENTITY and not any(_is(field, name) for name in given):

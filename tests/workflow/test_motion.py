@@ -7,7 +7,6 @@ import yaml
 from benchmarks.trust.stale import Workbench, workbench
 from snakemake.exceptions import WorkflowError
 
-from handpipe.skeleton.motion.tracks import COLUMNS
 
 FRAMES = {"close-fist": 132, "thumb-opposition": 996, "numbers": 360, "sign-letters": 732}
 CHUNK = 12
@@ -42,11 +41,6 @@ def test_a_build_of_absent_recordings_alone_is_refused(bench: Workbench) -> None
 
 
 def test_a_recording_that_is_there_is_expanded_and_its_filter_reruns_that(bench: Workbench) -> None:
-    rows = [",".join(COLUMNS)]
-    for i in range(20):
-        cells = {"timestamp_us": 10_000 * i, "side": "right", "confidence": 1}
-        rows.append(",".join(str(cells.get(c, len(c) + i)) for c in COLUMNS))
-    (bench.folder / "waves.csv").write_text("\n".join(rows) + "\n")
     scene = {"layers": ["bones"], "frames": "waves.csv", "recording": {"rate": 50, "count": 9}, "chunk": 4}
     bench.write("scenes/waves", scene)
     before = bench.plan("phantom-hand-preview", scenes=["waves"])
