@@ -399,9 +399,7 @@ def unchecked_fields(changes: Sequence[Change] = CHANGES) -> set[str]:
     """Fields of the schemas that no change of the table is about, and that do not name the subject."""
     found = set()
     for kind, model in (("scene", Scene), ("config", Settings), ("dataset", Dataset)):
-        given = [
-            c.field for c in changes if KINDS.get(c.where, "dataset") == kind
-        ]
+        given = [c.field for c in changes if KINDS.get(c.where, "dataset") == kind]
         for field in fields(model):
             if field not in IDENTITY and not any(_is(field, name) for name in given):
                 found.add(f"{kind}: {field}")

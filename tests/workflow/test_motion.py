@@ -7,7 +7,6 @@ import yaml
 from benchmarks.trust.stale import Workbench, workbench
 from snakemake.exceptions import WorkflowError
 
-
 FRAMES = {"close-fist": 132, "thumb-opposition": 996, "numbers": 360, "sign-letters": 732}
 CHUNK = 12
 
