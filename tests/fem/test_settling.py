@@ -42,6 +42,20 @@ def test_a_long_way_in_equal_steps_is_gone_to_its_end():
     assert settled.renewals == int(np.ceil(farthest / 0.25)) + 1
 
 
+def test_a_part_that_alternates_is_damped_while_another_goes_on():
+    """The second point alternates; the first goes on in steps of 0.25 mm, and takes whole steps."""
+    goal = np.array([[4.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+    def mixed(x):
+        first = x[0] + np.clip(goal[0] - x[0], -0.25, 0.25)
+        return np.array([first, goal[1] - 1.5 * (x[1] - goal[1])])
+
+    settled = settle(mixed, START, LIMITS, "bodies", parts=[slice(0, 1), slice(1, 2)])
+    assert settled.rests and settled.renewals == 17  # sixteen steps, and one to see that it rests
+    assert settled.x == pytest.approx(goal, abs=0.01)
+    assert not settle(mixed, START, LIMITS, "bodies").rests  # one share for both goes down and up
+
+
 def test_a_step_without_renewal_is_one_renewal():
     settled = settle(towards_goal(0.0), GOAL, LIMITS, "body")
     assert (settled.renewals, settled.motion) == (1, 0.0)

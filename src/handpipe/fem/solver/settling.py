@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -112,11 +112,13 @@ def settle(
     name: str,
     measure: Callable[[Array], float] = largest,
     mover: Callable[[Array], str] | None = None,
+    parts: Sequence[slice] = (slice(None),),
 ) -> Settled:
     """Equilibrium under contact planes that were taken at the equilibrium itself: a fixed point.
 
-    Planes that alternate between facets would keep the shape in a cycle. Where the motion does not decay and
-    reverses, only a share of it is made before planes are taken again; where it goes on, the share grows.
+    Planes that alternate between facets would keep the shape in a cycle. Where the motion of a part does not
+    decay and reverses, only a share of it is made before planes are taken again; where it goes on, the share
+    grows. Each part has its own share: one that alternates is damped while another moves on.
 
     Parameters
     ----------
@@ -132,6 +134,8 @@ def settle(
         From a motion (n, 3) in mm to its size in mm.
     mover : callable, optional
         From a motion (n, 3) to the name of what moves most, for log lines.
+    parts : sequence of slice
+        Rows of x by body; all bodies together have every row once.
 
     Returns
     -------
@@ -144,7 +148,7 @@ def settle(
     ConvergenceError
         If the least motion is above `limits.gross`.
     """
-    share, before, last = 1.0, np.inf, np.zeros_like(x)
+    shares, before, last = np.ones(len(parts)), np.full(len(parts), np.inf), np.zeros_like(x)
     best = Settled(x, 0, np.inf)
     for count in range(1, limits.renewals + 1):
         found = equilibrium(x)
@@ -156,12 +160,22 @@ def settle(
             best = Settled(found, count, motion, chosen=count)
         if motion < limits.settled:
             return best
-        if motion > CONTRACTING * before:
-            turns_back = np.vdot(step, last) < 0
-            share = max(0.5 * share, LEAST_SHARE) if turns_back else min(2 * share, 1.0)
-        x, before, last = x + share * step, motion, step
+        motions = np.array([measure(step[part]) for part in parts])
+        shares = np.where(
+            (motions >= limits.settled) & (motions > CONTRACTING * before),
+            _changed(shares, [np.vdot(step[part], last[part]) < 0 for part in parts]),
+            shares,
+        )
+        x, before, last = x.copy(), motions, step
+        for part, share in zip(parts, shares, strict=True):
+            x[part] += share * step[part]
     if best.motion > limits.gross:
         reason = f"it moves by {best.motion:.2f} mm at least in {count} renewals of its contact planes{moved}"
         raise ConvergenceError(name, reason)
     log.warning("%s: not settled, motion %.3f mm in %d renewals", name, best.motion, count)
     return replace(best, renewals=count, rests=False)
+
+
+def _changed(shares: Array, turns_back: Sequence[bool]) -> Array:
+    """Shares of motions that do not decay: less of one that turns back, more of one that goes on."""
+    return np.where(turns_back, np.maximum(0.5 * shares, LEAST_SHARE), np.minimum(2 * shares, 1.0))

@@ -169,7 +169,8 @@ class MuscleLayer:
             records.append(found.record)
             return found.x
 
-        settled = settle(in_place, x, self.options.contacts, f"muscles of {frame}", mover=self._mover)
+        name = f"muscles of {frame}"
+        settled = settle(in_place, x, self.options.contacts, name, mover=self._mover, parts=self.parts)
         return replace(settled, solver=records[settled.chosen - 1].figures)
 
     def _mover(self, motion: Array) -> str:
