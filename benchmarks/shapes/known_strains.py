@@ -21,12 +21,12 @@ from handpipe.fem.solver import equilibrium
 from handpipe.mesh.tets import TetMesh
 from handpipe.shapes.observations.marks import Pairs
 from handpipe.shapes.optimisation import MUSCLE
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.organs import Observed, fit_organ
 from handpipe.shapes.organs.organ import OrganFit
 
 PULL = 6.0  # mN
-SETTINGS = Settings(alpha=100.0, beta=100.0, enough=1e-3, progress=1e-3)
+SETTINGS = OrganSettings(alpha=100.0, beta=100.0, enough=1e-3, progress=1e-3)
 
 
 @dataclass(frozen=True)

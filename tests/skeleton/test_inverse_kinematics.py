@@ -5,7 +5,7 @@ import pytest
 from five_fingers import posed, random_angles, rig, tips
 
 from handpipe.core.errors import InputError
-from handpipe.skeleton.posing.inverse_kinematics import Options, solve
+from handpipe.skeleton.posing.inverse_kinematics import ReachOptions, solve
 from handpipe.skeleton.posing.targets import Direction, Meeting, Orientation, Position
 from handpipe.skeleton.rig.twists import moving_bones
 
@@ -67,7 +67,7 @@ def test_positions_with_orientations_give_back_the_angles(seed):
     for d in TIPS:
         place, rotation = posed(TIPS[d], f"distal{d}", truth)
         targets += [Position(f"distal{d}", TIPS[d], place), Orientation(f"distal{d}", rotation)]
-    found = solve(RIG, targets, options=Options(rest_weight=1e-4))
+    found = solve(RIG, targets, options=ReachOptions(rest_weight=1e-4))
     assert found.reached
     assert found.angles == pytest.approx(truth, abs=2e-3)
 

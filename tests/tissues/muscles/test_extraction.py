@@ -13,7 +13,7 @@ from handpipe.shapes.optimisation.settings import ShapeOptions
 from handpipe.tissues.muscles.fitting import extraction
 from handpipe.tissues.muscles.fitting.contraction import slack
 from handpipe.tissues.muscles.fitting.extraction import Evidence, PoseData
-from handpipe.tissues.muscles.fitting.templates import place
+from handpipe.tissues.muscles.fitting.template_placement import place
 
 from .shapes import flesh_about, hinge, hinge_bones, rod, spindle
 

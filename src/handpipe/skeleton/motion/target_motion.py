@@ -17,15 +17,15 @@ from handpipe.core import Array
 from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
 from handpipe.skeleton.motion.interpolation import angles_between, spline
 from handpipe.skeleton.motion.motion import Motion
-from handpipe.skeleton.motion.target_file import Goal, Place, TargetKey, read_targets
-from handpipe.skeleton.posing.inverse_kinematics import Limits, Options, Reach, solve
+from handpipe.skeleton.motion.target_file import BonePoint, Goal, TargetKey, read_targets
+from handpipe.skeleton.posing.inverse_kinematics import Limits, Reach, ReachOptions, solve
 from handpipe.skeleton.posing.targets import Apart, Meeting, Position, Target
 from handpipe.skeleton.posing.validity import PoseValidity
 from handpipe.skeleton.rig.rig import Rig
 
 LOG = logging.getLogger(__name__)
 MET = 1.0  # mm; a target that is as near is met
-OPTIONS = Options(rest_weight=2.0, tolerance=MET)  # mm that a rad from the key's own pose counts as
+OPTIONS = ReachOptions(rest_weight=2.0, tolerance=MET)  # mm that a rad from the key's own pose counts as
 NEAR = replace(OPTIONS, restarts=False)
 PARTINGS, LASTING = 6, 2  # rounds of pushing colliding bones apart; rounds for which a push lasts
 PUSH = 3.0  # a millimetre of penetration beside one of a target
@@ -203,7 +203,7 @@ class TargetSolver:
         return np.array(at, float)
 
 
-def _spot(place: Place | Goal) -> Spot:
+def _spot(place: BonePoint | Goal) -> Spot:
     return place.bone, place.at
 
 

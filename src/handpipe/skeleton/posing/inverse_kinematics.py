@@ -65,7 +65,7 @@ class Reach:
 
 
 @dataclass(frozen=True)
-class Options:
+class ReachOptions:
     """How inverse kinematics searches.
 
     Parameters
@@ -94,7 +94,7 @@ def solve(
     rest: Mapping[str, float] | None = None,
     limits: Limits | None = None,
     root: RigidTransform | None = None,
-    options: Options | None = None,
+    options: ReachOptions | None = None,
 ) -> Reach:
     """Angles of least squared distances from all targets and, weakly, from the rest pose, within limits.
 
@@ -116,7 +116,7 @@ def solve(
         Limits in rad of the angles whose limits differ from the rig's; equal ones fix an angle.
     root : RigidTransform, optional
         Transform of the root bone from neutral, by default the identity.
-    options : Options, optional
+    options : ReachOptions, optional
         How to search.
 
     Returns
@@ -129,7 +129,7 @@ def solve(
     InputError
         If a target names an unknown bone, or a lower limit is above its upper one.
     """
-    options = options or Options()
+    options = options or ReachOptions()
     problem = _Problem.build(rig, targets, rest or {}, limits or {}, root, options)
     values = problem.minimise(problem.vector(start or {}))
     middle = (problem.lower + problem.upper) / 2
@@ -156,7 +156,7 @@ class _Problem:
     lower: Array
     upper: Array
     root: RigidTransform | None
-    options: Options
+    options: ReachOptions
 
     @staticmethod
     def build(
@@ -165,7 +165,7 @@ class _Problem:
         rest: Mapping[str, float],
         limits: Limits,
         root: RigidTransform | None,
-        options: Options,
+        options: ReachOptions,
     ) -> _Problem:
         for number, target in enumerate(targets, start=1):
             for bone in target.bones:

@@ -77,7 +77,7 @@ class FitSettings:
 
 
 @dataclass
-class Target:
+class ScanTarget:
     """A scan to match; area (n,) in mm^2 is each skin vertex's share, zero where unused."""
 
     scan: Surface
@@ -105,7 +105,7 @@ class Target:
 
 
 @dataclass(frozen=True)
-class State:
+class FatState:
     """Log-strains, their equilibrium, the gaps from the scan to the skin there, and the solver's figures."""
 
     logs: Array
@@ -219,17 +219,17 @@ def fit_strains(
     area = mass_lumped(skin.vertices, skin.triangles)
     for part in tissue.rigid.values():
         area[part.vertices] = 0.0
-    target = Target(scan, area, settings)
+    target = ScanTarget(scan, area, settings)
     laplacian = sparse.kron(tet_laplacian(mesh.tets), sparse.identity(6), format="csr")
     m = len(mesh.tets)
 
-    def state(logs: Array, guess: Array) -> State:
+    def state(logs: Array, guess: Array) -> FatState:
         settled = tissue.solve(below, rigid, plasticity.exp(logs), guess, ON_THE_WAY)
         x = settled.x
         offsets, normals, weights = target.match(skin.moved(tissue.skin_matrix @ x))
         rough = laplacian @ logs.ravel()
         value = settings.smoothness * rough @ rough / m + weights @ offsets**2
-        return State(logs, x, offsets, normals, weights, float(value), settled.validity)
+        return FatState(logs, x, offsets, normals, weights, float(value), settled.validity)
 
     now = state(np.zeros((m, 6)), tissue.opened(below, rigid, None, start))
     record = [now.row(0.0)]
@@ -266,8 +266,12 @@ def _bounded(change: Array, largest: float) -> Array:
 
 
 def _search(
-    state: Callable[[Array, Array], State], now: State, change: Array, step: Array, settings: FitSettings
-) -> tuple[State | None, float]:
+    state: Callable[[Array, Array], FatState],
+    now: FatState,
+    change: Array,
+    step: Array,
+    settings: FitSettings,
+) -> tuple[FatState | None, float]:
     """Halve the step until the true objective falls, its equilibrium started at the predicted shape."""
     eta = 1.0
     while eta >= settings.least_step:
@@ -284,7 +288,7 @@ def _search(
 def _direction(
     strain: sparse.csr_matrix,
     laplacian: sparse.csr_matrix,
-    now: State,
+    now: FatState,
     skin: sparse.csr_matrix,
     held: Sequence[Potential],
     settings: FitSettings,

@@ -25,7 +25,7 @@ from handpipe.mesh.surfaces import Distance, Surface, about, each_moved
 from handpipe.mesh.tets import mass_lumped
 from handpipe.shapes.optimisation import MUSCLE
 from handpipe.tissues.muscles.muscle import Muscle
-from handpipe.tissues.muscles.neighbours import Pairs, pairs, sliding_vertices
+from handpipe.tissues.muscles.neighbours import SurfacePairs, pairs, sliding_vertices
 
 Planes = tuple[sparse.csr_matrix, Array, Array]  # what is apart (c, N), by places and normals (c, 3)
 
@@ -273,7 +273,7 @@ def load(files: Sequence[Path], _: Mapping[str, Surface]) -> MuscleLayer:
     return MuscleLayer(muscles, examples=known_surfaces(muscles))
 
 
-def _apart(near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sparse.csr_matrix:
+def _apart(near: SurfacePairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sparse.csr_matrix:
     """Matrix (c, N) from all vertices to vectors from places of the neighbour to the vertices near them."""
     return a[near.vertices] - near.feet @ b
 

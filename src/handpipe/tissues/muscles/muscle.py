@@ -15,13 +15,13 @@ from handpipe.fem.elements import plasticity
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import Interpolation, PoseSpace
 from handpipe.tissues.muscles.bed import Bed
-from handpipe.tissues.muscles.fitting.body import ON_BONE, Body
 from handpipe.tissues.muscles.fitting.pose_strains import (
     KnownShape,
     PoseStrains,
     StrainOptions,
     fit_pose_strains,
 )
+from handpipe.tissues.muscles.fitting.soft_body import ON_BONE, SoftBody
 from handpipe.tissues.muscles.neighbours import touching
 
 KIND = "muscle"
@@ -80,7 +80,7 @@ class Muscle:
     ----------
     name : str
         Name of the muscle.
-    body : Body
+    body : SoftBody
         The body in neutral.
     space : PoseSpace
         Its pose space. Neutral is one of the examples.
@@ -96,7 +96,7 @@ class Muscle:
     """
 
     name: str
-    body: Body
+    body: SoftBody
     space: PoseSpace
     logs: Array
     vertices: Array
@@ -104,7 +104,7 @@ class Muscle:
     bed: Bed | None = None
 
     @staticmethod
-    def learn(name: str, body: Body, examples: Examples, fit: PoseStrains) -> Muscle:
+    def learn(name: str, body: SoftBody, examples: Examples, fit: PoseStrains) -> Muscle:
         """From the strains of example poses.
 
         Radial functions with a linear part follow the trend between examples, where positive weights are
@@ -124,7 +124,7 @@ class Muscle:
     @staticmethod
     def fit(
         name: str,
-        body: Body,
+        body: SoftBody,
         examples: Examples,
         shapes: Mapping[str, SeparatedShape],
         options: StrainOptions | None = None,
@@ -251,7 +251,7 @@ class Muscle:
             {n: RigidTransform(r, t) for n, r, t in zip(names, rotations, translations, strict=True)}
             for rotations, translations in zip(known["rotations"], known["translations"], strict=True)
         ]
-        body, space = Body.from_group(data["body"]), PoseSpace.from_group(data["space"])
+        body, space = SoftBody.from_group(data["body"]), PoseSpace.from_group(data["space"])
         body = replace(body, attachments={n: body.attachments[n] for n in names})
         bed = Bed.from_group(data["bed"]) if "bed" in data else None
         return Muscle(str(data["name"]), body, space, data["logs"], known["vertices"], tuple(bones), bed)

@@ -46,7 +46,7 @@ def empty_blocks(n: int) -> Array:
 
 
 @dataclass
-class Pull:
+class EndForce:
     """-x_end . force: a constant force (3,) at the free end, Eq. 11 with c1 in the force."""
 
     force: Array

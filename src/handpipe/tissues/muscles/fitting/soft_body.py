@@ -29,7 +29,7 @@ STIFF = 1e6  # of the largest entry of a Laplacian: attached vertices keep their
 
 
 @dataclass(frozen=True)
-class Body:
+class SoftBody:
     """A soft body in neutral: a surface that tetrahedra carry, attached to bones.
 
     Parameters
@@ -61,7 +61,7 @@ class Body:
         attachments: Mapping[str, IntArray],
         edge: float,
         landmarks: Mapping[str, int] | None = None,
-    ) -> Body:
+    ) -> SoftBody:
         """Fill a surface with tetrahedra of about `edge` mm; the surface may be finer than they are.
 
         A thin body has finer ones, down to half of `edge`: the radius of a long round body is 2 V / A, and
@@ -79,7 +79,7 @@ class Body:
         visible = np.ones(len(surface.vertices), dtype=bool)
         visible[np.concatenate(list(attachments.values()))] = False
         embedding = Embedding.embed(surface.vertices, mesh)
-        return Body(surface, mesh, embedding, dict(attachments), visible, dict(landmarks or {}))
+        return SoftBody(surface, mesh, embedding, dict(attachments), visible, dict(landmarks or {}))
 
     @property
     def matrix(self) -> sparse.csr_matrix:
@@ -97,7 +97,7 @@ class Body:
         places = {bone: self.surface.vertices[ids] for bone, ids in self.attachments.items()}
         return places if len(self.held) else {}
 
-    def on_bones(self, bones: Mapping[str, Surface]) -> Body:
+    def on_bones(self, bones: Mapping[str, Surface]) -> SoftBody:
         """The same body, attached only where it lies on its bones; bones: neutral surfaces.
 
         A muscle springs from tendons and from fat as well, and such an end does not go with the bone it is
@@ -138,7 +138,7 @@ class Body:
         vertices[self.held] = self.targets(transforms)
         return surface.moved(vertices)
 
-    def posed(self, vertices: Array, transforms: Transforms) -> Body:
+    def posed(self, vertices: Array, transforms: Transforms) -> SoftBody:
         """The body with its surface at vertices (v, 3) fitted in a pose, attached ones on the bones."""
         return replace(self, surface=self.seated(self.surface.moved(vertices), transforms))
 
@@ -208,9 +208,9 @@ class Body:
         }
 
     @staticmethod
-    def from_group(group: Mapping[str, Any]) -> Body:
+    def from_group(group: Mapping[str, Any]) -> SoftBody:
         """What `to_group` gave, as an artifact returned it."""
-        return Body(
+        return SoftBody(
             Surface(group["vertices"], group["triangles"]),
             TetMesh(group["mesh"]["vertices"], group["mesh"]["tets"]),
             Embedding(group["embedding"]["cells"], group["embedding"]["weights"]),
