@@ -63,8 +63,8 @@ def initial_guess(scene: Scene) -> Result:
     start = time.process_time()
 
     def start_with(margin: float) -> Result:
-        held = contested.drop_contested(muscles, 0, margin)
-        bodies = [overlap.Collider(n, b.surface, held[n].held) for n, b in muscles.items()]
+        attached = contested.drop_contested(muscles, 0, margin)
+        bodies = [overlap.Collider(n, b.surface, attached[n].attached_vertices) for n, b in muscles.items()]
         found = disjoint_start(bodies, fixed) or [b.surface.vertices for b in bodies]
         moved = max(largest(x - b.surface.vertices) for x, b in zip(found, bodies, strict=True))
         return Result(margin, moved, time.process_time() - start)

@@ -92,7 +92,7 @@ def stump() -> SoftBody:
 
 def test_bones_hold_points_of_the_tets_where_the_surface_is_outside_of_them():
     body, poses = stump(), {"half": hinge(0.4), "full": hinge(0.8)}
-    assert body.embedding.weights[body.held].min() < -1.0
+    assert body.embedding.weights[body.attached_vertices].min() < -1.0
     shapes = [body.follow(hinge_bones(), pose) for pose in poses.values()]
     known = known_in(poses, shapes, "m", body)
     assert known.anchors.data.min() >= 0.0
@@ -263,7 +263,7 @@ def test_artifact_round_trip(tmp_path):
     known = muscle("m")
     known.save(tmp_path / "m.h5")
     again = Muscle.load(tmp_path / "m.h5")
-    assert again.name == "m" and np.array_equal(again.body.held, known.body.held) and again.bed is None
+    assert again.name == "m" and np.array_equal(again.body.attached_vertices, known.body.attached_vertices) and again.bed is None
     pose = hinge(0.7)
     assert again.strains(pose) == pytest.approx(known.strains(pose))
     assert again.places(hinge_bones(), pose) == pytest.approx(known.places(hinge_bones(), pose))

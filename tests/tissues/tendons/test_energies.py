@@ -117,7 +117,7 @@ def test_hooks_past_the_ends_let_go() -> None:
     x = np.stack([np.arange(10.0), np.zeros(10), np.zeros(10)], axis=1)
     hooks = Hooks(np.array([[-2.0, 0.3, 0], [4.0, 0.3, 0], [12.0, 0.3, 0]]))
     hooks.refresh(x)
-    assert hooks.held.tolist() == [False, True, False]
+    assert hooks.engaged.tolist() == [False, True, False]
     assert hooks.value(x) == pytest.approx(0.09)
 
 

@@ -127,7 +127,7 @@ class LandmarkFit:
     turn: float
 
     @staticmethod
-    def of(found: Reach, targets: Sequence[Target]) -> LandmarkFit:
+    def measure(found: Reach, targets: Sequence[Target]) -> LandmarkFit:
         """The residuals of what inverse kinematics found."""
         pairs = [*zip(found.distances, targets, strict=True)]
         places = [d / LEAN for d, t in pairs if isinstance(t, Position)]
@@ -193,7 +193,7 @@ def fit_points(
         targets = _targets(placed, rig, where)
         found = solve(rig, targets, start=angles, options=options)
         angles = found.angles
-    return LandmarkFit.of(found, targets)
+    return LandmarkFit.measure(found, targets)
 
 
 def _place_palm(

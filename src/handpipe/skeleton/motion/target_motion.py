@@ -70,7 +70,7 @@ def read_target_motion(path: str | Path, rig: Rig) -> Motion:
         touches, goals = _shared(*pair)
         if not (touches or goals):
             continue
-        paths = [_Path.of(file.keys, times.times, goal) for goal in goals]
+        paths = [_Path.through(file.keys, times.times, goal) for goal in goals]
         between = (at > times.times[first] + 1e-6) & (at < times.times[first + 1] - 1e-6)
         for frame in np.flatnonzero(between):
             asked = [solver.meeting(*touch) for touch in touches]
@@ -95,7 +95,7 @@ class _Path:
     places: Array
 
     @staticmethod
-    def of(keys: Sequence[TargetKey], times: Array, spot: Spot) -> _Path:
+    def through(keys: Sequence[TargetKey], times: Array, spot: Spot) -> _Path:
         given = [(t, g.to) for key, t in zip(keys, times, strict=True) for g in key.reach if _spot(g) == spot]
         return _Path(spot, np.array([t for t, _ in given]), np.array([place for _, place in given]))
 
@@ -173,7 +173,7 @@ class TargetSolver:
         """Angles by all targets, with the distances of the first ones alone."""
         found = solve(self.rig, [*targets, *further], start=start, rest=rest, limits=limits, options=NEAR)
         left = found.distances[: len(targets)]
-        return Reach(found.angles, left, found.held if max(left, default=0.0) > MET else {}, MET)
+        return Reach(found.angles, left, found.at_limits if max(left, default=0.0) > MET else {}, MET)
 
     def facing(self, touches: Sequence[tuple[Spot, Spot]]) -> list[Target]:
         """That pads which touch face each other: a point before each is to be behind the other."""

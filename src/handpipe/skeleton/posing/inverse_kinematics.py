@@ -36,7 +36,7 @@ class Reach:
         Angles in rad by name, within their limits.
     distances : tuple of float
         Remaining distance of each target in mm; orientations count by their lever.
-    held : dict of str to float
+    at_limits : dict of str to float
         Limits in rad, by angle, that keep the targets from coming nearer.
     tolerance : float
         Distance in mm within which a target is met.
@@ -44,7 +44,7 @@ class Reach:
 
     angles: Angles
     distances: tuple[float, ...]
-    held: dict[str, float]
+    at_limits: dict[str, float]
     tolerance: float
 
     @property
@@ -58,9 +58,9 @@ class Reach:
             return f"all targets are met within {self.tolerance:g} mm"
         worst = int(np.argmax(self.distances))
         text = f"target {worst + 1} is out of reach: {self.distances[worst]:.2f} mm are left"
-        if not self.held:
+        if not self.at_limits:
             return f"{text}; no joint limit holds it, the bones are too short"
-        limits = (f"{name} at its limit of {np.degrees(limit):.1f} deg" for name, limit in self.held.items())
+        limits = (f"{name} at its limit of {np.degrees(limit):.1f} deg" for name, limit in self.at_limits.items())
         return f"{text}; limited by {', '.join(limits)}"
 
 
@@ -142,8 +142,8 @@ def solve(
             values = again
     angles = {name: float(v) for name, v in zip(rig.angle_names, values, strict=True)}
     distances = tuple(float(d) for d in problem.distances(values))
-    held = problem.held(values) if max(distances, default=0.0) > options.tolerance else {}
-    return Reach(angles, distances, held, options.tolerance)
+    at_limits = problem.at_limits(values) if max(distances, default=0.0) > options.tolerance else {}
+    return Reach(angles, distances, at_limits, options.tolerance)
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ class _Problem:
         LOG.warning("inverse kinematics stopped after %d steps, the last of %.1e rad", STEPS, moved)
         return values
 
-    def held(self, values: Array) -> dict[str, float]:
+    def at_limits(self, values: Array) -> dict[str, float]:
         """Angles at a limit which, wider by a degree, would bring the targets nearer by more than NOTABLE."""
         bones, gains = self._bones(values), np.zeros(len(values))
         for residual, jacobian in (target.residual(bones) for target in self.targets):

@@ -29,7 +29,7 @@ def separate_neutral(inputs: Inputs, output: Path, edge: float) -> None:
     """Neutral muscles without interpenetration, meshed anew: the bodies that all poses deform."""
     fitted = drop_contested({n: b for path in inputs.muscles for n, b in read_bodies(path).items()})
     bones = Rig.load(inputs.rig).surfaces
-    attached = {n: b.held for n, b in fitted.items()}
+    attached = {n: b.attached_vertices for n, b in fitted.items()}
     # Hidden parts have the volumes of the template: keeping these would displace the visible parts.
     surfaces = {n: b.surface for n, b in fitted.items()}
     visible = {n: b.visible for n, b in fitted.items()}

@@ -235,8 +235,8 @@ def fit_strains(
     record = [now.row(0.0)]
     for iteration in range(settings.iterations):
         strain = strain_operator(mesh, now.x)
-        held = tissue.held(below, rigid, now.x)
-        step = _direction(strain, laplacian, now, tissue.skin_operator, held, settings)
+        constraints = tissue.constraints(below, rigid, now.x)
+        step = _direction(strain, laplacian, now, tissue.skin_operator, constraints, settings)
         change = _bounded((strain @ step.ravel()).reshape(-1, 6), settings.largest_change)
         found, eta = _search(state, now, change, step, settings)
         if found is None:
@@ -290,7 +290,7 @@ def _direction(
     laplacian: sparse.csr_matrix,
     now: FatState,
     skin: sparse.csr_matrix,
-    held: Sequence[Potential],
+    constraints: Sequence[Potential],
     settings: FitSettings,
 ) -> Array:
     """The displacement (n, 3) that minimises the linearised objective (Eq. 24) and the constraints' springs.
@@ -304,7 +304,7 @@ def _direction(
         (now.normals.ravel(), np.arange(3 * k), 3 * np.arange(k + 1)), shape=(k, 3 * k)
     )
     gap = (spread @ skin).tocsr()
-    springs = sum((p.hessian(now.x) for p in held[1:]), start=held[0].hessian(now.x))
+    springs = sum((p.hessian(now.x) for p in constraints[1:]), start=constraints[0].hessian(now.x))
     springs = springs * (settings.hold / springs.diagonal().sum())
     share = settings.smoothness / m
     matrix = share * (rough.T @ rough) + gap.T @ sparse.diags(now.weights) @ gap + springs

@@ -113,8 +113,8 @@ class Muscle:
         still = {bone: RigidTransform.identity() for bone in body.attachments}
         own = [{b: t[b] for b in body.attachments} for t in examples.transforms.values()]
         poses = {examples.neutral: still, **examples.transforms}
-        bones, held = list(body.attachments), body.held_by_bone
-        space = PoseSpace.build(bones, examples.parents, poses, examples.interpolation, held)
+        bones, places = list(body.attachments), body.attached_places
+        space = PoseSpace.build(bones, examples.parents, poses, examples.interpolation, places)
         logs = np.stack([np.zeros((len(body.mesh.tets), 6)), *(plasticity.log(s) for s in fit.strains)])
         vertices = np.concatenate([body.mesh.vertices[None], fit.vertices])
         flesh = examples.flesh
@@ -137,12 +137,12 @@ class Muscle:
         if not poses:
             unknown = PoseStrains.unknown(body.mesh)
             return Muscle.learn(name, body, examples, unknown), unknown
-        space = PoseSpace.build(list(body.attachments), examples.parents, poses, points=body.held_by_bone)
+        space = PoseSpace.build(list(body.attachments), examples.parents, poses, points=body.attached_places)
         given = [
             KnownShape(s.surface.vertices, s.start, touching(s.surface, s.neighbours, TOUCHING))
             for s in (shapes[pose] for pose in poses)
         ]
-        fit = fit_pose_strains(body.mesh, body.matrix, given, space.examples, body.held, options)
+        fit = fit_pose_strains(body.mesh, body.matrix, given, space.examples, body.attached_vertices, options)
         return Muscle.learn(name, body, examples, fit), fit
 
     def places(
@@ -179,7 +179,7 @@ class Muscle:
     @cached_property
     def firm(self) -> IntArray:
         """Surface vertices that go with a bone; the other marked ones leave theirs in an example."""
-        return self.body.held[self._firm]
+        return self.body.attached_vertices[self._firm]
 
     @cached_property
     def anchors(self) -> sparse.csr_matrix:
@@ -200,7 +200,7 @@ class Muscle:
 
     @cached_property
     def _anchors(self) -> sparse.csr_matrix:
-        return self.body.embedding.chosen(self.body.held).drawn_in().matrix(len(self.body.mesh.vertices))
+        return self.body.embedding.chosen(self.body.attached_vertices).drawn_in().matrix(len(self.body.mesh.vertices))
 
     @cached_property
     def _firm(self) -> BoolArray:

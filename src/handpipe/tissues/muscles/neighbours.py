@@ -45,9 +45,9 @@ class SurfacePairs:
         _, here, there = np.intersect1d(self.vertices, known[0], return_indices=True)
         return self._at(here, known[1][there])
 
-    def without(self, held: IntArray) -> SurfacePairs:
+    def without(self, attached: IntArray) -> SurfacePairs:
         """The pairs of all but given vertices."""
-        chosen = np.flatnonzero(~np.isin(self.vertices, held))
+        chosen = np.flatnonzero(~np.isin(self.vertices, attached))
         return self._at(chosen, self.rest[chosen])
 
     def within(self, distance: float) -> SurfacePairs:

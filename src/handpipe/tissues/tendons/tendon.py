@@ -260,5 +260,5 @@ def _calibrated(
         hooks.refresh(x)
         contact = hooks.contacts(x)
         miss = closest_points(contact, past_end(rod)) - contact
-        corrections[n] += np.where(hooks.held[:, None], miss, 0.0)
+        corrections[n] += np.where(hooks.engaged[:, None], miss, 0.0)
     return replace(tendon, hooks=replace(tendon.hooks, corrections=corrections))

@@ -84,8 +84,8 @@ class Contraction:
         rough = tet_laplacian(body.mesh.tets) @ self._basis
         self._rough = rough.T @ rough
         self._elastic = Elastic(body.mesh.vertices, body.mesh.tets, MUSCLE)
-        held = body.attached(transforms)
-        self._springs = Attachment(held.matrix, held.targets, SPRING)
+        attached = body.attached(transforms)
+        self._springs = Attachment(attached.matrix, attached.targets, SPRING)
         self._scale = 1.0 / float(MUSCLE.lame(1)[0][0] * body.mesh.volumes().sum())
         self.x = start
 

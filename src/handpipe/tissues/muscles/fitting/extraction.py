@@ -221,10 +221,10 @@ def extract_pose(
         The shape in the volume's frame.
     """
     x = body.follow(bones, transforms) if start is None else start
-    held = body.on_bones(bones)
-    loose = [body.matrix[ids] for bone, ids in body.attachments.items() if not len(held.attachments[bone])]
-    find = evidence.markers(held, markers or SEARCH)
-    return _extract(held, transforms, x, find, options or POSED, evidence.landmarks, loose)
+    attached = body.on_bones(bones)
+    loose = [body.matrix[ids] for bone, ids in body.attachments.items() if not len(attached.attachments[bone])]
+    find = evidence.markers(attached, markers or SEARCH)
+    return _extract(attached, transforms, x, find, options or POSED, evidence.landmarks, loose)
 
 
 def extract_poses(
@@ -308,11 +308,11 @@ def _guesses(
     """
     guesses = body.followed(bones, moved, [known], SPREADS)
     middle = guesses[len(SPREADS) // 2]
-    for held in (slack, contracted) if len(body.attachments) > 1 else ():
+    for guess in (slack, contracted) if len(body.attachments) > 1 else ():
         try:
-            guesses.append(held(body, moved, middle))
+            guesses.append(guess(body, moved, middle))
         except ConvergenceError as error:
-            log.info("no guess by %s: %s", held.__name__, error)
+            log.info("no guess by %s: %s", guess.__name__, error)
     level = estimate_muscle_level(image, body.surface_at(middle))
     strangeness = [np.abs(image.sample(body.surface_at(x).vertices) / level - 1) for x in guesses]
     order = np.argsort([np.mean(np.minimum(s, 1.0)) for s in strangeness], kind="stable")

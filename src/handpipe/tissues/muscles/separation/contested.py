@@ -66,7 +66,7 @@ def with_least_margin(part: Callable[[float], Result]) -> Result:
 
 
 def _separated(bodies: Mapping[str, SoftBody], bones: Mapping[str, Surface], margin: float) -> Separation:
-    attached = {name: body.held for name, body in drop_contested(bodies, 0, margin).items()}
+    attached = {name: body.attached_vertices for name, body in drop_contested(bodies, 0, margin).items()}
     return separate({name: body.surface for name, body in bodies.items()}, bones, attached=attached)
 
 
@@ -99,13 +99,13 @@ def drop_contested(
             bone: ids[_kept(_gaps(body.surface.vertices[ids], others), least, margin)]
             for bone, ids in body.attachments.items()
         }
-        dropped = len(body.held) - sum(map(len, kept.values()))
+        dropped = len(body.attached_vertices) - sum(map(len, kept.values()))
         if dropped:
             log.info(
                 "%s: released %d of %d attached vertices, which are inside or near other muscles",
                 name,
                 dropped,
-                len(body.held),
+                len(body.attached_vertices),
             )
         found[name] = replace(body, attachments=kept)
     return found

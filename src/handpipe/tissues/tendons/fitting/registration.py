@@ -144,10 +144,10 @@ def fit_surface(
     bend = Bend(stiffness * settings.surface_smoothing**4, tendon.length)
     first, twist = tendon.first_normal(bones), np.zeros(len(x) - 1)
     fit = SurfaceFit(tendon.tube, target, first, stiffness, tendon.length, twist)
-    held = [] if centres is None else [Hooks(centres.points, stiffness * centres.weights)]
+    hooks = [] if centres is None else [Hooks(centres.points, stiffness * centres.weights)]
     once = RodOptions(max_iterations=1, accept_unfinished=True)
     for n in range(settings.surface_rounds):
-        moved = solve([fit, tendon.pull(bones), bend, *held], x, once).x
+        moved = solve([fit, tendon.pull(bones), bend, *hooks], x, once).x
         twist = untwisted(twist, 1.0, fit, moved)
         fit.twist = twist
         change = float(np.abs(moved - x).max())
