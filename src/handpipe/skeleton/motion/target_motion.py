@@ -49,7 +49,7 @@ def read_target_motion(path: str | Path, rig: Rig) -> Motion:
     Returns
     -------
     Motion
-        Frames; `target_distance` in mm of those with targets. What is not reached is said by key.
+        Frames; `target_distance` in mm of those with targets. Keys whose targets are not reached are named.
 
     Raises
     ------

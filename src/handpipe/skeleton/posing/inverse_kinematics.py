@@ -60,7 +60,7 @@ class Reach:
         text = f"target {worst + 1} is out of reach: {self.distances[worst]:.2f} mm are left"
         if not self.at_limits:
             return f"{text}; no joint limit holds it, the bones are too short"
-        limits = (f"{name} at its limit of {np.degrees(limit):.1f} deg" for name, limit in self.at_limits.items())
+        limits = (f"{name} at its limit of {np.degrees(x):.1f} deg" for name, x in self.at_limits.items())
         return f"{text}; limited by {', '.join(limits)}"
 
 

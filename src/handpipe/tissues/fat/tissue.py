@@ -345,7 +345,8 @@ class Tissue:
     ) -> Equilibrium:
         options = replace(OPTIONS, single=len(start) >= LARGE)
         try:
-            return equilibrium.solve([elastic, *self.constraints(below, rigid, start)], start, options=options)
+            potentials = [elastic, *self.constraints(below, rigid, start)]
+            return equilibrium.solve(potentials, start, options=options)
         except ConvergenceError as error:
             log.info("%s; retrying with constraints that stiffen in steps", error)
 

@@ -154,7 +154,8 @@ class MuscleLayer:
             return []
         surfaces = [(m.body.surface, m.firm) for m in self.muscles]
         areas = [np.delete(mass_lumped(s.vertices, s.triangles), firm) for s, firm in surfaces]
-        return [Attachment(self.free_points, self.free_points @ places, self.options.bed * np.concatenate(areas))]
+        stiffness = self.options.bed * np.concatenate(areas)
+        return [Attachment(self.free_points, self.free_points @ places, stiffness)]
 
     def _in_contact(
         self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str

@@ -200,7 +200,8 @@ class Muscle:
 
     @cached_property
     def _anchors(self) -> sparse.csr_matrix:
-        return self.body.embedding.chosen(self.body.attached_vertices).drawn_in().matrix(len(self.body.mesh.vertices))
+        attached = self.body.embedding.chosen(self.body.attached_vertices)
+        return attached.drawn_in().matrix(len(self.body.mesh.vertices))
 
     @cached_property
     def _firm(self) -> BoolArray:

@@ -222,7 +222,8 @@ def extract_pose(
     """
     x = body.follow(bones, transforms) if start is None else start
     attached = body.on_bones(bones)
-    loose = [body.matrix[ids] for bone, ids in body.attachments.items() if not len(attached.attachments[bone])]
+    kept = attached.attachments
+    loose = [body.matrix[ids] for bone, ids in body.attachments.items() if not len(kept[bone])]
     find = evidence.markers(attached, markers or SEARCH)
     return _extract(attached, transforms, x, find, options or POSED, evidence.landmarks, loose)
 

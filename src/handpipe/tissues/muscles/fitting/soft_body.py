@@ -153,7 +153,7 @@ class SoftBody:
         known: tuple[Transforms, Array] | None = None,
         spread: float = SPREAD,
     ) -> Array:
-        """Mesh vertices (n, 3) moved by a smooth blend of the motions of the bones to which the body is attached.
+        """Mesh vertices (n, 3) moved by a smooth blend of the motions of the bones that the body attaches to.
 
         known: transforms and mesh vertices (n, 3) of another pose to start from, in place of neutral.
 
