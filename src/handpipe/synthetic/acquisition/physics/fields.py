@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from handpipe.core import Array
 from handpipe.synthetic.acquisition.image import VoxelGrid
 
 Field = NDArray[np.float32]
@@ -56,7 +57,7 @@ def _bases(grid: VoxelGrid, lengths: Lengths) -> list[Field]:
     ]
 
 
-def _splines(at: NDArray[np.float64]) -> Field:
+def _splines(at: Array) -> Field:
     """Cubic B-splines (n, m) on a lattice of unit steps at places (n,)."""
     knots = np.arange(-1, int(np.ceil(at[-1])) + 3)
     t = np.abs(at[:, None] - knots)
@@ -64,6 +65,6 @@ def _splines(at: NDArray[np.float64]) -> Field:
     return np.where(t < 1.0, near, np.where(t < 2.0, far, 0.0)).astype(np.float32)
 
 
-def _spread(coefficients: NDArray[np.float64], bases: list[Field]) -> Field:
+def _spread(coefficients: Array, bases: list[Field]) -> Field:
     x, y, z = bases
     return np.einsum("abc,xa,yb,zc->xyz", coefficients.astype(np.float32), x, y, z, optimize=True)
