@@ -21,7 +21,7 @@ class Case:
     poses: tuple[str, ...] = FIVE
     altered: Mapping[str, Conditions] = field(default_factory=dict)
 
-    def of(self, pose: str) -> Conditions:
+    def in_pose(self, pose: str) -> Conditions:
         """Conditions of a pose."""
         return self.altered.get(pose, self.conditions)
 

@@ -31,7 +31,7 @@ class Notes:
     seconds: float = 0.0
 
     @contextmanager
-    def of(self, bones: Iterable[str]) -> Iterator[None]:
+    def naming(self, bones: Iterable[str]) -> Iterator[None]:
         """Times the block and listens: what begins with a bone's name is said of it, the rest of all bones.
 
         An error for people ends the block alone.
@@ -76,7 +76,7 @@ def segment(scan: Scan, settings: SegmentationSettings, neutral: Segmented | Non
     notes, looks = Notes(), dict[str, Appearance]()
     marrow: dict[str, Surface] = {}
     whole: dict[str, Surface] = {}
-    with notes.of(scan.labels):
+    with notes.naming(scan.labels):
         alone, _ = claimed(scan.volume, scan.seeds, scan.labels, settings)
         by_label = {scan.labels[bone]: claim for bone, claim in alone.items()}
         _, merged = merge(scan.volume, by_label, scan.seeds, settings)
@@ -98,6 +98,6 @@ def register(dataset: Dataset, neutral: Segmented, pose: Segmented) -> Registere
     if pose is neutral:
         return Registered(unmoved(neutral.marrow), Notes())
     notes, found = Notes(), dict[str, Registration]()
-    with notes.of(dataset.bones):
+    with notes.naming(dataset.bones):
         found = register_pose(dataset, neutral.marrow, pose.marrow)
     return Registered(found, notes)

@@ -18,7 +18,7 @@ def overlap(found: Surface, truth: image.Surface, scan: Scan) -> float:
     """Dice of a found and a true closed surface, on voxels of 0.5 mm inside the scan's volume."""
     low, high = scan.field_of_view
     points = np.clip(np.concatenate([found.vertices, truth[0]]), low + SPACING, high - SPACING)
-    grid = image.Grid.around(points, 0.0, SPACING)
+    grid = image.VoxelGrid.around(points, 0.0, SPACING)
     volume = Volume(np.zeros(grid.shape, np.float32), grid.affine)
     return dice(rasterise(volume, {1: found}), image.label_volume({1: truth}, grid), 1)
 

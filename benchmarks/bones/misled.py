@@ -8,7 +8,7 @@ import numpy as np
 
 from handpipe.core import Array
 from handpipe.imaging.volumes.volume import Labels
-from handpipe.synthetic.acquisition.image import Grid
+from handpipe.synthetic.acquisition.image import VoxelGrid
 from handpipe.synthetic.phantom.posed_hand import PosedHand
 
 Seeding = Literal["in marrow", "in the neighbour", "in fat", "partly in fat"]
@@ -17,7 +17,7 @@ BESIDE = 1.6  # mm from the bone's side to a stroke in fat
 
 
 def mislead(
-    drawn: Labels, label: int, bone: str, neighbour: str, seeded: Seeding, posed: PosedHand, grid: Grid
+    drawn: Labels, label: int, bone: str, neighbour: str, seeded: Seeding, posed: PosedHand, grid: VoxelGrid
 ) -> None:
     """Change the seeds (nx, ny, nz) of one bone in place.
 

@@ -92,7 +92,7 @@ def run(case: Case, part: Part = PHALANGES, settings: SegmentationSettings = SET
     trusted: dict[str, dict[str, Registration]] = {}
     seconds = 0.0
     for pose in poses:
-        given = (part.bones, case.of(NEUTRAL), case.of(pose), pose, settings)
+        given = (part.bones, case.in_pose(NEUTRAL), case.in_pose(pose), pose, settings)
         bones, motions = segmented(*given), registered(*given)
         trusted[pose] = motions.trusted()
         for notes in (bones.notes, motions.notes):
@@ -118,7 +118,7 @@ def _pose_errors(
     case: Case, part: Part, pose: str, bones: Segmented, motions: Registered
 ) -> dict[Place, BoneErrors]:
     """Errors of every bone in a pose."""
-    image = scan(part.bones, case.of(pose), pose)
+    image = scan(part.bones, case.in_pose(pose), pose)
     found = bones.whole if pose == NEUTRAL else bones.marrow
     true = image.posed.bones if pose == NEUTRAL else image.posed.marrow
     errors = {}
@@ -127,7 +127,7 @@ def _pose_errors(
         errors[pose, bone] = BoneErrors(dice, None, None)
         if pose != NEUTRAL and bone in motions.found:
             found_motion = motions.found[bone]
-            centroid = scan(part.bones, case.of(NEUTRAL), NEUTRAL).posed.bones[bone][0].mean(axis=0)
+            centroid = scan(part.bones, case.in_pose(NEUTRAL), NEUTRAL).posed.bones[bone][0].mean(axis=0)
             apart = motion_error(found_motion.transform, image.posed.transforms[bone], centroid)
             stated = (found_motion.rotation_deviation, found_motion.translation_deviation)
             errors[pose, bone] = BoneErrors(dice, *apart, stated)
@@ -139,7 +139,7 @@ def _rig(
 ) -> tuple[dict[Place, str], Metrics]:
     """Fit the rig to all poses, as `fit_rig` does: odd bones, and errors on fitted and on left-out poses."""
     dataset = part.dataset(case.conditions.hand)
-    rest = case.of(NEUTRAL)
+    rest = case.in_pose(NEUTRAL)
     surfaces = segmented(part.bones, rest, rest, NEUTRAL, settings).whole
     if lost := [bone for bone in part.bones if bone not in surfaces]:
         raise InputError(

@@ -111,7 +111,9 @@ def scan(bones: tuple[str, ...], conditions: Conditions, pose: str) -> Scan:
     dataset = Part(bones).dataset(conditions.hand)
     labels = {name: bone.label for name, bone in dataset.bones.items()}
     posed = _posed(conditions, pose, dataset.seed)
-    grid = image.Grid.around(np.concatenate([posed.bones[n][0] for n in bones]), MARGIN, conditions.spacing)
+    grid = image.VoxelGrid.around(
+        np.concatenate([posed.bones[n][0] for n in bones]), MARGIN, conditions.spacing
+    )
     clean = _clean(posed, grid, conditions.fused)
     rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 2])
     drawn = _seeds(posed, grid, conditions, labels, rng)
@@ -131,7 +133,7 @@ def _posed(conditions: Conditions, pose: str, seed: int) -> PosedHand:
     return posed.mirrored() if conditions.hand == "left" else posed
 
 
-def _clean(posed: PosedHand, grid: image.Grid, fused: tuple[str, str] | None) -> Array:
+def _clean(posed: PosedHand, grid: image.VoxelGrid, fused: tuple[str, str] | None) -> Array:
     """Noise-free image; between two fused bones marrow goes from one into the other."""
     painted = clean_image(posed, grid)
     if fused is not None:
@@ -150,7 +152,7 @@ def _inner_end(posed: PosedHand, bone: str, other: str) -> Array:
 
 
 def _scanned(
-    clean: Array, drawn: Labels, grid: image.Grid, conditions: Conditions, rng: np.random.Generator
+    clean: Array, drawn: Labels, grid: image.VoxelGrid, conditions: Conditions, rng: np.random.Generator
 ) -> tuple[Volume, Labels]:
     """The scanner's image, its slices averaged where asked, and the seeds on its grid."""
     n, affine = conditions.slices, grid.affine
@@ -161,14 +163,14 @@ def _scanned(
         affine[2, 3] += 0.5 * (n - 1) * grid.spacing
         affine[2, 2] *= n
     nx, ny, nz = clean.shape
-    voxels = image.Grid((nx, ny, nz), grid.origin, grid.spacing)
+    voxels = image.VoxelGrid((nx, ny, nz), grid.origin, grid.spacing)
     values, _, _ = image.acquire(clean, voxels, rng, bias=conditions.bias, noise=conditions.noise)
     return Volume(np.ascontiguousarray(values, dtype=np.float32), affine), drawn
 
 
 def _seeds(
     posed: PosedHand,
-    grid: image.Grid,
+    grid: image.VoxelGrid,
     conditions: Conditions,
     labels: dict[str, int],
     rng: np.random.Generator,

@@ -16,12 +16,12 @@ from handpipe.mesh.surfaces import Distance, Surface, concatenate, each_moved
 from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
 from handpipe.synthetic.geometry.varied_shapes import Variation
-from handpipe.tissues.muscles.fitting import Body
+from handpipe.tissues.muscles.fitting import SoftBody
 from handpipe.tissues.muscles.separation import contested, overlap
 from handpipe.tissues.muscles.separation.disjoint_start import Inseparable, disjoint_start
 
 NOTHING: IntArray = np.zeros(0, dtype=np.int64)
-Scene = tuple[dict[str, Body], dict[str, Surface]]  # muscles and bones in a pose
+Scene = tuple[dict[str, SoftBody], dict[str, Surface]]  # muscles and bones in a pose
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def scenes(subject: Path) -> Iterator[tuple[str, Scene]]:
     """Each pose of a subject's folder that muscles were extracted from, before the separation."""
     rig = Rig.load(subject / "rig.h5")
     groups = artifacts.read(subject / "muscles/neutral.h5", "muscle_bodies")
-    bodies = {name: Body.from_group(group).on_bones(rig.surfaces) for name, group in groups.items()}
+    bodies = {name: SoftBody.from_group(group).on_bones(rig.surfaces) for name, group in groups.items()}
     for pose, shapes in artifacts.read(subject / "muscles/shapes.h5", "muscle_shapes").items():
         to = read_registration(subject / f"registration/{pose}.h5", rig.surfaces)
         posed = {n: b.posed(shapes[n]["vertices"], to) for n, b in bodies.items()}
@@ -63,8 +63,8 @@ def initial_guess(scene: Scene) -> Result:
     start = time.process_time()
 
     def start_with(margin: float) -> Result:
-        held = contested.drop_contested(muscles, 0, margin)
-        bodies = [overlap.Collider(n, b.surface, held[n].held) for n, b in muscles.items()]
+        attached = contested.drop_contested(muscles, 0, margin)
+        bodies = [overlap.Collider(n, b.surface, attached[n].attached_vertices) for n, b in muscles.items()]
         found = disjoint_start(bodies, fixed) or [b.surface.vertices for b in bodies]
         moved = max(largest(x - b.surface.vertices) for x, b in zip(found, bodies, strict=True))
         return Result(margin, moved, time.process_time() - start)

@@ -48,7 +48,7 @@ def measure(
 
 def _by_mesh(sizes: Sequence[int], truth: int, repeats: int) -> Figures:
     """For each material: error against the refined and fully converged solution, of ever finer meshes."""
-    places = Beam.of(sizes[0]).body.vertices
+    places = Beam.build(sizes[0]).body.vertices
     figures: Figures = {}
     for name in MATERIALS:
         exact = _at(places, *_solved(truth, name, TIGHT))
@@ -101,7 +101,7 @@ def _repeated(cells: int, material: str, tolerance: float, repeats: int) -> tupl
 
 def _solved(cells: int, material: str, tolerance: float) -> tuple[Array, Array]:
     """Rest and final positions (n, 3) of the beam with one end turned."""
-    beam = Beam.of(cells)
+    beam = Beam.build(cells)
     x, right = beam.body.vertices, beam.body.where(0, 4.0)
     model, poisson = MATERIALS[material]
     elastic = Elastic(x, beam.body.tets, Material(1.0, poisson, model))

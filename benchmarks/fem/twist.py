@@ -47,7 +47,7 @@ class Beam:
     held: BoolArray
 
     @staticmethod
-    def of(cells: int) -> Beam:
+    def build(cells: int) -> Beam:
         """The beam with `cells` cells of six tets across it and four times as many along it."""
         across = np.linspace(0.0, 1.0, cells + 1)
         body = grid(np.linspace(0.0, 4.0, 4 * cells + 1), across, across)
@@ -76,10 +76,10 @@ class Run:
 def measure(sizes: dict[str, int] | None = None, repeats: int = REPEATS) -> Figures:
     """Figures `twist_…_{size}` for each size (name: cells across), and of the same turn in one step."""
     sizes = SIZES if sizes is None else sizes
-    ours(Beam.of(2))  # compiles
+    ours(Beam.build(2))  # compiles
     figures: Figures = {}
     for name, cells in sizes.items():
-        beam = Beam.of(cells)
+        beam = Beam.build(cells)
         times = repeats if len(beam.body.tets) < LARGE else 1  # the reference takes minutes there
         figures |= _compared(name, beam, times) | _one_step(name, beam, times)
     return figures

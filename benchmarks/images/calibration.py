@@ -80,13 +80,13 @@ def modelled(echo: str, spacing: float = FINEST) -> Levels:
     return _levels("model", echo, {t: values[m] for t, m in _pure(voxels).items()}, [edge])
 
 
-def _below(voxels: image.Grid) -> list[int]:
+def _below(voxels: image.VoxelGrid) -> list[int]:
     """Box across the palm's skin in the middle of the metacarpal, axes x, z, y."""
     nx, ny, nz = voxels.shape
     return [nx // 4, nx // 3, 0, nz // 2, ny // 2 - 2, ny // 2 + 3]
 
 
-def _pure(voxels: image.Grid) -> dict[str, Array]:
+def _pure(voxels: image.VoxelGrid) -> dict[str, Array]:
     """Voxels deep inside a tissue; of marrow those at the bones' ends: most real boxes lie in such bone."""
     finger = posed()
     organs = {"muscle": finger.muscles, "marrow": finger.marrow}

@@ -56,9 +56,9 @@ def posed() -> PosedAnatomy:
 
 
 @cache
-def grid(spacing: float) -> image.Grid:
+def grid(spacing: float) -> image.VoxelGrid:
     """The voxels around the skin."""
-    return image.Grid.around(posed().skin[0], MARGIN, spacing)
+    return image.VoxelGrid.around(posed().skin[0], MARGIN, spacing)
 
 
 @cache

@@ -24,7 +24,7 @@ from handpipe.mesh.generation import Grid, isosurface, remesh
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.rig import Rig
 from handpipe.skeleton.scan_alignment import Alignment, ImageSkin, align_scan, limits_used
-from handpipe.skeleton.scan_alignment.image_skin import Hinge, uncut
+from handpipe.skeleton.scan_alignment.image_skin import SkinHinge, uncut
 from handpipe.synthetic.geometry.kinematics import Posture
 from handpipe.synthetic.phantom import hand_skin, phantom_finger, phantom_hand
 from handpipe.synthetic.phantom.hand_tissue import cone_rows, field_of_cones, skin
@@ -250,12 +250,12 @@ def hand_target(posture: Posture) -> ImageSkin:
     seen = skin_of_volume(Volume(np.hypot(clean + noise[0], noise[1]).astype(np.float32), affine))
     posed = phantom_hand.hand().posed(posture)
     names = [posture.joints[0].parent, *WITH_ROOT]
-    hinges = [Hinge(name, np.zeros(3), np.zeros((0, 3)), 0, i) for i, name in enumerate(names) if i]
+    hinges = [SkinHinge(name, np.zeros(3), np.zeros((0, 3)), 0, i) for i, name in enumerate(names) if i]
     for joint in posture.joints:
         carried = posed.transforms[joint.parent]
         names.append(joint.child)
         ends = names.index(joint.parent), names.index(joint.child)
-        hinges.append(Hinge(joint.name, carried(joint.centre), joint.axes @ carried.rotation.T, *ends))
+        hinges.append(SkinHinge(joint.name, carried(joint.centre), joint.axes @ carried.rotation.T, *ends))
     bones = {name: Surface(*posed.bones[name]) for name in names}
     return ImageSkin(seen.closed, uncut(seen), bones, hinges)
 

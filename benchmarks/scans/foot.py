@@ -66,7 +66,7 @@ class Segmented:
     doubts: dict[str, str]
 
     @staticmethod
-    def of(volume: Volume, seeds: Labels, labels: Mapping[str, int]) -> Segmented:
+    def measure(volume: Volume, seeds: Labels, labels: Mapping[str, int]) -> Segmented:
         """Segment an image."""
         bones, wrong = segment_learned([volume], seeds, labels)
         return Segmented(volume, bones, wrong | learned_doubts(bones))
@@ -225,7 +225,7 @@ def measure(results: Path) -> Metrics:
     if not volumes:
         return {}
     start = time.perf_counter()
-    echoes = [Segmented.of(volume, seeds, labels) for volume in volumes]
+    echoes = [Segmented.measure(volume, seeds, labels) for volume in volumes]
     seconds = (time.perf_counter() - start) / len(echoes)
     sure = [name for name in labels if all(name not in echo.doubts for echo in echoes)]
     sure = [name for name in sure if all(echo.surface(name).is_closed() for echo in echoes)]
@@ -251,9 +251,9 @@ def measure(results: Path) -> Metrics:
     original = echoes[DRAWN_ON]
     moved, marks, motion = turned(volumes[DRAWN_ON], seeds)
     copies = {
-        "turned": (Segmented.of(moved, marks, labels), motion),
-        "noisier": (Segmented.of(noisier(volumes[DRAWN_ON]), seeds, labels), still),
-        "thick": (Segmented.of(*thick(volumes[DRAWN_ON], seeds), labels), still),
+        "turned": (Segmented.measure(moved, marks, labels), motion),
+        "noisier": (Segmented.measure(noisier(volumes[DRAWN_ON]), seeds, labels), still),
+        "thick": (Segmented.measure(*thick(volumes[DRAWN_ON], seeds), labels), still),
     }
     for kind, (copy, known) in copies.items():
         both = [name for name in sure if name not in copy.doubts]

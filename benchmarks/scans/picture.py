@@ -64,4 +64,4 @@ def _whole(echo: Segmented, name: str) -> NDArray:
 
 if __name__ == "__main__":
     volumes, seeds, table = foot()
-    draw([Segmented.of(volume, seeds, table) for volume in volumes], list(table), Path(sys.argv[1]))
+    draw([Segmented.measure(volume, seeds, table) for volume in volumes], list(table), Path(sys.argv[1]))

@@ -49,9 +49,9 @@ class Case:
     near: Neighbourhood
 
     @staticmethod
-    def of(name: str, refinements: int) -> Case:
+    def build(name: str, refinements: int) -> Case:
         body = BODIES[name](refinements)
-        return Case(body, Neighbourhood.of(body.mesh.boundary(), body.marked, body.side, REACH))
+        return Case(body, Neighbourhood.around(body.mesh.boundary(), body.marked, body.side, REACH))
 
     def measures(self, x: Array) -> dict[str, float]:
         """By the names in `UNITS`, without the seconds, of the shape x (n, 3)."""
@@ -79,7 +79,7 @@ def measure(refinements: int = 2, picture: Path | None = PICTURE) -> Figures:
     shapes: dict[str, dict[str, Array]] = {}
     for name in BODIES:
         for refinement in range(refinements + 1):
-            case = Case.of(name, refinement)
+            case = Case.build(name, refinement)
             key = f"comparison_{name}_{{}}_{refinement}"
             out[key.format("tets")] = figure(float(len(case.body.mesh.tets)), "1")
             out[key.format("truth_spikiness")] = figure(case.near.spikiness(case.body.truth), "1")

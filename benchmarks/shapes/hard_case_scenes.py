@@ -16,7 +16,7 @@ from benchmarks.shapes.organs import grown_liver
 from handpipe.core import Array, IntArray
 from handpipe.mesh.tets import TetMesh
 from handpipe.shapes.observations.marks import Pairs
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 
 SIZE = 22.0  # mm, about half of the organ's length
 NONE = np.zeros(0, dtype=np.int64)
@@ -44,7 +44,7 @@ class Scene:
     truth: TetMesh
     marks: Array
     attachments: Pairs | None = None
-    settings: Settings = field(default_factory=Settings)
+    settings: OrganSettings = field(default_factory=OrganSettings)
     wrong_marks: IntArray = field(default_factory=lambda: NONE)
     wrong_attachments: IntArray = field(default_factory=lambda: NONE)
 
@@ -141,7 +141,7 @@ def outliers(share: float, leave_out: bool) -> Callable[[float], Scene]:
         shift *= rng.uniform(3.0, 10.0, (len(wrong), 1)) / np.linalg.norm(shift, axis=1, keepdims=True)
         marks = found.marks.copy()
         marks[wrong] += shift
-        return replace(found, marks=marks, wrong_marks=wrong, settings=Settings(outliers=leave_out))
+        return replace(found, marks=marks, wrong_marks=wrong, settings=OrganSettings(outliers=leave_out))
 
     return scene
 

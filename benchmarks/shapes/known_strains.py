@@ -21,12 +21,12 @@ from handpipe.fem.solver import equilibrium
 from handpipe.mesh.tets import TetMesh
 from handpipe.shapes.observations.marks import Pairs
 from handpipe.shapes.optimisation import MUSCLE
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.organs import Observed, fit_organ
 from handpipe.shapes.organs.organ import OrganFit
 
 PULL = 6.0  # mN
-SETTINGS = Settings(alpha=100.0, beta=100.0, enough=1e-3, progress=1e-3)
+SETTINGS = OrganSettings(alpha=100.0, beta=100.0, enough=1e-3, progress=1e-3)
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Case:
     truth: Array
 
     @staticmethod
-    def of(edge: float) -> Case:
+    def build(edge: float) -> Case:
         mesh = muscle(edge)
         x = mesh.vertices
         place = (x - x.min(axis=0)) / np.ptp(x, axis=0)
@@ -101,7 +101,7 @@ def measure(edges: tuple[float, ...] = (1.8, 1.4, 1.06), counts: tuple[int, ...]
     """`known_strains_…_{tets}_{marks}`: errors by mesh size and number of marks."""
     out: Figures = {}
     for edge in edges:
-        case = Case.of(edge)
+        case = Case.build(edge)
         for marks in counts:
             if marks > len(case.mesh.boundary_vertices()):
                 continue

@@ -18,7 +18,7 @@ from benchmarks.shapes.solves import ends, target
 from handpipe.core import Array
 from handpipe.mesh.tets import TetMesh
 from handpipe.shapes.observations.marks import Pairs
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.organs import Observed, fit_organ
 from handpipe.shapes.organs.organ import OrganFit
 
@@ -63,7 +63,7 @@ def unattached(edge: float = 4.05) -> Figures:
     )
     landmarks = Pairs(mesh.vertices[extremes], wanted.vertices[extremes])
     points = scattered(wanted.boundary(), LIVER)
-    return _fitted("liver", mesh, wanted, points, None, landmarks, Settings(iterations=40))
+    return _fitted("liver", mesh, wanted, points, None, landmarks, OrganSettings(iterations=40))
 
 
 def grown_liver(mesh: TetMesh, growth: float = 1.0) -> TetMesh:
@@ -93,7 +93,7 @@ def _fitted(
     marks: Array,
     held: Pairs | None,
     landmarks: Pairs | None = None,
-    settings: Settings | None = None,
+    settings: OrganSettings | None = None,
 ) -> Figures:
     begun, begun_processor = time.perf_counter(), time.process_time()
     fit: OrganFit = fit_organ(mesh, Observed(marks, held, landmarks), settings=settings)

@@ -16,10 +16,10 @@ from handpipe.fem.contact import Attachment
 from handpipe.fem.elements import Material
 from handpipe.fem.potentials import Elastic
 from handpipe.fem.solver import equilibrium
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.organs import Observed, fit_organ
 
-SETTINGS = Settings(remesh_below=0.0)
+SETTINGS = OrganSettings(remesh_below=0.0)
 COMPRESSIBLE = Material(6.0, 0.0)  # kPa; nearly incompressible tissue loses more of the growth
 STEPS = 4  # of the springs to their targets
 ROUNDS, SETTLED = 2000, 1e-5  # of as-rigid-as-possible; mm that a round still moves any vertex by

@@ -65,7 +65,7 @@ class Carried:
     embedding: Embedding
 
     @staticmethod
-    def of(surface: Surface, edge: float) -> Carried:
+    def build(surface: Surface, edge: float) -> Carried:
         mesh = tetrahedralise(remesh(surface, edge).largest_component(), 1.3 * edge)
         return Carried(surface, mesh, Embedding.embed(surface.vertices, mesh))
 
@@ -102,7 +102,7 @@ def measure(count: int = len(POSES), edge: float = EDGE, muscles: int = 17) -> F
     rng = np.random.default_rng(0)
     packed, bones = packed_hand()
     rest = separate(dict(list(packed.items())[:muscles]), bones).surfaces
-    bodies = {n: Carried.of(s, edge) for n, s in rest.items()}
+    bodies = {n: Carried.build(s, edge) for n, s in rest.items()}
     posed_bones = [packed_hand(pose.turn)[1] for pose in poses]
     begun = time.process_time()
     separated = []

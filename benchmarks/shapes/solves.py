@@ -28,7 +28,7 @@ from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
 from handpipe.shapes.optimisation.all_tets import AllTets
 from handpipe.shapes.optimisation.gauss_newton import RIDGE, GaussNewton
 from handpipe.shapes.optimisation.search import Search
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 
 log = logging.getLogger("benchmarks.shapes")
 
@@ -65,7 +65,7 @@ def model(edge: float, rows: int) -> GaussNewton:
     mesh = muscle(edge)
     wanted = target(mesh)
     held = ends(mesh, wanted)
-    settings = Settings()
+    settings = OrganSettings()
     space = AllTets(mesh.tets, settings)
     search = Search(mesh, space, settings)
     state = search.begin(Holds.place(held.attached(mesh), (), mesh.vertices), mesh.vertices)

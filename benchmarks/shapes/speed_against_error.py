@@ -22,7 +22,7 @@ from benchmarks.shapes.hard_case_scenes import SIZE
 from benchmarks.shapes.organs import grown_liver
 from handpipe.core import atomic
 from handpipe.mesh.tets import TetMesh
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.organs import Observed, fit_organ
 
 log = logging.getLogger("benchmarks.shapes")
@@ -31,7 +31,7 @@ EDGES = (4.0, 3.2, 2.5, 2.0)  # mm
 MARKS = (25, 50, 100, 200)
 ENOUGH = (1.0, 0.3, 0.05, 0.01)  # mm
 PROGRESS = (0.3, 0.1, 0.01)
-USUAL = {"edge": 2.5, "marks": 100, "enough": Settings().enough, "progress": Settings().progress}
+USUAL = {"edge": 2.5, "marks": 100, "enough": OrganSettings().enough, "progress": OrganSettings().progress}
 UNITS = {"edge": "mm", "marks": "", "enough": "mm", "progress": ""}
 PREFIX = "speed_"
 
@@ -85,7 +85,7 @@ def run(truth: TetMesh, setting: Mapping[str, float], study: str) -> Point:
     """The free organ, fitted to marks on the true surface."""
     mesh = liver(setting["edge"], SIZE)
     points = scattered(truth.boundary(), int(setting["marks"]))
-    settings = Settings(enough=setting["enough"], progress=setting["progress"])
+    settings = OrganSettings(enough=setting["enough"], progress=setting["progress"])
     begun = time.process_time()
     fit = fit_organ(mesh, Observed(points), settings=settings)
     seconds = time.process_time() - begun

@@ -25,7 +25,7 @@ class Neighbourhood:
     vertices: IntArray
 
     @staticmethod
-    def of(surface: Surface, marks: IntArray, side: IntArray, reach: float) -> Neighbourhood:
+    def around(surface: Surface, marks: IntArray, side: IntArray, reach: float) -> Neighbourhood:
         """Those among `side` within reach (mm, at rest) of a mark: the same region on any mesh."""
         x = surface.vertices
         distances, _ = cKDTree(x[marks]).query(x[side])

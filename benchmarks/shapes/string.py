@@ -15,7 +15,7 @@ from benchmarks.shapes.bodies import bar
 from handpipe.core import Array
 from handpipe.fem.elements import Material
 from handpipe.shapes.observations.marks import Pairs
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.organs import Observed, fit_organ
 from handpipe.shapes.organs.organ import OrganFit
 
@@ -37,7 +37,7 @@ def fitted(cells: int) -> OrganFit:
     def pairs(*knots: float) -> Pairs:
         return Pairs(np.concatenate([at[k] for k in knots]), np.concatenate([moved[k] for k in knots]))
 
-    settings = Settings(alpha=10.0, beta=10.0, material=Material(6.0, 0.0))
+    settings = OrganSettings(alpha=10.0, beta=10.0, material=Material(6.0, 0.0))
     return fit_organ(
         mesh, Observed(attachments=pairs(0.0, 1.0), landmarks=pairs(0.25, 0.5)), settings=settings
     )

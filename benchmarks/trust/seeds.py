@@ -19,7 +19,7 @@ from handpipe.imaging.segmentation import SegmentationSettings, claims, merge
 from handpipe.imaging.volumes import Volume, read_labels, read_volume
 from handpipe.imaging.volumes.volume import Labels, box
 from handpipe.skeleton.registration import neutral_doubts
-from handpipe.synthetic.acquisition.image import Grid
+from handpipe.synthetic.acquisition.image import VoxelGrid
 from handpipe.synthetic.acquisition.seeds import scribble_locally
 
 log = logging.getLogger(__name__)
@@ -60,7 +60,7 @@ def measure(results: Path) -> Metrics:
 
 def drawn_seeds(volume: Volume, marrow: Labels, whole: Labels, draw: int) -> Labels:
     """Seeds (nx, ny, nz) of one draw, from true labels of the marrow and of whole bones."""
-    grid = Grid(volume.shape, volume.affine[:3, 3], float(volume.spacing[0]))
+    grid = VoxelGrid(volume.shape, volume.affine[:3, 3], float(volume.spacing[0]))
     rng = np.random.default_rng([draw, 77])
     return scribble_locally(marrow, whole, grid, rng, STROKES, AROUND, LENGTH)
 

@@ -14,13 +14,13 @@ from benchmarks.truth.measured import LoadingPaths, measure
 from benchmarks.truth.pictures import convergence, cut_open
 from benchmarks.truth.refinement import figures, solved
 from handpipe.core import metrics
-from handpipe.synthetic.coupled.body import Body, Pose
+from handpipe.synthetic.coupled.coupled_body import CoupledBody, CoupledPose
 
 EDGE, ANGLE, AWAY = 4.5, np.radians(40.0), np.radians(-15.0)
 COARSE_EDGE, COARSE_ANGLE, REFINEMENTS = 6.5, np.radians(40.0), 2
 
 
-def back(t: float) -> Pose:
+def back(t: float) -> CoupledPose:
     """From the detour to the pose."""
     return toy.hinge(AWAY + (ANGLE - AWAY) * t)
 
@@ -30,7 +30,7 @@ def main(output: Path) -> None:
     folder = output.parent
     folder.mkdir(parents=True, exist_ok=True)
     ways = LoadingPaths(lambda t: toy.hinge(ANGLE * t), lambda t: toy.hinge(AWAY * t, 0.0), back)
-    body, x, found = measure(toy.finger(EDGE), lambda a: Body(a, toy.MATERIALS), ways)
+    body, x, found = measure(toy.finger(EDGE), lambda a: CoupledBody(a, toy.MATERIALS), ways)
     metrics.write(output, found)
     cut_open(folder / "truth-toy.png", body, x)
     table = figures(solved(COARSE_EDGE, COARSE_ANGLE, REFINEMENTS))

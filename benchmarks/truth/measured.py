@@ -10,11 +10,11 @@ from handpipe.core.metrics import measured
 from handpipe.fem.solver import Options
 from handpipe.synthetic.continuum.strands import Strands
 from handpipe.synthetic.coupled import patch_test, volume_changes
-from handpipe.synthetic.coupled.body import Anatomy, Body, Pose
+from handpipe.synthetic.coupled.coupled_body import CoupledAnatomy, CoupledBody, CoupledPose
 from handpipe.synthetic.coupled.follow import follow
 from handpipe.synthetic.coupled.validation import difference, solved_from, start_difference
 
-Motion = Callable[[float], Pose]
+Motion = Callable[[float], CoupledPose]
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,13 @@ class LoadingPaths:
 
 
 def measure(
-    anatomy: Anatomy,
-    make: Callable[[Anatomy], Body],
+    anatomy: CoupledAnatomy,
+    make: Callable[[CoupledAnatomy], CoupledBody],
     ways: LoadingPaths,
     *,
     refinement: bool = True,
     options: Options | None = None,
-) -> tuple[Body, Array, Metrics]:
+) -> tuple[CoupledBody, Array, Metrics]:
     """A body `make(anatomy)`, its equilibrium (n, 3) at the ways' end, and what it says about itself.
 
     `refinement` compares with the body whose tets are cut into eight, which takes far longer than the rest

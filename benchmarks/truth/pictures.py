@@ -12,7 +12,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from handpipe.core import Array, IntArray, atomic
-from handpipe.synthetic.coupled.body import Body
+from handpipe.synthetic.coupled.coupled_body import CoupledBody
 
 COLOURS = {"skin": "#e3a982", "fat": "#f6e5a8"}
 MUSCLE, STRAND = "#b4423c", "#ffffff"
@@ -35,7 +35,7 @@ def section(vertices: Array, tets: IntArray) -> tuple[list[Array], IntArray]:
     return polygons, cut
 
 
-def draw(axes: Axes, body: Body, x: Array) -> None:
+def draw(axes: Axes, body: CoupledBody, x: Array) -> None:
     """The body at x (n, 3) cut open; quadratic tets as the eight between their nodes."""
     polygons, cut = section(x, body.cells.tets)
     names = [body.anatomy.regions[label] for label in body.cell_labels[cut]]
@@ -49,7 +49,7 @@ def draw(axes: Axes, body: Body, x: Array) -> None:
     axes.set_xlabel("mm")
 
 
-def cut_open(path: Path, body: Body, x: Array) -> None:
+def cut_open(path: Path, body: CoupledBody, x: Array) -> None:
     """The body at rest and at x (n, 3)."""
     figure = Figure(figsize=(15, 6.5), layout="constrained")
     for axes, positions in zip(figure.subplots(1, 2), (body.rest, x), strict=True):

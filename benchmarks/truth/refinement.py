@@ -11,7 +11,7 @@ from benchmarks.truth import toy
 from handpipe.core import Array
 from handpipe.fem.solver import Options
 from handpipe.synthetic.coupled import volume_changes
-from handpipe.synthetic.coupled.body import Anatomy, Body
+from handpipe.synthetic.coupled.coupled_body import CoupledAnatomy, CoupledBody
 from handpipe.synthetic.coupled.follow import follow
 from handpipe.synthetic.coupled.validation import difference, solved_from
 
@@ -24,14 +24,14 @@ class Solved:
 
     order: Literal[1, 2]
     level: int
-    body: Body
+    body: CoupledBody
     x: Array
     seconds: float
 
 
 def solved(edge: float, angle: float, refinements: int, *, strands: bool = True) -> list[Solved]:
     """The toy flexed by `angle` rad: quadratic elements at every level, then linear ones; finest first."""
-    anatomies: list[Anatomy] = [toy.finger(edge)]
+    anatomies: list[CoupledAnatomy] = [toy.finger(edge)]
     if not strands:
         anatomies[0] = replace(anatomies[0], strands={})
     for _ in range(refinements):
@@ -40,7 +40,7 @@ def solved(edge: float, angle: float, refinements: int, *, strands: bool = True)
     quadratic: list[Solved] = []
     for level, anatomy in enumerate(anatomies):
         begun = time.process_time()
-        body = Body(anatomy, toy.MATERIALS)
+        body = CoupledBody(anatomy, toy.MATERIALS)
         if level == 0:
             x = follow(body, lambda t: toy.hinge(angle * t)).x
         else:
@@ -51,7 +51,7 @@ def solved(edge: float, angle: float, refinements: int, *, strands: bool = True)
     for level, anatomy in enumerate(anatomies):
         near = quadratic[max(level - 1, 0)]
         begun = time.process_time()
-        body = Body(anatomy, toy.MATERIALS, order=1)
+        body = CoupledBody(anatomy, toy.MATERIALS, order=1)
         x = solved_from(near.body, near.x, body, pose)
         linear.append(Solved(1, level, body, x, time.process_time() - begun))
     return [*quadratic[::-1], *linear[::-1]]

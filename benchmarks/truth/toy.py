@@ -14,7 +14,7 @@ from handpipe.core import Array, RigidTransform
 from handpipe.fem.elements import Material
 from handpipe.mesh.generation import Grid, isosurface, remesh
 from handpipe.mesh.surfaces import Surface
-from handpipe.synthetic.coupled.body import Anatomy, Pose, Strand
+from handpipe.synthetic.coupled.coupled_body import CoupledAnatomy, CoupledPose, TendonStrand
 
 CENTRE = np.array([20.0, 0.0, 1.5])  # of the joint
 BONE_RADIUS, GAP = 3.0, 2.0
@@ -29,7 +29,7 @@ TENDON = 2e4  # mN: Young's modulus times cross-section
 TENSION = 8.0  # kPa of the flexor at 60 degrees
 
 
-def finger(edge_length: float = 4.0) -> Anatomy:
+def finger(edge_length: float = 4.0) -> CoupledAnatomy:
     """The toy's anatomy with surface triangles of about `edge_length` mm."""
     surfaces = {
         "outer": _surface(lambda p: _capsule(p, *SKIN) - SKIN_RADIUS, edge_length),
@@ -46,18 +46,18 @@ def finger(edge_length: float = 4.0) -> Anatomy:
     mesh, labels, on = fill(surfaces, regions, edge_length)
     along = np.tile([1.0, 0.0, 0.0], (int((labels == 2).sum()), 1))
     bones = {name: on[name] for name in ("proximal", "distal")}
-    return Anatomy(mesh, labels, tuple(regions), bones, {"flexor": along}, _strands())
+    return CoupledAnatomy(mesh, labels, tuple(regions), bones, {"flexor": along}, _strands())
 
 
-def hinge(angle: float, activation: float = 1.0) -> Pose:
+def hinge(angle: float, activation: float = 1.0) -> CoupledPose:
     """The distal bone flexed by an angle in rad; the flexor pulls in proportion to it, times `activation`."""
     turn = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix()
     tension = activation * TENSION * max(angle, 0.0) / np.radians(60.0)
     bones = {"proximal": RigidTransform.identity(), "distal": RigidTransform.about(CENTRE, turn)}
-    return Pose(bones, {"flexor": tension})
+    return CoupledPose(bones, {"flexor": tension})
 
 
-def _strands() -> dict[str, Strand]:
+def _strands() -> dict[str, TendonStrand]:
     """Three strands side by side: from the proximal bone into the belly, and out of it to the distal one."""
     strands = {}
     for name, side in (("radial", 1.0), ("central", 0.0), ("ulnar", -1.0)):
@@ -66,9 +66,9 @@ def _strands() -> dict[str, Strand]:
         ahead = np.column_stack([np.linspace(12.5, 15.5, 4), np.full(4, 0.9 * side), np.full(4, -4.1)])
         free = np.column_stack([np.linspace(17, 28, 8), np.full(8, 0.6 * side), np.linspace(-4, -2.2, 8)])
         end = np.array([[29.0, 0.6 * side, CENTRE[2] - BONE_RADIUS]])
-        strands[f"{name} origin"] = Strand(np.concatenate([origin, behind]), TENDON, {0: "proximal"})
+        strands[f"{name} origin"] = TendonStrand(np.concatenate([origin, behind]), TENDON, {0: "proximal"})
         tendon = np.concatenate([ahead, free, end])
-        strands[f"{name} tendon"] = Strand(tendon, TENDON, {len(tendon) - 1: "distal"})
+        strands[f"{name} tendon"] = TendonStrand(tendon, TENDON, {len(tendon) - 1: "distal"})
     return strands
 
 

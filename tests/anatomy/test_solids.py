@@ -9,8 +9,8 @@ from tests.fem.bodies import sphere
 
 from handpipe.anatomy.templates.domain import Domain
 from handpipe.anatomy.templates.fibres import harmonic_fibres
-from handpipe.anatomy.templates.solids import REACH, Solid, depth, ends, template_of
-from handpipe.anatomy.templates.template import Template
+from handpipe.anatomy.templates.solids import REACH, OrganSolid, depth, ends, template_of
+from handpipe.anatomy.templates.tissue_mesh import TissueMesh
 from handpipe.anatomy.templates.volume_accounts import accounts
 from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces.distance import Distance
@@ -39,14 +39,14 @@ def bones() -> dict[str, Surface]:
 
 
 @pytest.fixture(scope="module")
-def solids() -> dict[str, Solid]:
+def solids() -> dict[str, OrganSolid]:
     upper, lower = ball(UPPER, RADIUS), holed(ball(LOWER, RADIUS), [0, 1, 0])
     assert upper.is_closed() and not lower.is_closed()
-    return {n: Solid((s,), ("near",), ("far",)) for n, s in (("upper", upper), ("lower", lower))}
+    return {n: OrganSolid((s,), ("near",), ("far",)) for n, s in (("upper", upper), ("lower", lower))}
 
 
 @pytest.fixture(scope="module")
-def template(solids: dict[str, Solid], bones: dict[str, Surface]) -> Template:
+def template(solids: dict[str, OrganSolid], bones: dict[str, Surface]) -> TissueMesh:
     return template_of(solids, Domain.between(ball([0, 0, 0], 16.0), bones, 3.0), bones)
 
 
@@ -67,7 +67,7 @@ def test_a_hole_changes_no_side() -> None:
     assert same[clear].all()
 
 
-def test_where_two_organs_overlap_the_deeper_one_stays(template: Template) -> None:
+def test_where_two_organs_overlap_the_deeper_one_stays(template: TissueMesh) -> None:
     """By symmetry each keeps half of the lens; the border between them is the plane in the middle."""
     volumes = dict(zip(template.names, template.volumes(), strict=True))
     for name in ("upper", "lower"):
@@ -78,7 +78,7 @@ def test_where_two_organs_overlap_the_deeper_one_stays(template: Template) -> No
     assert len(shared) > 30 and off.mean() < 0.25 and off.max() < 1.0
 
 
-def test_the_mesh_is_sound(template: Template, bones: dict[str, Surface]) -> None:
+def test_the_mesh_is_sound(template: TissueMesh, bones: dict[str, Surface]) -> None:
     require_conforming(template.mesh, template.mesh.boundary().area())
     require_closed_labels(template.mesh, template.labels)
     metrics = template.metrics()
@@ -88,7 +88,7 @@ def test_the_mesh_is_sound(template: Template, bones: dict[str, Surface]) -> Non
         assert Distance(bone).closest(on)[0].max() < 1e-9
 
 
-def test_fibres_run_from_bone_to_bone(template: Template) -> None:
+def test_fibres_run_from_bone_to_bone(template: TissueMesh) -> None:
     for label in (1, 2):
         own = template.labels == label
         fibres, volumes = template.fibres[own], template.mesh.volumes()[own]
@@ -106,13 +106,13 @@ def test_fibres_of_a_box_are_straight() -> None:
 
 def test_an_origin_on_no_bone_is_the_other_end(bones: dict[str, Surface]) -> None:
     vertices = np.column_stack([np.linspace(-7, 7, 50), np.zeros(50), np.zeros(50)])
-    solid = Solid((), (), ("far",))
+    solid = OrganSolid((), (), ("far",))
     origin, insertion = ends(vertices, solid, {name: Distance(bone) for name, bone in bones.items()})
     assert vertices[origin, 0].max() < -3.9 and vertices[insertion, 0].min() > 5.7
 
 
 def test_accounts_say_where_volume_went(
-    solids: dict[str, Solid], bones: dict[str, Surface], template: Template
+    solids: dict[str, OrganSolid], bones: dict[str, Surface], template: TissueMesh
 ) -> None:
     found = accounts(solids, bones, template)
     for account in found.values():
@@ -122,8 +122,8 @@ def test_accounts_say_where_volume_went(
     assert found["upper"].open_edges == 0 < found["lower"].open_edges
     assert found["upper"].branching_edges == found["lower"].branching_edges == 0
     inside = {
-        "upper": Solid((ball([0, 0, 0], 6.0),), (), ()),
-        "lower": Solid((ball([0, 0, 0], 1.0),), (), ()),
+        "upper": OrganSolid((ball([0, 0, 0], 6.0),), (), ()),
+        "lower": OrganSolid((ball([0, 0, 0], 1.0),), (), ()),
     }
     swallowed = accounts(inside, {"bone": ball([0, 0, 0], 3.0)}, template)
     assert swallowed["upper"].in_bones == pytest.approx(4 / 3 * np.pi * 27, rel=0.03)
@@ -131,7 +131,7 @@ def test_accounts_say_where_volume_went(
 
 
 def test_surfaces_that_touch_themselves_are_taken_as_they_are(
-    bones: dict[str, Surface], template: Template
+    bones: dict[str, Surface], template: TissueMesh
 ) -> None:
     """Two tetrahedra with an edge in common: a source's meshes have such."""
     points = np.array(
@@ -140,7 +140,7 @@ def test_surfaces_that_touch_themselves_are_taken_as_they_are(
     one, other = ([[0, 1, a], [0, b, 1], [0, a, b], [1, b, a]] for a, b in ((2, 3), (5, 4)))
     surface = Surface(points, np.array(one + other))
     volume = 2 * 8 * 6 * 4 / 6
-    pair = {"pair": Solid((surface,), ("near",), ("far",))}
+    pair = {"pair": OrganSolid((surface,), ("near",), ("far",))}
     assert surface.volume() == pytest.approx(volume)
     account = accounts(pair, bones, replace(template, names=("fat", "pair", "lower")))["pair"]
     assert (account.open_edges, account.branching_edges) == (0, 1)
@@ -151,6 +151,6 @@ def test_surfaces_that_touch_themselves_are_taken_as_they_are(
 
 
 def test_an_organ_without_a_place_is_named(bones: dict[str, Surface]) -> None:
-    solids = {"lost": Solid((ball([0, 0, 40], 2.0),), ("near",), ("far",))}
+    solids = {"lost": OrganSolid((ball([0, 0, 40], 2.0),), ("near",), ("far",))}
     with pytest.raises(InputError, match="hand: lost: is nowhere"):
         template_of(solids, Domain.between(ball([0, 0, 0], 16.0), bones, 5.0), bones, source="hand")

@@ -12,7 +12,7 @@ from tests.anatomy.meshes import require_closed_labels, require_conforming
 from handpipe.anatomy.templates.curves import CurveFile
 from handpipe.anatomy.templates.diffusion import Factorise, superlu
 from handpipe.anatomy.templates.domain import Domain
-from handpipe.anatomy.templates.template import Template, build_template
+from handpipe.anatomy.templates.tissue_mesh import TissueMesh, build_tissue_mesh
 from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
@@ -26,9 +26,9 @@ def limb() -> Limb:
     return Domain.between(skin, bones, 5.0), skin, bones
 
 
-def built(limb: Limb, content: dict, factorise: Factorise = superlu) -> Template:
+def built(limb: Limb, content: dict, factorise: Factorise = superlu) -> TissueMesh:
     file = CurveFile.model_validate(content)
-    return build_template(file, limb[0], limb[2], factorise=factorise, source="arm.yaml")
+    return build_tissue_mesh(file, limb[0], limb[2], factorise=factorise, source="arm.yaml")
 
 
 def three() -> dict:
@@ -36,11 +36,11 @@ def three() -> dict:
 
 
 @pytest.fixture(scope="module")
-def template(limb: Limb) -> Template:
+def template(limb: Limb) -> TissueMesh:
     return built(limb, three())
 
 
-def require_fit(template: Template, limb: Limb) -> None:
+def require_fit(template: TissueMesh, limb: Limb) -> None:
     """Manifold, without overlaps or gaps, of good tets."""
     _, skin, bones = limb
     room = skin.volume() - bones["radius"].volume()
@@ -52,7 +52,7 @@ def require_fit(template: Template, limb: Limb) -> None:
     assert metrics["smallest_dihedral"][0] >= 5
 
 
-def test_three_muscles(template: Template, limb: Limb) -> None:
+def test_three_muscles(template: TissueMesh, limb: Limb) -> None:
     domain, skin, bones = limb
     require_fit(template, limb)
     assert template.names == ("fat", "flexor", "extensor", "abductor") and template.warnings == ()
@@ -64,7 +64,7 @@ def test_three_muscles(template: Template, limb: Limb) -> None:
         assert len(template.surface(name).components()) == 1
 
 
-def test_fibres_run_along_muscles_and_fat_has_none(template: Template) -> None:
+def test_fibres_run_along_muscles_and_fat_has_none(template: TissueMesh) -> None:
     length = np.linalg.norm(template.fibres, axis=1)
     np.testing.assert_allclose(length, np.where(template.labels > 0, 1.0, 0.0), atol=1e-9)
     for label, name in enumerate(template.names[1:], start=1):
@@ -75,9 +75,9 @@ def test_fibres_run_along_muscles_and_fat_has_none(template: Template) -> None:
         assert ends[1] - ends[0] > 30
 
 
-def test_artifact_keeps_everything(template: Template, tmp_path: Path) -> None:
+def test_artifact_keeps_everything(template: TissueMesh, tmp_path: Path) -> None:
     template.save(tmp_path / "template.h5")
-    again = Template.load(tmp_path / "template.h5")
+    again = TissueMesh.load(tmp_path / "template.h5")
     assert np.array_equal(again.mesh.tets, template.mesh.tets) and again.names == template.names
     assert np.array_equal(again.fibres, template.fibres)
     assert np.array_equal(again.origins["flexor"], template.origins["flexor"])

@@ -6,14 +6,14 @@ import trimesh
 from benchmarks.disjoint_start.draws import Result, figures, initial_guess, varied
 
 from handpipe.mesh.surfaces.surface import Surface
-from handpipe.tissues.muscles.fitting.body import Body
+from handpipe.tissues.muscles.fitting.soft_body import SoftBody
 
 
-def ball(x: float, z: float) -> Body:
+def ball(x: float, z: float) -> SoftBody:
     """A muscle of radius 3 mm whose lowest vertices a bone holds."""
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=3.0)
     held = {"bone": np.argsort(mesh.vertices[:, 2])[:3]}
-    return Body.fill(Surface(np.array(mesh.vertices) + [x, 0.0, z], np.array(mesh.faces)), held, 1.5)
+    return SoftBody.fill(Surface(np.array(mesh.vertices) + [x, 0.0, z], np.array(mesh.faces)), held, 1.5)
 
 
 BLOCK = trimesh.creation.box(extents=[30, 30, 4])

@@ -27,7 +27,7 @@ def reference(beam: twist.Beam, poisson: float = twist.POISSON) -> skfem_newton.
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45, 0.49])
 def test_reference_has_the_same_material(poisson: float) -> None:
     """Forces and stiffness of two derivations, at a shape with large strains."""
-    beam = twist.Beam.of(2)
+    beam = twist.Beam.build(2)
     x = beam.body.vertices + np.random.default_rng(0).normal(scale=0.1, size=beam.body.vertices.shape)
     ours = Elastic(beam.body.vertices, beam.body.tets, Material(twist.YOUNG, poisson))
     theirs = reference(beam, poisson)
@@ -37,7 +37,7 @@ def test_reference_has_the_same_material(poisson: float) -> None:
 
 
 def test_twist_ends_in_the_references_state() -> None:
-    beam = twist.Beam.of(3)
+    beam = twist.Beam.build(3)
     own = twist.ours(beam)
     targets = [beam.ends(i / twist.STEPS) for i in range(1, twist.STEPS + 1)]
     found = reference(beam).follow(targets, twist.TOLERANCE)
@@ -50,7 +50,7 @@ def test_twist_ends_in_the_references_state() -> None:
 
 
 def test_twist_in_one_step_is_an_equilibrium() -> None:
-    run = twist.at_once(twist.Beam.of(3))
+    run = twist.at_once(twist.Beam.build(3))
     assert run.record.converged
     assert run.record.tangles == 0
     assert run.residual < twist.TOLERANCE

@@ -72,7 +72,7 @@ def shaped(refinements: int, height: float, width: float | None) -> tuple[Neighb
     """A bump of that width (mm) at a mark, or a spike as wide as a triangle."""
     body = bulging_rod(refinements)
     x = body.mesh.vertices
-    near = Neighbourhood.of(body.mesh.boundary(), body.marked[:1], body.side, REACH)
+    near = Neighbourhood.around(body.mesh.boundary(), body.marked[:1], body.side, REACH)
     distance = np.linalg.norm(x - x[body.marked[0]], axis=1)
     bump = (distance == 0.0) if width is None else np.exp(-((distance / width) ** 2))
     outwards = x * [0.0, 1.0, 1.0] / RADIUS
@@ -94,7 +94,7 @@ def test_a_spike_is_spikier_on_a_finer_mesh() -> None:
 
 def test_normals_turn_with_the_body() -> None:
     body = bulging_rod(0)
-    near = Neighbourhood.of(body.mesh.boundary(), body.marked, body.side, REACH)
+    near = Neighbourhood.around(body.mesh.boundary(), body.marked, body.side, REACH)
     turned = body.mesh.vertices @ Rotation.from_euler("x", 20, degrees=True).as_matrix().T
     assert near.normal_errors(turned, body.mesh.vertices) == pytest.approx(20.0)
     assert near.spikiness(body.truth) == pytest.approx(
@@ -120,7 +120,7 @@ def test_ours_keeps_its_shape_where_others_come_to_a_point() -> None:
     truth = []
     for refinement in range(2):
         body = bulging_rod(refinement)
-        case = Case(body, Neighbourhood.of(body.mesh.boundary(), body.marked, body.side, REACH))
+        case = Case(body, Neighbourhood.around(body.mesh.boundary(), body.marked, body.side, REACH))
         truth.append(case.near.spikiness(body.truth))
         for method, measured in found.items():
             measured.append(case.measures(METHODS[method](body)))

@@ -12,7 +12,7 @@ import yaml
 from handpipe.cli import main
 from handpipe.core.configuration import load_dataset
 from handpipe.imaging.volumes import pose_volume, read_labels
-from handpipe.skeleton.localisation import Named, Shape, Solid
+from handpipe.skeleton.localisation import BrightSolid, Named, SolidShape
 
 SHAPE = (30, 24, 26)
 AFFINE = np.array([[0, -1.0, 0, 5], [1.0, 0, 0, -3], [0, 0, 1.0, 8], [0, 0, 0, 1]])
@@ -53,7 +53,7 @@ def project(folder: Path, seeds: str, **further: Any) -> Path:
 def found(*sure: str) -> dict[str, Named]:
     """The block for the sure bones; all others are marked."""
     world = BLOCK @ AFFINE[:3, :3].T + AFFINE[:3, 3]
-    solid = Solid(BLOCK, Shape.fit(world, len(BLOCK)), 1.0, world)
+    solid = BrightSolid(BLOCK, SolidShape.fit(world, len(BLOCK)), 1.0, world)
     return {b: Named(solid, 0.9, "") if b in sure else Named(None, 0.0, "is not there") for b in BONES}
 
 

@@ -136,10 +136,10 @@ def test_indefinite_matrices_are_found_out_fresh_or_old_and_the_sequence_goes_on
 def test_a_system_without_solution_is_refused(limit):
     bar = Bar(3)
     everything = np.ones(bar.rest.size, dtype=bool)
-    unheld = bar.body.hessian(bar.rest)
+    unconstrained = bar.body.hessian(bar.rest)
     push = np.tile([1.0, 0.0, 0.0], len(bar.rest))
     with pytest.raises((SingularMatrix, NotPositiveDefinite)):
-        SystemSequence(memory_limit=limit, rest=bar.rest).solve(unheld, push, free=everything)
+        SystemSequence(memory_limit=limit, rest=bar.rest).solve(unconstrained, push, free=everything)
 
 
 def test_ageing_renews_where_the_mean_cost_is_least():

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.anatomy.shipped import install
 from handpipe.core.configuration import Dataset
-from handpipe.hand.carried import Carried, with_carried_hints
+from handpipe.hand.carried import CarriedTemplate, with_carried_hints
 from handpipe.imaging.evidence import read_markers
 from handpipe.mesh.surfaces import read_surface
 from handpipe.tissues.muscles.fitting import Rival
@@ -47,12 +47,14 @@ def dataset(tmp_path_factory) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def carried(dataset: Dataset) -> Carried:
+def carried(dataset: Dataset) -> CarriedTemplate:
     surfaces = {name: read_surface(dataset.path(bone.template)) for name, bone in dataset.bones.items()}
-    return Carried.onto(dataset, {n: s.moved(other(s.vertices)) for n, s in surfaces.items()})
+    return CarriedTemplate.onto(dataset, {n: s.moved(other(s.vertices)) for n, s in surfaces.items()})
 
 
-def test_tendons_and_nails_are_where_the_other_hand_has_them(dataset: Dataset, carried: Carried) -> None:
+def test_tendons_and_nails_are_where_the_other_hand_has_them(
+    dataset: Dataset, carried: CarriedTemplate
+) -> None:
     assert set(carried.paths) == {"flexor2", "extensor2"}
     for name, path in carried.paths.items():
         true = other(read_markers(dataset.path(dataset.tendons[name].path))[0])
@@ -64,7 +66,7 @@ def test_tendons_and_nails_are_where_the_other_hand_has_them(dataset: Dataset, c
     np.testing.assert_array_equal(carried.nails["nail2"].triangles, nail.triangles)
 
 
-def test_axes_turn_as_the_hand_does(dataset: Dataset, carried: Carried) -> None:
+def test_axes_turn_as_the_hand_does(dataset: Dataset, carried: CarriedTemplate) -> None:
     for name, joint in dataset.joints.items():
         if not joint.angles:
             continue
@@ -77,7 +79,7 @@ def test_axes_turn_as_the_hand_does(dataset: Dataset, carried: Carried) -> None:
 
 
 def test_stages_get_the_hints_in_the_neutral_frame(
-    dataset: Dataset, carried: Carried, tmp_path: Path
+    dataset: Dataset, carried: CarriedTemplate, tmp_path: Path
 ) -> None:
     carried.save(tmp_path / "carried.h5", [])
     placed = with_carried_hints(dataset, tmp_path / "carried.h5")
@@ -85,24 +87,28 @@ def test_stages_get_the_hints_in_the_neutral_frame(
         np.testing.assert_array_equal(np.reshape(joint.axis_hints, (-1, 3)), carried.axis_hints[name])
         assert joint.limits_deg == dataset.joints[name].limits_deg
     assert with_carried_hints(dataset, None) is dataset
-    again = Carried.load(tmp_path / "carried.h5")
+    again = CarriedTemplate.load(tmp_path / "carried.h5")
     np.testing.assert_array_equal(again.paths["flexor2"], carried.paths["flexor2"])
     np.testing.assert_array_equal(again.nails["nail2"].vertices, carried.nails["nail2"].vertices)
     assert again.rival is None and again.figures() == {}
 
 
-def test_the_map_is_the_same_after_it_is_read(dataset: Dataset, carried: Carried, tmp_path: Path) -> None:
+def test_the_map_is_the_same_after_it_is_read(
+    dataset: Dataset, carried: CarriedTemplate, tmp_path: Path
+) -> None:
     """So that muscles are placed by it to the last bit as by a map that is made anew."""
     carried.save(tmp_path / "carried.h5", [])
     curve = read_markers(dataset.path(dataset.tendons["flexor2"].path))[0]
     np.testing.assert_array_equal(
-        Carried.load(tmp_path / "carried.h5").warp()(curve), carried.paths["flexor2"]
+        CarriedTemplate.load(tmp_path / "carried.h5").warp()(curve), carried.paths["flexor2"]
     )
 
 
-def test_a_place_that_fits_nearly_as_well_is_kept_and_measured(carried: Carried, tmp_path: Path) -> None:
+def test_a_place_that_fits_nearly_as_well_is_kept_and_measured(
+    carried: CarriedTemplate, tmp_path: Path
+) -> None:
     replace(carried, rival=Rival(0.31, 0.35, 168.0)).save(tmp_path / "carried.h5", [])
-    assert Carried.load(tmp_path / "carried.h5").figures() == {
+    assert CarriedTemplate.load(tmp_path / "carried.h5").figures() == {
         "template_error": (0.31, "mm"),
         "template_error_turned": (0.35, "mm"),
         "template_turn": (168.0, "deg"),

@@ -21,7 +21,7 @@ from handpipe.mesh.surfaces.surface import Surface, read_surface
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.shapes.__main__ import main
 from handpipe.shapes.observations.marks import Pairs
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.organs.files import read_pairs, read_template
 from handpipe.shapes.organs.organ import Observed, fit_organ
 
@@ -137,7 +137,7 @@ def test_numbers_out_of_range_are_refused_by_option(
 @pytest.mark.parametrize(("name", "value"), [("alpha", float("nan")), ("spring", -1.0), ("progress", 2.0)])
 def test_settings_are_in_range(name: str, value: float) -> None:
     with pytest.raises(InputError, match=name):
-        Settings(**{name: value})
+        OrganSettings(**{name: value})
 
 
 @shared

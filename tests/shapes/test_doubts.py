@@ -9,7 +9,7 @@ from handpipe.shapes.observations.holds import Holds
 from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
 from handpipe.shapes.optimisation.all_tets import AllTets
 from handpipe.shapes.optimisation.search import Search
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.organs.coarse_template import WORTH, coarsened
 from handpipe.shapes.organs.doubts import examine
 from handpipe.shapes.organs.predictions import Predictions
@@ -28,15 +28,15 @@ def grown(points: np.ndarray) -> np.ndarray:
 
 def given(marks: np.ndarray, attachments: Pairs | None) -> Given:
     held = None if attachments is None else attachments.attached(MESH)
-    return Given(MESH, marks, held, None, (), None, Settings())
+    return Given(MESH, marks, held, None, (), None, OrganSettings())
 
 
 def test_errors_are_those_of_a_model_without_the_point() -> None:
     held = Pairs(OUTER[:6], grown(OUTER[:6])).attached(MESH)
     marks = BoundaryMarks(MESH, grown(OUTER[6:]), 0.1)
-    space = AllTets(MESH.tets, Settings())
+    space = AllTets(MESH.tets, OrganSettings())
     free = Holds.place(Attached.nothing(len(MESH.vertices)), (), MESH.vertices)
-    state = Search(MESH, space, Settings()).begin(free, MESH.vertices)
+    state = Search(MESH, space, OrganSettings()).begin(free, MESH.vertices)
     predictions = Predictions.at(space, state, marks, None, held)
     found = predictions.errors(predictions.attachments, predictions.points, 0.5)
     gram, free, wanted = predictions._gram, predictions._free, predictions._wanted
@@ -81,5 +81,5 @@ def test_the_wrong_attachment_is_named_among_many_tets_too() -> None:
     targets[3] += [0.0, 6.0, -5.0]
     held = Pairs(OUTER[:6], targets).attached(fine)
     marks = grown(OUTER[6:])
-    doubts = examine(Given(fine, marks, held, None, (), None, Settings()), fine.vertices)
+    doubts = examine(Given(fine, marks, held, None, (), None, OrganSettings()), fine.vertices)
     assert np.flatnonzero(doubts.attachments).tolist() == [3]

@@ -15,7 +15,7 @@ from handpipe.shapes.observations.rigid_motions import LooseMotions
 from handpipe.shapes.optimisation.all_tets import AllTets
 from handpipe.shapes.optimisation.gauss_newton import RIDGE, GaussNewton
 from handpipe.shapes.optimisation.search import Search
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.optimisation.strain_space import Stage, State
 from handpipe.shapes.strains.smoothness import Smoothness
 from handpipe.shapes.strains.stretch import COUNTS
@@ -31,7 +31,7 @@ def search(held: str) -> tuple[Search, AllTets, State, Correspondence]:
         "edge": np.flatnonzero((x[:, 0] == 0) & (x[:, 1] == 0)),
         "nothing": np.zeros(0, int),
     }[held]
-    settings = Settings(beta=2.0)
+    settings = OrganSettings(beta=2.0)
     space = AllTets(MESH.tets, settings)
     found = Search(MESH, space, settings)
     holds = Holds.place(Attached.vertices(ids, x[ids], len(x)), (), x)
@@ -108,7 +108,7 @@ def test_pull_is_the_transpose_of_motion() -> None:
 
 
 def test_uniform_growth_of_a_free_body_is_found_in_a_few_steps() -> None:
-    settings = Settings(enough=1e-4)
+    settings = OrganSettings(enough=1e-4)
     found = Search(MESH, AllTets(MESH.tets, settings), settings)
     grown = MESH.vertices @ np.diag([1.4, 0.8, 1.2]) + [3.0, -2.0, 1.0]
     marks = Correspondence(sp.identity(len(grown), format="csr"), grown, None)

@@ -15,7 +15,7 @@ from handpipe.fem.solver import equilibrium
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.shapes.observations.marks import Pairs
-from handpipe.shapes.optimisation.settings import MUSCLE, Settings
+from handpipe.shapes.optimisation.settings import MUSCLE, OrganSettings
 from handpipe.shapes.organs.organ import Observed, fit_organ
 
 
@@ -64,7 +64,7 @@ def test_strains_under_a_known_load_come_back_from_marks() -> None:
         mesh,
         Observed(landmarks=Pairs(mesh.vertices[outer], truth[outer]), attachments=hold),
         loads=[load],
-        settings=Settings(alpha=100.0, beta=100.0),
+        settings=OrganSettings(alpha=100.0, beta=100.0),
     )
     diagonal = np.linalg.norm(np.ptp(mesh.vertices, axis=0))
     assert np.linalg.norm((fit.mesh.vertices - truth)[outer], axis=1).mean() < 0.002 * diagonal
@@ -97,7 +97,7 @@ def test_outliers_are_left_out() -> None:
     rng = np.random.default_rng(0)
     wrong = rng.choice(len(points), len(points) // 5, replace=False)
     points[wrong] += 8.0 * points[wrong] / np.linalg.norm(points[wrong], axis=1, keepdims=True)
-    fit = fit_organ(mesh, Observed(points), settings=Settings(outliers=True))
+    fit = fit_organ(mesh, Observed(points), settings=OrganSettings(outliers=True))
     assert not fit.kept[wrong].any()
     assert fit.kept.sum() > 0.9 * (len(points) - len(wrong))
     assert far(fit.mesh, wanted).mean() < 0.25

@@ -23,7 +23,7 @@ from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.shapes.observations.carried import Carried
 from handpipe.shapes.observations.correspondence import Correspondence
 from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
-from handpipe.shapes.optimisation.settings import MUSCLE, Settings
+from handpipe.shapes.optimisation.settings import MUSCLE, OrganSettings
 from handpipe.shapes.optimisation.strain_space import Stage, State
 from handpipe.shapes.organs import remeshing
 from handpipe.shapes.organs.organ import Observed, OrganFit, fit_organ
@@ -54,7 +54,7 @@ def reached(below: float) -> OrganFit:
         trimesh.Trimesh(banana().vertices, banana().triangles), 220, seed=0
     )[0]
     return fit_organ(
-        ball(), Observed(np.asarray(marks)), settings=Settings(covering=True, remesh_below=below)
+        ball(), Observed(np.asarray(marks)), settings=OrganSettings(covering=True, remesh_below=below)
     )
 
 
@@ -101,7 +101,7 @@ def hanging() -> tuple[OnMesh, State]:
     tip = np.flatnonzero(mesh.vertices[:, 0] > 9.9)
     held = Pairs(mesh.vertices[end], mesh.vertices[end]).attached(mesh)
     pull = Pull(sp.identity(len(mesh.vertices), format="csr")[tip], np.tile([0.0, 0.0, -0.5], (len(tip), 1)))
-    given = Given(mesh, np.zeros((0, 3)), held, None, (pull,), None, Settings())
+    given = Given(mesh, np.zeros((0, 3)), held, None, (pull,), None, OrganSettings())
     task = OnMesh.of_template(given)
     place = mesh.vertices[mesh.tets].mean(axis=1) / 10.0
     logs = np.zeros((len(mesh.tets), 6))
@@ -192,7 +192,7 @@ def test_an_organ_that_cannot_be_meshed_keeps_its_tets(
     monkeypatch.setattr(remeshing, "tetrahedralise", refuse)
     marks = sample_points(banana(), 60)
     fit = fit_organ(
-        ball(), Observed(marks), settings=Settings(covering=True, remesh_below=20.0, iterations=3)
+        ball(), Observed(marks), settings=OrganSettings(covering=True, remesh_below=20.0, iterations=3)
     )
     assert fit.quality["new_meshes"][0] == 0
     assert "no tets today" in caplog.text

@@ -14,11 +14,11 @@ from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.shapes.observations.marks import Pairs
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.organs.organ import Observed, OrganFit, fit_organ
 from handpipe.shapes.organs.remeshing import Given, OnMesh
 from handpipe.shapes.organs.resume import FitCheckpoint, digest
-from handpipe.shapes.organs.stages import NEW_TETS, Position
+from handpipe.shapes.organs.stages import NEW_TETS, FitPosition
 
 SPHERE = trimesh.creation.icosphere(subdivisions=3)
 MESH = tetrahedralise(remesh(Surface(8.0 * SPHERE.vertices, SPHERE.faces), 4.0), 4.0)
@@ -38,7 +38,7 @@ def fit(checkpoint: Path | None = None) -> OrganFit:
         MESH,
         Observed(LONG[MESH.boundary_vertices()], attachments=Pairs(MESH.vertices[HELD], LONG[HELD])),
         loads=[load],
-        settings=Settings(remesh_below=13.0, iterations=2),
+        settings=OrganSettings(remesh_below=13.0, iterations=2),
         checkpoint=checkpoint,
     )
 
@@ -48,7 +48,7 @@ def killed_after(steps: int, path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     count = 0
     write = FitCheckpoint.write
 
-    def counted(self: FitCheckpoint, position: Position) -> None:
+    def counted(self: FitCheckpoint, position: FitPosition) -> None:
         nonlocal count
         write(self, position)
         count += 1
@@ -82,12 +82,12 @@ def test_a_killed_fit_ends_as_one_that_was_not(
         assert asdict(replace(found, seconds=0.0)) == pytest.approx(asdict(replace(expected, seconds=0.0)))
 
 
-def written(path: Path) -> tuple[Given, Position]:
+def written(path: Path) -> tuple[Given, FitPosition]:
     """A position in a file."""
-    given = Given(MESH, LONG, None, None, (), None, Settings())
+    given = Given(MESH, LONG, None, None, (), None, OrganSettings())
     task = OnMesh.of_template(given)
     state = task.search.at(np.full((len(MESH.tets), 6), 0.01), task.holds, MESH.vertices)
-    position = Position(task, state, 2, 0, 1)
+    position = FitPosition(task, state, 2, 0, 1)
     FitCheckpoint(path, given).write(position)
     return given, position
 
@@ -120,7 +120,7 @@ def test_the_digest_tells_all_input_apart() -> None:
     moved = replace(points, targets=points.targets + 1e-6)
     load = Pull(sp.identity(len(MESH.vertices), format="csr")[:1], np.ones((1, 3)))
     twice = Pull(sp.identity(len(MESH.vertices), format="csr")[:1], np.full((1, 3), 2.0))
-    given = Given(MESH, LONG, points, points, (load,), None, Settings())
+    given = Given(MESH, LONG, points, points, (load,), None, OrganSettings())
     others = [
         replace(given, template=TetMesh(MESH.vertices + 1e-6, MESH.tets)),
         replace(given, marks=LONG[:-1]),
@@ -129,7 +129,7 @@ def test_the_digest_tells_all_input_apart() -> None:
         replace(given, known=None),
         replace(given, loads=(twice,)),
         replace(given, loads=()),
-        replace(given, settings=Settings(alpha=3.0)),
+        replace(given, settings=OrganSettings(alpha=3.0)),
     ]
     assert len({digest(g) for g in [given, *others]}) == len(others) + 1
     assert digest(replace(given)) == digest(given)

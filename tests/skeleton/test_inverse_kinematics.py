@@ -5,7 +5,7 @@ import pytest
 from five_fingers import posed, random_angles, rig, tips
 
 from handpipe.core.errors import InputError
-from handpipe.skeleton.posing.inverse_kinematics import Options, solve
+from handpipe.skeleton.posing.inverse_kinematics import ReachOptions, solve
 from handpipe.skeleton.posing.targets import Direction, Meeting, Orientation, Position
 from handpipe.skeleton.rig.twists import moving_bones
 
@@ -52,7 +52,7 @@ def test_tips_that_another_formula_placed_are_reached_from_neutral(seed):
     truth = random_angles(seed)
     targets = [Position(f"distal{d}", TIPS[d], posed(TIPS[d], f"distal{d}", truth)[0]) for d in TIPS]
     found = solve(RIG, targets)
-    assert found.reached and max(found.distances) < 0.02 and not found.held
+    assert found.reached and max(found.distances) < 0.02 and not found.at_limits
     for target in targets:
         place = posed(target.point, target.bone, found.angles)[0]
         assert np.linalg.norm(place - target.place) < 0.02
@@ -67,7 +67,7 @@ def test_positions_with_orientations_give_back_the_angles(seed):
     for d in TIPS:
         place, rotation = posed(TIPS[d], f"distal{d}", truth)
         targets += [Position(f"distal{d}", TIPS[d], place), Orientation(f"distal{d}", rotation)]
-    found = solve(RIG, targets, options=Options(rest_weight=1e-4))
+    found = solve(RIG, targets, options=ReachOptions(rest_weight=1e-4))
     assert found.reached
     assert found.angles == pytest.approx(truth, abs=2e-3)
 
@@ -90,7 +90,7 @@ def test_the_limit_that_holds_is_named():
     place, rotation = posed(TIPS[3], "middle3", beyond, residuals=False)
     fixed = {n: (0.0, 0.0) for n in plain.angle_names if n != "PIP3_flexion"}
     found = solve(plain, [Position("middle3", TIPS[3], place)], limits=fixed)
-    assert list(found.held) == ["PIP3_flexion"] and found.held["PIP3_flexion"] == pytest.approx(
+    assert list(found.at_limits) == ["PIP3_flexion"] and found.at_limits["PIP3_flexion"] == pytest.approx(
         np.radians(110)
     )
     arm = np.linalg.norm((TIPS[3] - [108.0, 2, 0.5])[[0, 2]])

@@ -20,7 +20,7 @@ from handpipe.imaging.volumes.volume import Volume, read_volume
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.localisation.locating import HandModel, locate
-from handpipe.skeleton.localisation.location_confidence import Confidence, confidences
+from handpipe.skeleton.localisation.location_confidence import LocationConfidence, confidences
 from handpipe.skeleton.localisation.motion_search import Motions
 from handpipe.skeleton.localisation.second_search import search_again
 from handpipe.synthetic.phantom import phantom_hand
@@ -80,7 +80,7 @@ def displacements(hand: HandModel, found: Transforms, true: Transforms) -> dict[
 
 
 def marked(hand: HandModel, scanned: Scan, motions: Transforms) -> set[str]:
-    sure: dict[str, Confidence] = confidences(hand, scanned.evidence.fine, motions)
+    sure: dict[str, LocationConfidence] = confidences(hand, scanned.evidence.fine, motions)
     return {b for b, confidence in sure.items() if confidence.marked}
 
 

@@ -13,9 +13,9 @@ from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.imaging.segmentation import propose_solids
 from handpipe.imaging.volumes import Volume, pose_volume, read_labels
 from handpipe.mesh.surfaces import read_surface
-from handpipe.skeleton.localisation import Shape, Solid, TemplateHand, find_solids, name_solids
+from handpipe.skeleton.localisation import BrightSolid, SolidShape, TemplateHand, find_solids, name_solids
 from handpipe.skeleton.localisation.hand_layout import Placed, Similarity
-from handpipe.skeleton.localisation.named_solids import Joint, Naming, Search
+from handpipe.skeleton.localisation.named_solids import ImageSolids, JointGap, Naming
 from handpipe.synthetic import generators
 from handpipe.synthetic.phantom import phantom_hand, phantom_hand_bones
 
@@ -113,10 +113,10 @@ def test_a_bone_with_a_rival_is_marked(hand, template) -> None:
     assert wrong_and_sure(found, truth, dataset.labels) == []
 
 
-def rod(start: int, stop: int) -> Solid:
+def rod(start: int, stop: int) -> BrightSolid:
     """Voxels of 1 mm along the first axis, 5 mm thick."""
     voxels = np.argwhere(np.ones((stop - start, 5, 5), bool)) + [start, 0, 0]
-    return Solid(voxels, Shape.fit(voxels.astype(float), len(voxels)), 1.0, voxels.astype(float))
+    return BrightSolid(voxels, SolidShape.fit(voxels.astype(float), len(voxels)), 1.0, voxels.astype(float))
 
 
 @pytest.mark.parametrize(
@@ -127,14 +127,14 @@ def rod(start: int, stop: int) -> Solid:
         ([rod(0, 55)], False),  # two bones that touch: as long as none
     ],
 )
-def test_parts_of_one_bone_are_not_two_bones(wholes: list[Solid], parted: bool) -> None:
+def test_parts_of_one_bone_are_not_two_bones(wholes: list[BrightSolid], parted: bool) -> None:
     shapes = {"proximal": rod(0, 30).shape, "middle": rod(30, 55).shape}
-    hand = TemplateHand(shapes, [], [[Joint("proximal", "middle", 1, 0, 0.0)]])
+    hand = TemplateHand(shapes, [], [[JointGap("proximal", "middle", 1, 0, 0.0)]])
     solids = [rod(0, 18), rod(19, 31), rod(31, 55), *wholes]
     overlapping = np.array(
         [[bool(set(a.places[:, 0]) & set(b.places[:, 0])) for a in solids] for b in solids]
     )
     placed = Placed(Similarity(np.eye(3), 1.0, np.zeros(3)), 0.0, {})
     named = Naming({"proximal": 0, "middle": 1})
-    found = Search(hand, solids, overlapping).parted(placed, named)
+    found = ImageSolids(hand, solids, overlapping).parted(placed, named)
     assert found == ({"proximal": "middle", "middle": "proximal"} if parted else {})

@@ -9,9 +9,9 @@ from handpipe.core.rigid import RigidTransform
 from handpipe.skeleton.joints.joint_knowledge import JointKnowledge
 from handpipe.skeleton.joints.joints import fit_joint
 from handpipe.skeleton.localisation.joint_search import Departure
-from handpipe.skeleton.localisation.location_confidence import SURE, Confidence
+from handpipe.skeleton.localisation.location_confidence import SURE, LocationConfidence
 from handpipe.skeleton.rig.rig import Rig
-from handpipe.skeleton.rig.table import Places, joint_table
+from handpipe.skeleton.rig.table import ErrorPoints, joint_table
 
 CENTRE = np.array([20.0, 0.5, -1])
 HINTS = np.array([[0, 1.0, 0], [0, 0, 1.0], [1.0, 0, 0]])
@@ -23,7 +23,7 @@ def ball(q, centre=CENTRE):
 
 def test_corners_of_a_box():
     surface = SURFACES["middle2"]
-    places = Places.measure(surface)
+    places = ErrorPoints.measure(surface)
     assert np.ptp(places.corners, axis=0) == pytest.approx(np.ptp(surface.vertices, axis=0), rel=0.02)
     assert places.centroid == pytest.approx(surface.vertices.mean(axis=0))
 
@@ -78,7 +78,7 @@ def test_one_pose_tells_a_hinge_that_turns_far_and_not_one_that_hardly_does():
     ("value", "kind"), [(0.49993, "marked"), (0.52, "doubtful"), (0.9, "sure"), (0.1, "marked")]
 )
 def test_a_confidence_near_the_limit_is_said_to_be_near(value, kind):
-    verdict = Confidence(0.9, 1.0, 0.0, value)
+    verdict = LocationConfidence(0.9, 1.0, 0.0, value)
     assert verdict.value == pytest.approx(value)
     assert verdict.verdict.startswith(kind) and verdict.near == (abs(value - SURE) < 0.15)
     assert ("near the limit" in verdict.verdict) == verdict.near

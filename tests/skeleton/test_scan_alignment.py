@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import InputError, RigidTransform
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.scan_alignment.alignment import Alignment, align_scan
-from handpipe.skeleton.scan_alignment.image_skin import Hinge, ImageSkin
+from handpipe.skeleton.scan_alignment.image_skin import ImageSkin, SkinHinge
 from handpipe.skeleton.scan_alignment.refusal import limits_used, require_same_hand, require_same_size
 from handpipe.skeleton.scan_alignment.smooth_offset import VOLUME
 from handpipe.synthetic.geometry.kinematics import Posture
@@ -36,7 +36,7 @@ def skin_of(pose: str, outwards: float = 0.0) -> ImageSkin:
     for joint in known.joints:
         carried = posed.transforms[joint.parent]
         ends = names.index(joint.parent), names.index(joint.child)
-        hinges.append(Hinge(joint.name, carried(joint.centre), joint.axes @ carried.rotation.T, *ends))
+        hinges.append(SkinHinge(joint.name, carried(joint.centre), joint.axes @ carried.rotation.T, *ends))
     bones = {name: Surface(*posed.bones[name]) for name in names}
     return ImageSkin(target, np.ones(len(target.vertices), dtype=bool), bones, hinges)
 

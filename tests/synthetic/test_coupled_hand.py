@@ -12,10 +12,10 @@ from handpipe.core.errors import InputError
 from handpipe.synthetic.continuum.surfaces import outer_faces
 from handpipe.synthetic.phantom import phantom_hand
 from handpipe.synthetic.phantom.phantom_hand_joints import POSES, joints
-from handpipe.synthetic.phantom.posed_hand import Motion
+from handpipe.synthetic.phantom.posed_hand import HandMotion
 from handpipe.synthetic.template_hands import coupled_hand
 
-MOTION = Motion("phantom-hand", joints(), POSES)
+MOTION = HandMotion("phantom-hand", joints(), POSES)
 
 
 def test_bones_go_where_the_bones_alone_have_them():

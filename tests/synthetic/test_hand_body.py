@@ -11,7 +11,7 @@ from handpipe.anatomy.person.subject_template import (
     TemplateMuscle,
     TemplateTendon,
 )
-from handpipe.anatomy.templates.template import Template
+from handpipe.anatomy.templates.tissue_mesh import TissueMesh
 from handpipe.core.rigid import RigidTransform
 from handpipe.fem.solver.equilibrium import Options
 from handpipe.mesh.surfaces.distance import Distance
@@ -28,7 +28,7 @@ def _template(anatomy):
     fibres = np.zeros((len(labels), 3))
     fibres[labels == 1] = anatomy.fibres["flexor"]
     outer = np.unique(outer_faces(anatomy.mesh, anatomy.bones.values()))
-    return Template(anatomy.mesh, labels, ("fat", "flexor"), fibres, {}, {}, outer, dict(anatomy.bones))
+    return TissueMesh(anatomy.mesh, labels, ("fat", "flexor"), fibres, {}, {}, outer, dict(anatomy.bones))
 
 
 def _subject(anatomy):

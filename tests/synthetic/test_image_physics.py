@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from handpipe.core.configuration import Dataset, Images, load_dataset
-from handpipe.synthetic.acquisition.image import Grid
+from handpipe.synthetic.acquisition.image import VoxelGrid
 from handpipe.synthetic.acquisition.physics import fields, kspace, receive
-from handpipe.synthetic.acquisition.physics.anatomy import Anatomy
+from handpipe.synthetic.acquisition.physics.anatomy import ImagedAnatomy
 from handpipe.synthetic.acquisition.physics.effects import AMOUNTS, EFFECTS, Effects
-from handpipe.synthetic.acquisition.physics.relaxation import TISSUES, Times, Tissue
+from handpipe.synthetic.acquisition.physics.relaxation import TISSUES, Times, TissueSignal
 from handpipe.synthetic.acquisition.physics.scanner import scan
 from handpipe.synthetic.acquisition.physics.sequences import FAT_SHIFT, Sequence, frequency
 from handpipe.synthetic.phantom import phantom_finger
 
-GRID = Grid((64, 64, 4), np.zeros(3), 0.5)
+GRID = VoxelGrid((64, 64, 4), np.zeros(3), 0.5)
 ONE_PEAK = ((FAT_SHIFT, 1.0),)
 SPIN_ECHO = Sequence.named("spin_echo", 3.0)
 
@@ -25,8 +25,10 @@ SPIN_ECHO = Sequence.named("spin_echo", 3.0)
 def imaged(share: np.ndarray, tissue: str = "marrow", seed: int = 1, sequence=SPIN_ECHO, **strengths: str):
     """Magnitudes of one tissue in air, in units of that tissue's signal, whatever the gain."""
     effects, palm = Effects(strengths), np.array([0.0, 0.0, -1.0])
-    anatomy = Anatomy([(tissue, share)], [], palm)
-    gain = scan(Anatomy([("marrow", np.ones(GRID.shape))], [], palm), GRID, SPIN_ECHO, Effects({}), [seed])
+    anatomy = ImagedAnatomy([(tissue, share)], [], palm)
+    gain = scan(
+        ImagedAnatomy([("marrow", np.ones(GRID.shape))], [], palm), GRID, SPIN_ECHO, Effects({}), [seed]
+    )
     level = abs(sum(sequence.signal(TISSUES[tissue]))) / abs(sum(SPIN_ECHO.signal(TISSUES["marrow"])))
     scale = float(gain.mean()) * level * SPIN_ECHO.reference / sequence.reference
     return scan(anatomy, GRID, sequence, effects, [seed]) / scale
@@ -39,14 +41,14 @@ def block(axis: int, start: int, stop: int) -> np.ndarray:
 
 
 def test_spin_echo_of_a_tissue_is_its_equation() -> None:
-    tissue = Tissue(0.7, 0.3, Times(900, 60, 20), Times(1200, 40, 10))
+    tissue = TissueSignal(0.7, 0.3, Times(900, 60, 20), Times(1200, 40, 10))
     water, fat = Sequence(3.0, 1500.0, 26.0).signal(tissue)
     assert abs(water + fat) == pytest.approx(0.7 * (1 - math.exp(-1500 / 1200)) * math.exp(-26 / 40))
     assert abs(fat) / abs(water) == pytest.approx(3 / 7)
 
 
 def test_spoiled_gradient_echo_is_largest_at_the_ernst_angle() -> None:
-    tissue = Tissue(1.0, 0.0, Times(900, 60, 20), Times(1200, 40, 10))
+    tissue = TissueSignal(1.0, 0.0, Times(900, 60, 20), Times(1200, 40, 10))
     angles = np.linspace(1.0, 40.0, 3901)
     best = angles[np.argmax([abs(Sequence(1.5, 23.0, 4.6, a).signal(tissue)[0]) for a in angles])]
     assert best == pytest.approx(math.degrees(math.acos(math.exp(-23 / 900))), abs=0.02)
@@ -56,7 +58,7 @@ def test_spoiled_gradient_echo_is_largest_at_the_ernst_angle() -> None:
 @pytest.mark.parametrize("field", [1.5, 3.0])
 def test_half_fat_half_water_cancels_where_opposed(echo: float, expected: float, field: float) -> None:
     time = echo * 1e3 / abs(frequency(field))
-    tissue = Tissue(1.0, 0.5, *(Times(800, 1e9, 1e9),) * 2)
+    tissue = TissueSignal(1.0, 0.5, *(Times(800, 1e9, 1e9),) * 2)
     water, fat = Sequence(field, 23.0, time, 5.0, ONE_PEAK).signal(tissue)
     assert abs(water + fat) / (2 * abs(water)) == pytest.approx(expected, abs=1e-9)
 
@@ -126,7 +128,7 @@ def test_the_coil_falls_from_one_to_its_share() -> None:
 
 
 def test_distortion_keeps_the_signal() -> None:
-    shift = receive.field_shift(Grid((64, 64, 8), np.zeros(3), 0.5), 1.5, np.random.default_rng(2))
+    shift = receive.field_shift(VoxelGrid((64, 64, 8), np.zeros(3), 0.5), 1.5, np.random.default_rng(2))
     assert np.abs(shift).max() == pytest.approx(1.5, rel=1e-5)
     image = np.zeros(shift.shape, np.float32)
     image[20:44, 20:44] = 1.0

@@ -202,7 +202,7 @@ def test_same_seed_same_files(dataset, tmp_path):
 
 def test_tissues_have_their_intensities(fingers):
     finger = fingers["bow"]
-    grid = image.Grid.around(finger.skin[0], 6.0, 0.8)
+    grid = image.VoxelGrid.around(finger.skin[0], 6.0, 0.8)
     clean = image.paint_layers(posed.layers(finger, grid), image.INTENSITIES, grid)
     scanned, bias, gain = image.acquire(clean, grid, np.random.default_rng(4), noise=0.03)
     corrected = scanned / (gain * bias)

@@ -231,7 +231,7 @@ def test_the_same_seed_gives_the_same_files(dataset, tmp_path):
 def test_local_painting_is_painting(hands):
     """Boxes around the surfaces change nothing but the time."""
     hand = hands["fist"]
-    grid = image.Grid.around(hand.bones["distal1"][0], 4.0, 0.8)
+    grid = image.VoxelGrid.around(hand.bones["distal1"][0], 4.0, 0.8)
     surfaces = {1: hand.bones["distal1"], 2: hand.bones["proximal1"]}
     labels = image.label_volume(surfaces, grid)
     whole = {value: image.occupancy(surface, grid) for value, surface in surfaces.items()}

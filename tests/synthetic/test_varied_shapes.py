@@ -9,7 +9,7 @@ from handpipe.mesh.contact.crossing_triangles import crossings
 from handpipe.mesh.surfaces.distance import Distance, surface_errors
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.synthetic.geometry.varied_shapes import FADING, LENGTH, Variation
-from handpipe.tissues.muscles.fitting.templates import Warp
+from handpipe.tissues.muscles.fitting.template_placement import BoneWarp
 
 BONE = Surface(*(np.asarray(a) for a in sphere(6.0, 3)))
 
@@ -65,5 +65,5 @@ def test_no_map_by_the_bones_explains_the_shape():
     bones = {"one": BONE, "other": BONE.moved(BONE.vertices + [0.0, 0.0, 20.0])}
     muscle, varied = rod(50.0, 3.0), Variation(4, "muscle", 0.8)
     template = muscle.moved(varied(muscle.vertices))
-    placed = template.moved(Warp(bones, bones)(template.vertices))
+    placed = template.moved(BoneWarp(bones, bones)(template.vertices))
     assert surface_errors(placed, muscle).mean() > 0.3

@@ -14,7 +14,7 @@ import trimesh
 
 from handpipe.cli import main
 from handpipe.cli.new_subject import find_poses
-from handpipe.cli.status import Stage, duration, stages
+from handpipe.cli.status import RuleJobs, duration, stages
 from handpipe.core import InputError, paths
 from handpipe.core.configuration import load_dataset, load_scene
 from handpipe.hand import named_files
@@ -334,7 +334,7 @@ def test_time_left_is_that_of_earlier_jobs(tmp_path: Path, monkeypatch: pytest.M
         "s\n4.0\n", encoding="utf-8"
     )
     found = stages({"slow": 2, "quick": 1}, {"slow": 5, "quick": 1, "new": 3}, "mine")
-    assert found == [Stage("slow", 3, 2, 11.0), Stage("quick", 0, 1, 4.0), Stage("new", 3, 0, None)]
+    assert found == [RuleJobs("slow", 3, 2, 11.0), RuleJobs("quick", 0, 1, 4.0), RuleJobs("new", 3, 0, None)]
     assert sum(stage.seconds_left for stage in found) == 26.0
 
 

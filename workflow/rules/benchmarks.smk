@@ -109,7 +109,7 @@ rule benchmark_truth:
         name="truth",
         arguments=[],
     message:
-        "what the coupled truth says of itself, on a toy finger"
+        "checks of the coupled truth by itself, on a toy finger"
     script:
         "../scripts/benchmark.py"
 

@@ -160,6 +160,6 @@ rule evaluate_truth:
         order=lambda w: TRUTH_ORDER[SETTINGS.truth],
         costs=costs_of("coupled_pose"),
     message:
-        "{wildcards.subject}: what the coupled truth says of itself"
+        "{wildcards.subject}: checks of the coupled truth by itself"
     script:
         "../scripts/evaluate_truth.py"

@@ -1,4 +1,4 @@
-"""What a coupled body says of itself: patch test, volumes, inverted tets, skin that cuts itself."""
+"""Checks of a coupled body by itself: patch test, volumes, inverted tets, skin that cuts itself."""
 
 from common import costs_of, dataset_of, inputs_of, output_of, stage
 

@@ -1,4 +1,4 @@
-"""The cloth around the bones, and how each of its vertices is held."""
+"""The cloth around the bones, and the constraint of each of its vertices."""
 
 from common import dataset_of, inputs_of, output_of, stage
 

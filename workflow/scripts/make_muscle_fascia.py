@@ -1,4 +1,4 @@
-"""The cloth around the muscles, and how each of its vertices is held."""
+"""The cloth around the muscles, and the constraint of each of its vertices."""
 
 from common import inputs_of, output_of, stage
 

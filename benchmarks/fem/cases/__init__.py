@@ -7,7 +7,7 @@ from benchmarks.fem.cases import (  # noqa: F401  (each enters its cases)
     joint,
     plastic_strain,
     twist,
-    unheld,
+    unconstrained,
 )
 from benchmarks.fem.cases.outcome import CASES, Case, Outcome
 

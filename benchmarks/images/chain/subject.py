@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.images.subject import MARGIN, SEED, Setting
 from handpipe.core.configuration import Dataset, load_dataset
 from handpipe.synthetic.acquisition import image, seeds
-from handpipe.synthetic.acquisition.physics import Anatomy, Sequence, scan
+from handpipe.synthetic.acquisition.physics import ImagedAnatomy, Sequence, scan
 from handpipe.synthetic.acquisition.posed import PALM, PosedAnatomy, layers
 from handpipe.synthetic.phantom import phantom_finger
 
@@ -57,7 +57,7 @@ def write_images(dataset: Dataset, setting: Setting) -> None:
     """Volume and strokes of every pose under a setting."""
     for pose, files in dataset.poses.items():
         drawn = _imaged(dataset.labels, pose, setting.spacing)
-        anatomy = Anatomy(drawn.layers, drawn.bones, drawn.palm)
+        anatomy = ImagedAnatomy(drawn.layers, drawn.bones, drawn.palm)
         sequence = Sequence.named(setting.sequence or "spin_echo", setting.field)
         seed = [SEED, setting.draw, zlib.crc32(pose.encode()), 6]
         values = scan(anatomy, drawn.grid, sequence, setting.effects, seed)
@@ -70,7 +70,7 @@ def write_images(dataset: Dataset, setting: Setting) -> None:
 class _Drawn:
     """What all images of a pose in one voxel size share."""
 
-    grid: image.Grid
+    grid: image.VoxelGrid
     layers: list[tuple[str, np.ndarray]]
     bones: list[image.Surface]
     palm: np.ndarray
@@ -91,7 +91,7 @@ def _imaged(labels: Mapping[str, int], pose: str, spacing: float) -> _Drawn:
 
 def _draw(labels: Mapping[str, int], pose: str, spacing: float) -> _Drawn:
     organs = posed(pose)
-    grid = image.Grid.around(organs.skin[0], MARGIN, spacing)
+    grid = image.VoxelGrid.around(organs.skin[0], MARGIN, spacing)
     shares = [(tissue, share.astype(np.float32)) for tissue, share in layers(organs, grid)]
     whole = image.label_volume({labels[n]: s for n, s in organs.bones.items()}, grid)
     marrow = image.label_volume({labels[n]: s for n, s in organs.marrow.items()}, grid)

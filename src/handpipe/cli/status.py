@@ -12,7 +12,7 @@ from handpipe.evaluation import read_jobs
 
 
 @dataclass(frozen=True)
-class Stage:
+class RuleJobs:
     """The jobs of one rule.
 
     Parameters
@@ -36,7 +36,7 @@ class Stage:
         return self.left * (self.seconds or 0.0)
 
 
-def stages(left: Mapping[str, int], whole: Mapping[str, int], subject: str) -> list[Stage]:
+def stages(left: Mapping[str, int], whole: Mapping[str, int], subject: str) -> list[RuleJobs]:
     """The state of each rule of a build.
 
     Parameters
@@ -48,11 +48,11 @@ def stages(left: Mapping[str, int], whole: Mapping[str, int], subject: str) -> l
 
     Returns
     -------
-    list of Stage
+    list of RuleJobs
         In the order of `whole`.
     """
     return [
-        Stage(rule, max(count - left.get(rule, 0), 0), left.get(rule, 0), _seconds(rule, subject))
+        RuleJobs(rule, max(count - left.get(rule, 0), 0), left.get(rule, 0), _seconds(rule, subject))
         for rule, count in whole.items()
     ]
 

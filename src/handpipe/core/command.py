@@ -82,24 +82,24 @@ def whole_number(lower: float, upper: float) -> Callable[[str], int]:
 
 
 @dataclass
-class Failure:
+class ExitCode:
     """The exit code of a command: 0 unless it failed."""
 
     code: int = 0
 
 
 @contextmanager
-def reported() -> Iterator[Failure]:
+def reported() -> Iterator[ExitCode]:
     """Turn any error of the block into one line for a person and the exit code 1.
 
     The traceback of an unexpected error is written to a file that the line names.
 
     Yields
     ------
-    Failure
+    ExitCode
         Its `code` is the exit code after the block: 0, or 1 where the block failed.
     """
-    failure = Failure()
+    failure = ExitCode()
     try:
         yield failure
     except HandpipeError as error:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from handpipe.anatomy.person import SubjectTemplate
 from handpipe.anatomy.shipped import HAND, ship
-from handpipe.anatomy.templates import Template
+from handpipe.anatomy.templates import TissueMesh
 from handpipe.core import Parser, run
 from handpipe.core.configuration import load_dataset
 from handpipe.synthetic.template_hands import marked_ends
@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _ship(options: argparse.Namespace) -> None:
     subject = SubjectTemplate.load(options.results / "anatomy/subject.h5")
-    template = Template.load(options.results / "anatomy/template.h5")
+    template = TissueMesh.load(options.results / "anatomy/template.h5")
     ship(subject, marked_ends(template, subject), load_dataset(DATASET), HAND)
     print(HAND)
 

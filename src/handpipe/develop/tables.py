@@ -12,7 +12,7 @@ import csv
 import io
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +28,7 @@ Cell = str | int | float
 
 
 @dataclass(frozen=True)
-class Tissue:
+class TissueMeshes:
     """Where the meshes of a tissue are: files of a subject's folder, arrays in each, the paper's row."""
 
     name: str
@@ -42,17 +42,19 @@ class Tissue:
 CLOTH = ("surface/vertices", "surface/triangles")
 # Published: vertices and triangles or tets, sums over the tissue, of Zheng 2022 Table 1.
 TISSUES = (
-    Tissue("bones", "skinning", "rig.h5", "surfaces/*/vertices", "surfaces/*/triangles", "77,771; 155,450"),
-    Tissue(
+    TissueMeshes(
+        "bones", "skinning", "rig.h5", "surfaces/*/vertices", "surfaces/*/triangles", "77,771; 155,450"
+    ),
+    TissueMeshes(
         "muscles", "volumetric", "muscles/*/strains.h5", "body/mesh/vertices", "body/mesh/tets",
         "26,857; 111,614",
     ),
-    Tissue("tendons", "rod", "tendons/*/neutral.h5", "x", "", "3,210"),
-    Tissue("bone fascia", "cloth", "fascia/bone.h5", *CLOTH, "23,829; 47,654"),
-    Tissue("muscle fascia", "cloth", "fascia/muscle.h5", *CLOTH, "26,740; 53,444"),
-    Tissue("ligaments", "volumetric", "ligaments/*.h5", "body/mesh/vertices", "body/mesh/tets", ""),
-    Tissue("fat", "volumetric", "fat/mesh.h5", "mesh/vertices", "mesh/tets", "48,672; 227,314"),
-    Tissue("skin", "embedded in the fat", "skin.h5", "vertices", "triangles", ""),
+    TissueMeshes("tendons", "rod", "tendons/*/neutral.h5", "x", "", "3,210"),
+    TissueMeshes("bone fascia", "cloth", "fascia/bone.h5", *CLOTH, "23,829; 47,654"),
+    TissueMeshes("muscle fascia", "cloth", "fascia/muscle.h5", *CLOTH, "26,740; 53,444"),
+    TissueMeshes("ligaments", "volumetric", "ligaments/*.h5", "body/mesh/vertices", "body/mesh/tets", ""),
+    TissueMeshes("fat", "volumetric", "fat/mesh.h5", "mesh/vertices", "mesh/tets", "48,672; 227,314"),
+    TissueMeshes("skin", "embedded in the fat", "skin.h5", "vertices", "triangles", ""),
 )  # fmt: skip
 # What it is, its file, array and unit, and the published value (Zheng 2022 Table 2).
 PARAMETERS = (
@@ -85,7 +87,7 @@ LAYER_TIME = re.compile(r"frame (?P<frame>.+): (?P<layer>\w+) in (?P<seconds>[0-
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """A table of a page, and the name of its CSV file."""
 
     name: str
@@ -112,7 +114,7 @@ def _shown(cell: Cell) -> str:
     return f"{cell:,}" if isinstance(cell, int) else f"{cell:,.3g}" if cell < 100 else f"{cell:,.0f}"
 
 
-def tables(folder: Path) -> list[Table]:
+def tables(folder: Path) -> list[PageTable]:
     """All tables of a subject.
 
     Parameters
@@ -130,14 +132,14 @@ def tables(folder: Path) -> list[Table]:
     return [_meshes(folder), _parameters(folder), _scenes(folder), _stages(folder)]
 
 
-def _meshes(folder: Path) -> Table:
+def _meshes(folder: Path) -> PageTable:
     rows = [row for tissue in TISSUES if (row := _mesh_row(folder, tissue))]
     heads = ("tissue", "method", "meshes", "vertices, least", "most", "mean", "sum", "triangles or tets")
     published = "Zheng 2022: vertices; triangles or tets"
-    return Table("meshes", "Table 1. Meshes of all tissues.", (*heads, published), rows)
+    return PageTable("meshes", "Table 1. Meshes of all tissues.", (*heads, published), rows)
 
 
-def _mesh_row(folder: Path, tissue: Tissue) -> tuple[Cell, ...]:
+def _mesh_row(folder: Path, tissue: TissueMeshes) -> tuple[Cell, ...]:
     vertices: list[int] = []
     cells = 0
     for path in sorted(folder.glob(tissue.files)):
@@ -157,17 +159,17 @@ def _lengths(file: h5py.File, array: str) -> list[int]:
     return [len(file[name]) for name in names]
 
 
-def _parameters(folder: Path) -> Table:
+def _parameters(folder: Path) -> PageTable:
     rows: list[tuple[Cell, ...]] = []
     for text, name, array, unit, published in PARAMETERS:
         if (folder / name).exists():
             with h5py.File(folder / name, "r") as file:
                 rows.append((text, float(file[array][()]), unit, published))
     title = "Table 2. Parameters of the simulation that artifacts hold."
-    return Table("parameters", title, ("parameter", "value", "unit", "Zheng 2022"), rows)
+    return PageTable("parameters", title, ("parameter", "value", "unit", "Zheng 2022"), rows)
 
 
-def _scenes(folder: Path) -> Table:
+def _scenes(folder: Path) -> PageTable:
     timed = {path.name: layer_seconds(path) for path in sorted((folder / "logs/simulate").glob("*"))}
     layers = list(dict.fromkeys(layer for frames in timed.values() for f in frames.values() for layer in f))
     rows: list[tuple[Cell, ...]] = []
@@ -186,7 +188,7 @@ def _scenes(folder: Path) -> Table:
         "h in all",
         *(f"{n}, %" for n in layers),
     )
-    return Table("scenes", "Table 3. The time cost of each scene, and each layer's share.", heads, rows)
+    return PageTable("scenes", "Table 3. The time cost of each scene, and each layer's share.", heads, rows)
 
 
 def layer_seconds(logs: Path) -> Mapping[str, Mapping[str, float]]:
@@ -210,7 +212,7 @@ def layer_seconds(logs: Path) -> Mapping[str, Mapping[str, float]]:
     return found
 
 
-def _stages(folder: Path) -> Table:
+def _stages(folder: Path) -> PageTable:
     by_rule: dict[str, list[Job]] = defaultdict(list)
     for job in read_jobs(folder / "benchmarks"):
         by_rule[job.rule].append(job)
@@ -222,7 +224,7 @@ def _stages(folder: Path) -> Table:
         if (jobs := by_rule.get(rule))
     ]
     heads = ("layer", "stage", "jobs", "s", "s of processor", "longest job, s", "peak memory, GiB")
-    return Table("stages", "Seconds of each stage.", heads, rows)
+    return PageTable("stages", "Seconds of each stage.", heads, rows)
 
 
 def _costs(jobs: Sequence[Job]) -> tuple[float, ...]:
@@ -230,13 +232,13 @@ def _costs(jobs: Sequence[Job]) -> tuple[float, ...]:
     return sum(seconds), sum(j.cpu_seconds for j in jobs), max(seconds), max(j.peak_memory for j in jobs)
 
 
-def page(folders: Sequence[Path]) -> str:
+def page(subjects: Mapping[Path, Sequence[PageTable]]) -> str:
     """The page in Markdown.
 
     Parameters
     ----------
-    folders : sequence of Path
-        Results folders of subjects, all of one build.
+    subjects : mapping of Path to sequence of PageTable
+        Tables of subjects by their results folders, all of one build.
     """
     lines = [
         "# Tables of the papers for built subjects",
@@ -244,16 +246,11 @@ def page(folders: Sequence[Path]) -> str:
         "This page is generated by `python -m handpipe.develop.tables`. Do not edit it. Published values are",
         "of another hand. Seconds are by the clock, on a machine that may have run other jobs.",
         "",
-        f"Commit {build_commit(folders)}. Machine that made this page: {machine()}.",
+        f"Commit {build_commit([*subjects])}. Machine that made this page: {machine()}.",
     ]
-    for folder in folders:
-        lines += ["", f"## {folder.name}", *_section(folder)]
+    for folder, found in subjects.items():
+        lines += ["", f"## {folder.name}", *(line for table in found for line in ("", *table.markdown()))]
     return "\n".join(lines) + "\n"
-
-
-def _section(folder: Path) -> Iterator[str]:
-    for table in tables(folder):
-        yield from ("", *table.markdown())
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -265,9 +262,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--csv", type=Path, help="folder for {subject}-{table}.csv")
     options = parser.parse_args(arguments)
     with reported() as failure:
-        artifacts.write_text(options.output, page(options.folders))
-        for folder in options.folders if options.csv else ():
-            for table in tables(folder):
+        subjects = {folder: tables(folder) for folder in options.folders}
+        artifacts.write_text(options.output, page(subjects))
+        for folder, found in subjects.items() if options.csv else ():
+            for table in found:
                 artifacts.write_text(options.csv / f"{folder.name}-{table.name}.csv", table.csv())
     return failure.code
 

@@ -7,7 +7,7 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.hand import layer_loading
     from handpipe.hand.appearance import colour, opacity, shown, tissue
-    from handpipe.hand.carried import Carried, with_carried_hints
+    from handpipe.hand.carried import CarriedTemplate, with_carried_hints
     from handpipe.hand.checks import faults
     from handpipe.hand.continuity import POP, Continuity, Step, continuity_metrics
     from handpipe.hand.exports import surface_triangles, write_glb, write_obj_sequence, write_vtu_series
@@ -37,7 +37,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
-    "Carried",
+    "CarriedTemplate",
     "Continuity",
     "Failure",
     "POP",
@@ -75,9 +75,9 @@ __all__ = [
     "skin_of",
     "surface_triangles",
     "tissue",
+    "with_carried_hints",
     "write_frames",
     "write_glb",
     "write_obj_sequence",
-    "with_carried_hints",
     "write_vtu_series",
 ]

@@ -14,13 +14,13 @@ from handpipe.core import Array, Metrics, artifacts
 from handpipe.core.configuration import Dataset
 from handpipe.imaging.evidence import read_markers
 from handpipe.mesh.surfaces import Biharmonic, Surface, read_surface
-from handpipe.tissues.muscles.fitting import Rival, Warp, through_points
+from handpipe.tissues.muscles.fitting import BoneWarp, Rival, through_points
 
 KIND = "carried_template"
 
 
 @dataclass(frozen=True)
-class Carried:
+class CarriedTemplate:
     """Axis hints, tendons' paths and nails in the neutral image.
 
     Parameters
@@ -44,7 +44,7 @@ class Carried:
     rival: Rival | None = None
 
     @staticmethod
-    def onto(dataset: Dataset, bones: Mapping[str, Surface]) -> Carried:
+    def onto(dataset: Dataset, bones: Mapping[str, Surface]) -> CarriedTemplate:
         """Carry by the map of the templates of bones onto a subject's bones (Wang 2021 §6.1).
 
         A joint's axes turn as its parent does, or its child where the parent has no counterpart.
@@ -58,7 +58,7 @@ class Carried:
 
         Returns
         -------
-        Carried
+        CarriedTemplate
             In the frame of `bones`.
 
         Raises
@@ -73,7 +73,7 @@ class Carried:
             for name, bone in dataset.bones.items()
             if bone.template is not None and name in bones
         }
-        warp = Warp(templates, {name: bones[name] for name in templates})
+        warp = BoneWarp(templates, {name: bones[name] for name in templates})
         turns = {name: polar(affine.matrix)[0] for name, affine in warp.registered.items()}
         common = Rotation.from_matrix(np.stack([*turns.values()])).mean().as_matrix()
         hints = {}
@@ -85,7 +85,7 @@ class Carried:
         }
         patches = {name: read_surface(dataset.path(nail.surface)) for name, nail in dataset.nails.items()}
         nails = {n: p.moved(warp(p.vertices)) for n, p in patches.items()}
-        return Carried(hints, paths, nails, warp.points, warp.rival)
+        return CarriedTemplate(hints, paths, nails, warp.points, warp.rival)
 
     def warp(self) -> Biharmonic:
         """The map that carried all this, from the template's frame to the subject's."""
@@ -127,13 +127,13 @@ class Carried:
         artifacts.write(path, data, kind=KIND, units=units, inputs=inputs)
 
     @staticmethod
-    def load(path: str | Path) -> Carried:
+    def load(path: str | Path) -> CarriedTemplate:
         """Read what `save` wrote; raises `InputError` where the file is of another kind."""
         d = artifacts.read(path, KIND)
         nails = {n: Surface(g["vertices"], g["triangles"]) for n, g in d.get("nails", {}).items()}
         points = d["warp"]["source"], d["warp"]["target"]
         rival = Rival(**{name: float(x) for name, x in d["rival"].items()}) if "rival" in d else None
-        return Carried(d["axis_hints"], d.get("paths", {}), nails, points, rival)
+        return CarriedTemplate(d["axis_hints"], d.get("paths", {}), nails, points, rival)
 
 
 def with_carried_hints(dataset: Dataset, carried: Path | None) -> Dataset:
@@ -151,4 +151,4 @@ def with_carried_hints(dataset: Dataset, carried: Path | None) -> Dataset:
     Dataset
         With axis hints in the neutral image.
     """
-    return dataset if carried is None else Carried.load(carried).in_place(dataset)
+    return dataset if carried is None else CarriedTemplate.load(carried).in_place(dataset)

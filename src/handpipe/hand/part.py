@@ -17,7 +17,7 @@ FIELD = "only"
 
 
 @dataclass(frozen=True)
-class Part:
+class HandPart:
     """A dataset with fewer bones.
 
     Parameters
@@ -39,7 +39,7 @@ class Part:
         )
 
 
-def part_of(sources: Mapping[Path, Scene], dataset_file: Path, dataset: Dataset) -> Part:
+def part_of(sources: Mapping[Path, Scene], dataset_file: Path, dataset: Dataset) -> HandPart:
     """The part of a subject that scenes model; all of it unless they say otherwise.
 
     Parameters
@@ -53,7 +53,7 @@ def part_of(sources: Mapping[Path, Scene], dataset_file: Path, dataset: Dataset)
 
     Returns
     -------
-    Part
+    HandPart
         The dataset of the scenes' bones, and the organs that it lacks.
 
     Raises
@@ -66,7 +66,7 @@ def part_of(sources: Mapping[Path, Scene], dataset_file: Path, dataset: Dataset)
     _require_one_choice(chosen)
     bones = next(iter(chosen.values()), list(dataset.bones))
     if len(bones) == len(dataset.bones):
-        return Part(dataset, {})
+        return HandPart(dataset, {})
     for file, scene in sources.items():
         _require_layers(file, scene, dataset)
     needed = {layer for scene in sources.values() for layer in scene.needed}
@@ -130,7 +130,7 @@ def _require_layers(file: Path, scene: Scene, dataset: Dataset) -> None:
         raise InputError(file, "layers", problem, remedy)
 
 
-def _restricted(dataset: Dataset, bones: Sequence[str], layers: Collection[str]) -> Part:
+def _restricted(dataset: Dataset, bones: Sequence[str], layers: Collection[str]) -> HandPart:
     """The bones with the organs of layers that lie wholly on them, without skin, scans and nails."""
     kept = set(bones)
     missing = {
@@ -163,7 +163,9 @@ def _restricted(dataset: Dataset, bones: Sequence[str], layers: Collection[str])
         **organs,
     }
     left_out = {kind: {n: gone for n, gone in found.items() if gone} for kind, found in missing.items()}
-    return Part(Dataset.model_validate(fields), {kind: found for kind, found in left_out.items() if found})
+    return HandPart(
+        Dataset.model_validate(fields), {kind: found for kind, found in left_out.items() if found}
+    )
 
 
 def _bones_of_organs(dataset: Dataset, kind: str) -> dict[str, set[str]]:

@@ -18,7 +18,7 @@ from handpipe.fem.elements import Material
 from handpipe.imaging.evidence import read_markers
 from handpipe.imaging.volumes import read_volume
 from handpipe.shapes.observations.given_frame import Sources
-from handpipe.shapes.optimisation.settings import RANGES, Settings
+from handpipe.shapes.optimisation.settings import RANGES, OrganSettings
 from handpipe.shapes.organs.files import read_pairs, read_template, write_fit
 from handpipe.shapes.organs.organ import Observed, fit_organ
 
@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> None:
     attachments = None if options.attachments is None else read_pairs(*options.attachments)
     landmarks = None if options.landmarks is None else read_pairs(*options.landmarks)
     marks = None if options.marks is None else read_markers(options.marks)[0]
-    settings = Settings(
+    settings = OrganSettings(
         alpha=options.alpha,
         beta=options.beta,
         iterations=options.iterations,
@@ -83,7 +83,7 @@ def _pairs(options: argparse.Namespace) -> dict[str, list[Path] | None]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    known = Settings()
+    known = OrganSettings()
     parser = Parser(prog="python -m handpipe.shapes", description=__doc__.split("\n")[0])
     parser.add_argument("template", type=Path, help="tet mesh: VTK, VTU, Gmsh...")
     parser.add_argument("marks", type=Path, nargs="?", help="marks on the boundary: .mrk.json")

@@ -36,7 +36,7 @@ def pose_cost(folders: Iterable[Path], poses: Iterable[str]) -> Metrics:
 def contact_figures(settled: Sequence[dict[str, float]], prefix: str = "") -> Metrics:
     """Most renewals of contact planes, largest motion that was left, and how many frames did not settle.
 
-    settled: what the layer says of itself in each frame (`handpipe.fem.solver.Settled.figures`).
+    settled: figures of the layer in each frame (`handpipe.fem.solver.Settled.figures`).
     """
     return {
         f"{prefix}contact_renewals_max": (max(f["contact_renewals"] for f in settled), "1"),

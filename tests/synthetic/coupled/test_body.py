@@ -7,7 +7,7 @@ from benchmarks.truth import toy
 from handpipe.core.errors import InputError
 from handpipe.fem.solver.equilibrium import Options
 from handpipe.mesh.tets.tetrahedra import FACES
-from handpipe.synthetic.coupled.body import Body, Contact, Pose
+from handpipe.synthetic.coupled.coupled_body import CoupledBody, CoupledPose, SkinContact
 from handpipe.synthetic.coupled.follow import follow
 from handpipe.synthetic.coupled.validation import (
     difference,
@@ -31,7 +31,7 @@ def anatomy():
 
 @pytest.fixture(scope="module")
 def body(anatomy):
-    return Body(anatomy, toy.MATERIALS)
+    return CoupledBody(anatomy, toy.MATERIALS)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_nodes_on_bones_are_on_their_faces(body, anatomy):
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_patch_test_is_exact(anatomy, order):
-    assert patch_test(Body(anatomy, toy.MATERIALS, order=order)) < 1e-8
+    assert patch_test(CoupledBody(anatomy, toy.MATERIALS, order=order)) < 1e-8
 
 
 def test_rest_is_an_equilibrium(body):
@@ -106,7 +106,7 @@ def test_the_answer_does_not_depend_on_the_start(body, posed):
 
 
 def test_the_coarse_answer_is_near_the_refined_one(anatomy, body, posed):
-    fine = Body(anatomy.refined(), toy.MATERIALS, order=1)
+    fine = CoupledBody(anatomy.refined(), toy.MATERIALS, order=1)
     x = solved_from(body, posed, fine, toy.hinge(ANGLE))
     assert np.allclose(node_volumes(fine).sum(), anatomy.mesh.volumes().sum(), rtol=1e-12)
     found = difference(fine, x, body, posed)  # the same nodes
@@ -121,21 +121,21 @@ def test_orders_are_read_off_errors():
 
 
 def test_skin_with_contact_never_cuts_itself(anatomy):
-    body = Body(anatomy, toy.MATERIALS, order=1, contact=Contact(distance=0.4, stiffness=5.0))
+    body = CoupledBody(anatomy, toy.MATERIALS, order=1, contact=SkinContact(distance=0.4, stiffness=5.0))
     found = follow(body, lambda t: toy.hinge(np.radians(20) * t), steps=2, options=Options(name="contact"))
     assert body.barrier is not None and not body.barrier.intersects(found.x)
-    free = follow(Body(anatomy, toy.MATERIALS, order=1), lambda t: toy.hinge(np.radians(20) * t))
+    free = follow(CoupledBody(anatomy, toy.MATERIALS, order=1), lambda t: toy.hinge(np.radians(20) * t))
     assert np.allclose(found.x, free.x, atol=1e-3)  # nothing touches yet
 
 
 def test_a_region_without_material_is_refused(anatomy):
     with pytest.raises(InputError, match="flexor"):
-        Body(anatomy, {k: v for k, v in toy.MATERIALS.items() if k != "flexor"})
+        CoupledBody(anatomy, {k: v for k, v in toy.MATERIALS.items() if k != "flexor"})
 
 
 def test_a_muscle_that_is_held_pulls_on_its_tendon(body):
     def tense(t):
-        return Pose(toy.hinge(0.0).bones, {"flexor": 8.0 * t})
+        return CoupledPose(toy.hinge(0.0).bones, {"flexor": 8.0 * t})
 
     x = follow(body, tense).x
     across = body.volume("flexor", body.rest) / (4 / 3 * toy.BELLY_AXES[0])  # mean cross-section in mm^2

@@ -7,7 +7,7 @@ from tests.fem.bodies import box
 from handpipe.core.rigid import RigidTransform
 from handpipe.fem.elements.materials import Material
 from handpipe.mesh.tets.tetrahedra import TetMesh
-from handpipe.synthetic.coupled.body import Anatomy, Body, Contact, Pose
+from handpipe.synthetic.coupled.coupled_body import CoupledAnatomy, CoupledBody, CoupledPose, SkinContact
 from handpipe.synthetic.coupled.follow import follow
 
 MATERIAL = {"skin": Material(10.0, 0.4)}
@@ -24,12 +24,12 @@ def fold():
     x = mesh.vertices
     high = x[:, 2] >= 2
     bones = {"left": np.flatnonzero(high & (x[:, 0] == 0)), "right": np.flatnonzero(high & (x[:, 0] == 5))}
-    return Anatomy(mesh, np.zeros(len(mesh.tets), dtype=int), ("skin",), bones)
+    return CoupledAnatomy(mesh, np.zeros(len(mesh.tets), dtype=int), ("skin",), bones)
 
 
 def _squeezed(t):
     shift = np.array([0.75 * t, 0.0, 0.0])
-    return Pose({"left": RigidTransform(np.eye(3), shift), "right": RigidTransform(np.eye(3), -shift)})
+    return CoupledPose({"left": RigidTransform(np.eye(3), shift), "right": RigidTransform(np.eye(3), -shift)})
 
 
 def _opening(body, x):
@@ -41,9 +41,9 @@ def _opening(body, x):
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_fold_closes_without_cutting_itself(fold, order):
-    free = Body(fold, MATERIAL, order=order)
+    free = CoupledBody(fold, MATERIAL, order=order)
     assert _opening(free, follow(free, _squeezed).x) < -0.2
-    body = Body(fold, MATERIAL, order=order, contact=Contact(distance=0.2, stiffness=10.0))
+    body = CoupledBody(fold, MATERIAL, order=order, contact=SkinContact(distance=0.2, stiffness=10.0))
     x = follow(body, _squeezed, steps=3).x
     assert not body.barrier.intersects(x)
     assert 0.0 < body.barrier.gap(x) < 0.2

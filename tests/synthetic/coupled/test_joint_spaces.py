@@ -9,7 +9,7 @@ from handpipe.core.rigid import RigidTransform
 from handpipe.fem.solver.equilibrium import Options
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.synthetic.continuum.surfaces import bone_faces
-from handpipe.synthetic.coupled.body import Body
+from handpipe.synthetic.coupled.coupled_body import CoupledBody
 from handpipe.synthetic.coupled.follow import follow
 from handpipe.synthetic.coupled.joint_spaces import gliding, opened
 from handpipe.synthetic.coupled.validation import patch_test
@@ -57,13 +57,13 @@ def test_opened_keeps_all_but_what_spans_the_joint(closed):
 
 
 def test_the_patch_test_holds_with_a_cavity(closed):
-    body = Body(opened(closed, _passed(closed, [0.0, BENT])), toy.MATERIALS, order=1)
+    body = CoupledBody(opened(closed, _passed(closed, [0.0, BENT])), toy.MATERIALS, order=1)
     assert patch_test(body) < 1e-8
 
 
 def test_an_open_joint_bends_where_a_filled_one_is_torn(closed):
     options = Options(name="toy", max_iterations=60, untangle=False)
-    body = Body(opened(closed, _passed(closed, np.linspace(0, BENT, 5))), toy.MATERIALS, order=1)
+    body = CoupledBody(opened(closed, _passed(closed, np.linspace(0, BENT, 5))), toy.MATERIALS, order=1)
     found = follow(body, lambda t: toy.hinge(t * BENT, 0.2), steps=8, options=options)
     assert body.inverted(found.x) == 0
     bone = body.on_bones["distal"]

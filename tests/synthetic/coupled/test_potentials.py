@@ -13,7 +13,7 @@ from handpipe.fem.potentials.pull import Pull
 from handpipe.fem.solver.equilibrium import Options, solve
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.synthetic.continuum.active import ActiveFibres
-from handpipe.synthetic.continuum.crushing import CRUSHED, Crushing
+from handpipe.synthetic.continuum.crushing import CRUSHED, QuadratureCrushing
 from handpipe.synthetic.continuum.elements import Elements
 from handpipe.synthetic.continuum.solid import Solid
 from handpipe.synthetic.continuum.strands import Cable, Strands, chain
@@ -36,7 +36,7 @@ def _potential(kind, order):
     if kind == "active":
         return ActiveFibres(elements, _directions(count), np.linspace(0, 5, count)), elements.nodes
     if kind == "crushing":
-        return Crushing(elements, 7.0), elements.nodes
+        return QuadratureCrushing(elements, 7.0), elements.nodes
     if kind == "pressure":
         return Pressure(elements, np.linspace(-3, 5, count)), elements.nodes
     points = elements.interpolation(np.random.default_rng(2).uniform([0, 0, 0], [2, 1, 1], (6, 3)))
@@ -147,7 +147,7 @@ def test_bad_input_is_refused():
 
 
 def test_crushing_is_felt_below_a_share_of_the_volume_alone():
-    crushing = Crushing(Elements.linear(MESH), 7.0)
+    crushing = QuadratureCrushing(Elements.linear(MESH), 7.0)
     assert crushing.value(MESH.vertices * [1, 1, 1.01 * CRUSHED]) == 0.0
     shares = np.array([0.9, 0.5, 0.2, 0.02, -0.1]) * CRUSHED
     values = np.array([crushing.value(MESH.vertices * [1, 1, share]) for share in shares])
@@ -165,7 +165,7 @@ def test_a_tet_that_is_pressed_flat_is_not_turned_inside_out():
     """Its apex is pushed at the held face by a pressure of 500 times Young's modulus."""
     mesh = TetMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]]))
     elements, apex = Elements.linear(mesh), sp.eye(4, format="csr")[[3]]
-    soft = [Solid(elements, Material(3.0, 0.45)), Crushing(elements, 10.0)]
+    soft = [Solid(elements, Material(3.0, 0.45)), QuadratureCrushing(elements, 10.0)]
     push = Pull(apex, np.array([[0.0, 0.0, -250.0]]))
     found = solve([*soft, push], mesh.vertices, fixed=np.arange(9), options=Options(untangle=False))
     assert 0.0 < found.x[3, 2] < 0.1

@@ -9,7 +9,7 @@ from handpipe.fem.elements.materials import Material
 from handpipe.fem.solver.equilibrium import Options
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.synthetic.coupled import pressure
-from handpipe.synthetic.coupled.body import Body
+from handpipe.synthetic.coupled.coupled_body import CoupledBody
 from handpipe.synthetic.coupled.follow import follow
 from handpipe.synthetic.coupled.pressure import KEPT, with_volumes_kept
 from handpipe.synthetic.coupled.validation import volume_changes
@@ -21,7 +21,7 @@ POSE = toy.hinge(np.radians(30.0))
 
 @pytest.fixture(scope="module")
 def body():
-    return Body(toy.finger(6.5), SOFT, order=1)
+    return CoupledBody(toy.finger(6.5), SOFT, order=1)
 
 
 @pytest.fixture(scope="module")

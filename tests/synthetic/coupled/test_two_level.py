@@ -18,7 +18,7 @@ from handpipe.fem.minimisation import newton
 from handpipe.fem.minimisation.reduction import FreeBlock
 from handpipe.fem.potentials.potential import Sum
 from handpipe.fem.solver.equilibrium import solve
-from handpipe.synthetic.coupled.body import Body
+from handpipe.synthetic.coupled.coupled_body import CoupledBody
 from handpipe.synthetic.coupled.follow import follow
 from handpipe.synthetic.coupled.pressure import with_volumes_kept
 from handpipe.synthetic.template_hands import coupled_hand
@@ -27,11 +27,11 @@ POSE = toy.hinge(np.radians(25.0))
 
 
 @pytest.fixture(scope="module")
-def body() -> Body:
-    return Body(toy.finger(6.5), toy.MATERIALS)
+def body() -> CoupledBody:
+    return CoupledBody(toy.finger(6.5), toy.MATERIALS)
 
 
-def system(body: Body) -> tuple[sp.csr_matrix, np.ndarray]:
+def system(body: CoupledBody) -> tuple[sp.csr_matrix, np.ndarray]:
     """The Hessian's block of the unknowns at rest, and a force."""
     free = ~body.fixed
     matrix = FreeBlock(h := Sum(body.potentials(POSE)).hessian(body.rest), free).matrix(h)
@@ -42,7 +42,7 @@ def test_linear_fields_come_to_the_nodes(body):
     matrix, offset = np.random.default_rng(1).normal(size=(3, 3)), [1.0, 2.0, 3.0]
     at = body.anatomy.mesh.vertices @ matrix + offset
     assert_allclose(body.elements.prolongation() @ at, body.rest @ matrix + offset, atol=1e-9)
-    linear = Body(body.anatomy, toy.MATERIALS, order=1).elements.prolongation()
+    linear = CoupledBody(body.anatomy, toy.MATERIALS, order=1).elements.prolongation()
     assert abs(linear - sp.eye(len(at))).max() == 0
 
 
@@ -57,7 +57,7 @@ def test_the_cycle_is_symmetric_and_positive(body):
 def test_iterations_do_not_grow_with_the_mesh(body):
     """Without a coarse space they double with each halving of edges."""
     counts = []
-    for one in (body, Body(body.anatomy.refined(), toy.MATERIALS)):
+    for one in (body, CoupledBody(body.anatomy.refined(), toy.MATERIALS)):
         matrix, force = system(one)
         cycle = TwoLevel(matrix, ~one.fixed, one.elements.prolongation())
         found = conjugate_gradients(matrix, force, cycle, 1e-8, 400, False)
@@ -122,7 +122,7 @@ def test_a_hand_of_quadratic_tets_ends_where_it_does_when_followed_by_factors(bo
             return bones
 
         def linear(self):
-            return Hand(body=Body(body.anatomy, toy.MATERIALS, order=1), quadratic=False)
+            return Hand(body=CoupledBody(body.anatomy, toy.MATERIALS, order=1), quadratic=False)
 
     def bones_at(motion, pose, share=1.0, start="neutral"):
         before, after = (motion.poses[name]["flexion"] for name in (start, pose))
@@ -151,7 +151,7 @@ def test_a_hand_of_quadratic_tets_ends_where_it_does_when_followed_by_factors(bo
 
 def test_forces_at_rest_are_met_without_digits_that_nobody_asked_for(body, monkeypatch):
     """Two levels pay for each digit of a linear system."""
-    linear, carry = Body(body.anatomy, toy.MATERIALS, order=1), body.elements.prolongation()
+    linear, carry = CoupledBody(body.anatomy, toy.MATERIALS, order=1), body.elements.prolongation()
     coarse = follow(linear, lambda t: toy.hinge(t * np.radians(25.0)), steps=5).x
     start, found = body.prescribed(POSE, carry @ coarse), []
     options = replace(coupled_hand.AT_REST, coarse=carry, max_step=1.0)

@@ -12,7 +12,7 @@ from handpipe.fem.solver.equilibrium import Options, solve
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.synthetic.continuum.crushing import CRUSHED
 from handpipe.synthetic.coupled import uninverted as module
-from handpipe.synthetic.coupled.body import CRUSH_STIFFNESS, Anatomy, Body, Pose
+from handpipe.synthetic.coupled.coupled_body import CRUSH_STIFFNESS, CoupledAnatomy, CoupledBody, CoupledPose
 from handpipe.synthetic.coupled.element_repair import repair_elements
 from handpipe.synthetic.coupled.uninverted import uninverted
 
@@ -24,10 +24,10 @@ OPTIONS = Options(displacement_tolerance=1e-9, force_tolerance=1e-9, untangle=Fa
 def pressed():
     """The unit tet of fat, three corners on a bone, the fourth pressed through them."""
     mesh = TetMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]]))
-    anatomy = Anatomy(mesh, np.zeros(1, dtype=int), ("fat",), {"bone": np.array([0, 1, 2])})
-    body = Body(anatomy, {"fat": Material(10.0, 0.3)}, order=1)
+    anatomy = CoupledAnatomy(mesh, np.zeros(1, dtype=int), ("fat",), {"bone": np.array([0, 1, 2])})
+    body = CoupledBody(anatomy, {"fat": Material(10.0, 0.3)}, order=1)
     top = np.eye(4)[3:]
-    energies = [*body.energies(Pose({})), Pull(top, np.array([[0.0, 0.0, -FORCE]]))]
+    energies = [*body.energies(CoupledPose({})), Pull(top, np.array([[0.0, 0.0, -FORCE]]))]
     return body, energies, solve(energies, body.rest, fixed=body.fixed, options=OPTIONS)
 
 
@@ -70,11 +70,11 @@ def test_what_stays_inside_out_is_an_error(pressed, monkeypatch):
 def test_a_quadratic_tet_that_folds_beside_its_points_unfolds():
     """The middle of a free edge is pulled through the tet: its points do not feel it."""
     mesh = TetMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]]))
-    anatomy = Anatomy(mesh, np.zeros(1, dtype=int), ("fat",), {"bone": np.array([0, 1, 2])})
-    body = Body(anatomy, {"fat": Material(10.0, 0.3)})
+    anatomy = CoupledAnatomy(mesh, np.zeros(1, dtype=int), ("fat",), {"bone": np.array([0, 1, 2])})
+    body = CoupledBody(anatomy, {"fat": Material(10.0, 0.3)})
     middle = np.flatnonzero((body.rest == [0.0, 0.0, 0.5]).all(axis=1))
     row = np.eye(len(body.rest))[middle]
-    energies = [*body.energies(Pose({})), Pull(row, np.array([[20.0, 20.0, 0.0]]))]
+    energies = [*body.energies(CoupledPose({})), Pull(row, np.array([[20.0, 20.0, 0.0]]))]
     found = solve(energies, body.rest, fixed=body.fixed, options=OPTIONS)
     assert (body.solid.volume_ratios(found.x) > 0).all() and body.folded(found.x).all()
     unfolded = uninverted(body, energies, found, OPTIONS).x
@@ -86,19 +86,19 @@ def pulled_bar(force):
     """A bar of fat on a bone, the middle of an edge pulled through the tets beside it: at rest so, folded."""
     mesh = TetMesh(*box((8.0, 2.0, 2.0), (8, 2, 2)))
     end = np.flatnonzero(mesh.vertices[:, 0] == 0)
-    anatomy = Anatomy(mesh, np.zeros(len(mesh.tets), dtype=int), ("fat",), {"bone": end})
-    body = Body(anatomy, {"fat": Material(10.0, 0.3)})
+    anatomy = CoupledAnatomy(mesh, np.zeros(len(mesh.tets), dtype=int), ("fat",), {"bone": end})
+    body = CoupledBody(anatomy, {"fat": Material(10.0, 0.3)})
     middle = np.flatnonzero(np.isclose(body.rest, [4.5, 0.0, 0.0]).all(axis=1))
     row = np.eye(len(body.rest))[middle]
-    energies = [*body.energies(Pose({})), Pull(row, np.array([[0.0, force, force]]))]
+    energies = [*body.energies(CoupledPose({})), Pull(row, np.array([[0.0, force, force]]))]
     return body, energies, solve(energies, body.rest, fixed=body.fixed, options=OPTIONS)
 
 
 def test_a_folded_place_is_taken_from_a_shape_that_is_not():
     """A bar sheared along itself, which is a harmonic field, and a node pulled through the tets about it."""
     mesh = TetMesh(*box((20.0, 2.0, 2.0), (20, 2, 2)))
-    anatomy = Anatomy(mesh, np.zeros(len(mesh.tets), dtype=int), ("fat",), {"bone": np.array([0])})
-    body = Body(anatomy, {"fat": Material(10.0, 0.3)})
+    anatomy = CoupledAnatomy(mesh, np.zeros(len(mesh.tets), dtype=int), ("fat",), {"bone": np.array([0])})
+    body = CoupledBody(anatomy, {"fat": Material(10.0, 0.3)})
     sheared = body.rest + 0.05 * body.rest[:, :1] * [0.0, 0.0, 1.0]
     folded = sheared.copy()
     folded[np.isclose(body.rest, [10.5, 0.0, 0.0]).all(axis=1)] += [0.0, 1.5, 1.5]

@@ -63,7 +63,7 @@ def test_a_pose_far_from_the_examples_is_warned_of(caplog):
         assert ("fat of fist: no example is near around root, core" in caplog.text) == warned
 
 
-def test_an_example_is_sought_from_where_its_strains_were_found():
+def test_an_example_starts_from_where_its_strains_were_found():
     tissue, bent = limb(Region.fixed), _bent(0.5)
     rng = np.random.default_rng(0)
     found = bent["core"](tissue.mesh.vertices) + rng.normal(0.0, 1.0, tissue.mesh.vertices.shape)

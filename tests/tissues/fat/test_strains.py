@@ -15,8 +15,8 @@ from handpipe.mesh.tets.operators import gradient_operator, tet_laplacian
 from handpipe.tissues.fat import strains
 from handpipe.tissues.fat.strains import (
     ON_THE_WAY,
+    FatState,
     FitSettings,
-    State,
     _direction,
     fit_strains,
     strain_operator,
@@ -68,7 +68,7 @@ def test_direction_minimises_the_linearised_objective():
     held = [Attachment(sparse.identity(n, format="csr")[:3], mesh.vertices[:3], 5.0)]
     strain = strain_operator(mesh, mesh.vertices)
     laplacian = sparse.kron(tet_laplacian(mesh.tets), sparse.identity(6), format="csr")
-    now = State(logs, mesh.vertices, offsets, normals, weights, 0.0)
+    now = FatState(logs, mesh.vertices, offsets, normals, weights, 0.0)
     step = _direction(strain, laplacian, now, skin, held, settings)
 
     rough = laplacian.toarray() @ strain.toarray()

@@ -11,12 +11,12 @@ from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.skeleton.posing.layer import BoneLayer
 from handpipe.tissues.ligaments.fitting import fit_ligament
 from handpipe.tissues.ligaments.layer import LigamentLayer
-from handpipe.tissues.muscles.fitting.templates import Guess
+from handpipe.tissues.muscles.fitting.template_placement import PlacedTemplate
 
 
 def layer(attachments=None) -> LigamentLayer:
     body = spindle()
-    guess = Guess(body.surface, attachments or body.attachments)
+    guess = PlacedTemplate(body.surface, attachments or body.attachments)
     return LigamentLayer([fit_ligament("l", guess, {"b": "a"}, "neutral", edge=2.5)])
 
 

@@ -7,7 +7,7 @@ from scipy import sparse
 from handpipe.core.rigid import RigidTransform
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.mesh.tets.tetrahedra import TetMesh
-from handpipe.tissues.muscles.fitting.body import Body
+from handpipe.tissues.muscles.fitting.soft_body import SoftBody
 
 
 def box(cells=(6, 2, 2), size=(12.0, 4.0, 4.0)) -> TetMesh:
@@ -62,11 +62,11 @@ def rod(centre, length: float, radius: float, across: float | None = None) -> Su
     return Surface(sphere.vertices * [length / 2, radius, across or radius] + centre, sphere.faces)
 
 
-def spindle(centre=(0.0, 0.0, 0.0), edge: float = 2.5) -> Body:
+def spindle(centre=(0.0, 0.0, 0.0), edge: float = 2.5) -> SoftBody:
     """A muscle from x = -15 to 15, held by bone "a" at its start and by bone "b" at its end."""
     surface = rod(np.asarray(centre, float), 30.0, 4.0, 3.0)
     x = surface.vertices[:, 0]
-    return Body.fill(surface, {"a": np.flatnonzero(x < -13), "b": np.flatnonzero(x > 13)}, edge)
+    return SoftBody.fill(surface, {"a": np.flatnonzero(x < -13), "b": np.flatnonzero(x > 13)}, edge)
 
 
 def hinge(angle: float, z: float = -6.0) -> dict[str, RigidTransform]:

@@ -8,7 +8,7 @@ from handpipe.mesh.contact.self_cuts import cuts_itself
 from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.synthetic.geometry.tubes import sweep
-from handpipe.tissues.muscles.fitting.body import Body
+from handpipe.tissues.muscles.fitting.soft_body import SoftBody
 
 
 def string(radius: float) -> Surface:
@@ -22,7 +22,7 @@ def string(radius: float) -> Surface:
 def test_the_cage_keeps_the_volume_of_a_thin_muscle(radius):
     surface = string(radius)
     x = surface.vertices[:, 0]
-    body = Body.fill(surface, {"a": np.flatnonzero(x < 3), "b": np.flatnonzero(x > 37)}, 1.8)
+    body = SoftBody.fill(surface, {"a": np.flatnonzero(x < 3), "b": np.flatnonzero(x > 37)}, 1.8)
     assert body.mesh.volumes().sum() == pytest.approx(surface.volume(), rel=0.15)
     assert not cuts_itself(body.mesh.boundary().compact())
     np.testing.assert_allclose(body.surface_at(body.mesh.vertices).vertices, surface.vertices, atol=1e-9)
@@ -42,7 +42,7 @@ def test_a_cage_that_cuts_itself_is_made_of_shorter_edges():
     for thickness in (0.45, 0.5, 0.55):
         surface = ribbon(thickness)
         cut += cuts_itself(remesh(surface, 0.8).largest_component())
-        body = Body.fill(surface, {"a": np.flatnonzero(surface.vertices[:, 0] < -17)}, 1.6)
+        body = SoftBody.fill(surface, {"a": np.flatnonzero(surface.vertices[:, 0] < -17)}, 1.6)
         assert not cuts_itself(body.mesh.boundary().compact())
         assert body.mesh.volumes().min() > 0
     assert cut > 0  # else nothing was asked

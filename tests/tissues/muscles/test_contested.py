@@ -48,8 +48,8 @@ def test_no_vertex_has_to_stay_attached():
     bodies = {"one": spindle(), "same": spindle((0.2, 0.0, 0.0))}
     body = drop_contested(bodies, least=0)["one"]
     surface = Distance(bodies["same"].surface)
-    assert 0 < len(body.held) < len(bodies["one"].held)
-    assert surface.signed(body.surface.vertices[body.held])[0].min() > CLEAR
+    assert 0 < len(body.attached_vertices) < len(bodies["one"].attached_vertices)
+    assert surface.signed(body.surface.vertices[body.attached_vertices])[0].min() > CLEAR
 
 
 def test_a_muscle_without_neighbours_keeps_its_attachments():

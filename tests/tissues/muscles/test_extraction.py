@@ -13,7 +13,7 @@ from handpipe.shapes.optimisation.settings import ShapeOptions
 from handpipe.tissues.muscles.fitting import extraction
 from handpipe.tissues.muscles.fitting.contraction import slack
 from handpipe.tissues.muscles.fitting.extraction import Evidence, PoseData
-from handpipe.tissues.muscles.fitting.templates import place
+from handpipe.tissues.muscles.fitting.template_placement import place
 
 from .shapes import flesh_about, hinge, hinge_bones, rod, spindle
 
@@ -120,7 +120,7 @@ def test_what_no_image_shows_wanders_less_for_a_little_weight_on_the_templates_s
     assert error(None) < 0.9 * error(ShapeOptions())
 
 
-def test_what_no_guess_finds_is_sought_where_those_around_it_have_gone(monkeypatch):
+def test_a_vertex_without_a_guess_is_searched_where_its_neighbours_moved(monkeypatch):
     """A spindle between a bone and another muscle that moved by 6 mm; every guess of it lags by 9 mm."""
     above, shift = spindle((0, 0, 7.5)), np.array([0.0, 6.0, 0.0])
     bodies = {"lost": spindle(), "above": above}

@@ -7,8 +7,8 @@ from tests.fem.bodies import sphere
 from handpipe.imaging.volumes.volume import Volume
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
-from handpipe.tissues.muscles.fitting.body import Body
 from handpipe.tissues.muscles.fitting.extraction import NEAR, TOUCHING, WITHIN, image_markers
+from handpipe.tissues.muscles.fitting.soft_body import SoftBody
 
 VOXEL, SIZE = 0.5, 24.0  # mm
 MUSCLE, FAT, MARROW, CORTEX = 0.45, 1.0, 0.9, 0.05
@@ -35,10 +35,10 @@ def image() -> Volume:
     return Volume(value.astype(np.float32), affine)
 
 
-def body() -> Body:
+def body() -> SoftBody:
     surface = ball(8.2)
     top = np.flatnonzero(surface.vertices[:, 2] > 7.5)
-    return Body.fill(surface, {"bone": top}, 2.0)
+    return SoftBody.fill(surface, {"bone": top}, 2.0)
 
 
 def test_the_edge_of_marrow_below_a_muscle_is_not_its_boundary(image):
@@ -54,7 +54,7 @@ def test_a_place_on_a_neighbour_has_no_marker_far_from_it(image):
     """A guess that reaches 1 mm too far, into its neighbour, and would find the gap beside both."""
     neighbour = ball(7.5, (15, 0, 0))
     wide = ball(9.0, (0.5, 0, 0))
-    guess = Body.fill(wide, {"bone": np.flatnonzero(wide.vertices[:, 2] > 8.5)}, 2.0)
+    guess = SoftBody.fill(wide, {"bone": np.flatnonzero(wide.vertices[:, 2] > 8.5)}, 2.0)
     found = image_markers(image, guess, None, [neighbour])(wide)
     places = wide.vertices[found.vertices]
     on_it = Distance(neighbour).signed(places)[0] < TOUCHING

@@ -11,8 +11,8 @@ from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces.distance import surface_errors
 from handpipe.mesh.surfaces.surface import Surface, read_surface
 from handpipe.synthetic.phantom import phantom_bones
-from handpipe.tissues.muscles.fitting.templates import (
-    Warp,
+from handpipe.tissues.muscles.fitting.template_placement import (
+    BoneWarp,
     fit_similarity,
     place,
     read_attachments,
@@ -41,7 +41,7 @@ def distort(points):
 
 def test_bones_and_the_muscle_between_them_are_carried_back():
     bones, muscle = subject()
-    warp = Warp({n: s.moved(distort(s.vertices)) for n, s in bones.items()}, bones)
+    warp = BoneWarp({n: s.moved(distort(s.vertices)) for n, s in bones.items()}, bones)
     template = muscle.moved(distort(muscle.vertices))
     x = muscle.vertices[:, 0]
     attachments = {"a": np.flatnonzero(x < 3), "b": np.flatnonzero(x > 41)}

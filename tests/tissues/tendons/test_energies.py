@@ -7,12 +7,12 @@ import pytest
 
 from handpipe.core.arrays import Array
 from handpipe.mesh.surfaces.distance import Distance
-from handpipe.tissues.tendons.fitting.surface_fit import SurfaceFit, Target
+from handpipe.tissues.tendons.fitting.surface_fit import SurfaceFit, TendonTarget
 from handpipe.tissues.tendons.fitting.twist import twist_energy, twist_gradient
 from handpipe.tissues.tendons.rods.energies import (
     Bend,
+    EndForce,
     Hooks,
-    Pull,
     RodEnergy,
     closest_on_spline,
     empty_blocks,
@@ -33,13 +33,13 @@ def surface_fit(x: Array) -> SurfaceFit:
     straight = np.stack([np.arange(len(x)) * 1.0, np.zeros(len(x)), np.zeros(len(x))], axis=1)
     normal = np.array([0.0, 0.0, 1.0])
     tube = Tube.bind(round_surface(straight, 1.5), straight, frames(straight, normal))
-    return SurfaceFit(tube, Target(Distance(round_surface(x + [0, 0.2, 0.1], 1.4))), normal, 25.0, 1.0)
+    return SurfaceFit(tube, TendonTarget(Distance(round_surface(x + [0, 0.2, 0.1], 1.4))), normal, 25.0, 1.0)
 
 
 def energy(name: str, x: Array) -> RodEnergy:
     random = np.random.default_rng(1)
     made: dict[str, RodEnergy] = {
-        "pull": Pull(np.array([0.1, -0.4, 0.3])),
+        "pull": EndForce(np.array([0.1, -0.4, 0.3])),
         "bend": Bend(0.7, 1.0),
         "hooks": Hooks(x[3:17:2] + 0.3 * random.standard_normal((7, 3)), random.uniform(0.5, 2.0, 7)),
         "surface": surface_fit(x),
@@ -117,7 +117,7 @@ def test_hooks_past_the_ends_let_go() -> None:
     x = np.stack([np.arange(10.0), np.zeros(10), np.zeros(10)], axis=1)
     hooks = Hooks(np.array([[-2.0, 0.3, 0], [4.0, 0.3, 0], [12.0, 0.3, 0]]))
     hooks.refresh(x)
-    assert hooks.held.tolist() == [False, True, False]
+    assert hooks.engaged.tolist() == [False, True, False]
     assert hooks.value(x) == pytest.approx(0.09)
 
 

@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 
 from handpipe.core.arrays import Array
 from handpipe.core.errors import ConvergenceError
-from handpipe.tissues.tendons.rods.energies import Bend, Hooks, Pull, closest_on_spline, spline_shape
-from handpipe.tissues.tendons.rods.equilibrium import Options, solve
+from handpipe.tissues.tendons.rods.energies import Bend, EndForce, Hooks, closest_on_spline, spline_shape
+from handpipe.tissues.tendons.rods.equilibrium import RodOptions, solve
 from handpipe.tissues.tendons.rods.rod import (
     bishop_normals,
     closest_on_rod,
@@ -35,7 +35,7 @@ def crumpled(count: int, seed: int, size: float = 0.4) -> Array:
 @pytest.mark.parametrize("seed", range(3))
 def test_pulled_rod_is_straight_along_the_force(seed: int) -> None:
     force = np.array([0.3, 0.4, 0.0])
-    found = solve([Pull(force), Bend(0.5, 1.0)], crumpled(60, seed))
+    found = solve([EndForce(force), Bend(0.5, 1.0)], crumpled(60, seed))
     np.testing.assert_allclose(directions(found.x), np.tile([0.6, 0.8, 0], (60, 1)), atol=1e-6)
     np.testing.assert_allclose(found.tension, 0.5, rtol=1e-6)
     assert length_change(found.x, 1.0) < 1e-12
@@ -51,7 +51,7 @@ def test_hooks_hold_an_analytic_polyline(length: float) -> None:
     corners = np.array([[0.0, 0, 0], [20.0, 6.0, 0], [45.0, -2.0, 5.0]])
     ahead = unit(np.array([1.0, 0.2, 0.1]))
     start = lay(corners, length, int(80 / length), ahead)
-    found = solve([Hooks(corners[1:], weight), Pull(tension * ahead), Bend(1e-4, length)], start)
+    found = solve([Hooks(corners[1:], weight), EndForce(tension * ahead), Bend(1e-4, length)], start)
     spans = unit(np.array([corners[1] - corners[0], corners[2] - corners[1], ahead]))
     give = tension * (spans[1:] - spans[:-1]) / (2 * weight)
     string = np.vstack([corners[0], corners[1:] + give, corners[2] + give[1] + 60 * ahead])
@@ -78,7 +78,7 @@ def test_excursion_over_a_pulley_is_radius_times_angle() -> None:
         hooks, out = pulley_hooks(turned, radius)
         first = np.array([[-22.0, radius, 0.0]])
         start = lay(np.vstack([first, hooks]), length, count, out)
-        found = solve([Hooks(hooks), Pull(0.05 * out), Bend(0.05, length)], start)
+        found = solve([Hooks(hooks), EndForce(0.05 * out), Bend(0.05, length)], start)
         exit_point = radius * np.array([np.sin(turned), np.cos(turned), 0.0])
         ends.append((found.x[-1] - exit_point) @ out)
     assert ends[0] - ends[1] == pytest.approx(radius * angle, abs=0.1)
@@ -90,14 +90,14 @@ def test_different_starts_reach_the_same_rod() -> None:
     along = lay(np.vstack([first, hooks]), 1.2, 80, out)
     shaken = unit(directions(along) + 0.1 * np.random.default_rng(0).standard_normal((80, 3)))
     other = np.vstack([first, first + 1.2 * np.cumsum(shaken, axis=0)])
-    results = [solve([Hooks(hooks), Pull(0.5 * out), Bend(1.0, 1.2)], x).x for x in (along, other)]
+    results = [solve([Hooks(hooks), EndForce(0.5 * out), Bend(1.0, 1.2)], x).x for x in (along, other)]
     np.testing.assert_allclose(results[0], results[1], atol=1e-5)
 
 
 def test_first_vertex_and_lengths_are_kept() -> None:
     x = crumpled(50, 4, 0.2)
     hooks = x[5:45:5] + [0.0, 1.0, 0.0]
-    found = solve([Hooks(hooks), Pull(np.array([0.5, 0, 0])), Bend(1.0, 1.0)], x)
+    found = solve([Hooks(hooks), EndForce(np.array([0.5, 0, 0])), Bend(1.0, 1.0)], x)
     np.testing.assert_array_equal(found.x[0], x[0])
     assert length_change(found.x, segment_length(x)) < 1e-12
 
@@ -106,7 +106,7 @@ def test_first_vertex_and_lengths_are_kept() -> None:
 def test_a_hook_at_the_end_does_not_let_go_and_hold_for_ever(short: float) -> None:
     """Held, the bent rod ends before the hook, which lets go; let go, the straight one reaches beside it."""
     hook = Hooks(np.array([[20.0 - short, 6.0, 0.0]]), 5.0)
-    found = solve([hook, Pull(np.array([0.5, 0, 0])), Bend(0.5, 1.0)], straight(20))
+    found = solve([hook, EndForce(np.array([0.5, 0, 0])), Bend(0.5, 1.0)], straight(20))
     np.testing.assert_allclose(found.x, straight(20), atol=1e-6)
     np.testing.assert_allclose(found.tension, 0.5, rtol=1e-6)
 
@@ -116,7 +116,7 @@ def test_a_compressed_rod_reaches_the_folded_minimum_and_not_the_saddle() -> Non
     start = straight(20)
     start[5:, 1] += 1e-3 * np.arange(16)
     start = lay(start, 1.0, 20, np.array([1.0, 0, 0]))
-    found = solve([Pull(np.array([-0.5, 0, 0])), Bend(0.5, 1.0)], start)
+    found = solve([EndForce(np.array([-0.5, 0, 0])), Bend(0.5, 1.0)], start)
     np.testing.assert_allclose(directions(found.x), np.tile([-1.0, 0, 0], (20, 1)), atol=1e-6)
 
 
@@ -135,7 +135,7 @@ def test_closest_point_is_the_closest_of_a_densely_sampled_curve() -> None:
 
 def test_failure_is_an_error() -> None:
     with pytest.raises(ConvergenceError, match="unbalanced"):
-        solve([Pull(np.array([0.0, 0.5, 0])), Bend(0.5, 1.0)], straight(60), Options(max_iterations=2))
+        solve([EndForce(np.array([0.0, 0.5, 0])), Bend(0.5, 1.0)], straight(60), RodOptions(max_iterations=2))
 
 
 def test_bishop_normals_of_a_planar_curve_keep_to_the_plane() -> None:

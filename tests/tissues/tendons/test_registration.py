@@ -11,13 +11,13 @@ from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.tissues.tendons.fitting.motion import relative_to, screw, steps_towards
 from handpipe.tissues.tendons.fitting.registration import (
-    Settings,
+    RegistrationSettings,
     centreline_errors,
     fit_surface,
     follow_bones,
     register,
 )
-from handpipe.tissues.tendons.fitting.surface_fit import Target
+from handpipe.tissues.tendons.fitting.surface_fit import TendonTarget
 from handpipe.tissues.tendons.rods.rod import closest_on_rod, lay, length_change, point_at
 from handpipe.tissues.tendons.rods.tube import round_surface
 
@@ -47,7 +47,7 @@ def noisy_tube(curve: Array, noise: float) -> Surface:
 
 def test_recovers_a_course_from_a_noisy_tube() -> None:
     rest, truth = rest_tendon(), course(*ANGLES)
-    target = Target(Distance(noisy_tube(truth, 0.15)))
+    target = TendonTarget(Distance(noisy_tube(truth, 0.15)))
     found = register(rest, pose(*ANGLES), centres_of(truth, 0.15), lambda x: target)
     errors = np.concatenate(centreline_errors(found.x, truth))
     assert errors.mean() < 0.1
@@ -58,7 +58,7 @@ def test_recovers_a_course_from_a_noisy_tube() -> None:
 
 def test_each_stage_brings_it_nearer() -> None:
     rest, truth = rest_tendon(), course(*ANGLES)
-    target = Target(Distance(noisy_tube(truth, 0.02)))
+    target = TendonTarget(Distance(noisy_tube(truth, 0.02)))
     found = register(rest, pose(*ANGLES), centres_of(truth, 0.1), lambda x: target)
     rough, centred, final = (
         np.concatenate(centreline_errors(x, truth)).mean() for x in (found.rough, found.centred, found.x)
@@ -74,8 +74,8 @@ def test_surface_alone_recovers_a_shifted_rod() -> None:
     shifted = rod + [0.0, 0.5, 0.3] * (1 - np.exp(-np.arange(len(rod)) / 5.0))[:, None]
     start = lay(shifted, rest.length, len(rod) - 1, np.array([-1.0, 0, 0]))
     centre_depth = Distance(round_surface(truth[::5], 0.3))
-    target = Target(Distance(noisy_tube(truth, 0.05)), lambda q: centre_depth.signed(q)[0], margin=0.2)
-    x, _ = fit_surface(rest, bones, start, target, Settings())
+    target = TendonTarget(Distance(noisy_tube(truth, 0.05)), lambda q: centre_depth.signed(q)[0], margin=0.2)
+    x, _ = fit_surface(rest, bones, start, target, RegistrationSettings())
     assert np.concatenate(centreline_errors(start, truth)).mean() > 0.3
     assert np.concatenate(centreline_errors(x, truth)).mean() < 0.05
 
@@ -90,8 +90,8 @@ def test_stage_one_follows_large_motions_of_a_moved_hand(angles: tuple[float, fl
     if np.linalg.det(moved.rotation) < 0:
         moved = RigidTransform(-moved.rotation, moved.translation)
     bones = pose(*angles)
-    still = follow_bones(rest, bones, Settings())
-    there = follow_bones(rest, {n: moved @ t for n, t in bones.items()}, Settings())
+    still = follow_bones(rest, bones, RegistrationSettings())
+    there = follow_bones(rest, {n: moved @ t for n, t in bones.items()}, RegistrationSettings())
     np.testing.assert_allclose(there, moved(still), atol=1e-6)
     # no hooks stand on the arcs yet, so that the rod cuts them
     assert np.concatenate(centreline_errors(still, true_rod(rest, *angles))).mean() < 2.5

@@ -15,8 +15,8 @@ from handpipe.core.rigid import RigidTransform
 from handpipe.tissues.tendons.fitting.hooks import fit_weights
 from handpipe.tissues.tendons.fitting.registration import centreline_errors
 from handpipe.tissues.tendons.layer import TendonLayer
-from handpipe.tissues.tendons.rods.energies import Bend, Hooks, Pull
-from handpipe.tissues.tendons.rods.equilibrium import Options, solve
+from handpipe.tissues.tendons.rods.energies import Bend, EndForce, Hooks
+from handpipe.tissues.tendons.rods.equilibrium import RodOptions, solve
 from handpipe.tissues.tendons.rods.rest import PULL
 from handpipe.tissues.tendons.rods.rod import closest_on_rod, directions, frames, length_change
 from handpipe.tissues.tendons.tendon import RegisteredRods, Tendon, build_tendon
@@ -143,7 +143,7 @@ def unbalanced(tendon: Tendon, bones: dict[str, RigidTransform], x: Array) -> fl
 
 def test_a_wrapped_failure_says_its_remedy_once(tendon: Tendon, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "handpipe.tissues.tendons.tendon.solve", partial(solve, options=Options(max_iterations=1))
+        "handpipe.tissues.tendons.tendon.solve", partial(solve, options=RodOptions(max_iterations=1))
     )
     with pytest.raises(ConvergenceError) as error:
         tendon.solve(pose(1.0, 0.7))
@@ -188,7 +188,7 @@ def test_a_free_rod_slides_through_its_own_hooks(tendon: Tendon) -> None:
     """Hooks at rest leave the rest rod at rest, but for the pull's small give."""
     x = tendon.rest.x
     found = solve(
-        [Hooks(x[3:-3:3]), Pull(0.5 * tendon.rest.pull_direction), Bend(1.0, tendon.rest.length)], x
+        [Hooks(x[3:-3:3]), EndForce(0.5 * tendon.rest.pull_direction), Bend(1.0, tendon.rest.length)], x
     )
     np.testing.assert_allclose(found.x, x, atol=1e-6)
 

@@ -15,7 +15,7 @@ import numpy as np
 from handpipe.core import Array, InputError, IntArray, artifacts
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
-from handpipe.tissues.muscles.fitting import Guess, place
+from handpipe.tissues.muscles.fitting import PlacedTemplate, place
 
 Side = Literal["right", "left"]
 
@@ -308,7 +308,7 @@ def _transformed(
     )
 
 
-def guesses(template: SubjectTemplate, edge: float) -> dict[str, Guess]:
+def guesses(template: SubjectTemplate, edge: float) -> dict[str, PlacedTemplate]:
     """First guesses of the template's muscles and ligaments, as the fit of muscles takes them.
 
     Parameters
@@ -320,7 +320,7 @@ def guesses(template: SubjectTemplate, edge: float) -> dict[str, Guess]:
 
     Returns
     -------
-    mapping of str to Guess
+    mapping of str to PlacedTemplate
         Guesses by muscle or ligament.
 
     Raises

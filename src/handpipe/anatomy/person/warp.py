@@ -21,7 +21,7 @@ from handpipe.anatomy.person.subject_template import (
 )
 from handpipe.core import Array, InputError
 from handpipe.mesh.surfaces import Biharmonic, Surface
-from handpipe.tissues.muscles.fitting import Warp, fit_similarity
+from handpipe.tissues.muscles.fitting import BoneWarp, fit_similarity
 
 log = logging.getLogger(__name__)
 
@@ -238,7 +238,7 @@ def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectT
     if not both:
         known = ", ".join(template.bones)
         raise InputError("bones", "names", "none is a bone of the template", f"The template has {known}")
-    warp = Warp({n: template.bones[n] for n in both}, {n: bones[n] for n in both})
+    warp = BoneWarp({n: template.bones[n] for n in both}, {n: bones[n] for n in both})
     for name, (place, determinant) in folds(warp, template).items():
         at = ", ".join(f"{c:.1f}" for c in place)
         log.warning("%s is turned inside out near (%s): determinant %.2f", name, at, determinant)
@@ -250,7 +250,7 @@ def refined(template: SubjectTemplate, bones: Mapping[str, Surface]) -> SubjectT
     return replace(found, joints=joints)
 
 
-def _mean_turn(warp: Warp, joint: TemplateJoint) -> Array:
+def _mean_turn(warp: BoneWarp, joint: TemplateJoint) -> Array:
     """The mean rotation (3, 3) of a joint's registered bones.
 
     The map's own derivatives are unreliable between bones that almost touch.

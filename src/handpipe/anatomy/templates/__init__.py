@@ -8,9 +8,9 @@ if TYPE_CHECKING:
     from handpipe.anatomy.templates.curves import load_curves
     from handpipe.anatomy.templates.diffusion import Factorise, superlu
     from handpipe.anatomy.templates.domain import Domain
-    from handpipe.anatomy.templates.hand import HandTemplate, Nail, build_hand, load_hand, nail_triangles
-    from handpipe.anatomy.templates.solids import Solid, template_of
-    from handpipe.anatomy.templates.template import Template, build_template
+    from handpipe.anatomy.templates.hand import HandTemplate, NailCurve, build_hand, load_hand, nail_triangles
+    from handpipe.anatomy.templates.solids import OrganSolid, template_of
+    from handpipe.anatomy.templates.tissue_mesh import TissueMesh, build_tissue_mesh
     from handpipe.anatomy.templates.volume_accounts import accounts
 else:
     __getattr__ = face(__name__)
@@ -19,12 +19,12 @@ __all__ = [
     "Domain",
     "Factorise",
     "HandTemplate",
-    "Nail",
-    "Solid",
-    "Template",
+    "NailCurve",
+    "OrganSolid",
+    "TissueMesh",
     "accounts",
     "build_hand",
-    "build_template",
+    "build_tissue_mesh",
     "load_curves",
     "load_hand",
     "nail_triangles",

@@ -25,7 +25,7 @@ MEASURED = 200  # points by which a curve's length is measured
 FINER = 20  # points of a curve for each that is kept
 
 
-class Place(Model):
+class CurvePlace(Model):
     """Where a point is: `at` in mm, or on a `bone`."""
 
     at: Vector | None = Field(None, description="coordinates in mm, in the frame of the bones")
@@ -35,7 +35,7 @@ class Place(Model):
     height: float = Field(0.0, description="mm above the bone's surface in that direction")
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Place:
+    def _one_kind(self) -> CurvePlace:
         on_bone = {"along", "towards", "height"} & self.model_fields_set
         if (self.at is None) == (self.bone is None):
             raise ValueError("at: a point has either `at` or `bone`")
@@ -46,7 +46,7 @@ class Place(Model):
         return self
 
 
-class ControlPoint(Place):
+class ControlPoint(CurvePlace):
     """A point of a curve; values between control points are interpolated without overshoot."""
 
     tissue: Positive = Field(1.0, description="tissue value: larger makes the muscle thicker here")
@@ -74,11 +74,11 @@ class Curve(Model):
         return self
 
 
-class Attachment(Model):
+class FurtherAttachment(Model):
     """A further place where a muscle is attached: all of it within `reach` of the line through `points`."""
 
     end: Literal["origin", "insertion"]
-    points: tuple[Place, ...] = Field(min_length=1)
+    points: tuple[CurvePlace, ...] = Field(min_length=1)
     reach: Positive = Field(3.0, description="mm")
 
 
@@ -86,7 +86,7 @@ class MuscleCurves(Model):
     """One muscle."""
 
     curves: tuple[Curve, ...] = Field(min_length=1)
-    attachments: tuple[Attachment, ...] = Field((), description="besides the ends of its curves")
+    attachments: tuple[FurtherAttachment, ...] = Field((), description="besides the ends of its curves")
     reach: Positive = Field(3.0, description="mm around the ends of its curves that are attached")
     volume: Positive | None = Field(None, description="volume in mm^3 that it is to have")
     edge_length: Positive | None = Field(
@@ -207,7 +207,7 @@ class _Places:
     source: str | Path
     field: str
 
-    def find(self, place: Place, field: str) -> Array:
+    def find(self, place: CurvePlace, field: str) -> Array:
         if place.bone is None:
             return np.array(place.at)
         field = f"{self.field}.{field}"
@@ -230,13 +230,13 @@ class _Places:
 
 
 def locate(
-    places: Sequence[Place], bones: Mapping[str, Surface], distal: Vector, source: str | Path, field: str
+    places: Sequence[CurvePlace], bones: Mapping[str, Surface], distal: Vector, source: str | Path, field: str
 ) -> Array:
     """Points of places on given bones.
 
     Parameters
     ----------
-    places : sequence of Place
+    places : sequence of CurvePlace
         Coordinates, or places on bones.
     bones : mapping of str to Surface
         Surfaces in mm by bone.

@@ -31,7 +31,7 @@ SAMPLES = 8  # of a curve in the shortest way through a typical tet
 DECIMALS = 6  # of functions, which go to about 1: beyond them machines differ, and so would the cuts of tets
 
 
-class Factor(Protocol):
+class Factorised(Protocol):
     """A factorised matrix."""
 
     def solve(self, b: Array) -> Array:
@@ -39,10 +39,10 @@ class Factor(Protocol):
         ...
 
 
-Factorise = Callable[[sparse.csr_matrix], Factor]
+Factorise = Callable[[sparse.csr_matrix], Factorised]
 
 
-def superlu(matrix: sparse.csr_matrix) -> Factor:
+def superlu(matrix: sparse.csr_matrix) -> Factorised:
     """SciPy's factor of a symmetric positive definite matrix.
 
     Parameters
@@ -52,7 +52,7 @@ def superlu(matrix: sparse.csr_matrix) -> Factor:
 
     Returns
     -------
-    Factor
+    Factorised
         Its `solve` gives x of A x = b.
     """
     return splu(

@@ -12,8 +12,8 @@ from pydantic import Field, model_validator
 from handpipe.anatomy.person.subject_template import SubjectTemplate, TemplateMuscle, TemplateTendon
 from handpipe.anatomy.templates.curves import (
     CurveFile,
+    CurvePlace,
     MuscleCurves,
-    Place,
     Positive,
     catmull_rom,
     locate,
@@ -21,7 +21,7 @@ from handpipe.anatomy.templates.curves import (
 )
 from handpipe.anatomy.templates.diffusion import Factorise, superlu
 from handpipe.anatomy.templates.domain import Domain
-from handpipe.anatomy.templates.template import Template, build_template
+from handpipe.anatomy.templates.tissue_mesh import TissueMesh, build_tissue_mesh
 from handpipe.core import InputError, IntArray, Metrics
 from handpipe.core.configuration import Model, Name, Vector, load_yaml
 from handpipe.mesh.contact import crossings
@@ -40,10 +40,10 @@ class TendonCurve(Model):
     bone: Name = Field(description="where it inserts")
     bones: tuple[Name, ...] = Field(min_length=1, description="passed, from the insertion inwards")
     radius: Positive = Field(description="mm")
-    points: tuple[Place, ...] = Field(min_length=3)
+    points: tuple[CurvePlace, ...] = Field(min_length=3)
 
 
-class Nail(Model):
+class NailCurve(Model):
     """The skin's triangles above the end of a bone."""
 
     bone: Name
@@ -57,7 +57,7 @@ class HandFile(CurveFile):
 
     ligaments: dict[Name, MuscleCurves] = Field(default_factory=dict)
     tendons: dict[Name, TendonCurve] = Field(default_factory=dict)
-    nails: dict[Name, Nail] = Field(default_factory=dict)
+    nails: dict[Name, NailCurve] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _names(self) -> HandFile:
@@ -102,13 +102,13 @@ class HandTemplate:
 
     Parameters
     ----------
-    tissue : Template
+    tissue : TissueMesh
         Conforming mesh of fat, muscles and ligaments.
     subject : SubjectTemplate
         Bones, joints, skin, and each organ by itself.
     """
 
-    tissue: Template
+    tissue: TissueMesh
     subject: SubjectTemplate
 
     def metrics(self) -> Metrics:
@@ -191,7 +191,7 @@ def build_hand(
                 problem = f"{organ.bone!r} is no bone"
                 raise InputError(source, f"{kind}.{name}.bone", problem, f"The bones are {known}")
     domain = Domain.between(bare.skin, bare.bones, edge_length)
-    tissue = build_template(file.curves(), domain, bare.bones, factorise=factorise, source=source)
+    tissue = build_tissue_mesh(file.curves(), domain, bare.bones, factorise=factorise, source=source)
     distances = {name: Distance(surface) for name, surface in bare.bones.items()}
     subject = replace(
         bare,
@@ -209,7 +209,7 @@ def build_hand(
     return HandTemplate(tissue, subject)
 
 
-def _organ(tissue: Template, name: str, bones: Mapping[str, Distance]) -> TemplateMuscle:
+def _organ(tissue: TissueMesh, name: str, bones: Mapping[str, Distance]) -> TemplateMuscle:
     """A muscle or ligament with its tets and fibres, attached where its ends lie on bones."""
     mesh, used = tissue.part(name)
     triangles, outside = mesh.boundary().triangles, mesh.boundary_vertices()
@@ -236,13 +236,13 @@ def _tendon(
 
 
 def nail_triangles(
-    nail: Nail, distal: Vector, hand: SubjectTemplate, source: str | Path, field: str
+    nail: NailCurve, distal: Vector, hand: SubjectTemplate, source: str | Path, field: str
 ) -> IntArray:
     """Triangles of the skin above the end of a bone.
 
     Parameters
     ----------
-    nail : Nail
+    nail : NailCurve
         Bone, directions and extent of the nail.
     distal : sequence of float
         Rough direction (3,) of the bones' distal ends.
@@ -278,7 +278,7 @@ def nail_triangles(
     return found
 
 
-def _borders(tissue: Template) -> Surface:
+def _borders(tissue: TissueMesh) -> Surface:
     """All triangles between tets of two tissues, or of one and the outside, each once."""
     mesh = tissue.mesh
     sides = [

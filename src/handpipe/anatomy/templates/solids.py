@@ -15,7 +15,7 @@ from handpipe.anatomy.improvement.cleaning import label_parts
 from handpipe.anatomy.templates.diffusion import Factorise, superlu
 from handpipe.anatomy.templates.domain import Domain
 from handpipe.anatomy.templates.fibres import harmonic_fibres
-from handpipe.anatomy.templates.template import Template, numbered_surfaces, segment
+from handpipe.anatomy.templates.tissue_mesh import TissueMesh, numbered_surfaces, segment
 from handpipe.core import Array, InputError, IntArray
 from handpipe.mesh.surfaces import Distance, Surface, about
 from handpipe.mesh.tets import tet_neighbours
@@ -32,7 +32,7 @@ FINEST, COARSEST = 1.2, 2.4  # mm
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class OrganSolid:
     """A muscle of a source: surfaces that fill it together, and the bones at its ends.
 
     Parameters
@@ -71,20 +71,20 @@ def depth(surfaces: Sequence[Surface], points: Array) -> Array:
 
 
 def template_of(
-    solids: Mapping[str, Solid],
+    solids: Mapping[str, OrganSolid],
     domain: Domain,
     bones: Mapping[str, Surface],
     *,
     factorise: Factorise = superlu,
     source: str = "solids",
-) -> Template:
+) -> TissueMesh:
     """Template of the space between skin and bones, filled with organs and fat.
 
     Each place belongs to the organ in which it is deepest; fat fills the rest.
 
     Parameters
     ----------
-    solids : mapping of str to Solid
+    solids : mapping of str to OrganSolid
         Organs by name.
     domain : Domain
         Tets between skin and bones; they are refined about thin organs.
@@ -97,7 +97,7 @@ def template_of(
 
     Returns
     -------
-    Template
+    TissueMesh
         Its `warnings` name organs that are in several parts.
 
     Raises
@@ -128,12 +128,12 @@ def template_of(
         directions[own] = harmonic_fibres(muscle, origin, insertion, factorise=factorise)
         origins[name], insertions[name] = used[origin], used[insertion]
     on_surfaces = numbered_surfaces(domain)
-    return Template(
+    return TissueMesh(
         labelled.mesh, labelled.labels, names, directions, origins, insertions, *on_surfaces, tuple(warnings)
     )
 
 
-def _refined(domain: Domain, solids: Mapping[str, Solid]) -> Domain:
+def _refined(domain: Domain, solids: Mapping[str, OrganSolid]) -> Domain:
     """Finer tets about organs, the finer the thinner these are."""
     points, lengths = [], []
     for solid in solids.values():
@@ -147,7 +147,7 @@ def _refined(domain: Domain, solids: Mapping[str, Solid]) -> Domain:
     return domain.refined(np.concatenate(points), np.concatenate(lengths))
 
 
-def ends(vertices: Array, solid: Solid, bones: Distances) -> tuple[IntArray, IntArray]:
+def ends(vertices: Array, solid: OrganSolid, bones: Distances) -> tuple[IntArray, IntArray]:
     """The vertices (n, 3) at a muscle's origin and at its insertion; none is at both."""
     insertion = _near(vertices, solid.insertion, bones)
     if solid.origin:

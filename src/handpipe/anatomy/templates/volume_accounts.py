@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from handpipe.anatomy.templates.solids import Solid, depth
-from handpipe.anatomy.templates.template import Template
+from handpipe.anatomy.templates.solids import OrganSolid, depth
+from handpipe.anatomy.templates.tissue_mesh import TissueMesh
 from handpipe.core import IntArray
 from handpipe.mesh.generation import Grid
 from handpipe.mesh.surfaces import Surface, directed_edges
@@ -55,17 +55,17 @@ class Account:
 
 
 def accounts(
-    solids: Mapping[str, Solid], bones: Mapping[str, Surface], template: Template
+    solids: Mapping[str, OrganSolid], bones: Mapping[str, Surface], template: TissueMesh
 ) -> dict[str, Account]:
     """Account of the volume of each organ of a template.
 
     Parameters
     ----------
-    solids : mapping of str to Solid
+    solids : mapping of str to OrganSolid
         Organs of the source by name.
     bones : mapping of str to Surface
         Surfaces in mm by bone.
-    template : Template
+    template : TissueMesh
         The template made of them.
 
     Returns
@@ -77,7 +77,9 @@ def accounts(
     return {name: _account(name, solids, bones, float(meshed[name])) for name in solids}
 
 
-def _account(name: str, solids: Mapping[str, Solid], bones: Mapping[str, Surface], meshed: float) -> Account:
+def _account(
+    name: str, solids: Mapping[str, OrganSolid], bones: Mapping[str, Surface], meshed: float
+) -> Account:
     solid = solids[name]
     corners = np.concatenate([surface.vertices for surface in solid.surfaces])
     points = Grid.around(corners, SPACING, SPACING).points() + SPACING / np.array([2, 3, 5])  # on no symmetry

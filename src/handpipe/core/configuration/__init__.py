@@ -37,12 +37,12 @@ else:
 
 __all__ = [
     "COUPLED_HANDS",
-    "LIMB",
     "Dataset",
     "ImageEffect",
     "Images",
     "Interpolation",
     "Joint",
+    "LIMB",
     "Length",
     "Model",
     "Muscle",

@@ -126,7 +126,7 @@ def _restored(annotation: Any, content: Any, paths: Paths) -> Any:
     if get_origin(kind) is dict:
         inner = get_args(kind)[1]
         entries = {name: _restored(inner, item, _tails(paths, name)) for name, item in content.items()}
-        return entries if _is_whole({path[0] for path in paths}) else Part(entries)
+        return entries if _is_whole({path[0] for path in paths}) else SelectedEntries(entries)
     values = {
         name: _restored(kind.model_fields[name].annotation, item, _tails(paths, name))
         for name, item in content.items()
@@ -147,7 +147,7 @@ def _without_none(annotation: Any) -> Any:
     return kind
 
 
-class Part(dict[str, Any]):
+class SelectedEntries(dict[str, Any]):
     """Some entries of a mapping: each can be read by its name, but they can't be listed or counted."""
 
     def __missing__(self, name: str) -> NoReturn:

@@ -22,7 +22,7 @@ from handpipe.fem.elements.materials import (
 )
 from handpipe.fem.elements.matrix3 import cofactor, determinant, rotational_svd
 from handpipe.fem.patterns.assembly import Pattern
-from handpipe.fem.patterns.partition import Partition, Share
+from handpipe.fem.patterns.partition import Partition, PartitionArrays
 
 
 class ElementArrays(NamedTuple):
@@ -82,7 +82,7 @@ def volume_ratios(x: Array, body: ElementArrays) -> Array:
 
 
 @njit(cache=True)
-def _forces(x: Array, body: ElementArrays, share: Share, part: int, out: Array) -> None:
+def _forces(x: Array, body: ElementArrays, share: PartitionArrays, part: int, out: Array) -> None:
     f, p = np.empty((3, 3)), np.empty((3, 3))
     for v in share.vertices[share.vertex_starts[part] : share.vertex_starts[part + 1]]:
         for i in range(3):
@@ -115,7 +115,7 @@ def force_sizes(x: Array, body: ElementArrays, out: Array) -> None:
 
 @njit(cache=True)
 def _stiffness(
-    x: Array, body: ElementArrays, share: Share, slots: Slots, part: int, project: bool, data: Array
+    x: Array, body: ElementArrays, share: PartitionArrays, slots: Slots, part: int, project: bool, data: Array
 ) -> None:
     f, blocks, work = np.empty((3, 3)), np.empty((4, 4, 3, 3)), np.empty((12, 3, 3))
     for v in share.vertices[share.vertex_starts[part] : share.vertex_starts[part + 1]]:
@@ -271,14 +271,20 @@ def _energies_parallel(x: Array, body: ElementArrays, parts: int, out: Array) ->
 
 
 @njit(cache=True, parallel=True)
-def _forces_parallel(x: Array, body: ElementArrays, share: Share, parts: int, out: Array) -> None:
+def _forces_parallel(x: Array, body: ElementArrays, share: PartitionArrays, parts: int, out: Array) -> None:
     for part in prange(parts):
         _forces(x, body, share, part, out)
 
 
 @njit(cache=True, parallel=True)
 def _stiffness_parallel(
-    x: Array, body: ElementArrays, share: Share, slots: Slots, parts: int, project: bool, data: Array
+    x: Array,
+    body: ElementArrays,
+    share: PartitionArrays,
+    slots: Slots,
+    parts: int,
+    project: bool,
+    data: Array,
 ) -> None:
     for part in prange(parts):
         _stiffness(x, body, share, slots, part, project, data)

@@ -61,7 +61,7 @@ class Factor(Protocol):
         ...
 
 
-class Pattern:
+class MatrixPattern:
     """Pattern of a CSR matrix, to check whether another matrix has the same."""
 
     def __init__(self, matrix: sp.csr_matrix) -> None:

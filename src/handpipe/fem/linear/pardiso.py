@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from handpipe.core import Array, Int32Array
-from handpipe.fem.linear.factor import NotPositiveDefinite, Pattern, SingularMatrix, Work, check_memory
+from handpipe.fem.linear.factor import MatrixPattern, NotPositiveDefinite, SingularMatrix, Work, check_memory
 
 log = logging.getLogger(__name__)
 
@@ -78,7 +78,7 @@ class PardisoFactor:
         self._limit = memory_limit
         self._handle = np.zeros(64, dtype=np.int64)
         self._type = 2 if positive else -2
-        self._pattern: Pattern | None = None
+        self._pattern: MatrixPattern | None = None
         self._values = np.zeros(0)
         self._parameters = np.zeros(64, dtype=np.int32)
         self._parameters[0] = 1  # all parameters are given here
@@ -132,7 +132,7 @@ class PardisoFactor:
             balance=BALANCE,
         )
         check_memory(self.work, self._limit)
-        self._pattern = Pattern(matrix)
+        self._pattern = MatrixPattern(matrix)
 
     def _call(self, phase: int, b: NDArray | None = None, x: NDArray | None = None, count: int = 1) -> None:
         assert self.library is not None

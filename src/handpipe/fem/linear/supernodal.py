@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from handpipe.core import Array
-from handpipe.fem.linear.factor import NotPositiveDefinite, Pattern, SingularMatrix, Work, check_memory
+from handpipe.fem.linear.factor import MatrixPattern, NotPositiveDefinite, SingularMatrix, Work, check_memory
 
 BALANCE = 36.0  # flops in the time of an iteration, per entry of L: see Work
 
@@ -38,7 +38,7 @@ class SupernodalFactor:
         self.work = Work(0.0, 0.0, 0.0, BALANCE)
         self._positive, self._limit = positive, memory_limit
         self._threads = int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1)
-        self._pattern: Pattern | None = None
+        self._pattern: MatrixPattern | None = None
         self._factor: Any = None
         self.refactorise(matrix)
 
@@ -73,7 +73,7 @@ class SupernodalFactor:
             balance=BALANCE,
         )
         check_memory(self.work, self._limit)
-        self._pattern = Pattern(matrix)
+        self._pattern = MatrixPattern(matrix)
 
 
 def _lower_values(matrix: sp.csr_matrix) -> Array:

@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 from handpipe.core import Array, BoolArray, IntArray
-from handpipe.fem.minimisation import unheld
+from handpipe.fem.minimisation import rigid_modes
 from handpipe.fem.minimisation.balance import Balance, lengths, rounding
 from handpipe.fem.minimisation.checkpoint import Checkpoint
 from handpipe.fem.minimisation.direction import Directions
@@ -141,10 +141,10 @@ class Newton:
         force = float(self._balance.resistance.mean())
         self._energy_noise = EPSILON * force * self._spacing() * math.sqrt(len(self.x))
         pins = np.zeros(0, dtype=np.int64)
-        if not self._workspace.held:
-            self.record.reason = unheld.unbalanced(self.energy, stiffness, self.x, self.free)
-            pins = unheld.pins(self.energy, stiffness, self.x, self.free)
-            self._workspace.held = len(pins) == 0
+        if not self._workspace.constrained:
+            self.record.reason = rigid_modes.unbalanced(self.energy, stiffness, self.x, self.free)
+            pins = rigid_modes.pins(self.energy, stiffness, self.x, self.free)
+            self._workspace.constrained = len(pins) == 0
         self.record.seconds["assembly"] += time.perf_counter() - start
         if len(pins):
             self._pin(pins)
@@ -168,7 +168,7 @@ class Newton:
         if self._releases == MAX_RELEASES or (reactions <= small).all():
             return False
         self._releases += 1
-        self._pin(unheld.pins(self.energy, stiffness, self.x, self.free))
+        self._pin(rigid_modes.pins(self.energy, stiffness, self.x, self.free))
         return True
 
     def _set_unknowns(self, unknowns: BoolArray) -> None:
@@ -254,7 +254,7 @@ class Newton:
 
     def _why(self, problem: str, gradient: Array, length: float) -> str:
         """Why the solve has not converged: a body that slides away, rounding, or unbalanced forces."""
-        drift = unheld.drifting(self.energy, self.x, self._start, self.free)
+        drift = rigid_modes.drifting(self.energy, self.x, self._start, self.free)
         if drift:
             return f"{drift} ({problem})"
         residuals = self._unbalanced(gradient)
@@ -273,7 +273,7 @@ class Newton:
         """Whether some body has moved away for good, since no potential resists its load."""
         if _largest(self.x - self._start) < FLIGHT * self._extent:
             return False
-        self.record.reason = unheld.drifting(self.energy, self.x, self._start, self.free)
+        self.record.reason = rigid_modes.drifting(self.energy, self.x, self._start, self.free)
         return bool(self.record.reason)
 
     def _leave(self) -> bool:

@@ -20,7 +20,7 @@ class Workspace:
     def __init__(self, rest: Array, coarse: sp.csr_matrix | None = None, single: bool = False) -> None:
         """Empty workspace; rest (n, 3): positions at rest or near it; coarse, single: as of `Options`."""
         self.systems = SystemSequence(rest=rest, coarse=coarse, single=single)
-        self.held = False
+        self.constrained = False
         self._block: FreeBlock | None = None
         self._free = np.zeros(0, dtype=bool)
         self._tangent: tuple[Sum, Array, sp.csr_matrix] | None = None

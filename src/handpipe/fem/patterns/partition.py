@@ -10,7 +10,7 @@ import numpy as np
 from handpipe.core import Array, Int32Array, IntArray
 
 
-class Share(NamedTuple):
+class PartitionArrays(NamedTuple):
     """Arrays of a partition, for compiled loops.
 
     owner (n,): the part of each vertex; part p has vertices[vertex_starts[p]:vertex_starts[p + 1]], and the
@@ -32,7 +32,7 @@ class Partition:
     ascending cells whatever the number of parts, so that results agree to the last bit.
     """
 
-    share: Share
+    share: PartitionArrays
 
     @property
     def parts(self) -> int:
@@ -48,7 +48,7 @@ class Partition:
             _bisect(points, loads, np.arange(len(points)), 0, parts, owner)
         visited = [np.flatnonzero((owner[cells] == p).any(axis=1)) for p in range(parts)]
         owned = np.bincount(owner, minlength=parts)
-        share = Share(
+        share = PartitionArrays(
             owner,
             np.argsort(owner, kind="stable"),
             np.concatenate([[0], np.cumsum(owned)]),

@@ -153,7 +153,7 @@ def _joint(
         x, y, z = mask.to_world(own.mean(axis=0)[None])[0]
         place = f"about ({x:.1f}, {y:.1f}, {z:.1f}) mm"
         problem = f"lies in several pieces: {len(own)} voxels {place} are {gap:.1f} mm from the rest"
-        raise InputError(source, name, problem, "Erase what is not of it, or join the pieces")
+        raise InputError(source, name, problem, "Erase voxels that are not part of it, or join the pieces")
     end = nearest[(slice(None), *start)]
     along = np.linspace(0, 1, 2 * int(np.abs(end - start).max()) + 1)[:, None]
     line = np.zeros(main.shape, bool)

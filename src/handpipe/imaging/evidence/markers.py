@@ -53,7 +53,7 @@ class MarkerSettings(Model):
 
 
 @dataclass(frozen=True)
-class Markers:
+class ImageMarkers:
     """Points of an image through which a muscle's surface must pass.
 
     Parameters
@@ -80,7 +80,7 @@ def boundary_markers(
     settings: MarkerSettings | None = None,
     forbid: BoolArray | None = None,
     muscle_level: float | None = None,
-) -> Markers:
+) -> ImageMarkers:
     """Markers at edges between muscle inside and another tissue outside, near the surface of a guess.
 
     An edge counts where the inside looks like muscle, the step is clear, the image's gradient runs along the
@@ -102,7 +102,7 @@ def boundary_markers(
 
     Returns
     -------
-    Markers
+    ImageMarkers
         Markers with a confidence of at least `settings.least_confidence`.
 
     Raises
@@ -126,7 +126,7 @@ def boundary_markers(
     along = np.abs(np.einsum("ij,ij->i", gradient, normals))
     confidence = confidence * np.clip(along / (np.linalg.norm(gradient, axis=1) + 1e-12) * 2 - OBLIQUE, 0, 1)
     kept = np.flatnonzero(confidence >= settings.least_confidence)
-    return Markers(points[kept], normals[kept], confidence[kept], kept)
+    return ImageMarkers(points[kept], normals[kept], confidence[kept], kept)
 
 
 def estimate_muscle_level(volume: Volume, surface: Surface) -> float:

@@ -39,7 +39,7 @@ NEXT = 1.01  # voxels that a window reaches at least: its next neighbours
 
 
 @dataclass(frozen=True)
-class Grid:
+class FieldGrid:
     """Number of voxels along each axis, and their size (3,) in mm."""
 
     shape: tuple[int, ...]
@@ -69,7 +69,7 @@ class PossibleFields:
         apart = np.abs(self.values - predicted[:, None])
         return np.take_along_axis(self.values, np.nanargmin(apart, axis=1)[:, None], axis=1)[:, 0]
 
-    def spread(self, field: Array, grid: Grid, reach: float) -> Array:
+    def spread(self, field: Array, grid: FieldGrid, reach: float) -> Array:
         """The field (m,) averaged by energy over a Gaussian of `reach` mm, at the same voxels."""
         at = tuple(self.voxels.T)
         whole, weight = np.zeros(grid.shape), np.zeros(grid.shape)
@@ -114,7 +114,7 @@ class FieldMap:
         return self.margin > UNSURE and self.better > -AMBIGUOUS
 
 
-def field_map(possible: PossibleFields, signals: Complex, echoes: EchoSignal, grid: Grid) -> FieldMap:
+def field_map(possible: PossibleFields, signals: Complex, echoes: EchoSignal, grid: FieldGrid) -> FieldMap:
     """The smooth map of the smallest field among those that fit the signals (m, n) about as well.
 
     A map in which all fat is water fits as well at some echo times. The scanner is tuned to water, so the
@@ -141,7 +141,7 @@ def _left(signals: Complex, echoes: EchoSignal, field: Array) -> Array:
     return np.concatenate([echoes.residuals(signals[b], field[b, None])[:, 0] for b in blocks])
 
 
-def grow(possible: PossibleFields, grid: Grid, shift: float) -> Array:
+def grow(possible: PossibleFields, grid: FieldGrid, shift: float) -> Array:
     """One value of the field (m,) in Hz for each voxel, smooth over all of them.
 
     shift: Hz between fat and water, the unit of gaps between neighbours.
@@ -160,7 +160,7 @@ def grow(possible: PossibleFields, grid: Grid, shift: float) -> Array:
     return field
 
 
-def _linked(possible: PossibleFields, field: Array, grid: Grid, shift: float) -> Array:
+def _linked(possible: PossibleFields, field: Array, grid: FieldGrid, shift: float) -> Array:
     """The field with one map for all parts of the tissue: across air its steps are the smallest ones."""
     tissue = np.zeros(grid.shape, bool)
     tissue[tuple(possible.voxels.T)] = True

@@ -12,7 +12,7 @@ from skimage.filters import threshold_li
 from handpipe.core import Array, BoolArray, InputError
 from handpipe.imaging.fat_water.echo_images import EchoImages
 from handpipe.imaging.fat_water.echo_signal import Complex, EchoSignal, abs2
-from handpipe.imaging.fat_water.field_map import FieldMap, Grid, PossibleFields, field_map
+from handpipe.imaging.fat_water.field_map import FieldGrid, FieldMap, PossibleFields, field_map
 from handpipe.imaging.fat_water.motion import without_motion
 
 log = logging.getLogger(__name__)
@@ -80,7 +80,7 @@ def separate(images: EchoImages) -> Separated:
     signals, motion = without_motion(images.signals, spacing)
     tissue = _tissue(signals)
     possible = PossibleFields.find(signals, tissue, images.echoes)
-    found = field_map(possible, signals[tissue], images.echoes, Grid(tissue.shape, spacing))
+    found = field_map(possible, signals[tissue], images.echoes, FieldGrid(tissue.shape, spacing))
     _tell(found)
     nearest = ndimage.distance_transform_edt(~tissue, spacing, return_distances=False, return_indices=True)
     field = np.zeros(tissue.shape)

@@ -15,7 +15,7 @@ import SimpleITK as sitk
 from numpy.typing import NDArray
 
 from handpipe.core import Array, InputError
-from handpipe.imaging.formats.dicom_frames import Frame, frames_of
+from handpipe.imaging.formats.dicom_frames import DicomFrame, frames_of
 from handpipe.imaging.formats.stored import LPS_TO_RAS, Stored, reading, require_size
 
 log = logging.getLogger(__name__)
@@ -51,10 +51,10 @@ def read_dicom(path: Path, series: int | str | None = None, echo: int | None = N
     return Stored(_pixels(frames), LPS_TO_RAS @ affine)
 
 
-def _of_series(path: Path, frames: list[Frame], series: int | str | None) -> list[Frame]:
+def _of_series(path: Path, frames: list[DicomFrame], series: int | str | None) -> list[DicomFrame]:
     """The frames of the series that is asked for, or of the only one whose images have a place."""
     placed = {f.series_uid for f in frames if f.position is not None}
-    found: dict[str, list[Frame]] = {}
+    found: dict[str, list[DicomFrame]] = {}
     for frame in frames:
         if frame.series_uid in placed:
             found.setdefault(frame.series_uid, []).append(frame)
@@ -78,16 +78,16 @@ def _of_series(path: Path, frames: list[Frame], series: int | str | None) -> lis
     return next(iter(found.values()))
 
 
-def _without_copies(frames: list[Frame]) -> list[Frame]:
+def _without_copies(frames: list[DicomFrame]) -> list[DicomFrame]:
     """Each image once, though a file may have been copied within its folder."""
-    found: dict[Hashable, Frame] = {}
+    found: dict[Hashable, DicomFrame] = {}
     for f in frames:
         place = None if f.position is None else f.position.tobytes()
         found.setdefault((f.uid or f.file, f.number, place), f)
     return list(found.values())
 
 
-def _magnitudes(path: Path, frames: list[Frame]) -> list[Frame]:
+def _magnitudes(path: Path, frames: list[DicomFrame]) -> list[DicomFrame]:
     kept = [f for f in frames if not f.component]
     left = sorted({f.component for f in frames if f.component})
     if not kept:
@@ -98,7 +98,7 @@ def _magnitudes(path: Path, frames: list[Frame]) -> list[Frame]:
     return kept
 
 
-def _of_echo(path: Path, frames: list[Frame], echo: int | None) -> list[Frame]:
+def _of_echo(path: Path, frames: list[DicomFrame], echo: int | None) -> list[DicomFrame]:
     times = sorted({_echo_time(f) for f in frames})
     listed = ", ".join(f"{t:g}" for t in times)
     if echo is None and len(times) > 1:
@@ -110,12 +110,12 @@ def _of_echo(path: Path, frames: list[Frame], echo: int | None) -> list[Frame]:
     return [f for f in frames if _echo_time(f) == times[(echo or 1) - 1]]
 
 
-def _echo_time(frame: Frame) -> float:
+def _echo_time(frame: DicomFrame) -> float:
     """In ms, rounded as scanners round it."""
     return 0.0 if frame.echo_time is None else round(frame.echo_time, 2)
 
 
-def _require_alike(path: Path, frames: list[Frame]) -> None:
+def _require_alike(path: Path, frames: list[DicomFrame]) -> None:
     """Raise `InputError` for images that cannot be slices of one grid."""
     unplaced = [f.file.name for f in frames if f.position is None]
     if unplaced:
@@ -128,7 +128,7 @@ def _require_alike(path: Path, frames: list[Frame]) -> None:
         remedy = "Convert it to MONOCHROME2, where bright tissue has high values"
         raise InputError(path, "values", f"are {', '.join(sorted(photometric))}", remedy)
 
-    def several(of: Callable[[Frame], Hashable]) -> list[str]:
+    def several(of: Callable[[DicomFrame], Hashable]) -> list[str]:
         found = sorted({str(of(f)) for f in frames})
         return found if len(found) > 1 else []
 
@@ -146,7 +146,7 @@ def _require_alike(path: Path, frames: list[Frame]) -> None:
         raise InputError(path, "slices", "have several frames of reference", separate)
 
 
-def _require_one_scale(frames: list[Frame]) -> None:
+def _require_one_scale(frames: list[DicomFrame]) -> None:
     """Raise `InputError` for a file whose frames have several slopes: its reader has one for all."""
     scales: dict[Path, set[tuple[float, float]]] = {}
     for f in frames:
@@ -157,7 +157,7 @@ def _require_one_scale(frames: list[Frame]) -> None:
             raise InputError(file, "values", problem, "Export it as one image a file")
 
 
-def _on_grid(path: Path, frames: list[Frame]) -> tuple[list[Frame], Array]:
+def _on_grid(path: Path, frames: list[DicomFrame]) -> tuple[list[DicomFrame], Array]:
     """The frames in order along their normal, and the affine from (column, row, slice) to LPS mm."""
     if len(frames) < 2:
         problem = "is one slice, not a 3D volume"
@@ -178,12 +178,12 @@ def _on_grid(path: Path, frames: list[Frame]) -> tuple[list[Frame], Array]:
     return frames, affine
 
 
-def _placed(frame: Frame) -> Array:
+def _placed(frame: DicomFrame) -> Array:
     assert frame.position is not None
     return frame.position
 
 
-def _require_regular(path: Path, frames: list[Frame], positions: Array, along: Array) -> None:
+def _require_regular(path: Path, frames: list[DicomFrame], positions: Array, along: Array) -> None:
     """Raise `InputError` where slices repeat, are missing, or lie beside their places on the grid."""
     steps = np.diff(along)
     same = np.flatnonzero(steps < SAME_PLACE)
@@ -209,11 +209,11 @@ def _require_regular(path: Path, frames: list[Frame], positions: Array, along: A
         raise InputError(path, "slices", problem, "Resample them to an even grid")
 
 
-def _named(frame: Frame) -> str:
+def _named(frame: DicomFrame) -> str:
     return frame.file.name if frame.number == 0 else f"{frame.file.name} frame {frame.number + 1}"
 
 
-def _pixels(frames: list[Frame]) -> NDArray[np.float32]:
+def _pixels(frames: list[DicomFrame]) -> NDArray[np.float32]:
     """Values (columns, rows, slices), rescaled to what the scanner meant."""
     rows, columns = frames[0].size
     values = np.empty((columns, rows, len(frames)), np.float32)

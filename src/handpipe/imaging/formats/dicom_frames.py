@@ -31,7 +31,7 @@ COMPONENTS = {  # of a complex image, as ImageType or ComplexImageComponent name
 
 
 @dataclass(frozen=True)
-class Frame:
+class DicomFrame:
     """What a DICOM header says of one 2D image.
 
     Parameters
@@ -88,7 +88,7 @@ class Frame:
         return f"{self.series_number} ({self.description})" if self.description else self.series_number
 
 
-def frames_of(path: Path) -> list[Frame]:
+def frames_of(path: Path) -> list[DicomFrame]:
     """Every image in a DICOM file or in all files under a folder.
 
     Parameters
@@ -98,7 +98,7 @@ def frames_of(path: Path) -> list[Frame]:
 
     Returns
     -------
-    list of Frame
+    list of DicomFrame
         Images with what their headers say.
 
     Raises
@@ -107,7 +107,7 @@ def frames_of(path: Path) -> list[Frame]:
         If a DICOM file is damaged.
     """
     files = [path] if path.is_file() else sorted(f for f in path.rglob("*") if f.is_file())
-    found: list[Frame] = []
+    found: list[DicomFrame] = []
     foreign = []
     for file in files:
         with reading(file, "DICOM"):
@@ -149,7 +149,7 @@ def _is_image(file: Path, header: pydicom.Dataset) -> bool:
     return False
 
 
-def _frames(file: Path, header: pydicom.Dataset) -> Iterator[Frame]:
+def _frames(file: Path, header: pydicom.Dataset) -> Iterator[DicomFrame]:
     count = int(header.get("NumberOfFrames", None) or 1)
     _require_pixels(file, header, count)
     shared = _first(header, "SharedFunctionalGroupsSequence")
@@ -176,7 +176,7 @@ def _require_pixels(file: Path, header: pydicom.Dataset, count: int) -> None:
     require_size(file, pixels, max(bits // 8, 1), file.stat().st_size, ratio)
 
 
-def _frame(file: Path, number: int, header: pydicom.Dataset, sources: list[Any]) -> Frame:
+def _frame(file: Path, number: int, header: pydicom.Dataset, sources: list[Any]) -> DicomFrame:
     position = _of(sources, "PlanePositionSequence", "ImagePositionPatient")
     orientation = _of(sources, "PlaneOrientationSequence", "ImageOrientationPatient")
     spacing = _of(sources, "PixelMeasuresSequence", "PixelSpacing")
@@ -189,7 +189,7 @@ def _frame(file: Path, number: int, header: pydicom.Dataset, sources: list[Any])
     named = [str(kind).upper() for kind in [*list(kinds)[2:], whole]]
     transformation = "PixelValueTransformationSequence"
     known = position is not None and orientation is not None and spacing is not None
-    return Frame(
+    return DicomFrame(
         file=file,
         number=number,
         uid=str(header.get("SOPInstanceUID", "")),

@@ -19,7 +19,7 @@ BACKGROUND = 255  # label of the background in seed volumes
 
 
 @dataclass(frozen=True)
-class Segment:
+class FileSegment:
     """`value` in layer `layer` of the file belongs to the segment."""
 
     name: str
@@ -86,7 +86,7 @@ def read_segments(path: Path, bones: Mapping[str, int]) -> Stored:
     return Stored(_merged(path, values, segments, labels), affine)
 
 
-def _segments(header: Header) -> list[Segment]:
+def _segments(header: Header) -> list[FileSegment]:
     """Those of the header; files before layers hold the n-th segment in the n-th component as 1."""
     found = []
     for key in header:
@@ -94,11 +94,11 @@ def _segments(header: Header) -> list[Segment]:
             number = match[1]
             layer = int(header.get(f"Segment{number}_Layer") or number)
             value = int(header.get(f"Segment{number}_LabelValue") or 1)
-            found.append(Segment(str(header[key]).strip(), layer, value))
+            found.append(FileSegment(str(header[key]).strip(), layer, value))
     return found
 
 
-def _labels_by_name(path: Path, segments: list[Segment], bones: Mapping[str, int]) -> list[int]:
+def _labels_by_name(path: Path, segments: list[FileSegment], bones: Mapping[str, int]) -> list[int]:
     known = {name.casefold(): label for name, label in bones.items()} | {BACKGROUND_NAME: BACKGROUND}
     names = [s.name.casefold() for s in segments]
     unknown = [s.name for s, name in zip(segments, names, strict=True) if name not in known]
@@ -113,7 +113,7 @@ def _labels_by_name(path: Path, segments: list[Segment], bones: Mapping[str, int
     return [known[name] for name in names]
 
 
-def _merged(path: Path, values: NDArray, segments: list[Segment], labels: list[int]) -> NDArray[np.uint8]:
+def _merged(path: Path, values: NDArray, segments: list[FileSegment], labels: list[int]) -> NDArray[np.uint8]:
     """One label volume; a voxel belongs to one segment."""
     merged = np.zeros(values.shape[:3], np.uint8)
     names = dict(zip(labels, (s.name for s in segments), strict=True))

@@ -13,7 +13,7 @@ from handpipe.imaging.learned.classifier import NEARBY, learn
 from handpipe.imaging.learned.competition import compete
 from handpipe.imaging.learned.confidence import Confidence, Runs, confidence, halves
 from handpipe.imaging.learned.features import features, relative
-from handpipe.imaging.learned.share import Share, labelled
+from handpipe.imaging.learned.share import BoneShare, labelled
 from handpipe.imaging.segmentation import BACKGROUND, BoneProbability
 from handpipe.imaging.volumes import Labels, Volume, box
 
@@ -66,7 +66,7 @@ def segment_learned(
     lower, upper = _region(known, channels[0])
     crops = [volume.crop(lower, upper) for volume in channels]
     known = known[box(lower, upper)]
-    shares, trust = _with_confidence(Scene(crops, known), known, drawn)
+    shares, trust = _with_confidence(SharedFeatures(crops, known), known, drawn)
     found = {}
     for name, share in shares.items():
         if not share.claimed.any():
@@ -79,7 +79,7 @@ def segment_learned(
     return found, wrong
 
 
-class Scene:
+class SharedFeatures:
     """What the runs by all and by half of the strokes have in common: the image's features.
 
     Parameters
@@ -98,7 +98,7 @@ class Scene:
         self.images = np.stack([relative(volume) for volume in channels])
         self.features = features(channels, self.at)
 
-    def shares(self, seeds: Labels, bones: Mapping[str, int], nearby: float = NEARBY) -> dict[str, Share]:
+    def shares(self, seeds: Labels, bones: Mapping[str, int], nearby: float = NEARBY) -> dict[str, BoneShare]:
         """Shares of all bones by some of the strokes."""
         marks = seeds[self.at]
         drawn = marks > 0
@@ -110,8 +110,8 @@ class Scene:
 
 
 def _with_confidence(
-    scene: Scene, seeds: Labels, bones: Mapping[str, int]
-) -> tuple[dict[str, Share], dict[str, Confidence]]:
+    scene: SharedFeatures, seeds: Labels, bones: Mapping[str, int]
+) -> tuple[dict[str, BoneShare], dict[str, Confidence]]:
     """Shares by all strokes, and how far they are those by half of the strokes."""
     shares = scene.shares(seeds, bones)
     kept = halves(seeds, scene.spacing)

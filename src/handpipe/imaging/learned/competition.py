@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from handpipe.core import Array, BoolArray
-from handpipe.imaging.learned.share import Share, tidied
+from handpipe.imaging.learned.share import BoneShare, tidied
 from handpipe.imaging.segmentation import BACKGROUND, Stop, harmonic
 from handpipe.imaging.volumes import Labels
 
@@ -29,7 +29,7 @@ STOP = Stop(tolerance=1e-2, undecided=5e-4)  # where the walker's iterations end
 
 def compete(
     images: NDArray, look: NDArray, seeds: Labels, spacing: Array, bones: Mapping[str, int]
-) -> dict[str, Share]:
+) -> dict[str, BoneShare]:
     """Each bone's share of the voxels; no voxel belongs to two bones.
 
     Parameters
@@ -47,7 +47,7 @@ def compete(
 
     Returns
     -------
-    dict of str to Share
+    dict of str to BoneShare
         Share of each bone by name, in one part without holes.
 
     Raises
@@ -58,13 +58,13 @@ def compete(
     inside = (seeds > 0) & (seeds < BACKGROUND)
     bone = balanced(edge_weights(images, spacing, look), seeds > 0, inside, PRIOR, look)
     between = edge_weights(images, spacing) * _least_of_both(np.maximum(bone, LEAST_BONE) ** APART)
-    shares: dict[str, Share] = {}
+    shares: dict[str, BoneShare] = {}
     total = np.zeros(seeds.shape)
     for name, label in bones.items():
         region = _around(seeds == label, REACH / spacing)
         edges, own = between[(slice(None), *region)], seeds[region] == label
         part = balanced(edges, inside[region], own, 0.0, np.zeros(own.shape))
-        shares[name] = Share(label, region, part)
+        shares[name] = BoneShare(label, region, part)
         total[region] += part
     for share in shares.values():
         share.values *= bone[share.region] / np.maximum(total[share.region], 1e-6)

@@ -16,7 +16,7 @@ SMOOTHING = 0.7  # voxels: what a border of single voxels says is noise
 
 
 @dataclass
-class Share:
+class BoneShare:
     """One bone's share in a box of the image.
 
     Parameters
@@ -39,10 +39,10 @@ class Share:
         return np.asarray(self.values > 0.5)
 
 
-def tidied(shares: Mapping[str, Share], seeds: Labels) -> dict[str, Share]:
+def tidied(shares: Mapping[str, BoneShare], seeds: Labels) -> dict[str, BoneShare]:
     """Shares (labels' strokes in `seeds`) smoothed, each bone in one part without holes."""
     smooth = {
-        name: Share(s.label, s.region, ndimage.gaussian_filter(s.values, SMOOTHING))
+        name: BoneShare(s.label, s.region, ndimage.gaussian_filter(s.values, SMOOTHING))
         for name, s in shares.items()
     }
     taken = np.zeros(seeds.shape, bool)
@@ -51,7 +51,7 @@ def tidied(shares: Mapping[str, Share], seeds: Labels) -> dict[str, Share]:
     return {name: _one_part(s, seeds[s.region] == s.label, taken[s.region]) for name, s in smooth.items()}
 
 
-def _one_part(share: Share, strokes: BoolArray, taken: BoolArray) -> Share:
+def _one_part(share: BoneShare, strokes: BoolArray, taken: BoolArray) -> BoneShare:
     """The part that holds most of the strokes, without threads of a voxel, its holes filled."""
     claimed = share.claimed
     parts, _ = ndimage.label(ndimage.binary_opening(claimed) | (claimed & strokes))
@@ -60,10 +60,10 @@ def _one_part(share: Share, strokes: BoolArray, taken: BoolArray) -> Share:
     kept = parts == max(int(held.argmax()), 1)
     whole = ndimage.binary_fill_holes(kept) & (claimed | ~taken)
     wrong = whole != claimed  # of the other side than the smoothed share says
-    return Share(share.label, share.region, np.where(wrong, 1 - share.values, share.values))
+    return BoneShare(share.label, share.region, np.where(wrong, 1 - share.values, share.values))
 
 
-def labelled(shares: Mapping[str, Share], shape: tuple[int, ...]) -> Labels:
+def labelled(shares: Mapping[str, BoneShare], shape: tuple[int, ...]) -> Labels:
     """Label (nx, ny, nz) of each voxel, 0 for no bone."""
     out = np.zeros(shape, np.uint8)
     for share in shares.values():

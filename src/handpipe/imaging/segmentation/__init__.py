@@ -29,16 +29,16 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
-    "BACKGROUND",
     "Appearance",
+    "BACKGROUND",
     "BoneProbability",
     "SegmentationSettings",
     "Stop",
     "add_scribbles",
     "check_seeds",
     "claims",
-    "labelled_bone",
     "harmonic",
+    "labelled_bone",
     "marrow_core",
     "merge",
     "painted",

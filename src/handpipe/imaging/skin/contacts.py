@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from skimage.segmentation import watershed
 
 from handpipe.core import Array, BoolArray, IntArray, RigidTransform
-from handpipe.imaging.skin.body import BodyInVolume
+from handpipe.imaging.skin.body_voxels import BodyInVolume
 from handpipe.imaging.volumes.rasterisation import rasterise
 from handpipe.imaging.volumes.volume import Volume
 from handpipe.mesh.surfaces import Distance, Surface

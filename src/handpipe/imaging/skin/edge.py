@@ -16,7 +16,7 @@ from scipy.special import erfc
 
 from handpipe.core import Array, BoolArray
 from handpipe.imaging.evidence.profiles import BLUR, graph_laplacian, smooth_field, summed_curvature
-from handpipe.imaging.skin.body import Air
+from handpipe.imaging.skin.body_voxels import Air
 from handpipe.imaging.volumes.volume import Volume
 from handpipe.mesh.surfaces import Surface, taubin
 

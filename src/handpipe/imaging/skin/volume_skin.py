@@ -9,7 +9,7 @@ from scipy import ndimage
 from skimage import measure
 
 from handpipe.core import Array, BoolArray, InputError
-from handpipe.imaging.skin.body import BodyInVolume, measured
+from handpipe.imaging.skin.body_voxels import BodyInVolume, measured
 from handpipe.imaging.skin.contacts import Contacts, PosedBones
 from handpipe.imaging.skin.edge import refined
 from handpipe.imaging.volumes.volume import Volume

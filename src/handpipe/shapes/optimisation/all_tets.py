@@ -12,7 +12,7 @@ from handpipe.fem.elements import plasticity
 from handpipe.fem.potentials import Potential
 from handpipe.shapes.observations.correspondence import Correspondence
 from handpipe.shapes.observations.rigid_motions import LooseMotions
-from handpipe.shapes.optimisation.gauss_newton import RIDGE, GaussNewton, Rows
+from handpipe.shapes.optimisation.gauss_newton import RIDGE, GaussNewton, MarkRows
 from handpipe.shapes.optimisation.response import Response
 from handpipe.shapes.optimisation.settings import SearchSettings
 from handpipe.shapes.optimisation.strain_space import Stage, State, Step
@@ -60,11 +60,11 @@ class AllTets:
         response = Response(state.body, held, state.x, state.unknowns, loose, self.frame)
         return GaussNewton(self.smoothness, response, self.rows(state, marks, weight), state.unknowns)
 
-    def rows(self, state: State, marks: Correspondence, weight: float) -> Rows:
+    def rows(self, state: State, marks: Correspondence, weight: float) -> MarkRows:
         """Weighted residuals of marks and attachments."""
         matrix, residuals = marks.rows(state.x)
         of_marks, of_holds = np.sqrt(weight), np.sqrt(self.settings.beta)
-        return Rows(
+        return MarkRows(
             sp.vstack([of_marks * matrix, of_holds * state.holds.wide], format="csr"),
             np.concatenate([of_marks * residuals, of_holds * state.holds.errors(state.x).ravel()]),
         )

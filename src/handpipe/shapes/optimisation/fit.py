@@ -18,7 +18,7 @@ from handpipe.mesh.tets import TetMesh
 from handpipe.shapes.observations.attached import Attached
 from handpipe.shapes.observations.correspondence import Correspondence, Markers
 from handpipe.shapes.observations.holds import Holds
-from handpipe.shapes.optimisation.search import Record, Search
+from handpipe.shapes.optimisation.search import Search, StepRecord
 from handpipe.shapes.optimisation.settings import ShapeOptions
 from handpipe.shapes.optimisation.smooth_fields import SmoothFields
 from handpipe.shapes.optimisation.strain_space import FindMarks, Stage, State
@@ -36,13 +36,13 @@ class ShapeFit:
         Fitted tet vertices in mm.
     strains : array (m, 6)
         Plastic strains as xx, xy, xz, yy, yz, zz.
-    record : list of Record
+    record : list of StepRecord
         Every step of the search.
     """
 
     vertices: Array
     strains: Array
-    record: list[Record] = field(default_factory=list)
+    record: list[StepRecord] = field(default_factory=list)
 
     def table(self) -> dict[str, list[float] | list[str]]:
         """The record by columns, for an artifact."""

@@ -41,7 +41,7 @@ MOST = 200  # iterations
 
 
 @dataclass(frozen=True)
-class Rows:
+class MarkRows:
     """Weighted residuals (k,) of the marks, linear in the positions: matrix (k, 3n)."""
 
     matrix: sp.csr_matrix
@@ -51,7 +51,7 @@ class Rows:
 class GaussNewton:
     """The quadratic model of one step, from strains `logs` (m, 6) at which the rows are linearised."""
 
-    def __init__(self, smoothness: Smoothness, response: Response, rows: Rows, logs: Array) -> None:
+    def __init__(self, smoothness: Smoothness, response: Response, rows: MarkRows, logs: Array) -> None:
         self.smoothness, self.response, self.rows, self.logs = smoothness, response, rows, logs
         self.mean = logs.mean(axis=0)
         uniform = rows.matrix @ response.uniform()

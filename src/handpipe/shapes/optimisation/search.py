@@ -39,7 +39,7 @@ MET = 1e-8  # of the objective: a mark off by 0.03 micrometres; below is roundin
 
 
 @dataclass(frozen=True)
-class Record:
+class StepRecord:
     """One step: errors in mm, eigenvalue the least of all plastic strains."""
 
     stage: str
@@ -70,7 +70,7 @@ class Search:
         self.mesh, self.space, self.settings, self.loads = mesh, space, settings, tuple(loads)
         self.body = Elastic(mesh.vertices, mesh.tets, settings.material)
         self.options = equilibrium.Options(name=name)
-        self.record: list[Record] = []
+        self.record: list[StepRecord] = []
         self.hindered = self.near = False
 
     def begin(self, holds: Holds, start: Array) -> State:
@@ -167,7 +167,7 @@ class Search:
         objective, length, begun = step
         errors = marks.distances(state.x)
         held = np.linalg.norm(state.holds.errors(state.x), axis=1)
-        found = Record(
+        found = StepRecord(
             stage=stage,
             objective=objective,
             marker_mean=float(errors.mean()) if len(errors) else 0.0,

@@ -73,11 +73,11 @@ class SearchSettings:
             value = getattr(self, name, lower)
             if not (math.isfinite(value) and lower <= value <= upper):
                 problem = f"is {value}, not between {lower:g} and {upper:g}"
-                raise InputError("Settings", name, problem, "Give a number in this range")
+                raise InputError("OrganSettings", name, problem, "Give a number in this range")
 
 
 @dataclass(frozen=True)
-class Settings(SearchSettings):
+class OrganSettings(SearchSettings):
     """Search settings for an organ whose marks may be few, wrong, or far from the template.
 
     Parameters

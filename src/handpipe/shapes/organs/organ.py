@@ -18,13 +18,13 @@ from handpipe.shapes.observations.given_frame import Sources, require_in_image, 
 from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
 from handpipe.shapes.observations.placement import placed
 from handpipe.shapes.observations.straight import loosened
-from handpipe.shapes.optimisation.search import Record
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.search import StepRecord
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.optimisation.strain_space import State
 from handpipe.shapes.organs.doubts import Doubts, examine
 from handpipe.shapes.organs.remeshing import Given, OnMesh
 from handpipe.shapes.organs.resume import FitCheckpoint
-from handpipe.shapes.organs.stages import NEW_TETS, Position, follow, plan
+from handpipe.shapes.organs.stages import NEW_TETS, FitPosition, follow, plan
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class OrganFit:
         Plastic strains from `rest`, under which the fitted organ is the equilibrium.
     carried : array (n0, 3)
         Positions in mm of the template's vertices in the fitted organ.
-    record : list of Record
+    record : list of StepRecord
         Every step.
     kept : boolean array (r,)
         Mask of the marks with a weight above zero at the end.
@@ -56,7 +56,7 @@ class OrganFit:
     rest: TetMesh
     strains: Array
     carried: Array
-    record: list[Record]
+    record: list[StepRecord]
     kept: BoolArray
     doubtful: BoolArray
     quality: Metrics
@@ -93,7 +93,7 @@ def fit_organ(
     observed: Observed,
     *,
     loads: Sequence[Potential] = (),
-    settings: Settings | None = None,
+    settings: OrganSettings | None = None,
     checkpoint: str | Path | None = None,
     sources: Sources | None = None,
 ) -> OrganFit:
@@ -110,7 +110,7 @@ def fit_organ(
         Marks, attachments, landmarks and image.
     loads : sequence of Potential
         Further potentials that act on the organ.
-    settings : Settings, optional
+    settings : OrganSettings, optional
         Weights and stopping criteria.
     checkpoint : path, optional
         File that is written after every step and removed at the end; an interrupted fit of the same input
@@ -135,7 +135,7 @@ def fit_organ(
     ----------
     Wang 2021 chapter 5.
     """
-    settings = settings or Settings()
+    settings = settings or OrganSettings()
     sources = sources or Sources()
     template = template.checked(sources.template)
     points = _checked_marks(observed.marks)
@@ -162,7 +162,7 @@ def fit_organ(
     file = None if checkpoint is None else FitCheckpoint(checkpoint, given)
     position = None if file is None else file.read()
     if position is None:
-        position = Position(task, task.search.begin(task.holds, start))
+        position = FitPosition(task, task.search.begin(task.holds, start))
     position = follow(position, plan(given), lambda p: None if file is None else file.write(p))
     if file is not None:
         file.done()
@@ -174,7 +174,7 @@ def _start(given: Given) -> Array:
     return placed(given.template, pairs, OnMesh.of_template(given).marks)
 
 
-def _finished(position: Position, template_marks: BoundaryMarks, start: Array, doubts: Doubts) -> OrganFit:
+def _finished(position: FitPosition, template_marks: BoundaryMarks, start: Array, doubts: Doubts) -> OrganFit:
     task, state = position.task, position.state
     kept = task.marks.weights(state.x) > 0
     return OrganFit(

@@ -28,8 +28,8 @@ from handpipe.shapes.observations.holds import Holds
 from handpipe.shapes.observations.image_marks import ImageMarks
 from handpipe.shapes.observations.marks import BoundaryMarks, with_landmarks
 from handpipe.shapes.optimisation.all_tets import AllTets
-from handpipe.shapes.optimisation.search import Record, Search
-from handpipe.shapes.optimisation.settings import Settings
+from handpipe.shapes.optimisation.search import Search, StepRecord
+from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.optimisation.strain_space import FindMarks, Stage, State
 from handpipe.shapes.strains.strain_frame import StrainFrame
 
@@ -54,7 +54,7 @@ class Given:
     known: Attached | None
     loads: tuple[Potential, ...]
     image: Volume | None
-    settings: Settings
+    settings: OrganSettings
 
 
 class OnMesh:
@@ -69,7 +69,7 @@ class OnMesh:
         mesh: TetMesh,
         carry: sp.csr_matrix | None,
         frame: StrainFrame | None,
-        record: list[Record],
+        record: list[StepRecord],
     ) -> None:
         """carry, frame: None where the mesh is the template itself."""
         self.given, self.mesh = given, mesh

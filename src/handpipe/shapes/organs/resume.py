@@ -16,10 +16,10 @@ from handpipe import __version__
 from handpipe.core import InputError, artifacts
 from handpipe.mesh.tets import TetMesh
 from handpipe.shapes.observations.attached import Attached
-from handpipe.shapes.optimisation.search import Record
+from handpipe.shapes.optimisation.search import StepRecord
 from handpipe.shapes.optimisation.strain_space import State
 from handpipe.shapes.organs.remeshing import Given, OnMesh
-from handpipe.shapes.organs.stages import Position
+from handpipe.shapes.organs.stages import FitPosition
 from handpipe.shapes.strains.strain_frame import StrainFrame
 
 log = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ class FitCheckpoint:
     def __init__(self, path: str | Path, given: Given) -> None:
         self.path, self.given, self.digest = Path(path), given, digest(given)
 
-    def read(self) -> Position | None:
+    def read(self) -> FitPosition | None:
         """The position of an earlier run of the same fit, if there is one."""
         if not self.path.exists():
             return None
@@ -52,7 +52,7 @@ class FitCheckpoint:
         log.info("continuing from %s: %d steps are done", self.path, len(position.task.search.record))
         return position
 
-    def write(self, position: Position) -> None:
+    def write(self, position: FitPosition) -> None:
         """Replace the file."""
         task, state = position.task, position.state
         frame = task.frame
@@ -75,7 +75,7 @@ class FitCheckpoint:
         """Remove the file."""
         self.path.unlink(missing_ok=True)
 
-    def _position(self, content: dict[str, Any]) -> Position:
+    def _position(self, content: dict[str, Any]) -> FitPosition:
         mesh = TetMesh(content["vertices"], content["tets"])
         shape = (len(self.given.template.vertices), len(mesh.vertices))
         arrays = content["carry"]
@@ -86,20 +86,20 @@ class FitCheckpoint:
         task = OnMesh(self.given, mesh, meshed, frame, record)
         body = task.search.strained(content["logs"])
         state = State(content["logs"], task.holds, body, content["x"], int(content["tangles"]))
-        return Position(task, state, *(int(content[n]) for n in ("stage", "first", "meshings")))
+        return FitPosition(task, state, *(int(content[n]) for n in ("stage", "first", "meshings")))
 
 
-def _records(columns: dict[str, NDArray]) -> list[Record]:
+def _records(columns: dict[str, NDArray]) -> list[StepRecord]:
     if not columns:
         return []
-    kinds = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(Record)}
+    kinds = {f.name: {"str": str, "int": int, "float": float}[str(f.type)] for f in fields(StepRecord)}
     rows = zip(*(columns[name] for name in kinds), strict=True)
-    return [Record(*(kind(v) for kind, v in zip(kinds.values(), row, strict=True))) for row in rows]
+    return [StepRecord(*(kind(v) for kind, v in zip(kinds.values(), row, strict=True))) for row in rows]
 
 
 def digest(given: Given) -> str:
     """SHA-256 in hexadecimal of all that a fit depends on."""
-    columns = [f.name for f in fields(Record)]
+    columns = [f.name for f in fields(StepRecord)]
     found = hashlib.sha256(f"{__version__} {columns} {given.settings!r}".encode())
 
     def add(*arrays: NDArray) -> None:

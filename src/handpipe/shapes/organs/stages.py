@@ -39,7 +39,7 @@ class Planned:
 
 
 @dataclass(frozen=True)
-class Position:
+class FitPosition:
     """Position of a fit: the stage, whose record begins with number `first`, and the meshes made so far."""
 
     task: OnMesh
@@ -77,7 +77,9 @@ def _growing(uses: str, alpha: float, uniform: int, most: int) -> list[Planned]:
     return [first, *(Planned(uses, uses, g * alpha, None, n) for g, n in zip(GROWTH, steps, strict=True))]
 
 
-def follow(position: Position, stages: Sequence[Planned], save: Callable[[Position], None]) -> Position:
+def follow(
+    position: FitPosition, stages: Sequence[Planned], save: Callable[[FitPosition], None]
+) -> FitPosition:
     """All steps that are left; `save` gets every position."""
     while position.stage < len(stages):
         position = _advanced(position, stages[position.stage])
@@ -85,7 +87,7 @@ def follow(position: Position, stages: Sequence[Planned], save: Callable[[Positi
     return position
 
 
-def _advanced(at: Position, stage: Planned) -> Position:
+def _advanced(at: FitPosition, stage: Planned) -> FitPosition:
     """One step, then new tets if it degraded them: with new tets the stage begins again."""
     search = at.task.search
     state, ended = search.advance(at.state, stage.on(at.task), at.first)

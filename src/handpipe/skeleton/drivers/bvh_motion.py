@@ -13,7 +13,7 @@ from handpipe.core import Array, InputError, RigidTransform
 from handpipe.skeleton.drivers.bone_lines import bone_lines, bone_tips, joint_places
 from handpipe.skeleton.drivers.bvh import POSITIONS, Bvh, BvhJoint, read_bvh
 from handpipe.skeleton.joints.angles import Angles
-from handpipe.skeleton.posing.inverse_kinematics import Options, solve
+from handpipe.skeleton.posing.inverse_kinematics import ReachOptions, solve
 from handpipe.skeleton.posing.targets import LEVER, Orientation
 from handpipe.skeleton.rig.rig import Rig
 
@@ -95,7 +95,9 @@ def read_bvh_angles(path: str | Path, rig: Rig, names: Mapping[str, str] | None 
     angles: Angles = {}
     for i, frame in enumerate(_names(bvh)):
         targets = [Orientation(b, r[i]) for b, r in wanted.items() if b != rig.root]
-        found = solve(rig, targets, start=angles, options=Options(rest_weight=REST_WEIGHT, restarts=i == 0))
+        found = solve(
+            rig, targets, start=angles, options=ReachOptions(rest_weight=REST_WEIGHT, restarts=i == 0)
+        )
         angles = frames[frame] = found.angles
         if max(found.distances) > LEVER * UNMET:
             LOG.warning("%s: %s: %s", path, frame, found)

@@ -17,7 +17,7 @@ from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
 from handpipe.skeleton.drivers.landmarks import FINGERS, LANDMARKS, Hand, HandLandmarks, read_landmarks
 from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.joints.limits import long_axis
-from handpipe.skeleton.posing.inverse_kinematics import Options, Reach, solve
+from handpipe.skeleton.posing.inverse_kinematics import Reach, ReachOptions, solve
 from handpipe.skeleton.posing.targets import Direction, Position, Target
 from handpipe.skeleton.rig.rig import Rig
 
@@ -127,7 +127,7 @@ class LandmarkFit:
     turn: float
 
     @staticmethod
-    def of(found: Reach, targets: Sequence[Target]) -> LandmarkFit:
+    def measure(found: Reach, targets: Sequence[Target]) -> LandmarkFit:
         """The residuals of what inverse kinematics found."""
         pairs = [*zip(found.distances, targets, strict=True)]
         places = [d / LEAN for d, t in pairs if isinstance(t, Position)]
@@ -174,7 +174,7 @@ def landmark_angles(
     mirror = np.array([-1.0, 1, 1]) if landmarks.hand not in (None, hand) else np.ones(3)
     frames: dict[str, Angles] = {}
     angles: Angles = {}
-    options = Options(rest_weight=REST_WEIGHT, tolerance=TOLERANCE)
+    options = ReachOptions(rest_weight=REST_WEIGHT, tolerance=TOLERANCE)
     for name, points in zip(landmarks.names, landmarks.points * mirror, strict=True):
         seen = dict(zip(LANDMARKS, points, strict=True))
         angles = fit_points(seen, rig, where, angles, options, f"{source}: {name}").angles
@@ -183,7 +183,7 @@ def landmark_angles(
 
 
 def fit_points(
-    seen: Mapping[str, Array], rig: Rig, where: LandmarkMap, start: Angles, options: Options, source: str
+    seen: Mapping[str, Array], rig: Rig, where: LandmarkMap, start: Angles, options: ReachOptions, source: str
 ) -> LandmarkFit:
     """Angles that bring the rig's bones nearest to landmarks (3,) by name, from initial angles in rad."""
     angles = start
@@ -193,7 +193,7 @@ def fit_points(
         targets = _targets(placed, rig, where)
         found = solve(rig, targets, start=angles, options=options)
         angles = found.angles
-    return LandmarkFit.of(found, targets)
+    return LandmarkFit.measure(found, targets)
 
 
 def _place_palm(

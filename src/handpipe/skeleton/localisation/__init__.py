@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.skeleton.localisation.bright_solids import Shape, Solid, find_solids
+    from handpipe.skeleton.localisation.bright_solids import BrightSolid, SolidShape, find_solids
     from handpipe.skeleton.localisation.locating import HandModel, locate, moved_surfaces
     from handpipe.skeleton.localisation.location_confidence import confidences, read_located, write_located
     from handpipe.skeleton.localisation.named_solids import Named, TemplateHand, name_solids
@@ -14,10 +14,10 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "BrightSolid",
     "HandModel",
     "Named",
-    "Shape",
-    "Solid",
+    "SolidShape",
     "TemplateHand",
     "confidences",
     "find_solids",

@@ -36,7 +36,7 @@ FEWEST = 50  # samples deep inside a surface; with fewer, all inside it count
 
 
 @dataclass(frozen=True)
-class Shape:
+class SolidShape:
     """Ends and size of a solid.
 
     Parameters
@@ -57,7 +57,7 @@ class Shape:
     volume: float
 
     @staticmethod
-    def fit(points: Array, volume: float) -> Shape:
+    def fit(points: Array, volume: float) -> SolidShape:
         """From points (n, 3) that fill it."""
         middle = points.mean(axis=0)
         axis = np.linalg.eigh(np.cov((points - middle).T))[1][:, -1]
@@ -66,16 +66,16 @@ class Shape:
         low, high = float(along.min()), float(along.max())
         rim = END * (high - low)
         ends = [points[along <= low + rim].mean(axis=0), points[along >= high - rim].mean(axis=0)]
-        return Shape(np.array(ends), high - low, 2 * float(np.sqrt((across**2).mean())), volume)
+        return SolidShape(np.array(ends), high - low, 2 * float(np.sqrt((across**2).mean())), volume)
 
     @staticmethod
-    def inside(surface: Surface, depth: float) -> Shape:
+    def inside(surface: Surface, depth: float) -> SolidShape:
         """Of what a closed surface encloses at least `depth` mm below it."""
         low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
         points = np.random.default_rng(0).uniform(low, high, (SAMPLES, 3))
         signed = Distance(surface).signed(points)[0]
         kept = points[signed < -depth] if (signed < -depth).sum() > FEWEST else points[signed < 0]
-        return Shape.fit(kept, float(np.prod(high - low)) * len(kept) / SAMPLES)
+        return SolidShape.fit(kept, float(np.prod(high - low)) * len(kept) / SAMPLES)
 
     @property
     def slim(self) -> bool:
@@ -89,14 +89,14 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Solid:
+class BrightSolid:
     """A connected bright part of an image.
 
     Parameters
     ----------
     voxels : array (n, 3) of int
         Its voxels.
-    shape : Shape
+    shape : SolidShape
         Its ends and size.
     enclosed : float
         Share of its boundary that has a dark shell.
@@ -105,12 +105,12 @@ class Solid:
     """
 
     voxels: IntArray
-    shape: Shape
+    shape: SolidShape
     enclosed: float
     places: Array
 
 
-def find_solids(normalised: Volume) -> list[Solid]:
+def find_solids(normalised: Volume) -> list[BrightSolid]:
     """The connected bright parts of an image that have a bone's size and a dark shell.
 
     Parts of several thresholds may be parts of one another; of nearly equal ones the best enclosed is kept.
@@ -122,12 +122,12 @@ def find_solids(normalised: Volume) -> list[Solid]:
 
     Returns
     -------
-    list of Solid
+    list of BrightSolid
         Best enclosed first.
     """
     size = 2 * np.ceil(SHELL / normalised.spacing).astype(int) + 1
     shell = ndimage.minimum_filter(normalised.values, tuple(size)) < DARK
-    kept: list[tuple[Solid, IntArray]] = []
+    kept: list[tuple[BrightSolid, IntArray]] = []
     for solid in sorted(_solids(normalised, shell), key=lambda s: -s.enclosed):
         flat = np.ravel_multi_index(tuple(solid.voxels.T), normalised.shape)
         if not any(_same(solid, flat, other, known) for other, known in kept):
@@ -135,7 +135,7 @@ def find_solids(normalised: Volume) -> list[Solid]:
     return [solid for solid, _ in kept]
 
 
-def _solids(normalised: Volume, shell: BoolArray) -> Iterator[Solid]:
+def _solids(normalised: Volume, shell: BoolArray) -> Iterator[BrightSolid]:
     """Connected parts above each threshold, as they are and parted where they touch by few voxels."""
     voxel = float(np.prod(normalised.spacing))
     least, most = (volume / voxel for volume in VOLUMES)
@@ -156,11 +156,11 @@ def _solids(normalised: Volume, shell: BoolArray) -> Iterator[Solid]:
             if enclosed >= ENCLOSED:
                 voxels = np.argwhere(own) + low
                 places = normalised.to_world(voxels)
-                shape = Shape.fit(places, len(voxels) * voxel)
-                yield Solid(voxels, shape, enclosed, places[:: max(len(places) // PLACES, 1)])
+                shape = SolidShape.fit(places, len(voxels) * voxel)
+                yield BrightSolid(voxels, shape, enclosed, places[:: max(len(places) // PLACES, 1)])
 
 
-def _same(solid: Solid, flat: IntArray, other: Solid, known: IntArray) -> bool:
+def _same(solid: BrightSolid, flat: IntArray, other: BrightSolid, known: IntArray) -> bool:
     """Whether two solids share most of their voxels, given by their numbers in the image."""
     if np.linalg.norm(solid.shape.middle - other.shape.middle) > NEAR:
         return False

@@ -13,7 +13,7 @@ from itertools import combinations, product
 import numpy as np
 
 from handpipe.core import Array
-from handpipe.skeleton.localisation.bright_solids import Shape, Solid
+from handpipe.skeleton.localisation.bright_solids import BrightSolid, SolidShape
 
 SCALES = (0.6, 1.5)  # of the template: from a child's hand to the largest
 ALIKE = 0.18  # logarithm of the ratio of two bones' scales
@@ -66,16 +66,18 @@ class Placed:
     solids: dict[str, tuple[int, bool]]
 
 
-def layouts(template: Mapping[str, Shape], seeds: Sequence[str], solids: Sequence[Solid]) -> list[Placed]:
+def layouts(
+    template: Mapping[str, SolidShape], seeds: Sequence[str], solids: Sequence[BrightSolid]
+) -> list[Placed]:
     """Ways in which a template hand may lie in an image, the likeliest first.
 
     Parameters
     ----------
-    template : mapping of str to Shape
+    template : mapping of str to SolidShape
         The template's bones that keep their places among one another: those at the root and next to it.
     seeds : sequence of str
         Of these, the long bones of which pairs give trials.
-    solids : sequence of Solid
+    solids : sequence of BrightSolid
         Bright solids of the image.
 
     Returns
@@ -96,7 +98,7 @@ def layouts(template: Mapping[str, Shape], seeds: Sequence[str], solids: Sequenc
 
 
 def _trials(
-    template: Mapping[str, Shape], seeds: Sequence[str], shapes: Sequence[Shape]
+    template: Mapping[str, SolidShape], seeds: Sequence[str], shapes: Sequence[SolidShape]
 ) -> Iterator[Similarity]:
     """Similarities of pairs of bones and pairs of solids of like lengths, either way round."""
     lengths, widths = (np.array([getattr(s, size) for s in shapes]) for size in ("length", "width"))
@@ -120,7 +122,9 @@ def _trials(
                     yield trial
 
 
-def _settled(template: Mapping[str, Shape], trial: Similarity, ends: Array, long: Sequence[int]) -> Placed:
+def _settled(
+    template: Mapping[str, SolidShape], trial: Similarity, ends: Array, long: Sequence[int]
+) -> Placed:
     """The similarity fitted to all bones that have a solid in their place."""
     bones = [*template]
     source = np.array([template[bone].ends for bone in bones])

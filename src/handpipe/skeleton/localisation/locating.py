@@ -99,19 +99,19 @@ class HandModel:
 
 
 @dataclass(frozen=True)
-class Guess:
+class BodyMotions:
     """Motions of some bodies, by number, and their score."""
 
     motions: dict[int, RigidTransform]
     score: float = 0.0
 
-    def with_body(self, number: int, motion: RigidTransform, score: float) -> Guess:
+    def with_body(self, number: int, motion: RigidTransform, score: float) -> BodyMotions:
         """The same guess with the motion of body `number`, and `score` added to its own."""
-        return Guess({**self.motions, number: motion}, self.score + score)
+        return BodyMotions({**self.motions, number: motion}, self.score + score)
 
 
 @dataclass
-class Search:
+class PoseSearch:
     """One pose's search: the neutral model, the image's evidence, and reproducible random trials."""
 
     model: HandModel
@@ -129,9 +129,9 @@ class Search:
                 break
         return max(found, key=lambda pair: pair[1])[0]
 
-    def branch(self, links: Sequence[Link], root: RigidTransform) -> list[Guess]:
+    def branch(self, links: Sequence[Link], root: RigidTransform) -> list[BodyMotions]:
         """Guesses of all bodies beyond one joint of the root, best first."""
-        guesses = [Guess({0: root})]
+        guesses = [BodyMotions({0: root})]
         for link in links:
             longer = [
                 guess.with_body(link.child, motion, score)
@@ -142,7 +142,7 @@ class Search:
             guesses = sorted((g for g in longer if g.score > best - BEHIND), key=lambda g: -g.score)[:GUESSES]
         return guesses
 
-    def _children(self, link: Link, guess: Guess) -> list[tuple[RigidTransform, float]]:
+    def _children(self, link: Link, guess: BodyMotions) -> list[tuple[RigidTransform, float]]:
         """Motions of a joint's child, and their scores from the image, the joint and overlaps."""
         body, parent = self.model.bodies[link.child], guess.motions[link.parent]
         found = []
@@ -195,7 +195,7 @@ def locate(model: HandModel, evidence: MarrowEvidence) -> dict[str, RigidTransfo
     dict of str to RigidTransform
         Transform from neutral to the pose's frame (mm) by bone.
     """
-    search = Search(model, evidence)
+    search = PoseSearch(model, evidence)
     root = search.root()
     branches = [search.branch(links, root) for links in _branches(model.links)]
     chosen = _without_overlap(model, branches)
@@ -237,7 +237,7 @@ def _branches(links: Sequence[Link]) -> list[list[Link]]:
     return found
 
 
-def _without_overlap(model: HandModel, branches: Sequence[Sequence[Guess]]) -> list[Guess]:
+def _without_overlap(model: HandModel, branches: Sequence[Sequence[BodyMotions]]) -> list[BodyMotions]:
     """One guess of each branch: the combination with the highest score, overlaps deducted."""
     shared = {
         (a, i, b, j): _crowd(model, branches[a][i], branches[b][j])
@@ -253,7 +253,7 @@ def _without_overlap(model: HandModel, branches: Sequence[Sequence[Guess]]) -> l
     return [branches[a][i] for a, i in enumerate(best)]
 
 
-def _crowd(model: HandModel, a: Guess, b: Guess) -> float:
+def _crowd(model: HandModel, a: BodyMotions, b: BodyMotions) -> float:
     """Overlaps of the bodies of two branches, summed."""
     return sum(
         model.bodies_overlap(n, s, m, t)

@@ -23,7 +23,7 @@ NONE = 0.625  # of the usual share of edges, at which there is no confidence
 
 
 @dataclass(frozen=True)
-class Confidence:
+class LocationConfidence:
     """Evidence for a bone's place.
 
     Parameters
@@ -80,7 +80,7 @@ def of_edges(share: float, usual: float = USUAL) -> float:
 
 def confidences(
     model: HandModel, normalised: Volume, found: Mapping[str, RigidTransform]
-) -> dict[str, Confidence]:
+) -> dict[str, LocationConfidence]:
     """Confidence in the place of every bone.
 
     Parameters
@@ -94,7 +94,7 @@ def confidences(
 
     Returns
     -------
-    dict of str to Confidence
+    dict of str to LocationConfidence
         Confidence by bone.
     """
     motions = [found[body.bones[0]] for body in model.bodies]
@@ -112,14 +112,14 @@ def confidences(
                 (model.overlap(bone, found[bone], o, t) for o, t in found.items() if o != bone), default=0.0
             )
             of_joints = carried[number], departures.get(number)
-            result[bone] = Confidence(agrees.share, agrees.seen, overlap, *of_joints, model.edges)
+            result[bone] = LocationConfidence(agrees.share, agrees.seen, overlap, *of_joints, model.edges)
     return result
 
 
 def write_located(
     path: str | Path,
     motions: Mapping[str, RigidTransform],
-    sure: Mapping[str, Confidence],
+    sure: Mapping[str, LocationConfidence],
     inputs: Sequence[str | Path],
 ) -> None:
     """Write where bones were found, and the evidence for it, as an artifact.
@@ -130,7 +130,7 @@ def write_located(
         File to write.
     motions : mapping of str to RigidTransform
         Transforms from neutral (mm) by bone.
-    sure : mapping of str to Confidence
+    sure : mapping of str to LocationConfidence
         Confidence in each of these bones.
     inputs : sequence of str or Path
         Files that the places were computed from; the artifact records their hashes.
@@ -149,7 +149,7 @@ def write_located(
     artifacts.write(path, data, kind=KIND, units=units, inputs=inputs)
 
 
-def read_located(path: str | Path) -> tuple[dict[str, RigidTransform], dict[str, Confidence]]:
+def read_located(path: str | Path) -> tuple[dict[str, RigidTransform], dict[str, LocationConfidence]]:
     """Where bones were found, and the evidence for it.
 
     Parameters
@@ -161,7 +161,7 @@ def read_located(path: str | Path) -> tuple[dict[str, RigidTransform], dict[str,
     -------
     motions : dict of str to RigidTransform
         Transforms from neutral (mm) by bone.
-    sure : dict of str to Confidence
+    sure : dict of str to LocationConfidence
         Confidence by bone.
 
     Raises
@@ -174,5 +174,5 @@ def read_located(path: str | Path) -> tuple[dict[str, RigidTransform], dict[str,
         motions[bone] = RigidTransform(d["rotation"], d["translation"])
         joint = {part: float(v) for part, v in d["departure"].items()} if "departure" in d else None
         edges, seen, overlap, carried = (float(d[p]) for p in ("edges", "seen", "overlap", "carried"))
-        sure[bone] = Confidence(edges, seen, overlap, carried, Departure(**joint) if joint else None)
+        sure[bone] = LocationConfidence(edges, seen, overlap, carried, Departure(**joint) if joint else None)
     return motions, sure

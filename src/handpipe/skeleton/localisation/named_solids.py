@@ -19,7 +19,7 @@ from handpipe.core import Array, BoolArray
 from handpipe.core.configuration import Dataset
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.bones.bodies import bodies
-from handpipe.skeleton.localisation.bright_solids import Shape, Solid
+from handpipe.skeleton.localisation.bright_solids import BrightSolid, SolidShape
 from handpipe.skeleton.localisation.hand_layout import Placed, Similarity, layouts
 from handpipe.skeleton.localisation.joint_search import falling
 
@@ -50,7 +50,7 @@ class Named:
 
     Parameters
     ----------
-    solid : Solid or None
+    solid : BrightSolid or None
         None where none was found.
     confidence : float
         In [0, 1].
@@ -58,7 +58,7 @@ class Named:
         What speaks against it most, in words.
     """
 
-    solid: Solid | None
+    solid: BrightSolid | None
     confidence: float
     reason: str
 
@@ -69,7 +69,7 @@ class Named:
 
 
 @dataclass(frozen=True)
-class Joint:
+class JointGap:
     """A joint of the template: which ends of its bones meet, and how far apart, in mm."""
 
     parent: str
@@ -85,22 +85,22 @@ class TemplateHand:
 
     Parameters
     ----------
-    shapes : dict of str to Shape
+    shapes : dict of str to SolidShape
         The marrow of each bone.
     near_root : list of str
         Bones that keep their places among one another, roughly: those of the root and next to it.
-    rays : list of list of Joint
+    rays : list of list of JointGap
         Joints outwards of each bone next to the root.
     """
 
-    shapes: dict[str, Shape]
+    shapes: dict[str, SolidShape]
     near_root: list[str]
-    rays: list[list[Joint]]
+    rays: list[list[JointGap]]
 
     @staticmethod
     def build(dataset: Dataset, whole: Mapping[str, Surface]) -> TemplateHand:
         """From the template's whole bones and the joints between them."""
-        shapes = {bone: Shape.inside(whole[bone], CORTEX) for bone in dataset.bones}
+        shapes = {bone: SolidShape.inside(whole[bone], CORTEX) for bone in dataset.bones}
         root = next((group for group in bodies(dataset) if dataset.root_bone in group), (dataset.root_bone,))
         moving = [joint for joint in dataset.joints.values() if joint.angles]
         beside = [j.child for j in moving if j.parent in root and not shapes[j.parent].slim]
@@ -115,11 +115,11 @@ class TemplateHand:
         return TemplateHand(shapes, near_root, rays)
 
 
-def _joint(shapes: Mapping[str, Shape], parent: str, child: str) -> Joint:
+def _joint(shapes: Mapping[str, SolidShape], parent: str, child: str) -> JointGap:
     """The ends of two bones that are nearest to one another in the template."""
     apart = np.linalg.norm(shapes[parent].ends[:, None] - shapes[child].ends[None], axis=-1)
     i, j = np.unravel_index(int(apart.argmin()), (2, 2))
-    return Joint(parent, child, int(i), int(j), float(apart[i, j]))
+    return JointGap(parent, child, int(i), int(j), float(apart[i, j]))
 
 
 @dataclass(frozen=True)
@@ -152,11 +152,11 @@ class Naming:
 
 
 @dataclass(frozen=True)
-class Search:
+class ImageSolids:
     """One image's solids, and which of them overlap, (n, n)."""
 
     hand: TemplateHand
-    solids: Sequence[Solid]
+    solids: Sequence[BrightSolid]
     overlapping: BoolArray
 
     def naming(self, placed: Placed) -> Naming:
@@ -224,7 +224,7 @@ class Search:
             ends[bone] = _ordered(self.solids[column].shape.ends, at(self.hand.shapes[bone].ends))
         return named, ends
 
-    def _place_cost(self, bone: str, solid: Solid, at: Similarity) -> float:
+    def _place_cost(self, bone: str, solid: BrightSolid, at: Similarity) -> float:
         """How unlike a solid is to a bone near the root in size and place."""
         own, shape = self.hand.shapes[bone], solid.shape
         cost = self._size_cost(bone, solid, at.scale)
@@ -236,7 +236,7 @@ class Search:
             off = float(np.linalg.norm(shape.middle - at(own.middle)))
         return cost + float((off / (PLACE * at.scale)) ** 2)
 
-    def _size_cost(self, bone: str, solid: Solid, scale: float) -> float:
+    def _size_cost(self, bone: str, solid: BrightSolid, scale: float) -> float:
         own, shape = self.hand.shapes[bone], solid.shape
         cost = ((1 - solid.enclosed) / OPEN) ** 2
         if own.slim:
@@ -246,7 +246,7 @@ class Search:
         return float(cost + (np.log(shape.volume / (scale**3 * own.volume)) / VOLUMES) ** 2)
 
     def _chains(
-        self, ray: Sequence[Joint], named: Naming, ends: Mapping[str, Array], scale: float
+        self, ray: Sequence[JointGap], named: Naming, ends: Mapping[str, Array], scale: float
     ) -> Iterator[Naming]:
         """The best chains of solids outwards from a bone; where one is missing, all beyond it are."""
         if not ray or ray[0].parent not in ends:
@@ -264,7 +264,7 @@ class Search:
             chains = sorted(longer, key=lambda c: c[0].cost + LOST * (len(ray) - len(c[0].costs)))[:PARTIAL]
         yield from (naming for naming, _ in chains[:CHAINS])
 
-    def _children(self, joint: Joint, parent: Array, scale: float) -> Iterator[tuple[int, Array, float]]:
+    def _children(self, joint: JointGap, parent: Array, scale: float) -> Iterator[tuple[int, Array, float]]:
         """Solids that may be a joint's child: number, ends in the template's order, cost."""
         start, outwards = parent[joint.parent_end], parent[joint.parent_end] - parent[1 - joint.parent_end]
         for k, solid in enumerate(self.solids):
@@ -286,14 +286,14 @@ def _ordered(ends: Array, like: Array) -> Array:
     return ends if straight <= np.linalg.norm(ends[::-1] - like, axis=1).max() else ends[::-1]
 
 
-def name_solids(hand: TemplateHand, solids: Sequence[Solid]) -> dict[str, Named]:
+def name_solids(hand: TemplateHand, solids: Sequence[BrightSolid]) -> dict[str, Named]:
     """The solid of each bone, and how sure it is.
 
     Parameters
     ----------
     hand : TemplateHand
         A template hand of any size, of the same side.
-    solids : sequence of Solid
+    solids : sequence of BrightSolid
         Bright solids of the image.
 
     Returns
@@ -303,12 +303,12 @@ def name_solids(hand: TemplateHand, solids: Sequence[Solid]) -> dict[str, Named]
     """
     near = {bone: hand.shapes[bone] for bone in hand.near_root}
     ways = layouts(near, [bone for bone in near if near[bone].slim], solids)[:WAYS]
-    search = Search(hand, solids, _overlapping(solids))
+    search = ImageSolids(hand, solids, _overlapping(solids))
     tried = sorted(((search.naming(placed), placed) for placed in ways), key=lambda n: n[0].cost)
     if not tried:
         return {bone: Named(None, 0.0, "no metacarpals were found") for bone in hand.shapes}
     namings, (best, placed) = [naming for naming, _ in tried], tried[0]
-    doubts = Doubts(search.rivals(placed, best), search.parted(placed, best))
+    doubts = NamingDoubts(search.rivals(placed, best), search.parted(placed, best))
     carried = {j.child: j.parent for ray in hand.rays for j in ray}
     found: dict[str, Named] = {}
     for bone in (*hand.near_root, *(j.child for ray in hand.rays for j in ray)):
@@ -326,14 +326,16 @@ def name_solids(hand: TemplateHand, solids: Sequence[Solid]) -> dict[str, Named]
 
 
 @dataclass(frozen=True)
-class Doubts:
+class NamingDoubts:
     """What else speaks against the best naming: rivals of bones, and bones that may be parts of one."""
 
     rivals: dict[str, float]
     parted: dict[str, str]
 
 
-def _named(bone: str, naming: Naming, solids: Sequence[Solid], before: float, doubts: Doubts) -> Named:
+def _named(
+    bone: str, naming: Naming, solids: Sequence[BrightSolid], before: float, doubts: NamingDoubts
+) -> Named:
     if bone not in naming.solids:
         return Named(None, 0.0, "no solid of its size is in its place")
     solid = solids[naming.solids[bone]]
@@ -361,7 +363,7 @@ def _margin(bone: str, namings: Sequence[Naming], overlapping: BoolArray) -> flo
     return (min(rivals) - best.cost) / LOST if rivals else np.inf
 
 
-def _overlapping(solids: Sequence[Solid]) -> BoolArray:
+def _overlapping(solids: Sequence[BrightSolid]) -> BoolArray:
     """Which solids share voxels (n, n), themselves included."""
     voxels = [set(map(tuple, s.voxels.tolist())) for s in solids]
     boxes = np.array([[s.voxels.min(axis=0), s.voxels.max(axis=0)] for s in solids]).reshape(-1, 2, 3)

@@ -17,7 +17,7 @@ from handpipe.imaging.evidence import MarrowEvidence
 from handpipe.skeleton.localisation.bone_probes import MovingBones
 from handpipe.skeleton.localisation.edge_agreement import agreement, onto_edges
 from handpipe.skeleton.localisation.locating import HandModel
-from handpipe.skeleton.localisation.location_confidence import Confidence, confidences
+from handpipe.skeleton.localisation.location_confidence import LocationConfidence, confidences
 from handpipe.skeleton.localisation.motion_search import FEW, Motions, best_distinct, coarse_contrast
 
 TRIALS = 300  # of a joint that are followed: all of a hinge's
@@ -29,8 +29,8 @@ def search_again(
     hand: HandModel,
     evidence: MarrowEvidence,
     motions: Mapping[str, RigidTransform],
-    sure: Mapping[str, Confidence],
-) -> tuple[dict[str, RigidTransform], dict[str, Confidence]]:
+    sure: Mapping[str, LocationConfidence],
+) -> tuple[dict[str, RigidTransform], dict[str, LocationConfidence]]:
     """Motions and confidences after a second search for marked and doubtful bones.
 
     Parents come before the bones that they carry. A bone keeps its place if no place with more confidence is
@@ -44,14 +44,14 @@ def search_again(
         Image of the pose.
     motions : mapping of str to RigidTransform
         Transforms from neutral by bone, as `locate` gives them.
-    sure : mapping of str to Confidence
+    sure : mapping of str to LocationConfidence
         Confidence by bone, as `confidences` gives it.
 
     Returns
     -------
     motions : dict of str to RigidTransform
         Transforms from neutral (mm) by bone.
-    sure : dict of str to Confidence
+    sure : dict of str to LocationConfidence
         Confidence by bone.
     """
     motions, sure = dict(motions), dict(sure)

@@ -26,20 +26,20 @@ def _bone(value: Any) -> Any:
     return {"bone": value} if isinstance(value, str) else value
 
 
-class Place(Model):
+class BonePoint(Model):
     """A point of a bone: its pad (skin palmar of its end), its tip, or neutral coordinates in mm."""
 
     bone: Name
     at: Literal["pad", "tip"] | Vector = "pad"
 
 
-class Goal(Place):
+class Goal(BonePoint):
     """A point of a bone, and where it is to be in mm in the neutral frame, with the root bone at rest."""
 
     to: Vector
 
 
-End = Annotated[Place, BeforeValidator(_bone)]
+End = Annotated[BonePoint, BeforeValidator(_bone)]
 
 
 class TargetKey(Model):

@@ -17,15 +17,15 @@ from handpipe.core import Array
 from handpipe.skeleton.drivers.bone_lines import bone_tips, joint_places
 from handpipe.skeleton.motion.interpolation import angles_between, spline
 from handpipe.skeleton.motion.motion import Motion
-from handpipe.skeleton.motion.target_file import Goal, Place, TargetKey, read_targets
-from handpipe.skeleton.posing.inverse_kinematics import Limits, Options, Reach, solve
+from handpipe.skeleton.motion.target_file import BonePoint, Goal, TargetKey, read_targets
+from handpipe.skeleton.posing.inverse_kinematics import Limits, Reach, ReachOptions, solve
 from handpipe.skeleton.posing.targets import Apart, Meeting, Position, Target
 from handpipe.skeleton.posing.validity import PoseValidity
 from handpipe.skeleton.rig.rig import Rig
 
 LOG = logging.getLogger(__name__)
 MET = 1.0  # mm; a target that is as near is met
-OPTIONS = Options(rest_weight=2.0, tolerance=MET)  # mm that a rad from the key's own pose counts as
+OPTIONS = ReachOptions(rest_weight=2.0, tolerance=MET)  # mm that a rad from the key's own pose counts as
 NEAR = replace(OPTIONS, restarts=False)
 PARTINGS, LASTING = 6, 2  # rounds of pushing colliding bones apart; rounds for which a push lasts
 PUSH = 3.0  # a millimetre of penetration beside one of a target
@@ -49,7 +49,7 @@ def read_target_motion(path: str | Path, rig: Rig) -> Motion:
     Returns
     -------
     Motion
-        Frames; `target_distance` in mm of those with targets. What is not reached is said by key.
+        Frames; `target_distance` in mm of those with targets. Keys whose targets are not reached are named.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def read_target_motion(path: str | Path, rig: Rig) -> Motion:
         touches, goals = _shared(*pair)
         if not (touches or goals):
             continue
-        paths = [_Path.of(file.keys, times.times, goal) for goal in goals]
+        paths = [_Path.through(file.keys, times.times, goal) for goal in goals]
         between = (at > times.times[first] + 1e-6) & (at < times.times[first + 1] - 1e-6)
         for frame in np.flatnonzero(between):
             asked = [solver.meeting(*touch) for touch in touches]
@@ -95,7 +95,7 @@ class _Path:
     places: Array
 
     @staticmethod
-    def of(keys: Sequence[TargetKey], times: Array, spot: Spot) -> _Path:
+    def through(keys: Sequence[TargetKey], times: Array, spot: Spot) -> _Path:
         given = [(t, g.to) for key, t in zip(keys, times, strict=True) for g in key.reach if _spot(g) == spot]
         return _Path(spot, np.array([t for t, _ in given]), np.array([place for _, place in given]))
 
@@ -173,7 +173,7 @@ class TargetSolver:
         """Angles by all targets, with the distances of the first ones alone."""
         found = solve(self.rig, [*targets, *further], start=start, rest=rest, limits=limits, options=NEAR)
         left = found.distances[: len(targets)]
-        return Reach(found.angles, left, found.held if max(left, default=0.0) > MET else {}, MET)
+        return Reach(found.angles, left, found.at_limits if max(left, default=0.0) > MET else {}, MET)
 
     def facing(self, touches: Sequence[tuple[Spot, Spot]]) -> list[Target]:
         """That pads which touch face each other: a point before each is to be behind the other."""
@@ -203,7 +203,7 @@ class TargetSolver:
         return np.array(at, float)
 
 
-def _spot(place: Place | Goal) -> Spot:
+def _spot(place: BonePoint | Goal) -> Spot:
     return place.bone, place.at
 
 

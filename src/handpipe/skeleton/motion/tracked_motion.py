@@ -25,7 +25,7 @@ from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.motion.interpolation import spline
 from handpipe.skeleton.motion.motion import Motion
 from handpipe.skeleton.motion.tracks import NAMES, Track, frame_times, read_track
-from handpipe.skeleton.posing.inverse_kinematics import Options
+from handpipe.skeleton.posing.inverse_kinematics import ReachOptions
 from handpipe.skeleton.rig.rig import Rig
 
 REST_WEIGHT = 0.3  # 1, of the rest pose against the points: angles that points do not tell stay small
@@ -102,7 +102,7 @@ def _fitted(
         seen = dict(zip(NAMES, track.points[i] * mirror, strict=True))
         if track.directions is not None:
             seen["WRIST"] = wrist(np.array([seen[n] for n in KNUCKLES]), track.directions[i] * mirror)
-        options = Options(rest_weight=REST_WEIGHT, tolerance=5.0, restarts=not angles)
+        options = ReachOptions(rest_weight=REST_WEIGHT, tolerance=5.0, restarts=not angles)
         found = fit_points(seen, rig, where, angles, options, f"{path}: {track.times[i]:.3f} s")
         angles = found.angles
         values.append([angles[n] for n in rig.angle_names])

@@ -36,7 +36,7 @@ class Reach:
         Angles in rad by name, within their limits.
     distances : tuple of float
         Remaining distance of each target in mm; orientations count by their lever.
-    held : dict of str to float
+    at_limits : dict of str to float
         Limits in rad, by angle, that keep the targets from coming nearer.
     tolerance : float
         Distance in mm within which a target is met.
@@ -44,7 +44,7 @@ class Reach:
 
     angles: Angles
     distances: tuple[float, ...]
-    held: dict[str, float]
+    at_limits: dict[str, float]
     tolerance: float
 
     @property
@@ -58,14 +58,14 @@ class Reach:
             return f"all targets are met within {self.tolerance:g} mm"
         worst = int(np.argmax(self.distances))
         text = f"target {worst + 1} is out of reach: {self.distances[worst]:.2f} mm are left"
-        if not self.held:
+        if not self.at_limits:
             return f"{text}; no joint limit holds it, the bones are too short"
-        limits = (f"{name} at its limit of {np.degrees(limit):.1f} deg" for name, limit in self.held.items())
+        limits = (f"{name} at its limit of {np.degrees(x):.1f} deg" for name, x in self.at_limits.items())
         return f"{text}; limited by {', '.join(limits)}"
 
 
 @dataclass(frozen=True)
-class Options:
+class ReachOptions:
     """How inverse kinematics searches.
 
     Parameters
@@ -94,7 +94,7 @@ def solve(
     rest: Mapping[str, float] | None = None,
     limits: Limits | None = None,
     root: RigidTransform | None = None,
-    options: Options | None = None,
+    options: ReachOptions | None = None,
 ) -> Reach:
     """Angles of least squared distances from all targets and, weakly, from the rest pose, within limits.
 
@@ -116,7 +116,7 @@ def solve(
         Limits in rad of the angles whose limits differ from the rig's; equal ones fix an angle.
     root : RigidTransform, optional
         Transform of the root bone from neutral, by default the identity.
-    options : Options, optional
+    options : ReachOptions, optional
         How to search.
 
     Returns
@@ -129,7 +129,7 @@ def solve(
     InputError
         If a target names an unknown bone, or a lower limit is above its upper one.
     """
-    options = options or Options()
+    options = options or ReachOptions()
     problem = _Problem.build(rig, targets, rest or {}, limits or {}, root, options)
     values = problem.minimise(problem.vector(start or {}))
     middle = (problem.lower + problem.upper) / 2
@@ -142,8 +142,8 @@ def solve(
             values = again
     angles = {name: float(v) for name, v in zip(rig.angle_names, values, strict=True)}
     distances = tuple(float(d) for d in problem.distances(values))
-    held = problem.held(values) if max(distances, default=0.0) > options.tolerance else {}
-    return Reach(angles, distances, held, options.tolerance)
+    at_limits = problem.at_limits(values) if max(distances, default=0.0) > options.tolerance else {}
+    return Reach(angles, distances, at_limits, options.tolerance)
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ class _Problem:
     lower: Array
     upper: Array
     root: RigidTransform | None
-    options: Options
+    options: ReachOptions
 
     @staticmethod
     def build(
@@ -165,7 +165,7 @@ class _Problem:
         rest: Mapping[str, float],
         limits: Limits,
         root: RigidTransform | None,
-        options: Options,
+        options: ReachOptions,
     ) -> _Problem:
         for number, target in enumerate(targets, start=1):
             for bone in target.bones:
@@ -240,7 +240,7 @@ class _Problem:
         LOG.warning("inverse kinematics stopped after %d steps, the last of %.1e rad", STEPS, moved)
         return values
 
-    def held(self, values: Array) -> dict[str, float]:
+    def at_limits(self, values: Array) -> dict[str, float]:
         """Angles at a limit which, wider by a degree, would bring the targets nearer by more than NOTABLE."""
         bones, gains = self._bones(values), np.zeros(len(values))
         for residual, jacobian in (target.residual(bones) for target in self.targets):

@@ -19,7 +19,7 @@ TOUCH = 0.3  # mm that bones may lie deeper in one another than in neutral: the 
 
 
 @dataclass(frozen=True)
-class Validity:
+class PoseCheck:
     """How far a pose is from the seen ones, and which bones collide in it.
 
     Parameters
@@ -62,7 +62,7 @@ class Validity:
 
 
 @dataclass(frozen=True)
-class Contact:
+class BonePenetration:
     """A neutral point (3,) of a bone inside another one.
 
     Parameters
@@ -116,7 +116,7 @@ class PoseValidity:
         zero = dict.fromkeys(rig.angle_names, 0.0)
         self._neutral = depths(rig, rig.bone_transforms(zero), self._distances, self._spheres)
 
-    def check(self, angles: Mapping[str, float]) -> Validity:
+    def check(self, angles: Mapping[str, float]) -> PoseCheck:
         """How far a pose is from the seen ones, and which bones collide in it.
 
         Parameters
@@ -126,7 +126,7 @@ class PoseValidity:
 
         Returns
         -------
-        Validity
+        PoseCheck
             What is known of the pose.
         """
         beyond = {}
@@ -140,9 +140,11 @@ class PoseValidity:
         found = depths(self.rig, self.rig.bone_transforms(angles), self._distances, self._spheres)
         deeper = {pair: d - self._neutral.get(pair, 0.0) for pair, d in found.items()}
         collisions = {pair: d for pair, d in deeper.items() if d > TOUCH}
-        return Validity(beyond, list(self.poses)[nearest], float(apart[nearest]), self._spacing(), collisions)
+        return PoseCheck(
+            beyond, list(self.poses)[nearest], float(apart[nearest]), self._spacing(), collisions
+        )
 
-    def contacts(self, angles: Mapping[str, float]) -> list[Contact]:
+    def contacts(self, angles: Mapping[str, float]) -> list[BonePenetration]:
         """Where bones lie deepest in one another, beyond what they do in neutral.
 
         Parameters
@@ -152,7 +154,7 @@ class PoseValidity:
 
         Returns
         -------
-        list of Contact
+        list of BonePenetration
             The deepest vertex of each bone of each colliding pair.
         """
         bones = self.rig.bone_transforms(angles)
@@ -164,7 +166,7 @@ class PoseValidity:
                 signed, _, closest, normals = self._distances[other].signed(across(vertices))
                 i, allowed = int(np.argmin(signed)), self._neutral.get(pair, 0.0)
                 if -signed[i] > allowed:
-                    found.append(Contact(bone, vertices[i], other, closest[i], normals[i], allowed))
+                    found.append(BonePenetration(bone, vertices[i], other, closest[i], normals[i], allowed))
         return found
 
     def _spacing(self) -> float:

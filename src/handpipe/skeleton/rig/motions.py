@@ -19,27 +19,27 @@ Registrations = Mapping[str, Mapping[str, Registration]]  # pose -> bone
 
 
 @dataclass(frozen=True)
-class Motions:
+class RelativeMotions:
     """Poses that have both bones, relative motions from neutral, and their noise (None: not known)."""
 
     poses: tuple[str, ...]
     relative: tuple[RigidTransform, ...]
     noise: tuple[MotionNoise, ...] | None
 
-    def leave_one_out(self) -> Iterator[tuple[Motions, RigidTransform]]:
+    def leave_one_out(self) -> Iterator[tuple[RelativeMotions, RigidTransform]]:
         """Every split into the motions of all poses but one and that one's; none where only one is there."""
         if len(self.poses) > 1:
             for i, left in enumerate(self.relative):
                 yield self.without(i), left
 
-    def without(self, i: int) -> Motions:
+    def without(self, i: int) -> RelativeMotions:
         """All motions but one."""
 
         def rest(items: tuple) -> tuple:
             return items[:i] + items[i + 1 :]
 
         noise = None if self.noise is None else rest(self.noise)
-        return Motions(rest(self.poses), rest(self.relative), noise)
+        return RelativeMotions(rest(self.poses), rest(self.relative), noise)
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def joint_motions(
     poses: Sequence[str],
     point: Array,
     noise: BoneNoise | None = None,
-) -> Motions:
+) -> RelativeMotions:
     """Motions of a joint's child relative to its parent, in the poses that have both.
 
     Parameters
@@ -104,10 +104,10 @@ def joint_motions(
 
     Returns
     -------
-    Motions
+    RelativeMotions
         Relative motions, and their noise if it is given.
     """
     there = tuple(p for p in poses if parent in transforms[p] and child in transforms[p])
     relative = tuple(transforms[p][parent].inverse() @ transforms[p][child] for p in there)
     known = None if noise is None else tuple(noise.of_motion(p, parent, child, point) for p in there)
-    return Motions(there, relative, known)
+    return RelativeMotions(there, relative, known)

@@ -23,7 +23,7 @@ from handpipe.skeleton.joints.joints import JointFit, Model, fit_joint
 from handpipe.skeleton.joints.limits import widened_limits
 from handpipe.skeleton.joints.residual import Residual
 from handpipe.skeleton.rig.explaining import explain
-from handpipe.skeleton.rig.motions import BoneNoise, Motions, Registrations, joint_motions
+from handpipe.skeleton.rig.motions import BoneNoise, Registrations, RelativeMotions, joint_motions
 from handpipe.skeleton.rig.rig_groups import angles_of_group, knowledge_of_group, rig_groups, rig_units
 
 LOG = logging.getLogger(__name__)
@@ -176,7 +176,7 @@ def outwards(dataset: Dataset) -> list[str]:
     return order
 
 
-def _fit_joint(joint: Joint, motions: Motions, near: Array, point: Array) -> JointFit:
+def _fit_joint(joint: Joint, motions: RelativeMotions, near: Array, point: Array) -> JointFit:
     """A joint of the dataset's type, or, if that is "best", of the type that its motions justify."""
     hints = np.array(joint.axis_hints, float)
     if joint.type == "best":

@@ -124,7 +124,7 @@ def _columns(
     near = joint_point(rig.surfaces[joint.parent], rig.surfaces[joint.child])
     seen = joint_motions(transforms, joint.parent, joint.child, fitted, near, noise)
     unseen = joint_motions(transforms, joint.parent, joint.child, heldout, near)
-    points = Places.measure(rig.surfaces[joint.child])
+    points = ErrorPoints.measure(rig.surfaces[joint.child])
     out = _errors("", joint.fit, seen.relative, points)
     hints = np.array(dataset.joints[joint.name].axis_hints, float)
     left_out = []
@@ -139,24 +139,24 @@ def _columns(
 
 
 @dataclass(frozen=True)
-class Places:
+class ErrorPoints:
     """Points of a neutral bone at which errors are measured: its centroid (3,), its box's corners (8, 3)."""
 
     centroid: Array
     corners: Array
 
     @staticmethod
-    def measure(surface: Surface) -> Places:
+    def measure(surface: Surface) -> ErrorPoints:
         """Of the box along the principal axes of a bone's vertices."""
         centroid = surface.vertices.mean(axis=0)
         _, axes = np.linalg.eigh(np.cov(surface.vertices.T))
         along = (surface.vertices - centroid) @ axes
         ends = np.array([along.min(axis=0), along.max(axis=0)])
         corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
-        return Places(centroid, centroid + corners @ axes.T)
+        return ErrorPoints(centroid, centroid + corners @ axes.T)
 
 
-def _errors(prefix: str, fit: JointFit, relative: Sequence[RigidTransform], points: Places) -> Columns:
+def _errors(prefix: str, fit: JointFit, relative: Sequence[RigidTransform], points: ErrorPoints) -> Columns:
     columns: Columns = {}
     for model, short in MODELS if relative else ():
         rotation, translation = fit.errors(relative, points.centroid, model)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array, RigidTransform
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.posing.skinning import blended
-from handpipe.skeleton.scan_alignment.image_skin import Hinge, ImageSkin
+from handpipe.skeleton.scan_alignment.image_skin import ImageSkin, SkinHinge
 from handpipe.skeleton.scan_alignment.matches import Matches
 from handpipe.skeleton.scan_alignment.rigid_start import FINE, thinned
 
@@ -60,7 +60,7 @@ class Articulation:
         turns, shifts = self.blends(skin, skin.weights)
         return skin.surface.moved(turns.apply(skin.surface.vertices) + shifts)
 
-    def angles(self, hinges: Sequence[Hinge]) -> dict[str, float]:
+    def angles(self, hinges: Sequence[SkinHinge]) -> dict[str, float]:
         """Angle in deg of each joint's turn, by name."""
         sizes = np.degrees(np.linalg.norm(self.turns, axis=1))
         return {hinge.name: float(size) for hinge, size in zip(hinges, sizes, strict=True)}
@@ -109,7 +109,7 @@ def _step(
     return step * min(1.0, LARGEST_STEP / max(largest, 1e-12))
 
 
-def _prior(hinges: Sequence[Hinge]) -> Array:
+def _prior(hinges: Sequence[SkinHinge]) -> Array:
     """Inverse covariance of the turns: small, and smaller still across a joint's axes."""
     matrix = np.zeros((3 * len(hinges), 3 * len(hinges)))
     about, aside = np.radians(ABOUT) ** -2, np.radians(ASIDE) ** -2

@@ -22,7 +22,7 @@ DIFFUSION = 6.0  # square of the length, in edges, over which weights are smooth
 
 
 @dataclass(frozen=True)
-class Hinge:
+class SkinHinge:
     """A joint of the image's skin: where its child's part of the skin may turn.
 
     Parameters
@@ -63,14 +63,14 @@ class ImageSkin:
         Vertices that are skin, and not where the image's border cuts the body.
     bones : mapping of str to Surface
         Bones in the pose, the root first, each after the bone that carries it.
-    hinges : sequence of Hinge
+    hinges : sequence of SkinHinge
         Joints between these bones, from the root outwards.
     """
 
     surface: Surface
     trusted: BoolArray
     bones: Mapping[str, Surface]
-    hinges: Sequence[Hinge]
+    hinges: Sequence[SkinHinge]
 
     @staticmethod
     def build(seen: VolumeSkin, rig: Rig, pose: str) -> ImageSkin:
@@ -100,7 +100,7 @@ class ImageSkin:
         placed = {bone: (root or RigidTransform.identity()) @ t for bone, t in known.items()}
         names = [bone for bone in rig.bones if bone in placed]
         hinges = [
-            Hinge(
+            SkinHinge(
                 joint.name,
                 placed[joint.parent](joint.fit.centre),
                 joint.fit.axes.directions @ placed[joint.parent].rotation.T,
@@ -114,7 +114,7 @@ class ImageSkin:
         return ImageSkin(seen.closed, uncut(seen), bones, hinges)
 
     @cached_property
-    def free(self) -> list[Hinge]:
+    def free(self) -> list[SkinHinge]:
         """Joints with at least one axis."""
         return [hinge for hinge in self.hinges if len(hinge.axes)]
 

@@ -54,11 +54,11 @@ def evaluate_muscles(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: 
     rig = Rig.load(inputs.rig)
     muscles = {m.name: m for m in map(Muscle.load, inputs.muscles)}
     figures = stage_cost(costs)
-    held = {name: muscle.body.held for name, muscle in muscles.items()}
+    attached = {name: muscle.body.attached_vertices for name, muscle in muscles.items()}
     depths = []
     for path, registration in zip(inputs.separated, inputs.registrations, strict=True):
         bones = each_moved(rig.surfaces, read_registration(registration))
-        depths.append(deepest(load_surfaces(path), held, bones.values()))
+        depths.append(deepest(load_surfaces(path), attached, bones.values()))
     if depths:
         figures["penetration_max"] = (max(depths), "mm")
     eigenvalues = np.concatenate(

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from handpipe.core import Array, InputError, artifacts
 from handpipe.core.configuration import Dataset
-from handpipe.hand import Carried
+from handpipe.hand import CarriedTemplate
 from handpipe.imaging.evidence import read_landmarks
 from handpipe.mesh.surfaces import read_surface
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.tissues.muscles.fitting import Warp, place, read_attachments, require_near_bones
+from handpipe.tissues.muscles.fitting import BoneWarp, place, read_attachments, require_near_bones
 
 log = logging.getLogger(__name__)
 EDGE, THIN_EDGE = 1.1, 0.7  # mm, of the meshes of muscles and of ligaments
@@ -38,9 +38,9 @@ def place_templates(inputs: Inputs, output: Path, dataset: Dataset) -> None:
         if bone.template is not None
     }
     if inputs.carried is None:
-        warp: Callable[[Array], Array] = Warp(templates, {name: bones[name] for name in templates})
+        warp: Callable[[Array], Array] = BoneWarp(templates, {name: bones[name] for name in templates})
     else:
-        warp = Carried.load(inputs.carried).warp()
+        warp = CarriedTemplate.load(inputs.carried).warp()
     data = {}
     for name, organ in {**dataset.muscles, **dataset.ligaments}.items():
         template = read_surface(dataset.path(organ.template), closed=True)

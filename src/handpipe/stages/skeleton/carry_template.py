@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handpipe.core.configuration import Dataset
-from handpipe.hand import Carried
+from handpipe.hand import CarriedTemplate
 from handpipe.skeleton.bones import read_surfaces
 from handpipe.stages.files import Files
 
@@ -22,5 +22,5 @@ class Inputs(Files):
 
 def carry_template(inputs: Inputs, output: Path, dataset: Dataset) -> None:
     """Axis hints, tendons' paths and nails of a template, carried onto the subject's neutral bones."""
-    carried = Carried.onto(dataset, read_surfaces(inputs.neutral, "whole"))
+    carried = CarriedTemplate.onto(dataset, read_surfaces(inputs.neutral, "whole"))
     carried.save(output, inputs.all())

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from handpipe.core import InputError, artifacts, metrics
 from handpipe.core.configuration import Dataset, Role
-from handpipe.hand import Carried
+from handpipe.hand import CarriedTemplate
 from handpipe.skeleton.bones import read_registrations, read_surfaces
 from handpipe.skeleton.joints import limit_rows
 from handpipe.skeleton.registration import without_odd_bones
@@ -43,7 +43,7 @@ class Outputs(Files):
 
 def fit_rig(inputs: Inputs, outputs: Outputs, dataset: Dataset, organs: bool) -> None:
     """The kinematic rig from registered bones, its table of errors, and the limits of its angles."""
-    carried = None if inputs.carried is None else Carried.load(inputs.carried)
+    carried = None if inputs.carried is None else CarriedTemplate.load(inputs.carried)
     dataset = dataset if carried is None else carried.in_place(dataset)
     surfaces = read_surfaces(inputs.neutral, "whole")
     registered = dict(zip(dataset.poses, map(read_registrations, inputs.registrations), strict=True))

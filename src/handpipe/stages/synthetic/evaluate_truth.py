@@ -1,4 +1,4 @@
-"""What a coupled body says of itself: patch test, volumes, inverted tets, skin that cuts itself."""
+"""Checks of a coupled body by itself: patch test, volumes, inverted tets, skin that cuts itself."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Inputs(Files):
 
 
 def evaluate_truth(inputs: Inputs, output: Path, dataset: Dataset, order: int, costs: Sequence[Path]) -> None:
-    """What a coupled body says of itself: patch test, volumes, inverted tets, skin that cuts itself."""
+    """Checks of a coupled body by itself: patch test, volumes, inverted tets, skin that cuts itself."""
     given = inputs
     hand = coupled_hand.hand_body(given.body, given.subject, order)
     motion = known_hand(dataset).motion

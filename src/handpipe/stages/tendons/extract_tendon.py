@@ -8,7 +8,7 @@ from pathlib import Path
 
 from handpipe.core import artifacts
 from handpipe.core.configuration import Dataset
-from handpipe.hand import Carried
+from handpipe.hand import CarriedTemplate
 from handpipe.imaging.evidence import read_markers
 from handpipe.imaging.volumes import pose_volume
 from handpipe.mesh.surfaces import Distance, concatenate
@@ -39,7 +39,7 @@ def extract_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str, ed
         clicked, _ = read_markers(dataset.path(tendon.path))
         found = extract(volume, clicked, tendon.radius, bones, edge)
     else:
-        path = Carried.load(inputs.carried).paths[name]
+        path = CarriedTemplate.load(inputs.carried).paths[name]
         found = extract_roughly(volume, path, tendon.radius, bones, edge)
     log.info("%d segments, radius %.2f mm", len(found.x) - 1, found.radii.mean())
     data = {

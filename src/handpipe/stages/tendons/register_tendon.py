@@ -17,7 +17,7 @@ from handpipe.skeleton.bones import read_registration
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.poses import doubted_bones
-from handpipe.tissues.tendons.fitting import Target, centre_finder, register
+from handpipe.tissues.tendons.fitting import TendonTarget, centre_finder, register
 from handpipe.tissues.tendons.rods import RestTendon
 
 log = logging.getLogger(__name__)
@@ -47,8 +47,8 @@ def register_tendon(inputs: Inputs, output: Path, dataset: Dataset, name: str, p
     radius = float(neutral["radii"].mean())
     rest = RestTendon.build(neutral["x"], neutral["radii"], surfaces)
 
-    def target(x: np.ndarray) -> Target:
-        return Target(
+    def target(x: np.ndarray) -> TendonTarget:
+        return TendonTarget(
             Distance(tube_surface(volume, x, radius, bones)), lambda points: bones.signed(points)[0]
         )
 

@@ -1,4 +1,4 @@
-"""The cloth around the bones, and how each of its vertices is held."""
+"""The cloth around the bones, and the constraint of each of its vertices."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Inputs(Files):
 
 
 def make_bone_fascia(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> None:
-    """The cloth around the bones, and how each of its vertices is held."""
+    """The cloth around the bones, and the constraint of each of its vertices."""
     bones = Rig.load(inputs.rig).surfaces
     joints = [(j.parent, j.child) for j in dataset.joints.values()]
     surface = bone_wrap(bones, joints, edge)

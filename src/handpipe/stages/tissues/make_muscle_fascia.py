@@ -1,4 +1,4 @@
-"""The cloth around the muscles, and how each of its vertices is held."""
+"""The cloth around the muscles, and the constraint of each of its vertices."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class Inputs(Files):
 
 
 def make_muscle_fascia(inputs: Inputs, output: Path, edge: float) -> None:
-    """The cloth around the muscles, and how each of its vertices is held."""
+    """The cloth around the muscles, and the constraint of each of its vertices."""
     muscles = [Muscle.load(path) for path in inputs.muscles]
     surfaces = {m.name: m.body.surface for m in muscles}
     surface = wrap(list(surfaces.values()), edge)
-    attached = np.concatenate([m.body.surface.vertices[m.body.held] for m in muscles])
+    attached = np.concatenate([m.body.surface.vertices[m.body.attached_vertices] for m in muscles])
     regions = muscle_regions(surface.vertices, surfaces, attached, attached_radius=ATTACHED, gap=GAP)
     if painted := inputs.regions:
         regions = read_regions(painted, len(surface.vertices))

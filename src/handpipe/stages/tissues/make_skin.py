@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.core.configuration import Dataset
-from handpipe.hand import Carried
+from handpipe.hand import CarriedTemplate
 from handpipe.mesh.surfaces import read_scan, read_surface
 from handpipe.stages.files import Files
 from handpipe.tissues.fat import Rigid, Skin, closed_skin, cut_end, nail_vertices, on_skin
@@ -38,7 +38,7 @@ def make_skin(inputs: Inputs, output: Path, dataset: Dataset, edge: float) -> No
     if inputs.carried is None:
         patches = {name: read_surface(dataset.path(nail.surface)) for name, nail in dataset.nails.items()}
     else:
-        patches = dict(Carried.load(inputs.carried).nails)
+        patches = dict(CarriedTemplate.load(inputs.carried).nails)
     if inputs.carried is not None or inputs.from_volume is not None:
         patches = {name: on_skin(patch, skin) for name, patch in patches.items()}
     parts = {

@@ -30,7 +30,7 @@ INTENSITIES = {
 
 
 @dataclass(frozen=True)
-class Grid:
+class VoxelGrid:
     """Voxels along x, y, z: the centre of voxel (i, j, k) is origin + spacing (i, j, k), in mm."""
 
     shape: tuple[int, int, int]
@@ -38,11 +38,11 @@ class Grid:
     spacing: float
 
     @staticmethod
-    def around(points: Array, margin: float, spacing: float) -> Grid:
+    def around(points: Array, margin: float, spacing: float) -> VoxelGrid:
         """The grid that contains points (n, 3) and a margin in mm."""
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         nx, ny, nz = (int(n) for n in np.ceil((high - low) / spacing) + 1)
-        return Grid((nx, ny, nz), low, spacing)
+        return VoxelGrid((nx, ny, nz), low, spacing)
 
     @property
     def affine(self) -> Array:
@@ -134,7 +134,7 @@ Share = tuple[Block, Array]
 """Shares in [0, 1] of the voxels of a block of the grid; none of any other voxel."""
 
 
-def local_distance(surface: Surface, grid: Grid, width: float) -> Share | None:
+def local_distance(surface: Surface, grid: VoxelGrid, width: float) -> Share | None:
     """Signed distances in mm, at most `width`, in the block of voxels about a surface, if any is there."""
     vertices, triangles = surface
     local = grid.indices(vertices)
@@ -149,7 +149,7 @@ def local_distance(surface: Surface, grid: Grid, width: float) -> Share | None:
     return (bx, by, bz), np.where(inside, -distance, distance) * grid.spacing
 
 
-def signed_distance(surface: Surface, grid: Grid, width: float) -> Array:
+def signed_distance(surface: Surface, grid: VoxelGrid, width: float) -> Array:
     """Signed distance in mm (negative inside) of each voxel centre to a closed surface, at most `width`."""
     result = np.full(grid.shape, width)
     if found := local_distance(surface, grid, width):
@@ -157,13 +157,13 @@ def signed_distance(surface: Surface, grid: Grid, width: float) -> Array:
     return result
 
 
-def local_occupancy(surface: Surface, grid: Grid) -> list[Share]:
+def local_occupancy(surface: Surface, grid: VoxelGrid) -> list[Share]:
     """As `occupancy`, in the block of voxels that the surface can fill; empty where it is off the grid."""
     found = local_distance(surface, grid, grid.spacing)
     return [(found[0], np.clip(0.5 - found[1] / grid.spacing, 0.0, 1.0))] if found else []
 
 
-def occupancy(surface: Surface, grid: Grid) -> Array:
+def occupancy(surface: Surface, grid: VoxelGrid) -> Array:
     """Share of each voxel inside a closed surface, for a boundary taken as plane: clip(1/2 - d/h, 0, 1).
 
     A curved boundary counts about h^2 / 12 times its total curvature too much: 0.6 % of a ball of 12 voxels.
@@ -187,7 +187,9 @@ def total_share(shares: Iterable[Share], shape: tuple[int, ...]) -> Array:
     return np.minimum(total, 1.0, out=total)
 
 
-def paint_layers(layers: Iterable[tuple[str, NDArray]], levels: Mapping[str, float], grid: Grid) -> Array:
+def paint_layers(
+    layers: Iterable[tuple[str, NDArray]], levels: Mapping[str, float], grid: VoxelGrid
+) -> Array:
     """Noise-free image of tissues in paint order over air: each has a level and a share of each voxel.
 
     The arrays of shares are used up.
@@ -203,7 +205,7 @@ def _paint_layer(image: Array, intensity: float, share: NDArray) -> None:
     image += share
 
 
-def label_volume(surfaces: Mapping[int, Surface], grid: Grid) -> NDArray[np.uint8]:
+def label_volume(surfaces: Mapping[int, Surface], grid: VoxelGrid) -> NDArray[np.uint8]:
     """Label volume of closed surfaces by label: each voxel gets the label that fills more than half of it."""
     labels = np.zeros(grid.shape, dtype=np.uint8)
     for value, surface in surfaces.items():
@@ -212,7 +214,7 @@ def label_volume(surfaces: Mapping[int, Surface], grid: Grid) -> NDArray[np.uint
     return labels
 
 
-def bias_field(grid: Grid, amplitude: float, rng: np.random.Generator) -> Array:
+def bias_field(grid: VoxelGrid, amplitude: float, rng: np.random.Generator) -> Array:
     """Smooth positive field within 1 +- amplitude: a random polynomial of second order."""
     x, y, z = np.meshgrid(*(np.linspace(-1.0, 1.0, n) for n in grid.shape), indexing="ij", sparse=True)
     c = rng.uniform(-1.0, 1.0, 9)
@@ -222,7 +224,7 @@ def bias_field(grid: Grid, amplitude: float, rng: np.random.Generator) -> Array:
 
 
 def acquire(
-    clean: Array, grid: Grid, rng: np.random.Generator, *, bias: float = 0.2, noise: float = 0.03
+    clean: Array, grid: VoxelGrid, rng: np.random.Generator, *, bias: float = 0.2, noise: float = 0.03
 ) -> tuple[Array, Array, float]:
     """Scan a noise-free image: bias field, Rician noise (sigma before the gain) and an arbitrary gain.
 
@@ -239,7 +241,7 @@ def acquire(
     return real, field, gain
 
 
-def write_volume(path: str | object, data: NDArray, grid: Grid) -> None:
+def write_volume(path: str | object, data: NDArray, grid: VoxelGrid) -> None:
     """Write a volume on the grid as NIfTI (RAS+ affine in mm), atomically."""
     image = nibabel.Nifti1Image(data, grid.affine)
     image.header.set_xyzt_units("mm")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from handpipe.core.configuration import Dataset, Images, Scanner
 from handpipe.synthetic.acquisition import image
-from handpipe.synthetic.acquisition.physics import Anatomy, Effects, Sequence, scan
+from handpipe.synthetic.acquisition.physics import Effects, ImagedAnatomy, Sequence, scan
 
 log = logging.getLogger(__name__)
 
@@ -19,8 +19,8 @@ log = logging.getLogger(__name__)
 def imaged(
     dataset: Dataset,
     pose: str,
-    anatomy: Anatomy,
-    grid: image.Grid,
+    anatomy: ImagedAnatomy,
+    grid: image.VoxelGrid,
     rng: np.random.Generator,
     *,
     levels: Mapping[str, float] = image.INTENSITIES,

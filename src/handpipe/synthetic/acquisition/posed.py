@@ -16,7 +16,7 @@ from handpipe.core import Array, IntArray, RigidTransform, artifacts
 from handpipe.core.configuration import Dataset
 from handpipe.synthetic.acquisition import image, seeds
 from handpipe.synthetic.acquisition.imaged import imaged
-from handpipe.synthetic.acquisition.physics import Anatomy
+from handpipe.synthetic.acquisition.physics import ImagedAnatomy
 from handpipe.synthetic.geometry.kinematics import Posture
 
 Surface = tuple[Array, IntArray]
@@ -61,7 +61,7 @@ def write_pose(
     `spacing` is the voxel size and `margin` the air around the finger, in mm.
     """
     files = dataset.poses[pose]
-    grid = image.Grid.around(posed.skin[0], margin, spacing)
+    grid = image.VoxelGrid.around(posed.skin[0], margin, spacing)
     rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 2])
     scanned = imaged(dataset, pose, anatomy_of(posed, grid), grid, rng)
     image.write_volume(dataset.path(files.volume), scanned.astype(np.float32), grid)
@@ -80,13 +80,13 @@ def write_pose(
         write_truth(folder / f"{pose}.h5", posed)
 
 
-def anatomy_of(posed: PosedAnatomy, grid: image.Grid) -> Anatomy:
+def anatomy_of(posed: PosedAnatomy, grid: image.VoxelGrid) -> ImagedAnatomy:
     """What an image model takes of a posed subject."""
     root = next(iter(posed.transforms.values()))
-    return Anatomy(layers(posed, grid), [*posed.bones.values()], root.rotation @ PALM)
+    return ImagedAnatomy(layers(posed, grid), [*posed.bones.values()], root.rotation @ PALM)
 
 
-def layers(posed: PosedAnatomy, grid: image.Grid) -> Iterator[tuple[str, Array]]:
+def layers(posed: PosedAnatomy, grid: image.VoxelGrid) -> Iterator[tuple[str, Array]]:
     """The subject's tissues in paint order, and their shares of each voxel."""
     surfaces: dict[str, Iterable[Surface]] = {
         "fat": [posed.skin],

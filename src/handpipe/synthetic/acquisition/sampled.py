@@ -17,7 +17,7 @@ from handpipe.synthetic.geometry.implicit import Implicit
 Surface = tuple[Array, IntArray]
 
 
-def interpolated(values: Array, grid: image.Grid) -> Implicit:
+def interpolated(values: Array, grid: image.VoxelGrid) -> Implicit:
     """Trilinear function of values on a grid; beyond it, the nearest value."""
 
     def value(points: Array) -> Array:
@@ -28,7 +28,7 @@ def interpolated(values: Array, grid: image.Grid) -> Implicit:
 
 def of_surface(surface: Surface, spacing: float = 0.4, reach: float = 4.0) -> Implicit:
     """Signed distance to a closed surface, sampled at `spacing` and cut off at +-`reach` mm."""
-    grid = image.Grid.around(surface[0], reach + spacing, spacing)
+    grid = image.VoxelGrid.around(surface[0], reach + spacing, spacing)
     return interpolated(image.signed_distance(surface, grid, reach), grid)
 
 

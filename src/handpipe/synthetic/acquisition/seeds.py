@@ -14,7 +14,7 @@ from scipy.ndimage import distance_transform_edt, find_objects
 from handpipe.core import Array, BoolArray, InputError
 from handpipe.core.configuration import Dataset
 from handpipe.imaging.segmentation import BACKGROUND
-from handpipe.synthetic.acquisition.image import Grid, write_volume
+from handpipe.synthetic.acquisition.image import VoxelGrid, write_volume
 
 Labels = NDArray[np.uint8]
 
@@ -25,7 +25,7 @@ LENGTH = 6.0  # mm
 def scribble(
     marrow: Labels,
     whole: Labels,
-    grid: Grid,
+    grid: VoxelGrid,
     rng: np.random.Generator,
     strokes: int = STROKES,
     outside: int = AROUND,
@@ -52,7 +52,7 @@ def scribble(
 def scribble_locally(
     marrow: Labels,
     whole: Labels,
-    grid: Grid,
+    grid: VoxelGrid,
     rng: np.random.Generator,
     strokes: int = STROKES,
     outside: int = AROUND,
@@ -65,7 +65,7 @@ def scribble_locally(
         if box is None or not (marrow[box] == value).any():
             continue
         x, y, z = (slice(max(s.start - reach, 0), s.stop + reach) for s in box)
-        local = Grid(seeds[x, y, z].shape, grid.origin, grid.spacing)
+        local = VoxelGrid(seeds[x, y, z].shape, grid.origin, grid.spacing)
         own = np.where(marrow[x, y, z] == value, marrow[x, y, z], 0)
         drawn = scribble(own, whole[x, y, z], local, rng, strokes, outside, length)
         seeds[x, y, z] = np.where(drawn > 0, drawn, seeds[x, y, z])
@@ -96,7 +96,7 @@ def draw(dataset: Dataset, pose: str) -> None:
     whole, marrow = (np.asarray(image.dataobj, dtype=np.uint8) for image in images)
     nx, ny, nz = whole.shape
     affine = np.asarray(images[0].affine)
-    grid = Grid((nx, ny, nz), affine[:3, 3], float(affine[0, 0]))
+    grid = VoxelGrid((nx, ny, nz), affine[:3, 3], float(affine[0, 0]))
     rng = np.random.default_rng([dataset.seed, zlib.crc32(pose.encode()), 3])
     write_volume(dataset.path(path), scribble_locally(marrow, whole, grid, rng), grid)
 
@@ -112,7 +112,7 @@ def _draw(
     seeds: Labels,
     allowed: BoolArray,
     value: int,
-    grid: Grid,
+    grid: VoxelGrid,
     rng: np.random.Generator,
     strokes: int,
     length: float,

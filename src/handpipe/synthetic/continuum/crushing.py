@@ -15,7 +15,7 @@ STEEPEST = 0.02  # of that: below, it grows quadratically, so that a bad start h
 LAST = 2e-3  # the same where `STEEPEST` is too weak: over 3 MPa press on small tets at a muscle's end
 
 
-class Crushing(DensityPotential):
+class QuadratureCrushing(DensityPotential):
     """Energy sum of V k b(J / 0.3) over points with J = det F < 0.3; b(s) = -(s - 1)^2 ln s, k in kPa.
 
     Below s = `steepest` b continues as its parabola there: twice continuous, and finite for an inverted
@@ -26,9 +26,9 @@ class Crushing(DensityPotential):
         super().__init__(elements)
         self.stiffness, self.steepest = stiffness, steepest
 
-    def to_the_end(self, last: float = LAST) -> Crushing:
+    def to_the_end(self, last: float = LAST) -> QuadratureCrushing:
         """The same resistance, logarithmic until almost no volume of an element is left."""
-        return Crushing(self.elements, self.stiffness, last)
+        return QuadratureCrushing(self.elements, self.stiffness, last)
 
     def densities(self, f: Array, points: slice) -> Array:
         """Energy densities (p,) in kPa; zero where J is 0.3 or more."""

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from handpipe.core import artifacts
 from handpipe.mesh.tets import TetMesh
-from handpipe.synthetic.coupled.body import Anatomy, Strand
+from handpipe.synthetic.coupled.coupled_body import CoupledAnatomy, TendonStrand
 
 KIND = "coupled-anatomy"
 
 
-def save(path: str | Path, anatomy: Anatomy, inputs: Sequence[str | Path] = ()) -> None:
+def save(path: str | Path, anatomy: CoupledAnatomy, inputs: Sequence[str | Path] = ()) -> None:
     """Write an anatomy; lengths in mm, forces in mN."""
     strands = {name: asdict(strand) for name, strand in anatomy.strands.items()}
     for strand in strands.values():
@@ -32,11 +32,11 @@ def save(path: str | Path, anatomy: Anatomy, inputs: Sequence[str | Path] = ()) 
     artifacts.write(path, data, kind=KIND, units=units, inputs=inputs)
 
 
-def load(path: str | Path) -> Anatomy:
+def load(path: str | Path) -> CoupledAnatomy:
     """Read what `save` wrote; `InputError` where that cannot be read."""
     data = artifacts.read(path, KIND)
     strands = {
-        name: Strand(
+        name: TendonStrand(
             strand["points"],
             float(strand["stiffness"]),
             {int(number): str(bone) for number, bone in strand["bones"].items()},
@@ -47,4 +47,4 @@ def load(path: str | Path) -> Anatomy:
     }
     regions = tuple(str(name) for name in data["regions"])
     mesh = TetMesh(data["vertices"], data["tets"])
-    return Anatomy(mesh, data["labels"], regions, data["bones"], data["fibres"], strands)
+    return CoupledAnatomy(mesh, data["labels"], regions, data["bones"], data["fibres"], strands)

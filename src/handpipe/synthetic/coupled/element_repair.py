@@ -9,7 +9,7 @@ import numpy as np
 from handpipe.core import Array, BoolArray
 from handpipe.fem.linear import factorise
 from handpipe.mesh.tets import dirichlet_matrix, shape_gradients
-from handpipe.synthetic.coupled.body import Body
+from handpipe.synthetic.coupled.coupled_body import CoupledBody
 
 log = logging.getLogger(__name__)
 
@@ -17,7 +17,7 @@ RINGS = (2, 3, 4, 6)  # of replaced elements around inverted ones: the fewest th
 SPREADING = 4  # times that elements inverted by a repair are replaced, too
 
 
-def repair_elements(body: Body, x: Array, right: Array) -> tuple[Array, BoolArray] | None:
+def repair_elements(body: CoupledBody, x: Array, right: Array) -> tuple[Array, BoolArray] | None:
     """Positions (n, 3) without inverted elements or skin through skin, and the mask (n,) of replaced nodes.
 
     They are the positions x except at the replaced nodes. There they are `right` (n, 3), positions of the
@@ -41,14 +41,14 @@ def repair_elements(body: Body, x: Array, right: Array) -> tuple[Array, BoolArra
     return None
 
 
-def _within(body: Body, cells: BoolArray, rings: int) -> BoolArray:
+def _within(body: CoupledBody, cells: BoolArray, rings: int) -> BoolArray:
     """The nodes (n,) in some cells (m,) and the rings about them, without those on the border or on bones."""
     for _ in range(rings):
         cells = body.elements.touching(body.elements.nodes_of(cells))
     return body.elements.nodes_of(cells) & ~body.elements.nodes_of(~cells) & ~body.fixed[::3]
 
 
-def _harmonic(body: Body, values: Array, inside: BoolArray) -> Array:
+def _harmonic(body: CoupledBody, values: Array, inside: BoolArray) -> Array:
     """Harmonic continuation (k, 3) into the nodes of a mask (n,) of values (n, 3) at the others."""
     near = inside[body.cells.tets].any(axis=1)
     tets, volumes = body.cells.tets[near], body.cells.volumes()[near]

@@ -11,7 +11,7 @@ import numpy as np
 from handpipe.core import Array
 from handpipe.fem.minimisation import Record
 from handpipe.fem.solver import Equilibrium, Options, Steps, approach, continuation, solve
-from handpipe.synthetic.coupled.body import Body, Pose
+from handpipe.synthetic.coupled.coupled_body import CoupledBody, CoupledPose
 from handpipe.synthetic.coupled.uninverted import uninverted
 
 log = logging.getLogger(__name__)
@@ -22,8 +22,8 @@ NO_OBSTACLE = np.zeros((0, 3))
 
 
 def follow(
-    body: Body,
-    motion: Callable[[float], Pose],
+    body: CoupledBody,
+    motion: Callable[[float], CoupledPose],
     x: Array | None = None,
     *,
     steps: int = 4,
@@ -46,7 +46,7 @@ def follow(
 
 
 def _without_contact(
-    body: Body, motion: Callable[[float], Pose], start: Array, steps: int, options: Options
+    body: CoupledBody, motion: Callable[[float], CoupledPose], start: Array, steps: int, options: Options
 ) -> Equilibrium:
     return continuation(
         lambda t: body.potentials(motion(t)),
@@ -59,7 +59,7 @@ def _without_contact(
 
 
 def _with_contact(
-    body: Body, motion: Callable[[float], Pose], start: Array, steps: int, options: Options
+    body: CoupledBody, motion: Callable[[float], CoupledPose], start: Array, steps: int, options: Options
 ) -> Equilibrium:
     """On the way contact acts from further off, and no step ends in equilibrium: the last one alone does."""
     assert body.barrier is not None

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from handpipe.core import Array, BoolArray, IntArray, RigidTransform
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import tet_neighbours
-from handpipe.synthetic.coupled.body import Anatomy
+from handpipe.synthetic.coupled.coupled_body import CoupledAnatomy
 
 
 def gliding(
@@ -38,7 +38,7 @@ def gliding(
     return passed
 
 
-def opened(anatomy: Anatomy, passed: BoolArray) -> Anatomy:
+def opened(anatomy: CoupledAnatomy, passed: BoolArray) -> CoupledAnatomy:
     """The anatomy without tets between two bones, and without attachment at the vertices `passed` (n,).
 
     Parts that are then connected only by an edge or a vertex are left out, too.

@@ -16,7 +16,7 @@ from handpipe.fem.solver import Equilibrium, Options, solve
 from handpipe.synthetic.continuum.density import DensityPotential, semidefinite
 from handpipe.synthetic.continuum.determinant import cofactors, second_derivatives
 from handpipe.synthetic.continuum.elements import Elements
-from handpipe.synthetic.coupled.body import Body, Pose
+from handpipe.synthetic.coupled.coupled_body import CoupledBody, CoupledPose
 from handpipe.synthetic.coupled.uninverted import uninverted
 from handpipe.synthetic.coupled.validation import volume_changes
 
@@ -51,7 +51,7 @@ class Pressure(DensityPotential):
 
 
 def with_volumes_kept(
-    body: Body, pose: Pose, x: Array, options: Options | None = None, right: Array | None = None
+    body: CoupledBody, pose: CoupledPose, x: Array, options: Options | None = None, right: Array | None = None
 ) -> Equilibrium:
     """The equilibrium of a pose in which each muscle's volume is within 0.2 % of that at rest.
 
@@ -88,6 +88,6 @@ def with_volumes_kept(
     raise ConvergenceError(options.name, f"a muscle's volume stays {largest:.1f} % off after {ROUNDS} rounds")
 
 
-def _changes(body: Body, x: Array) -> Array:
+def _changes(body: CoupledBody, x: Array) -> Array:
     """Relative change (k,) of each muscle's volume."""
     return np.array(list(volume_changes(body, x).values())) / 100.0

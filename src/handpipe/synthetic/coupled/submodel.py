@@ -16,13 +16,13 @@ from handpipe.fem.elements import Material
 from handpipe.fem.solver import Options, solve
 from handpipe.mesh.tets import tet_neighbours
 from handpipe.synthetic.continuum.elements import Elements
-from handpipe.synthetic.coupled.body import Anatomy, Body, Pose
+from handpipe.synthetic.coupled.coupled_body import CoupledAnatomy, CoupledBody, CoupledPose
 from handpipe.synthetic.coupled.validation import difference, solved_from
 
 CUT = "cut"  # takes the place of a bone's name
 
 
-def cut_out(anatomy: Anatomy, chosen: BoolArray) -> tuple[Anatomy, IntArray]:
+def cut_out(anatomy: CoupledAnatomy, chosen: BoolArray) -> tuple[CoupledAnatomy, IntArray]:
     """The anatomy of the chosen tets (m,), without strands, and its vertices' (n,) numbers in the whole.
 
     The vertices of faces between chosen and other tets are like those of a bone named "cut".
@@ -50,10 +50,10 @@ class _Carried:
 
 
 def refinement_error(
-    anatomy: Anatomy,
+    anatomy: CoupledAnatomy,
     materials: Mapping[str, Material],
     chosen: BoolArray,
-    pose: Pose,
+    pose: CoupledPose,
     x: Array,
     options: Options | None = None,
 ) -> Metrics:
@@ -63,9 +63,9 @@ def refinement_error(
     solved with the cut at its positions in x, which excludes differences in the rest of the body.
     """
     part, used = cut_out(anatomy, chosen)
-    coarse, fine = (Body(part, materials, order=1), Body(part, materials, order=2))
+    coarse, fine = (CoupledBody(part, materials, order=1), CoupledBody(part, materials, order=2))
     carried = cast(RigidTransform, _Carried(coarse.elements, x[used]))
-    held = Pose({**pose.bones, CUT: carried}, pose.tensions)
+    held = CoupledPose({**pose.bones, CUT: carried}, pose.tensions)
     start = coarse.prescribed(held, x[used])
     found = solve(coarse.potentials(held), start, fixed=coarse.fixed, options=options).x
     return difference(coarse, found, fine, solved_from(coarse, found, fine, held, options))

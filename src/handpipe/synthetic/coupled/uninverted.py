@@ -13,9 +13,9 @@ from handpipe.fem.linear import with_nodes
 from handpipe.fem.minimisation import Record
 from handpipe.fem.potentials import Expansion, Potential, Sum
 from handpipe.fem.solver import Equilibrium, Options, solve
-from handpipe.synthetic.continuum.crushing import CRUSHED, LAST, STEEPEST, Crushing
+from handpipe.synthetic.continuum.crushing import CRUSHED, LAST, STEEPEST, QuadratureCrushing
 from handpipe.synthetic.continuum.density import DensityPotential
-from handpipe.synthetic.coupled.body import Body
+from handpipe.synthetic.coupled.coupled_body import CoupledBody
 from handpipe.synthetic.coupled.element_repair import repair_elements
 
 log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ RINGS = 2  # of elements around inverted ones, which move before all others
 
 
 def uninverted(
-    body: Body,
+    body: CoupledBody,
     energies: Sequence[Potential],
     found: Equilibrium,
     options: Options,
@@ -57,7 +57,7 @@ def uninverted(
         log.info("%s: %d inverted tets; retrying with more resistance to crushing", options.name, inverted)
         known = None if tried or right is None else repair_elements(body, found.x, right)
         folded, tried = more if known is None else more | body.folded(known[0], NEARLY), True
-        harder = [p.to_the_end(last) if isinstance(p, Crushing) else p for p in energies]
+        harder = [p.to_the_end(last) if isinstance(p, QuadratureCrushing) else p for p in energies]
         between = [body.between_nodes(folded, last)] if folded.any() else []
         if options.coarse is not None:
             nodes = np.unique(body.elements.cells[folded])
@@ -78,7 +78,7 @@ def uninverted(
 
 
 def _turned(
-    body: Body, energies: Sequence[Potential], moving: BoolArray, x: Array, options: Options
+    body: CoupledBody, energies: Sequence[Potential], moving: BoolArray, x: Array, options: Options
 ) -> Array:
     """Positions (n, 3) in equilibrium at the nodes of a mask (n,), while all other nodes stay.
 
@@ -95,14 +95,14 @@ def _turned(
     return out
 
 
-def _place(body: Body, x: Array) -> str:
+def _place(body: CoupledBody, x: Array) -> str:
     """Place and region of the first inverted element at x (n, 3)."""
     cell = int(np.flatnonzero(body.inside_out(x))[0])
     at = ", ".join(f"{c:.1f}" for c in x[body.elements.cells[cell]].mean(axis=0))
     return f"first at ({at}) in {body.anatomy.regions[body.anatomy.labels[cell]]}"
 
 
-def _about(body: Body, cells: BoolArray) -> BoolArray:
+def _about(body: CoupledBody, cells: BoolArray) -> BoolArray:
     """The nodes (n,) of some cells (m,) and of those around them."""
     for _ in range(RINGS):
         cells = body.elements.touching(body.elements.nodes_of(cells))

@@ -11,14 +11,14 @@ from handpipe.fem.elements import Material
 from handpipe.fem.solver import Options, solve
 from handpipe.mesh.tets import EDGES
 from handpipe.synthetic.continuum.solid import Solid
-from handpipe.synthetic.coupled.body import Body, Pose
+from handpipe.synthetic.coupled.coupled_body import CoupledBody, CoupledPose
 from handpipe.synthetic.coupled.follow import follow
 
 AFFINE = np.array([[1.10, 0.08, -0.05], [0.03, 0.93, 0.06], [-0.04, 0.02, 1.02]])
 SHAKEN = 0.1  # of the shortest edge at a node: where inner nodes start the patch test from
 
 
-def patch_test(body: Body) -> float:
+def patch_test(body: CoupledBody) -> float:
     """Largest distance of an inner node from an affine map that is prescribed on all outer nodes.
 
     The whole mesh gets one material, with Poisson's ratio 0.49: then the map is the equilibrium on any mesh.
@@ -26,7 +26,7 @@ def patch_test(body: Body) -> float:
 
     Parameters
     ----------
-    body : Body
+    body : CoupledBody
         Coupled body whose elements are tested.
 
     Returns
@@ -47,7 +47,7 @@ def patch_test(body: Body) -> float:
     return float(np.linalg.norm(found - wanted, axis=1).max())
 
 
-def _shortest_edges(body: Body) -> Array:
+def _shortest_edges(body: CoupledBody) -> Array:
     """Length (n,) in mm of the shortest edge between nodes at each."""
     ends = body.cells.tets[:, EDGES].reshape(-1, 2)
     lengths = np.linalg.norm(body.rest[ends[:, 0]] - body.rest[ends[:, 1]], axis=1)
@@ -56,14 +56,14 @@ def _shortest_edges(body: Body) -> Array:
     return shortest
 
 
-def node_volumes(body: Body) -> Array:
+def node_volumes(body: CoupledBody) -> Array:
     """Volume (n,) in mm^3 that each node stands for: a quarter of the tets between nodes around it."""
     volumes = np.zeros(len(body.rest))
     np.add.at(volumes, body.cells.tets, body.cells.volumes()[:, None] / 4)
     return volumes
 
 
-def difference(body: Body, x: Array, reference: Body, x_reference: Array) -> Metrics:
+def difference(body: CoupledBody, x: Array, reference: CoupledBody, x_reference: Array) -> Metrics:
     """How far displacements of a body are from those of a finer one of the same shape.
 
     `rms` over the volume and `max` in mm, and the largest displacement, to compare with.
@@ -75,7 +75,7 @@ def difference(body: Body, x: Array, reference: Body, x_reference: Array) -> Met
     return {"rms": (rms, "mm"), "max": (float(error.max()), "mm"), "displacement": (largest, "mm")}
 
 
-def carried(coarse: Body, x: Array, fine: Body) -> Array:
+def carried(coarse: CoupledBody, x: Array, fine: CoupledBody) -> Array:
     """Positions (n, 3) of a finer body's nodes where the coarse one's positions x have them."""
     return fine.rest + coarse.elements.interpolation(fine.rest) @ (x - coarse.rest)
 
@@ -97,12 +97,12 @@ def order_without_reference(coarse: float, fine: float) -> tuple[float, float]:
     return float(-np.log2(r)), float(r**2 * coarse / (1.0 - r**2))
 
 
-def volume_changes(body: Body, x: Array) -> dict[str, float]:
+def volume_changes(body: CoupledBody, x: Array) -> dict[str, float]:
     """Change of each muscle's volume relative to rest.
 
     Parameters
     ----------
-    body : Body
+    body : CoupledBody
         Coupled body.
     x : array (n, 3)
         Positions of its nodes in mm.
@@ -118,9 +118,9 @@ def volume_changes(body: Body, x: Array) -> dict[str, float]:
 
 
 def start_difference(
-    body: Body,
-    detour: Callable[[float], Pose],
-    back: Callable[[float], Pose],
+    body: CoupledBody,
+    detour: Callable[[float], CoupledPose],
+    back: Callable[[float], CoupledPose],
     x: Array,
     *,
     steps: int = 4,
@@ -135,7 +135,9 @@ def start_difference(
     return float(np.linalg.norm(again - x, axis=1).max())
 
 
-def solved_from(coarse: Body, x: Array, fine: Body, pose: Pose, options: Options | None = None) -> Array:
+def solved_from(
+    coarse: CoupledBody, x: Array, fine: CoupledBody, pose: CoupledPose, options: Options | None = None
+) -> Array:
     """The equilibrium (n, 3) of a finer body in a pose, from that of a coarse one."""
     start = fine.prescribed(pose, carried(coarse, x, fine))
     found = solve(fine.potentials(pose), start, fixed=fine.fixed, options=options)

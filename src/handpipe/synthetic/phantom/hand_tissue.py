@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from handpipe.core import Array, RigidTransform
 from handpipe.mesh.generation import implicit
-from handpipe.synthetic.acquisition.image import Grid
+from handpipe.synthetic.acquisition.image import VoxelGrid
 from handpipe.synthetic.phantom.phantom_bones import Point
 
 Bones = Mapping[str, RigidTransform]
@@ -148,14 +148,14 @@ def _blend(field: NDArray[np.float32], origin: Array, spacing: float, cones: Arr
                     field[i, j, k] = min(old, value) - 0.25 * blend * h * h
 
 
-def field_of_cones(rows: Array, grid: Grid | implicit.Grid, blend: float = 0.0) -> NDArray[np.float32]:
+def field_of_cones(rows: Array, grid: VoxelGrid | implicit.Grid, blend: float = 0.0) -> NDArray[np.float32]:
     """Distance in mm from the union of round cones (n, 8) near its surface, negative inside, on a grid."""
     field = np.full(grid.shape, 1e3, dtype=np.float32)
     _blend(field, grid.origin, grid.spacing, rows, blend)
     return field
 
 
-def share_of_cones(rows: Array, grid: Grid, blend: float = 0.0) -> NDArray[np.float32]:
+def share_of_cones(rows: Array, grid: VoxelGrid, blend: float = 0.0) -> NDArray[np.float32]:
     """Share in [0, 1] of each voxel inside the union of round cones (n, 8), rounded over `blend` mm."""
     field = field_of_cones(rows, grid, blend)
     field *= np.float32(-1.0 / grid.spacing)

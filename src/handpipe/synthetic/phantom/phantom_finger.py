@@ -15,7 +15,7 @@ from handpipe.core import Array, InputError, IntArray, RigidTransform
 from handpipe.core.configuration import Dataset
 from handpipe.synthetic.acquisition import scans
 from handpipe.synthetic.acquisition.posed import PosedAnatomy, repositioning, write_pose, write_surface
-from handpipe.synthetic.geometry import templates
+from handpipe.synthetic.geometry import generic_hand
 from handpipe.synthetic.geometry.kinematics import Posture
 from handpipe.synthetic.geometry.tubes import sweep
 from handpipe.synthetic.phantom.phantom_bones import bones, joints
@@ -126,7 +126,7 @@ def skin_scan(posed: PosedAnatomy, rng: np.random.Generator) -> Surface:
     )
 
 
-TEMPLATE_WARP = templates.Warp(
+TEMPLATE_WARP = generic_hand.Distortion(
     np.array([60.0, 0.0, 0.0]),
     frame=RigidTransform(
         Rotation.from_euler("xyz", [5.0, -4.0, 6.0], degrees=True).as_matrix(), np.array([8.0, -5.0, 4.0])
@@ -149,16 +149,16 @@ def generate_templates(dataset: Dataset) -> None:
     ends |= dict.fromkeys(bands, ("proximal2", "middle2"))
     for name, entry in {**dataset.muscles, **dataset.ligaments}.items():
         vertices, triangles = {**tubes, **bands}[name]
-        first, last = templates.end_vertices(vertices, triangles)
+        first, last = generic_hand.end_vertices(vertices, triangles)
         factor = 1.15 if name in tubes else 1.1
-        warped = TEMPLATE_WARP(templates.inflate(vertices, factor))
+        warped = TEMPLATE_WARP(generic_hand.inflate(vertices, factor))
         write_surface(dataset.path(entry.template), warped, triangles)
         attachments = dict(zip(ends[name], (first, last), strict=True))
-        templates.write_attachments(dataset.path(entry.attachments), attachments)
+        generic_hand.write_attachments(dataset.path(entry.attachments), attachments)
     for name, tendon in dataset.tendons.items():
         line = anatomy.tendons[name].centreline(anatomy.tendons[name].path(neutral, anatomy.shapes))
         clicked = line[np.linspace(0, len(line) - 1, 8).astype(int)] + 0.3 * rng.standard_normal((8, 3))
-        templates.write_curve(dataset.path(tendon.path), clicked, name)
+        generic_hand.write_curve(dataset.path(tendon.path), clicked, name)
     for nail in dataset.nails.values():
         vertices, triangles = anatomy.skin_surface
         used, patch = np.unique(triangles[anatomy.nail], return_inverse=True)

@@ -10,7 +10,7 @@ from handpipe.synthetic.phantom import posed_hand
 from handpipe.synthetic.phantom.hand_tissue import Layout, Surroundings
 from handpipe.synthetic.phantom.phantom_hand_bones import RAYS, bones, frames
 from handpipe.synthetic.phantom.phantom_hand_joints import BETWEEN, POSES, joints
-from handpipe.synthetic.phantom.posed_hand import Hand, Motion
+from handpipe.synthetic.phantom.posed_hand import Hand, HandMotion
 
 SURFACE_SPACING = 0.6  # mm of the grid that bones are contoured on
 
@@ -35,9 +35,9 @@ def layout() -> Layout:
     return Layout(frames(), chains)
 
 
-def motion() -> Motion:
+def motion() -> HandMotion:
     """The joints and all poses."""
-    return Motion("phantom-hand", joints(), POSES | BETWEEN)
+    return HandMotion("phantom-hand", joints(), POSES | BETWEEN)
 
 
 def posture(pose: str, seed: int) -> Posture:

@@ -59,7 +59,7 @@ KINDS = {
 
 
 @dataclass(frozen=True)
-class Segment:
+class RaySegment:
     """A long bone of a ray: its length in mm and its girth as a share of the index finger's."""
 
     kind: Kind
@@ -76,10 +76,10 @@ class Segment:
         return np.array([self.length - self.girth * back, 0.0, self.girth * height])
 
 
-def _ray(lengths: Sequence[float], girths: Sequence[float]) -> dict[str, Segment]:
+def _ray(lengths: Sequence[float], girths: Sequence[float]) -> dict[str, RaySegment]:
     """The long bones of a ray outwards; three lengths are a thumb's, which has no middle phalanx."""
     kinds = [k for k in KINDS if len(lengths) == 4 or k != "middle"]
-    return {k: Segment(KINDS[k], *size) for k, *size in zip(kinds, lengths, girths, strict=True)}
+    return {k: RaySegment(KINDS[k], *size) for k, *size in zip(kinds, lengths, girths, strict=True)}
 
 
 RAYS = {

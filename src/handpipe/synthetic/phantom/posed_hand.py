@@ -19,7 +19,7 @@ from handpipe.core import Array, InputError, IntArray, RigidTransform, artifacts
 from handpipe.core.configuration import Dataset, Scanner
 from handpipe.synthetic.acquisition import image
 from handpipe.synthetic.acquisition.imaged import imaged
-from handpipe.synthetic.acquisition.physics import Anatomy
+from handpipe.synthetic.acquisition.physics import ImagedAnatomy
 from handpipe.synthetic.acquisition.posed import PALM, repositioning, write_surface
 from handpipe.synthetic.geometry.kinematics import KnownJoint, Posture
 from handpipe.synthetic.phantom import hand_tissue as tissue
@@ -108,7 +108,7 @@ class Hand:
 
 
 @dataclass(frozen=True)
-class Motion:
+class HandMotion:
     """The joints of a subject's hand and its poses: angles in degrees by pose and name."""
 
     subject: str
@@ -131,18 +131,18 @@ class Motion:
         return Posture(self.joints, angles, root, WITH_ROOT)
 
 
-def clean_image(posed: PosedHand, grid: image.Grid) -> Array:
+def clean_image(posed: PosedHand, grid: image.VoxelGrid) -> Array:
     """Noise-free painted image of a posed hand."""
     return image.paint_layers(layers(posed, grid), LEVELS, grid)
 
 
-def anatomy_of(posed: PosedHand, grid: image.Grid) -> Anatomy:
+def anatomy_of(posed: PosedHand, grid: image.VoxelGrid) -> ImagedAnatomy:
     """What an image model takes of a posed hand."""
     root = next(iter(posed.transforms.values()))
-    return Anatomy(layers(posed, grid), [*posed.bones.values()], root.rotation @ PALM)
+    return ImagedAnatomy(layers(posed, grid), [*posed.bones.values()], root.rotation @ PALM)
 
 
-def layers(posed: PosedHand, grid: image.Grid) -> Iterator[tuple[str, NDArray]]:
+def layers(posed: PosedHand, grid: image.VoxelGrid) -> Iterator[tuple[str, NDArray]]:
     """The hand's tissues in paint order, and their shares of each voxel."""
     cones = posed.tissues
     inside = tissue.share_of_cones(cones.skin, grid, tissue.SKIN_BLEND)
@@ -159,9 +159,9 @@ def layers(posed: PosedHand, grid: image.Grid) -> Iterator[tuple[str, NDArray]]:
         yield name, image.total_share(shares, grid.shape)
 
 
-def volume_grid(bones: Mapping[str, Surface], names: Iterable[str], spacing: float) -> image.Grid:
+def volume_grid(bones: Mapping[str, Surface], names: Iterable[str], spacing: float) -> image.VoxelGrid:
     """The voxels of a pose's volume: around the named bones; whatever else reaches into it is cut off."""
-    return image.Grid.around(np.concatenate([bones[n][0] for n in names]), MARGIN, spacing)
+    return image.VoxelGrid.around(np.concatenate([bones[n][0] for n in names]), MARGIN, spacing)
 
 
 def write_pose(dataset: Dataset, pose: str, posed: PosedHand) -> None:

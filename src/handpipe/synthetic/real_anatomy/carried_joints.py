@@ -18,7 +18,7 @@ Similarity = tuple[Array, Array]
 log = logging.getLogger(__name__)
 
 
-class Hinge(Protocol):
+class CarriedHinge(Protocol):
     """A centre (3,) in mm and an axis (3,) of about unit length."""
 
     @property
@@ -59,7 +59,7 @@ def similarity(
 
 
 def carried(
-    name: str, hinges: Sequence[Hinge], bones: Sequence[str], carry: Mapping[str, Similarity]
+    name: str, hinges: Sequence[CarriedHinge], bones: Sequence[str], carry: Mapping[str, Similarity]
 ) -> tuple[Array, Array]:
     """Unit axes (k, 3) and the centre (3,) of a joint, averaged over how each of its bones carries them."""
     centres, axes = [], []

@@ -111,7 +111,7 @@ def _like_a_ball(surface: Mesh) -> bool:
 
 def _distances(surface: Surface, grid: grids.Grid) -> Array:
     """Signed distances of the grid's points to a surface."""
-    return image.signed_distance(surface, image.Grid(grid.shape, grid.origin, grid.spacing), REACH)
+    return image.signed_distance(surface, image.VoxelGrid(grid.shape, grid.origin, grid.spacing), REACH)
 
 
 def _distinct(motions: Sequence[RigidTransform]) -> list[RigidTransform]:

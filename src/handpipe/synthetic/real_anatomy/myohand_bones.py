@@ -16,7 +16,7 @@ from handpipe.core.configuration import Dataset
 from handpipe.synthetic.geometry.kinematics import Posture
 from handpipe.synthetic.phantom.phantom_hand_bones import WITH_ROOT
 from handpipe.synthetic.real_anatomy import myohand_model, real_hand
-from handpipe.synthetic.real_anatomy.real_hand import Hinge, Subject, Surface
+from handpipe.synthetic.real_anatomy.real_hand import SourceHinge, Subject, Surface
 from handpipe.synthetic.real_anatomy.source_meshes import folder_of, repair_mesh
 
 NAME = "myohand-bones"
@@ -58,7 +58,7 @@ CHANGES: dict[str, dict[str, float]] = {
 # fmt: on
 
 
-def read(folder: Path) -> tuple[dict[str, Surface], dict[str, Hinge]]:
+def read(folder: Path) -> tuple[dict[str, Surface], dict[str, SourceHinge]]:
     """Closed bones and hinges by angle at the model's zero, in the frame of `real_hand.hand_frame`."""
     meshes = {n: repair_mesh(myohand_model.read_bone(folder / FOLDER, n), n) for n in myohand_model.BONES}
     raw = {name: (mesh.vertices, mesh.triangles) for name, mesh in meshes.items()}
@@ -67,11 +67,11 @@ def read(folder: Path) -> tuple[dict[str, Surface], dict[str, Hinge]]:
     hinges = {}
     for angle, (name, sign) in myohand_model.ANGLES.items():
         axis = sign * known[name].axis / np.linalg.norm(known[name].axis)
-        hinges[angle] = Hinge(axis, known[name].centre).moved(place)
+        hinges[angle] = SourceHinge(axis, known[name].centre).moved(place)
     return {name: (place(points), triangles) for name, (points, triangles) in raw.items()}, hinges
 
 
-def neutral(folder: Path) -> tuple[dict[str, Surface], dict[str, Hinge]]:
+def neutral(folder: Path) -> tuple[dict[str, Surface], dict[str, SourceHinge]]:
     """The same, slightly bent by `REST`."""
     bones, hinges = read(folder)
     joints = real_hand.joints(real_hand.own_frames(bones, hinges), hinges)

@@ -19,7 +19,7 @@ from handpipe.synthetic.acquisition import sampled
 from handpipe.synthetic.geometry.kinematics import KnownJoint
 from handpipe.synthetic.phantom import phantom_hand_bones, phantom_hand_joints, posed_hand
 from handpipe.synthetic.phantom.hand_tissue import Layout, Place, Strand, Surroundings
-from handpipe.synthetic.phantom.posed_hand import Hand, Motion
+from handpipe.synthetic.phantom.posed_hand import Hand, HandMotion
 from handpipe.synthetic.real_anatomy import carving
 
 Surface = tuple[Array, IntArray]
@@ -36,15 +36,15 @@ HALF_WIDTHS = {"metacarpal": 6.4, "proximal": 5.6, "middle": 4.3, "distal": 4.6}
 
 
 @dataclass(frozen=True)
-class Hinge:
+class SourceHinge:
     """What the source says of one angle in the neutral pose: unit axis (3,) and centre (3,) in mm."""
 
     axis: Array
     centre: Array
 
-    def moved(self, transform: RigidTransform) -> Hinge:
+    def moved(self, transform: RigidTransform) -> SourceHinge:
         """The hinge after a rigid motion."""
-        return Hinge(transform.rotation @ self.axis, transform(self.centre))
+        return SourceHinge(transform.rotation @ self.axis, transform(self.centre))
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Subject:
     """A hand in neutral and how it moves."""
 
     hand: Hand
-    motion: Motion
+    motion: HandMotion
 
     def generate_pose(self, dataset: Dataset, pose: str) -> None:
         """Write a pose's files (`posed_hand.write_pose`); `InputError` for what this hand does not have."""
@@ -97,7 +97,7 @@ def own_frame(points: Array, axes: Array) -> RigidTransform:
     return RigidTransform(axes, middle + ((points - middle) @ axes[:, 0]).min() * axes[:, 0])
 
 
-def own_frames(bones: Bones, hinges: Mapping[str, Hinge]) -> dict[str, RigidTransform]:
+def own_frames(bones: Bones, hinges: Mapping[str, SourceHinge]) -> dict[str, RigidTransform]:
     """Where each bone's own frame lies in the neutral hand, as `hand_tissue.Layout` wants them.
 
     A long bone's +y is along the flexion axis of the joint before it, a metacarpal's of the one after it.
@@ -116,7 +116,7 @@ def own_frames(bones: Bones, hinges: Mapping[str, Hinge]) -> dict[str, RigidTran
     return found
 
 
-def joints(frames: Mapping[str, RigidTransform], hinges: Mapping[str, Hinge]) -> tuple[KnownJoint, ...]:
+def joints(frames: Mapping[str, RigidTransform], hinges: Mapping[str, SourceHinge]) -> tuple[KnownJoint, ...]:
     """The phantom hand's joints with the source's axes and centres; what has none lies as the phantom's."""
     theirs, found = phantom_hand_bones.frames(), []
     for known in phantom_hand_joints.joints():
@@ -173,11 +173,11 @@ def poses(
 
 
 def subject(
-    name: str, bones: Bones, hinges: Mapping[str, Hinge], poses: dict[str, dict[str, float]]
+    name: str, bones: Bones, hinges: Mapping[str, SourceHinge], poses: dict[str, dict[str, float]]
 ) -> Subject:
     """The subject of closed neutral bones and of the source's hinges by angle."""
     frames = own_frames(bones, hinges)
-    motion = Motion(name, joints(frames, hinges), poses)
+    motion = HandMotion(name, joints(frames, hinges), poses)
     postures = [motion.posture(pose, 0) for pose in poses]
     sound = {n: carving.without_handles(s, n) for n, s in bones.items()}
     whole = carving.kept_apart(sound, touching(motion.joints), postures, GAP)

@@ -18,7 +18,7 @@ from handpipe.core.configuration import Dataset
 from handpipe.mesh.surfaces import Surface as Mesh
 from handpipe.synthetic.real_anatomy import myohand_bones, myohand_model, real_hand
 from handpipe.synthetic.real_anatomy.carried_joints import Similarity, carried, similarity
-from handpipe.synthetic.real_anatomy.real_hand import CARPALS, RAYS, Hinge, Subject, Surface
+from handpipe.synthetic.real_anatomy.real_hand import CARPALS, RAYS, SourceHinge, Subject, Surface
 from handpipe.synthetic.real_anatomy.source_meshes import folder_of, read_mesh, repair_mesh, subdivided
 from handpipe.synthetic.real_anatomy.zanatomy_source import HAND
 
@@ -68,7 +68,7 @@ CHANGES: dict[str, dict[str, float]] = {
 # fmt: on
 
 
-def read(folder: Path) -> tuple[dict[str, Surface], dict[str, Hinge], dict[str, float]]:
+def read(folder: Path) -> tuple[dict[str, Surface], dict[str, SourceHinge], dict[str, float]]:
     """Closed neutral bones, hinges by angle, and by angle how far neutral is from the model's zero (rad)."""
     meshes = {n: subdivided(repair_mesh(read_mesh(folder / HAND / f"{f}.ply"), n)) for n, f in FILES.items()}
     raw = {name: (mesh.vertices, mesh.triangles) for name, mesh in meshes.items()}
@@ -86,7 +86,7 @@ def read(folder: Path) -> tuple[dict[str, Surface], dict[str, Hinge], dict[str, 
         axes, centre = carried(joint.name, [known[angle] for angle in given], both, carry)
         turn = _turn(*(carry[bone] for bone in both))
         for angle, axis in zip(given, axes, strict=True):
-            hinges[angle] = Hinge(axis, centre)
+            hinges[angle] = SourceHinge(axis, centre)
             rest[angle] = float(turn @ axis)
             log.info("%s: %.1f degrees from the model's zero", angle, np.degrees(rest[angle]))
     return bones, hinges, rest

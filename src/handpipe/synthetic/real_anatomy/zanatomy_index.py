@@ -25,7 +25,7 @@ from handpipe.mesh.generation import remesh
 from handpipe.mesh.surfaces import Surface as Mesh
 from handpipe.synthetic.acquisition import image, sampled, scans
 from handpipe.synthetic.acquisition.posed import PosedAnatomy, repositioning, write_pose, write_surface
-from handpipe.synthetic.geometry import templates
+from handpipe.synthetic.geometry import generic_hand
 from handpipe.synthetic.geometry.implicit import Implicit, round_cone, smooth_union
 from handpipe.synthetic.geometry.kinematics import Posture, ramp, smoothstep
 from handpipe.synthetic.geometry.sliding import KnownTendon
@@ -57,7 +57,7 @@ ROUNDING = {"flexor2": 5.0, "extensor2": 2.5}  # mm
 RADII = {"flexor2": 1.9, "extensor2": 1.1}
 
 
-class Finger:
+class IndexFinger:
     """The anatomy in the neutral pose, which `posed` puts in any other."""
 
     def __init__(self, folder: Path) -> None:
@@ -93,7 +93,7 @@ class Finger:
             log.info(
                 "%s: carved by up to %.1f mm to keep bones apart", name, (carved - values)[values < 0.0].max()
             )
-            volume_grid = image.Grid(grid.shape, grid.origin, grid.spacing)
+            volume_grid = image.VoxelGrid(grid.shape, grid.origin, grid.spacing)
             shapes[name] = sampled.interpolated(carved.reshape(grid.shape), volume_grid)
             bones[name] = _remeshed(grids.isosurface(carved, grid).largest_component(), 0.8)
             inside = grids.isosurface(shapes[name](at), grid, -CORTEX)
@@ -282,12 +282,12 @@ def angles_of(pose: str) -> dict[str, float]:
 
 
 @cache
-def finger(folder: Path) -> Finger:
+def finger(folder: Path) -> IndexFinger:
     """The finger of an anatomy folder."""
-    return Finger(folder)
+    return IndexFinger(folder)
 
 
-def _finger(dataset: Dataset) -> Finger:
+def _finger(dataset: Dataset) -> IndexFinger:
     return finger(folder_of(dataset))
 
 
@@ -313,7 +313,7 @@ def generate_pose(dataset: Dataset, pose: str, *, spacing: float = 0.8, margin: 
     write_pose(dataset, pose, posed, skin_scan(anatomy, posed, rng), spacing=spacing, margin=margin)
 
 
-def skin_scan(anatomy: Finger, posed: PosedAnatomy, rng: np.random.Generator) -> Surface:
+def skin_scan(anatomy: IndexFinger, posed: PosedAnatomy, rng: np.random.Generator) -> Surface:
     """Scan of the posed skin: points elsewhere on its triangles than their corners."""
     neutral, triangles = anatomy.skin
     other = remesh(Mesh(neutral, triangles), 0.95)
@@ -327,7 +327,7 @@ def skin_scan(anatomy: Finger, posed: PosedAnatomy, rng: np.random.Generator) ->
     return scans.scan(other.vertices, on_skin, other.triangles, rng, open_before=start)
 
 
-TEMPLATE_WARP = templates.Warp(
+TEMPLATE_WARP = generic_hand.Distortion(
     np.array([30.0, 0.0, 0.0]),
     frame=RigidTransform(
         Rotation.from_euler("xyz", [-4.0, 5.0, 5.0], degrees=True).as_matrix(), np.array([6.0, 7.0, -4.0])
@@ -344,16 +344,16 @@ def generate_templates(dataset: Dataset) -> None:
             write_surface(dataset.path(bone.template), TEMPLATE_WARP(points), triangles)
     for name, entry in dataset.muscles.items():
         coarse = remesh(Mesh(*anatomy.source.muscles[name]), 1.0)  # coarser ones lose thin ends
-        first, last = templates.end_vertices(coarse.vertices, coarse.triangles, 0.1)
-        warped = TEMPLATE_WARP(templates.inflate(coarse.vertices, 1.15))
+        first, last = generic_hand.end_vertices(coarse.vertices, coarse.triangles, 0.1)
+        warped = TEMPLATE_WARP(generic_hand.inflate(coarse.vertices, 1.15))
         write_surface(dataset.path(entry.template), warped, coarse.triangles)
         attachments = {"metacarpal2": first, "proximal2": last}
-        templates.write_attachments(dataset.path(entry.attachments), attachments)
+        generic_hand.write_attachments(dataset.path(entry.attachments), attachments)
     for name, tendon in dataset.tendons.items():
         known = anatomy.tendons[name]
         line = known.centreline(known.path(anatomy.neutral(), anatomy.shapes))
         clicked = line[np.linspace(0, len(line) - 1, 8).astype(int)] + 0.3 * rng.standard_normal((8, 3))
-        templates.write_curve(dataset.path(tendon.path), clicked, name)
+        generic_hand.write_curve(dataset.path(tendon.path), clicked, name)
     for nail in dataset.nails.values():
         vertices, triangles = anatomy.skin
         used, patch = np.unique(triangles[anatomy.nail], return_inverse=True)

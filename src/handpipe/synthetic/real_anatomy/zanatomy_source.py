@@ -53,7 +53,7 @@ JOINTS = {
 
 
 @dataclass(frozen=True)
-class Source:
+class FingerSource:
     """The finger in the neutral frame: +x distal along the metacarpal, +y radial, +z dorsal, origin in it.
 
     Tendon lines (n, 3) run from proximal to distal.
@@ -66,7 +66,7 @@ class Source:
     joints: tuple[KnownJoint, ...]
 
 
-def read(folder: Path) -> Source:
+def read(folder: Path) -> FingerSource:
     """Read the finger; raise `InputError` naming what is absent."""
     raw = {name: _load(folder / HAND / f"{file}.ply", name) for name, file in BONES.items()}
     to_neutral = _neutral_frame(raw["metacarpal2"][0])
@@ -77,7 +77,7 @@ def read(folder: Path) -> Source:
         muscles[name] = to_neutral(points), triangles
     flexors = [to_neutral(read_mesh(folder / HAND / f"{file}.ply").vertices) for file in FLEXORS]
     extensor = to_neutral(read_mesh(folder / HAND / f"{EXTENSOR}.ply").vertices)
-    return Source(
+    return FingerSource(
         bones,
         muscles,
         _middle_line(np.concatenate(flexors), bones, -1.0),

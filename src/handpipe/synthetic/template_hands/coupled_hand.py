@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from handpipe.anatomy.person import SubjectTemplate
-from handpipe.anatomy.templates import Template
+from handpipe.anatomy.templates import TissueMesh
 from handpipe.core import Array, ConvergenceError, InputError, IntArray, Metrics, RigidTransform, artifacts
 from handpipe.core.configuration import Dataset, Scanner
 from handpipe.fem.solver import Options, solve
@@ -24,19 +24,19 @@ from handpipe.synthetic.acquisition.imaged import imaged
 from handpipe.synthetic.acquisition.posed import PosedAnatomy, anatomy_of, write_surface, write_truth
 from handpipe.synthetic.continuum.surfaces import outer_faces
 from handpipe.synthetic.coupled import anatomy_file
-from handpipe.synthetic.coupled.body import Anatomy, Body, Pose
+from handpipe.synthetic.coupled.coupled_body import CoupledAnatomy, CoupledBody, CoupledPose
 from handpipe.synthetic.coupled.element_repair import repair_elements
 from handpipe.synthetic.coupled.follow import follow
 from handpipe.synthetic.coupled.pressure import with_volumes_kept
 from handpipe.synthetic.coupled.submodel import refinement_error
 from handpipe.synthetic.coupled.uninverted import uninverted
 from handpipe.synthetic.coupled.validation import difference
-from handpipe.synthetic.geometry import templates
+from handpipe.synthetic.geometry import generic_hand
 from handpipe.synthetic.geometry.kinematics import Posture
 from handpipe.synthetic.geometry.tubes import sweep
 from handpipe.synthetic.geometry.varied_shapes import BONES, ORGANS, Variation
 from handpipe.synthetic.phantom.phantom_hand_bones import FINGERS, WITH_ROOT
-from handpipe.synthetic.phantom.posed_hand import Motion, volume_grid
+from handpipe.synthetic.phantom.posed_hand import HandMotion, volume_grid
 from handpipe.synthetic.real_anatomy import real_hand
 from handpipe.synthetic.template_hands.hand_body import HandBody, materials, open_hand
 from handpipe.synthetic.template_hands.known_hands import KnownHand, known_hand
@@ -54,7 +54,7 @@ AT_REST = Options(displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterati
 CLICKS = 10  # points of a tendon that a person clicks
 RAYS = {"thumb": real_hand.RAYS[1], **{f"finger{i}": real_hand.RAYS[i][1:] for i in FINGERS}}
 WRIST = -22.0  # mm along the hand: scans end there
-TEMPLATE_WARP = templates.Warp(
+TEMPLATE_WARP = generic_hand.Distortion(
     np.array([60.0, 15.0, -18.0]),
     scale=1.05,
     bend=(0.0003, -0.0002),
@@ -65,7 +65,7 @@ TEMPLATE_WARP = templates.Warp(
 )
 
 
-def opened_hand(template: str | Path, subject: str | Path, motion: Motion) -> Anatomy:
+def opened_hand(template: str | Path, subject: str | Path, motion: HandMotion) -> CoupledAnatomy:
     """The template hand's anatomy as a coupled body, for all poses of its motion.
 
     Raises
@@ -74,12 +74,12 @@ def opened_hand(template: str | Path, subject: str | Path, motion: Motion) -> An
         If a joint opens through the skin.
     """
     positions = [bones_at(motion, pose, share) for pose in motion.poses for share in PARTS]
-    anatomy = open_hand(Template.load(template), SubjectTemplate.load(subject), positions)
+    anatomy = open_hand(TissueMesh.load(template), SubjectTemplate.load(subject), positions)
     require_closed_skin(anatomy, template)
     return anatomy
 
 
-def require_closed_skin(anatomy: Anatomy, source: str | Path) -> None:
+def require_closed_skin(anatomy: CoupledAnatomy, source: str | Path) -> None:
     """Raise `InputError` where the outer surface has a rim: there a joint's cavity leads outside."""
     outer = Surface(anatomy.mesh.vertices, outer_faces(anatomy.mesh, anatomy.bones.values()))
     rim = outer.boundary_edges()
@@ -94,7 +94,9 @@ def hand_body(anatomy: str | Path, subject: str | Path, order: int) -> HandBody:
     return HandBody.mesh(anatomy_file.load(anatomy), SubjectTemplate.load(subject), order)
 
 
-def bones_at(motion: Motion, pose: str, share: float = 1.0, start: str = REST) -> dict[str, RigidTransform]:
+def bones_at(
+    motion: HandMotion, pose: str, share: float = 1.0, start: str = REST
+) -> dict[str, RigidTransform]:
     """Where bones are at a share of the way from the pose `start` to another, with the root at rest."""
     before, after = motion.poses[start], motion.poses[pose]
     degrees = {name: share * to + (1 - share) * before[name] for name, to in after.items()}
@@ -102,7 +104,7 @@ def bones_at(motion: Motion, pose: str, share: float = 1.0, start: str = REST) -
     return Posture(motion.joints, angles, RigidTransform.identity(), WITH_ROOT).transforms()
 
 
-def settle(hand: HandBody, motion: Motion, pose: str, start: str = REST, x: Array | None = None) -> Array:
+def settle(hand: HandBody, motion: HandMotion, pose: str, start: str = REST, x: Array | None = None) -> Array:
     """Equilibrium positions (n, 3) of a pose, followed from the pose `start` at x (n, 3), or from rest.
 
     Quadratic tets begin at the equilibrium of linear ones.
@@ -117,14 +119,14 @@ def settle(hand: HandBody, motion: Motion, pose: str, start: str = REST, x: Arra
     steps = max(int(np.ceil(_widest(motion, pose, start) / STEP)), 2)
     options = replace(AT_REST, name=pose)
 
-    def at(t: float) -> Pose:
+    def at(t: float) -> CoupledPose:
         return hand.pose(bones_at(motion, pose, t, start))
 
     found = follow(hand.body, at, x, steps=steps, options=options)
     return with_volumes_kept(hand.body, at(1.0), found.x, options).x
 
 
-def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | None) -> Array:
+def _refined(hand: HandBody, motion: HandMotion, pose: str, start: str, x: Array | None) -> Array:
     """Positions (n, 3) of the nodes of quadratic tets, from those of the same hand's linear ones.
 
     Some 345,000 nodes: linear systems are solved by two levels, of which the linear tets' is factorised. Bent
@@ -147,7 +149,7 @@ def _refined(hand: HandBody, motion: Motion, pose: str, start: str, x: Array | N
     return uninverted(body, energies, kept, options, right).x
 
 
-def _other_start(body: Body, x: Array, right: Array) -> Array:
+def _other_start(body: CoupledBody, x: Array, right: Array) -> Array:
     """Positions x (n, 3), repaired by `right` where x is inverted; `ConvergenceError` where that fails."""
     if body.inverted(x) == 0:
         return x
@@ -158,12 +160,14 @@ def _other_start(body: Body, x: Array, right: Array) -> Array:
     return found[0]
 
 
-def _widest(motion: Motion, pose: str, start: str = REST) -> float:
+def _widest(motion: HandMotion, pose: str, start: str = REST) -> float:
     """Degrees by which the joint turns that turns most."""
     return max(abs(to - motion.poses[start][name]) for name, to in motion.poses[pose].items())
 
 
-def start_difference(hand: HandBody, motion: Motion, found: Mapping[str, Array]) -> tuple[str, str, float]:
+def start_difference(
+    hand: HandBody, motion: HandMotion, found: Mapping[str, Array]
+) -> tuple[str, str, float]:
     """How far in mm a pose's nodes end from where they are known to be, when reached from another pose.
 
     `found` has the positions (n, 3) of poses. Of these, the two that bend least are taken: from the first to
@@ -174,14 +178,14 @@ def start_difference(hand: HandBody, motion: Motion, found: Mapping[str, Array])
     return one, other, float(np.linalg.norm(again - found[other], axis=1).max())
 
 
-def _least_bent(motion: Motion, poses: Iterable[str]) -> list[str]:
+def _least_bent(motion: HandMotion, poses: Iterable[str]) -> list[str]:
     """Poses other than rest, by how far their joints turn."""
     turned = {name: _widest(motion, name) for name in poses}
     return sorted((name for name in turned if turned[name] > 0), key=lambda name: turned[name])
 
 
 def refinement_errors(
-    hand: HandBody, motion: Motion, found: Mapping[str, Array]
+    hand: HandBody, motion: HandMotion, found: Mapping[str, Array]
 ) -> tuple[str, dict[str, Metrics]]:
     """How far linear tets are from quadratic ones in the pose that bends least.
 
@@ -205,7 +209,7 @@ def refinement_errors(
     return pose, errors
 
 
-def cuts_itself(body: Body, x: Array) -> bool:
+def cuts_itself(body: CoupledBody, x: Array) -> bool:
     """Whether the skin passes through itself at positions x (n, 3)."""
     surface = Surface(x, body.skin_faces).compact()
     return len(crossings(surface)) > 0
@@ -302,13 +306,13 @@ def write_templates(
             dataset.path(entry.template), TEMPLATE_WARP(varied(surface.vertices)), surface.triangles
         )
         attachments = {bone: ids.tolist() for bone, ids in marked[name].items()}
-        templates.write_attachments(dataset.path(entry.attachments), attachments)
+        generic_hand.write_attachments(dataset.path(entry.attachments), attachments)
     found = posed(hand, known_hand(dataset), dataset.neutral, neutral, dataset.seed)
     for name, tendon in dataset.tendons.items():
         line = found.tendons[name]
         clicked = line[np.linspace(0, len(line) - 1, CLICKS).astype(int)]
         noisy = clicked + 0.3 * rng.standard_normal(clicked.shape)
-        templates.write_curve(dataset.path(tendon.path), noisy, name)
+        generic_hand.write_curve(dataset.path(tendon.path), noisy, name)
     for nail in dataset.nails.values():
         vertices, triangles = found.skin
         patch = Surface(vertices, triangles[found.nails[nail.bone][0]]).compact()

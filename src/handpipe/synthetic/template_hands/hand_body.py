@@ -8,12 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handpipe.anatomy.person import SubjectTemplate, TemplateMuscle
-from handpipe.anatomy.templates import Template
+from handpipe.anatomy.templates import TissueMesh
 from handpipe.core import Array, RigidTransform
 from handpipe.fem.elements import Material
 from handpipe.mesh.surfaces import Distance, Surface, arclength, resample
 from handpipe.synthetic.continuum.surfaces import outer_faces
-from handpipe.synthetic.coupled.body import Anatomy, Body, Contact, Pose, Strand
+from handpipe.synthetic.coupled.coupled_body import (
+    CoupledAnatomy,
+    CoupledBody,
+    CoupledPose,
+    SkinContact,
+    TendonStrand,
+)
 from handpipe.synthetic.coupled.joint_spaces import gliding, opened
 
 Bones = Mapping[str, RigidTransform]
@@ -23,7 +29,7 @@ SKIN, DEPTH = Material(20.0, 0.45), 2.0  # kPa and mm: depth below the surface t
 GLIDING = 2.5  # mm between bones of a joint, below which tissue is attached to neither
 STRAND_STEP = 3.0  # mm between points of a tendon
 TONE = 50.0  # mN in every tendon
-CONTACT = Contact(distance=0.3, stiffness=20.0)  # mm, kPa: of the skin with itself
+CONTACT = SkinContact(distance=0.3, stiffness=20.0)  # mm, kPa: of the skin with itself
 TENSION, SHORTENING = 8.0, 0.15  # kPa and 1, of a muscle whose ends have come nearer by this share
 
 
@@ -31,13 +37,13 @@ TENSION, SHORTENING = 8.0, 0.15  # kPa and 1, of a muscle whose ends have come n
 class HandBody:
     """A hand as one body, and the template that it is made from."""
 
-    body: Body
+    body: CoupledBody
     subject: SubjectTemplate
 
     @staticmethod
-    def mesh(anatomy: Anatomy, subject: SubjectTemplate, order: int) -> HandBody:
+    def mesh(anatomy: CoupledAnatomy, subject: SubjectTemplate, order: int) -> HandBody:
         """Of what `open_hand` makes of a template, with linear or quadratic tets (order 1 or 2)."""
-        body = Body(anatomy, materials(anatomy), order=2 if order == 2 else 1, contact=CONTACT)
+        body = CoupledBody(anatomy, materials(anatomy), order=2 if order == 2 else 1, contact=CONTACT)
         return HandBody(body, subject)
 
     @property
@@ -49,18 +55,18 @@ class HandBody:
         """The same hand of linear tets."""
         return HandBody.mesh(self.body.anatomy, self.subject, 1)
 
-    def pose(self, bones: Bones) -> Pose:
+    def pose(self, bones: Bones) -> CoupledPose:
         """The bones in a position, and each muscle as tense as it is short."""
-        return Pose(bones, {name: _tension(m, bones) for name, m in self.subject.muscles.items()})
+        return CoupledPose(bones, {name: _tension(m, bones) for name, m in self.subject.muscles.items()})
 
 
-def materials(anatomy: Anatomy) -> dict[str, Material]:
+def materials(anatomy: CoupledAnatomy) -> dict[str, Material]:
     """The material of each of a hand's regions."""
     inside = {name: MUSCLE if name in anatomy.fibres else LIGAMENT for name in anatomy.regions}
     return inside | {"fat": FAT, "skin": SKIN}
 
 
-def open_hand(template: Template, subject: SubjectTemplate, positions: Sequence[Bones]) -> Anatomy:
+def open_hand(template: TissueMesh, subject: SubjectTemplate, positions: Sequence[Bones]) -> CoupledAnatomy:
     """A template's mesh of fat, muscles and ligaments with open joints, sliding tendons and a skin.
 
     `positions` are all that its bones will pass.
@@ -69,14 +75,14 @@ def open_hand(template: Template, subject: SubjectTemplate, positions: Sequence[
         name: template.fibres[template.labels == template.names.index(name)] for name in subject.muscles
     }
     strands = {name: _strand(tendon.path, tendon.radius) for name, tendon in subject.tendons.items()}
-    anatomy = Anatomy(template.mesh, template.labels, template.names, template.bones, fibres, strands)
+    anatomy = CoupledAnatomy(template.mesh, template.labels, template.names, template.bones, fibres, strands)
     joints = [(joint.parent, joint.child) for joint in subject.joints]
     vertices, bones = template.mesh.vertices, template.bones
     glide = gliding(vertices, bones, subject.bones, joints, positions, GLIDING)
     return _with_skin(opened(anatomy, glide))
 
 
-def _with_skin(anatomy: Anatomy) -> Anatomy:
+def _with_skin(anatomy: CoupledAnatomy) -> CoupledAnatomy:
     """The anatomy whose fat near the outer surface is a further region, the skin."""
     outer = Surface(anatomy.mesh.vertices, outer_faces(anatomy.mesh, anatomy.bones.values()))
     fat = anatomy.tets_of("fat")
@@ -86,9 +92,9 @@ def _with_skin(anatomy: Anatomy) -> Anatomy:
     return replace(anatomy, labels=labels, regions=(*anatomy.regions, "skin"))
 
 
-def _strand(path: Array, radius: float) -> Strand:
+def _strand(path: Array, radius: float) -> TendonStrand:
     points = resample(path, int(arclength(path)[-1] / STRAND_STEP) + 2)
-    return Strand(points, radius=radius, tension=TONE)
+    return TendonStrand(points, radius=radius, tension=TONE)
 
 
 def _tension(muscle: TemplateMuscle, bones: Bones) -> float:

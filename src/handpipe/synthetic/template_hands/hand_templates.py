@@ -95,7 +95,7 @@ def zanatomy(folder: Path) -> SubjectTemplate:
 
 
 def _real(
-    bones: real_hand.Bones, hinges: Mapping[str, real_hand.Hinge], forearm: Mapping[str, Surface]
+    bones: real_hand.Bones, hinges: Mapping[str, real_hand.SourceHinge], forearm: Mapping[str, Surface]
 ) -> SubjectTemplate:
     known = real_hand.joints(real_hand.own_frames(bones, hinges), hinges)
     capitate = bones["capitate"][0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from handpipe.core.configuration import Dataset
 from handpipe.synthetic.phantom import phantom_hand
 from handpipe.synthetic.phantom.phantom_hand_joints import WITH_FLESH
-from handpipe.synthetic.phantom.posed_hand import Hand, Motion
+from handpipe.synthetic.phantom.posed_hand import Hand, HandMotion
 from handpipe.synthetic.real_anatomy import zanatomy_bones
 from handpipe.synthetic.real_anatomy.source_meshes import folder_of
 
@@ -19,13 +19,13 @@ class KnownHand:
 
     Parameters
     ----------
-    motion : Motion
+    motion : HandMotion
         Joints and poses.
     hand : callable
         Makes the bones with their marrow.
     """
 
-    motion: Motion
+    motion: HandMotion
     hand: Callable[[], Hand]
 
 

@@ -8,14 +8,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from handpipe.anatomy.person import SubjectTemplate
-from handpipe.anatomy.templates import Template
+from handpipe.anatomy.templates import TissueMesh
 from handpipe.core import IntArray
 from handpipe.mesh.surfaces import Distance
 
 FEW, REACH = 10, 2.5  # 1 and mm: an end of fewer vertices takes those within that distance of it along
 
 
-def marked_ends(template: Template, subject: SubjectTemplate) -> dict[str, dict[str, IntArray]]:
+def marked_ends(template: TissueMesh, subject: SubjectTemplate) -> dict[str, dict[str, IntArray]]:
     """Attachments of each muscle and ligament by bone.
 
     The subject's own attachments are only those vertices that lie on a bone: a few of an end with fat around
@@ -24,7 +24,7 @@ def marked_ends(template: Template, subject: SubjectTemplate) -> dict[str, dict[
 
     Parameters
     ----------
-    template : Template
+    template : TissueMesh
         Tet meshes of the organs with their origins and insertions, in mm.
     subject : SubjectTemplate
         Names of the muscles and ligaments, and surfaces of the bones in mm.
@@ -39,7 +39,7 @@ def marked_ends(template: Template, subject: SubjectTemplate) -> dict[str, dict[
     return {name: _of_organ(template, name, bones) for name in names}
 
 
-def _of_organ(template: Template, name: str, bones: Mapping[str, Distance]) -> dict[str, IntArray]:
+def _of_organ(template: TissueMesh, name: str, bones: Mapping[str, Distance]) -> dict[str, IntArray]:
     mesh, used = template.part(name)
     outside = mesh.boundary_vertices()
     points = mesh.vertices[outside]

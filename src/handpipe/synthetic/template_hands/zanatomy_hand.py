@@ -18,9 +18,9 @@ from handpipe.anatomy.templates import (
     Domain,
     Factorise,
     HandTemplate,
-    Nail,
-    Solid,
-    Template,
+    NailCurve,
+    OrganSolid,
+    TissueMesh,
     accounts,
     nail_triangles,
     superlu,
@@ -121,7 +121,7 @@ def _source_bones(folder: Path) -> tuple[dict[str, Surface], list[Row]]:
     return bones, rows
 
 
-def _organ(tissue: Template, name: str, solid: Solid, bones: Mapping[str, Surface]) -> TemplateMuscle:
+def _organ(tissue: TissueMesh, name: str, solid: OrganSolid, bones: Mapping[str, Surface]) -> TemplateMuscle:
     """A muscle with tets and fibres; a vertex at an end is attached to the nearest of that end's bones."""
     mesh, used = tissue.part(name)
     outside = mesh.boundary_vertices()
@@ -159,6 +159,6 @@ def _nails(bare: SubjectTemplate, frames: Mapping[str, RigidTransform]) -> dict[
     for ray, chain in real_hand.RAYS.items():
         bone = chain[-1]
         distal, _, dorsal = frames[bone].rotation.T
-        nail = Nail(bone=bone, dorsal=tuple(dorsal), along=(0.4, 1.08), width=13.0 if ray == 1 else 11.0)
+        nail = NailCurve(bone=bone, dorsal=tuple(dorsal), along=(0.4, 1.08), width=13.0 if ray == 1 else 11.0)
         found[bone] = nail_triangles(nail, tuple(distal), bare, "zanatomy-hand", f"nails.{bone}")
     return found

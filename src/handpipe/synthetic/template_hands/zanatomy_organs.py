@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.anatomy.templates import Solid
+from handpipe.anatomy.templates import OrganSolid
 from handpipe.core import RigidTransform
 from handpipe.mesh.surfaces import Surface
 from handpipe.synthetic.real_anatomy.source_meshes import read_mesh
@@ -76,15 +76,15 @@ def read_organ(folder: Path, file: str, place: RigidTransform) -> Surface:
     return mesh.moved(place(mesh.vertices))
 
 
-def read_solids(folder: Path, place: RigidTransform) -> dict[str, Solid]:
+def read_solids(folder: Path, place: RigidTransform) -> dict[str, OrganSolid]:
     """The muscle groups by name, as they are."""
     files = {file: read_organ(folder, file, place) for group in GROUPS.values() for file in group.files}
     return {name: _solid(group, files) for name, group in GROUPS.items()}
 
 
-def _solid(group: Group, files: Mapping[str, Surface]) -> Solid:
+def _solid(group: Group, files: Mapping[str, Surface]) -> OrganSolid:
     surfaces = tuple(files[file] for file in group.files)
     if group.body is not None:
         bodies = sorted(surfaces[0].components(), key=lambda body: -float(body.vertices[:, 1].mean()))
         surfaces = (bodies[group.body],)
-    return Solid(surfaces, group.origin, group.insertion)
+    return OrganSolid(surfaces, group.origin, group.insertion)

@@ -122,8 +122,8 @@ class Fascia:
         start = np.where((fixed | sliding)[:, None], carried, start)
         # A vertex may rest on an edge between facets, where the force jumps: residuals cannot vanish there.
         options = Options(displacement_tolerance=STILL, force_tolerance=LOOSE, name=self.name)
-        held = np.repeat(fixed[:, None], 3, axis=1)
-        return equilibrium.solve(potentials, start, fixed=held, options=options).x
+        pinned = np.repeat(fixed[:, None], 3, axis=1)
+        return equilibrium.solve(potentials, start, fixed=pinned, options=options).x
 
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "fascia"."""

@@ -77,7 +77,7 @@ class FitSettings:
 
 
 @dataclass
-class Target:
+class ScanTarget:
     """A scan to match; area (n,) in mm^2 is each skin vertex's share, zero where unused."""
 
     scan: Surface
@@ -105,7 +105,7 @@ class Target:
 
 
 @dataclass(frozen=True)
-class State:
+class FatState:
     """Log-strains, their equilibrium, the gaps from the scan to the skin there, and the solver's figures."""
 
     logs: Array
@@ -219,24 +219,24 @@ def fit_strains(
     area = mass_lumped(skin.vertices, skin.triangles)
     for part in tissue.rigid.values():
         area[part.vertices] = 0.0
-    target = Target(scan, area, settings)
+    target = ScanTarget(scan, area, settings)
     laplacian = sparse.kron(tet_laplacian(mesh.tets), sparse.identity(6), format="csr")
     m = len(mesh.tets)
 
-    def state(logs: Array, guess: Array) -> State:
+    def state(logs: Array, guess: Array) -> FatState:
         settled = tissue.solve(below, rigid, plasticity.exp(logs), guess, ON_THE_WAY)
         x = settled.x
         offsets, normals, weights = target.match(skin.moved(tissue.skin_matrix @ x))
         rough = laplacian @ logs.ravel()
         value = settings.smoothness * rough @ rough / m + weights @ offsets**2
-        return State(logs, x, offsets, normals, weights, float(value), settled.validity)
+        return FatState(logs, x, offsets, normals, weights, float(value), settled.validity)
 
     now = state(np.zeros((m, 6)), tissue.opened(below, rigid, None, start))
     record = [now.row(0.0)]
     for iteration in range(settings.iterations):
         strain = strain_operator(mesh, now.x)
-        held = tissue.held(below, rigid, now.x)
-        step = _direction(strain, laplacian, now, tissue.skin_operator, held, settings)
+        constraints = tissue.constraints(below, rigid, now.x)
+        step = _direction(strain, laplacian, now, tissue.skin_operator, constraints, settings)
         change = _bounded((strain @ step.ravel()).reshape(-1, 6), settings.largest_change)
         found, eta = _search(state, now, change, step, settings)
         if found is None:
@@ -266,8 +266,12 @@ def _bounded(change: Array, largest: float) -> Array:
 
 
 def _search(
-    state: Callable[[Array, Array], State], now: State, change: Array, step: Array, settings: FitSettings
-) -> tuple[State | None, float]:
+    state: Callable[[Array, Array], FatState],
+    now: FatState,
+    change: Array,
+    step: Array,
+    settings: FitSettings,
+) -> tuple[FatState | None, float]:
     """Halve the step until the true objective falls, its equilibrium started at the predicted shape."""
     eta = 1.0
     while eta >= settings.least_step:
@@ -284,9 +288,9 @@ def _search(
 def _direction(
     strain: sparse.csr_matrix,
     laplacian: sparse.csr_matrix,
-    now: State,
+    now: FatState,
     skin: sparse.csr_matrix,
-    held: Sequence[Potential],
+    constraints: Sequence[Potential],
     settings: FitSettings,
 ) -> Array:
     """The displacement (n, 3) that minimises the linearised objective (Eq. 24) and the constraints' springs.
@@ -300,7 +304,7 @@ def _direction(
         (now.normals.ravel(), np.arange(3 * k), 3 * np.arange(k + 1)), shape=(k, 3 * k)
     )
     gap = (spread @ skin).tocsr()
-    springs = sum((p.hessian(now.x) for p in held[1:]), start=held[0].hessian(now.x))
+    springs = sum((p.hessian(now.x) for p in constraints[1:]), start=constraints[0].hessian(now.x))
     springs = springs * (settings.hold / springs.diagonal().sum())
     share = settings.smoothness / m
     matrix = share * (rough.T @ rough) + gap.T @ sparse.diags(now.weights) @ gap + springs

@@ -150,7 +150,7 @@ class Tissue:
         rotations, _ = polar((self.inner_matrix @ (around @ gradients)).reshape(-1, 3, 3))
         return np.einsum("nij,nj->ni", rotations, self.inner.normal)
 
-    def held(
+    def constraints(
         self,
         below: Mapping[str, Shapes],
         rigid: Mapping[str, RigidTransform],
@@ -345,12 +345,13 @@ class Tissue:
     ) -> Equilibrium:
         options = replace(OPTIONS, single=len(start) >= LARGE)
         try:
-            return equilibrium.solve([elastic, *self.held(below, rigid, start)], start, options=options)
+            potentials = [elastic, *self.constraints(below, rigid, start)]
+            return equilibrium.solve(potentials, start, options=options)
         except ConvergenceError as error:
             log.info("%s; retrying with constraints that stiffen in steps", error)
 
         def softened(t: float) -> list[Potential]:
-            return [elastic, *self.held(below, rigid, start, SOFTEST ** (1 - t))]
+            return [elastic, *self.constraints(below, rigid, start, SOFTEST ** (1 - t))]
 
         return equilibrium.continuation(softened, start, options=options)
 

@@ -14,12 +14,12 @@ import numpy as np
 from handpipe.core import RigidTransform
 from handpipe.skeleton.posing import PoseSpace
 from handpipe.tissues.muscles import Muscle
-from handpipe.tissues.muscles.fitting import Body, Guess
+from handpipe.tissues.muscles.fitting import PlacedTemplate, SoftBody
 
 
 def fit_ligament(
     name: str,
-    guess: Guess,
+    guess: PlacedTemplate,
     parents: Mapping[str, str],
     neutral: str,
     *,
@@ -31,7 +31,7 @@ def fit_ligament(
     ----------
     name : str
         Name of the ligament.
-    guess : Guess
+    guess : PlacedTemplate
         Placed template.
     parents : mapping of str to str
         Parent of each bone.
@@ -45,7 +45,7 @@ def fit_ligament(
     Muscle
         The ligament, with no plastic strain in any pose.
     """
-    body = Body.fill(guess.surface, guess.attachments, edge)
+    body = SoftBody.fill(guess.surface, guess.attachments, edge)
     still = {bone: RigidTransform.identity() for bone in body.attachments}
     space = PoseSpace.build(list(body.attachments), parents, {neutral: still}, "inverse-distance")
     logs = np.zeros((1, len(body.mesh.tets), 6))

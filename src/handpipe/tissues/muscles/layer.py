@@ -25,7 +25,7 @@ from handpipe.mesh.surfaces import Distance, Surface, about, each_moved
 from handpipe.mesh.tets import mass_lumped
 from handpipe.shapes.optimisation import MUSCLE
 from handpipe.tissues.muscles.muscle import Muscle
-from handpipe.tissues.muscles.neighbours import Pairs, pairs, sliding_vertices
+from handpipe.tissues.muscles.neighbours import SurfacePairs, pairs, sliding_vertices
 
 Planes = tuple[sparse.csr_matrix, Array, Array]  # what is apart (c, N), by places and normals (c, 3)
 
@@ -104,7 +104,7 @@ class MuscleLayer:
         self.elastic = Elastic(rest, np.concatenate(tets), self.options.material)
         self.surfaces = [self._lifted(m.body.matrix, i) for i, m in enumerate(self.muscles)]
         free = [_without(s, m.firm) for s, m in zip(self.surfaces, self.muscles, strict=True)]
-        self.unheld = sparse.vstack(free, format="csr")  # from all vertices to the free ones of surfaces
+        self.free_points = sparse.vstack(free, format="csr")  # from all vertices to the free ones of surfaces
         anchors = [self._lifted(m.anchors, i) for i, m in enumerate(self.muscles)]
         self.anchors = sparse.vstack(anchors, format="csr")  # and to the points attached to bones
         neutral = {m.name: m.body.surface for m in self.muscles}
@@ -132,12 +132,12 @@ class MuscleLayer:
         elastic = self.elastic.with_strains(np.concatenate(strains))
         flesh = flesh_in(below)
         x = np.concatenate([m.places(bones, frame.bones, flesh) for m in self.muscles])
-        held = [self._attachments(frame.bones), *self._bed(x)]
+        constraints = [self._attachments(frame.bones), *self._bed(x)]
         posed = each_moved(bones, frame.bones)
         if self.contact:
-            settled = self._in_contact([elastic, *held], x, posed, frame.name)
+            settled = self._in_contact([elastic, *constraints], x, posed, frame.name)
             return self._shapes(frame.name, settled, strains, posed, settled.figures)
-        found = self._equilibrium([elastic, *held], x, frame.name)
+        found = self._equilibrium([elastic, *constraints], x, frame.name)
         alone = Settled(found.x, 0, 0.0, solver=found.record.figures)
         return self._shapes(frame.name, alone, strains, posed, {})
 
@@ -154,7 +154,8 @@ class MuscleLayer:
             return []
         surfaces = [(m.body.surface, m.firm) for m in self.muscles]
         areas = [np.delete(mass_lumped(s.vertices, s.triangles), firm) for s, firm in surfaces]
-        return [Attachment(self.unheld, self.unheld @ places, self.options.bed * np.concatenate(areas))]
+        stiffness = self.options.bed * np.concatenate(areas)
+        return [Attachment(self.free_points, self.free_points @ places, stiffness)]
 
     def _in_contact(
         self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str
@@ -180,10 +181,10 @@ class MuscleLayer:
 
     def _bone_contacts(self, bones: Sequence[Distance], x: Array) -> list[Potential]:
         """Contact with every bone of the free surface vertices that are near it."""
-        points = self.unheld @ x
+        points = self.free_points @ x
         near = [about(points, bone.surface, GUARDED) for bone in bones]
         return [
-            SurfaceContact(self.unheld[ids], bone, self.options.contact)
+            SurfaceContact(self.free_points[ids], bone, self.options.contact)
             for ids, bone in zip(near, bones, strict=True)
             if len(ids)
         ]
@@ -198,11 +199,11 @@ class MuscleLayer:
         }
         distances = {name: Distance(surface) for name, surface in posed.items()}
         operators = {m.name: s for m, s in zip(self.muscles, self.surfaces, strict=True)}
-        held = {m.name: m.firm for m in self.muscles}
+        firm = {m.name: m.firm for m in self.muscles}
         touching: list[Planes] = []
         sliding: list[Planes] = []
         for a, b in permutations(operators, 2):
-            near = pairs(posed[a], distances[b], self.options.near).without(held[a])
+            near = pairs(posed[a], distances[b], self.options.near).without(firm[a])
             if len(near.vertices) == 0:
                 continue
             touch, slide = near.within(self.options.touch), near.only(self.slides.get((a, b)))
@@ -274,7 +275,7 @@ def load(files: Sequence[Path], _: Mapping[str, Surface]) -> MuscleLayer:
     return MuscleLayer(muscles, examples=known_surfaces(muscles))
 
 
-def _apart(near: Pairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sparse.csr_matrix:
+def _apart(near: SurfacePairs, a: sparse.csr_matrix, b: sparse.csr_matrix) -> sparse.csr_matrix:
     """Matrix (c, N) from all vertices to vectors from places of the neighbour to the vertices near them."""
     return a[near.vertices] - near.feet @ b
 

@@ -15,13 +15,13 @@ from handpipe.fem.elements import plasticity
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import Interpolation, PoseSpace
 from handpipe.tissues.muscles.bed import Bed
-from handpipe.tissues.muscles.fitting.body import ON_BONE, Body
 from handpipe.tissues.muscles.fitting.pose_strains import (
     KnownShape,
     PoseStrains,
     StrainOptions,
     fit_pose_strains,
 )
+from handpipe.tissues.muscles.fitting.soft_body import ON_BONE, SoftBody
 from handpipe.tissues.muscles.neighbours import touching
 
 KIND = "muscle"
@@ -80,7 +80,7 @@ class Muscle:
     ----------
     name : str
         Name of the muscle.
-    body : Body
+    body : SoftBody
         The body in neutral.
     space : PoseSpace
         Its pose space. Neutral is one of the examples.
@@ -96,7 +96,7 @@ class Muscle:
     """
 
     name: str
-    body: Body
+    body: SoftBody
     space: PoseSpace
     logs: Array
     vertices: Array
@@ -104,7 +104,7 @@ class Muscle:
     bed: Bed | None = None
 
     @staticmethod
-    def learn(name: str, body: Body, examples: Examples, fit: PoseStrains) -> Muscle:
+    def learn(name: str, body: SoftBody, examples: Examples, fit: PoseStrains) -> Muscle:
         """From the strains of example poses.
 
         Radial functions with a linear part follow the trend between examples, where positive weights are
@@ -113,8 +113,8 @@ class Muscle:
         still = {bone: RigidTransform.identity() for bone in body.attachments}
         own = [{b: t[b] for b in body.attachments} for t in examples.transforms.values()]
         poses = {examples.neutral: still, **examples.transforms}
-        bones, held = list(body.attachments), body.held_by_bone
-        space = PoseSpace.build(bones, examples.parents, poses, examples.interpolation, held)
+        bones, places = list(body.attachments), body.attached_places
+        space = PoseSpace.build(bones, examples.parents, poses, examples.interpolation, places)
         logs = np.stack([np.zeros((len(body.mesh.tets), 6)), *(plasticity.log(s) for s in fit.strains)])
         vertices = np.concatenate([body.mesh.vertices[None], fit.vertices])
         flesh = examples.flesh
@@ -124,7 +124,7 @@ class Muscle:
     @staticmethod
     def fit(
         name: str,
-        body: Body,
+        body: SoftBody,
         examples: Examples,
         shapes: Mapping[str, SeparatedShape],
         options: StrainOptions | None = None,
@@ -137,12 +137,12 @@ class Muscle:
         if not poses:
             unknown = PoseStrains.unknown(body.mesh)
             return Muscle.learn(name, body, examples, unknown), unknown
-        space = PoseSpace.build(list(body.attachments), examples.parents, poses, points=body.held_by_bone)
+        space = PoseSpace.build(list(body.attachments), examples.parents, poses, points=body.attached_places)
         given = [
             KnownShape(s.surface.vertices, s.start, touching(s.surface, s.neighbours, TOUCHING))
             for s in (shapes[pose] for pose in poses)
         ]
-        fit = fit_pose_strains(body.mesh, body.matrix, given, space.examples, body.held, options)
+        fit = fit_pose_strains(body.mesh, body.matrix, given, space.examples, body.attached_vertices, options)
         return Muscle.learn(name, body, examples, fit), fit
 
     def places(
@@ -179,7 +179,7 @@ class Muscle:
     @cached_property
     def firm(self) -> IntArray:
         """Surface vertices that go with a bone; the other marked ones leave theirs in an example."""
-        return self.body.held[self._firm]
+        return self.body.attached_vertices[self._firm]
 
     @cached_property
     def anchors(self) -> sparse.csr_matrix:
@@ -200,7 +200,8 @@ class Muscle:
 
     @cached_property
     def _anchors(self) -> sparse.csr_matrix:
-        return self.body.embedding.chosen(self.body.held).drawn_in().matrix(len(self.body.mesh.vertices))
+        attached = self.body.embedding.chosen(self.body.attached_vertices)
+        return attached.drawn_in().matrix(len(self.body.mesh.vertices))
 
     @cached_property
     def _firm(self) -> BoolArray:
@@ -251,7 +252,7 @@ class Muscle:
             {n: RigidTransform(r, t) for n, r, t in zip(names, rotations, translations, strict=True)}
             for rotations, translations in zip(known["rotations"], known["translations"], strict=True)
         ]
-        body, space = Body.from_group(data["body"]), PoseSpace.from_group(data["space"])
+        body, space = SoftBody.from_group(data["body"]), PoseSpace.from_group(data["space"])
         body = replace(body, attachments={n: body.attachments[n] for n in names})
         bed = Bed.from_group(data["bed"]) if "bed" in data else None
         return Muscle(str(data["name"]), body, space, data["logs"], known["vertices"], tuple(bones), bed)

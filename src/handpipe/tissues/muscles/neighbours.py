@@ -15,7 +15,7 @@ Neighbours = dict[tuple[str, str], tuple[IntArray, Array]]
 
 
 @dataclass(frozen=True)
-class Pairs:
+class SurfacePairs:
     """Pairs of vertices of one surface and places on another.
 
     Attributes
@@ -38,28 +38,30 @@ class Pairs:
     gaps: Array
     rest: Array
 
-    def only(self, known: tuple[IntArray, Array] | None) -> Pairs:
+    def only(self, known: tuple[IntArray, Array] | None) -> SurfacePairs:
         """The pairs of given vertices, with their gaps."""
         if known is None:
             return self._at(np.arange(0), np.zeros(0))
         _, here, there = np.intersect1d(self.vertices, known[0], return_indices=True)
         return self._at(here, known[1][there])
 
-    def without(self, held: IntArray) -> Pairs:
+    def without(self, attached: IntArray) -> SurfacePairs:
         """The pairs of all but given vertices."""
-        chosen = np.flatnonzero(~np.isin(self.vertices, held))
+        chosen = np.flatnonzero(~np.isin(self.vertices, attached))
         return self._at(chosen, self.rest[chosen])
 
-    def within(self, distance: float) -> Pairs:
+    def within(self, distance: float) -> SurfacePairs:
         """The pairs nearer than a distance in mm."""
         chosen = np.flatnonzero(self.gaps < distance)
         return self._at(chosen, self.rest[chosen])
 
-    def _at(self, chosen: IntArray, rest: Array) -> Pairs:
-        return Pairs(self.vertices[chosen], self.feet[chosen], self.normals[chosen], self.gaps[chosen], rest)
+    def _at(self, chosen: IntArray, rest: Array) -> SurfacePairs:
+        return SurfacePairs(
+            self.vertices[chosen], self.feet[chosen], self.normals[chosen], self.gaps[chosen], rest
+        )
 
 
-def pairs(a: Surface, b: Distance, near: float) -> Pairs:
+def pairs(a: Surface, b: Distance, near: float) -> SurfacePairs:
     """Vertices of a closer than `near` mm to a surface b or inside of it.
 
     Inside a thin body the closest face may be the far one, which a's surface does not face: it would pull the
@@ -71,7 +73,7 @@ def pairs(a: Surface, b: Distance, near: float) -> Pairs:
     astray = (gap < 0) & (np.einsum("ni,ni->n", a.vertex_normals()[ids], normals) > 0)
     chosen = np.flatnonzero((gap < near) & ~astray)
     feet = barycentric_matrix(closest[chosen], other.triangles[triangles[chosen]], other.vertices)
-    return Pairs(ids[chosen], feet, other.smooth_normals(feet), gap[chosen], np.zeros(len(chosen)))
+    return SurfacePairs(ids[chosen], feet, other.smooth_normals(feet), gap[chosen], np.zeros(len(chosen)))
 
 
 def touching(surface: Surface, others: Iterable[Surface], near: float) -> IntArray:

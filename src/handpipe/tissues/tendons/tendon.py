@@ -15,7 +15,7 @@ from handpipe.skeleton.posing import LocalPoseSpaces, PoseSpace
 from handpipe.tissues.tendons.fitting.hooks import HookSet, closest_points, fit_hooks, past_end
 from handpipe.tissues.tendons.fitting.motion import Bones, relative_to
 from handpipe.tissues.tendons.rods.energies import Bend, Hooks, RodEnergy
-from handpipe.tissues.tendons.rods.equilibrium import Equilibrium, solve
+from handpipe.tissues.tendons.rods.equilibrium import RodEquilibrium, solve
 from handpipe.tissues.tendons.rods.rest import PULL, RestTendon
 from handpipe.tissues.tendons.rods.rod import closest_on_rod, frames, lay, point_at
 from handpipe.tissues.tendons.rods.tube import Tube
@@ -56,7 +56,9 @@ class Tendon:
     space: PoseSpace
     starts: Array
 
-    def solve(self, bones: Bones, flesh: Array | None = None, *, start: Array | None = None) -> Equilibrium:
+    def solve(
+        self, bones: Bones, flesh: Array | None = None, *, start: Array | None = None
+    ) -> RodEquilibrium:
         """Static equilibrium of the rod (Eq. 4-12) in a pose.
 
         Parameters
@@ -70,7 +72,7 @@ class Tendon:
 
         Returns
         -------
-        Equilibrium
+        RodEquilibrium
             The rod x (Q+1, 3) in mm, in the frame of the bones.
 
         Raises
@@ -258,5 +260,5 @@ def _calibrated(
         hooks.refresh(x)
         contact = hooks.contacts(x)
         miss = closest_points(contact, past_end(rod)) - contact
-        corrections[n] += np.where(hooks.held[:, None], miss, 0.0)
+        corrections[n] += np.where(hooks.engaged[:, None], miss, 0.0)
     return replace(tendon, hooks=replace(tendon.hooks, corrections=corrections))

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.synthetic.acquisition.physics.anatomy import Anatomy
+    from handpipe.synthetic.acquisition.physics.anatomy import ImagedAnatomy
     from handpipe.synthetic.acquisition.physics.effects import Effects
     from handpipe.synthetic.acquisition.physics.scanner import scan
     from handpipe.synthetic.acquisition.physics.sequences import Sequence
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["Anatomy", "Effects", "Sequence", "scan"]
+__all__ = ["Effects", "ImagedAnatomy", "Sequence", "scan"]

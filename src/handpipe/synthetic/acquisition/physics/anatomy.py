@@ -14,7 +14,7 @@ Layer = tuple[str, NDArray]
 
 
 @dataclass(frozen=True)
-class Anatomy:
+class ImagedAnatomy:
     """A posed subject as the image model takes it.
 
     Parameters

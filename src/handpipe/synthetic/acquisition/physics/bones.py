@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from handpipe.core import Array
-from handpipe.synthetic.acquisition.image import Grid, Surface, local_distance
+from handpipe.synthetic.acquisition.image import Surface, VoxelGrid, local_distance
 from handpipe.synthetic.acquisition.physics.anatomy import Layer
 from handpipe.synthetic.acquisition.physics.fields import Field, smooth
 
@@ -16,7 +16,7 @@ TRABECULA = 0.7  # mm, the texture's scale
 SHAFT = 0.15  # of the trabecular tissue at a bone's ends
 
 
-def joint_layers(bones: Sequence[Surface], grid: Grid, width: float) -> Iterator[Layer]:
+def joint_layers(bones: Sequence[Surface], grid: VoxelGrid, width: float) -> Iterator[Layer]:
     """Fluid and cartilage where two bones are at most a width in mm apart, to be painted before bones."""
     first = np.full(grid.shape, width, np.float32)
     second = first.copy()
@@ -33,7 +33,7 @@ def joint_layers(bones: Sequence[Surface], grid: Grid, width: float) -> Iterator
 
 
 def trabecular_share(
-    marrow: Field, bones: Sequence[Surface], grid: Grid, most: float, rng: np.random.Generator
+    marrow: Field, bones: Sequence[Surface], grid: VoxelGrid, most: float, rng: np.random.Generator
 ) -> Field:
     """Share of trabecular tissue in marrow (nx, ny, nz): `most` on average at the ends of bones."""
     share = np.zeros(grid.shape, np.float32)
@@ -47,7 +47,7 @@ def trabecular_share(
     return marrow * np.clip(share, 0.0, 1.0)
 
 
-def _ends(points: Array, grid: Grid, low: Array, high: Array) -> Field:
+def _ends(points: Array, grid: VoxelGrid, low: Array, high: Array) -> Field:
     """From `SHAFT` in the middle to 1 at the ends of a bone of points (n, 3), in a block of voxels.
 
     0 beyond the bone's box along its axes.

@@ -8,13 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.synthetic.acquisition.image import Grid
+from handpipe.core import Array
+from handpipe.synthetic.acquisition.image import VoxelGrid
 
 Field = NDArray[np.float32]
 Lengths = tuple[float, float, float]
 
 
-def smooth(grid: Grid, lengths: Lengths, rng: np.random.Generator) -> Field:
+def smooth(grid: VoxelGrid, lengths: Lengths, rng: np.random.Generator) -> Field:
     """Values (nx, ny, nz) of a function that varies over some lengths in mm, of unit variance about zero."""
     bases = _bases(grid, lengths)
     values = _spread(rng.standard_normal([b.shape[1] for b in bases]), bases)
@@ -22,7 +23,7 @@ def smooth(grid: Grid, lengths: Lengths, rng: np.random.Generator) -> Field:
     return values
 
 
-def vanishing(grid: Grid, lengths: Lengths, rng: np.random.Generator) -> Field:
+def vanishing(grid: VoxelGrid, lengths: Lengths, rng: np.random.Generator) -> Field:
     """Distance in mm (nx, ny, nz) to where a random function vanishes, to first order."""
     bases = _bases(grid, lengths)
     coefficients = rng.standard_normal([b.shape[1] for b in bases])
@@ -49,14 +50,14 @@ def strand(distance: Field, radius: float, spacing: float) -> Field:
     return (full * np.clip(0.5 - (distance - radius) / spacing, 0.0, 1.0)).astype(np.float32)
 
 
-def _bases(grid: Grid, lengths: Lengths) -> list[Field]:
+def _bases(grid: VoxelGrid, lengths: Lengths) -> list[Field]:
     return [
         _splines(np.arange(n, dtype=np.float64) * (grid.spacing / length))
         for n, length in zip(grid.shape, lengths, strict=True)
     ]
 
 
-def _splines(at: NDArray[np.float64]) -> Field:
+def _splines(at: Array) -> Field:
     """Cubic B-splines (n, m) on a lattice of unit steps at places (n,)."""
     knots = np.arange(-1, int(np.ceil(at[-1])) + 3)
     t = np.abs(at[:, None] - knots)
@@ -64,6 +65,6 @@ def _splines(at: NDArray[np.float64]) -> Field:
     return np.where(t < 1.0, near, np.where(t < 2.0, far, 0.0)).astype(np.float32)
 
 
-def _spread(coefficients: NDArray[np.float64], bases: list[Field]) -> Field:
+def _spread(coefficients: Array, bases: list[Field]) -> Field:
     x, y, z = bases
     return np.einsum("abc,xa,yb,zc->xyz", coefficients.astype(np.float32), x, y, z, optimize=True)

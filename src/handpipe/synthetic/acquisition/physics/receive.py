@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.core import Array
-from handpipe.synthetic.acquisition.image import Grid
+from handpipe.synthetic.acquisition.image import VoxelGrid
 from handpipe.synthetic.acquisition.physics.fields import Field, smooth
 
 PATCH = 40.0  # mm over which the static field varies after shimming
 
 
-def coil_sensitivity(grid: Grid, far: float, rng: np.random.Generator) -> Field:
+def coil_sensitivity(grid: VoxelGrid, far: float, rng: np.random.Generator) -> Field:
     """Sensitivity of a loop beside the grid: 1 at the near side, `far` at the other one, on its axis.
 
     The field of a loop of radius R falls as (1 + (t / R)^2)^(-3/2) with the distance t along its axis.
@@ -27,7 +27,7 @@ def coil_sensitivity(grid: Grid, far: float, rng: np.random.Generator) -> Field:
     return (1.0 + ratio**2) ** np.float32(-1.5)
 
 
-def field_shift(grid: Grid, voxels: float, rng: np.random.Generator) -> Field:
+def field_shift(grid: VoxelGrid, voxels: float, rng: np.random.Generator) -> Field:
     """Shift along the readout in voxels, at most `voxels`, by a smooth deviation of the static field."""
     shift = smooth(grid, (PATCH,) * 3, rng)
     return shift * np.float32(voxels / max(float(np.abs(shift).max()), 1e-6))

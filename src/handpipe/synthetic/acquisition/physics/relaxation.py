@@ -41,7 +41,7 @@ class Times:
 
 
 @dataclass(frozen=True)
-class Tissue:
+class TissueSignal:
     """Proton density relative to water, share of it that is fat, and times at 1.5 T and 3 T.
 
     fat: share of the proton density that is fat; water and fat of a tissue share its times.
@@ -59,10 +59,12 @@ class Tissue:
 
 def _tissue(
     density: float, fat: float, low: tuple[float, float], high: tuple[float, float], star: float
-) -> Tissue:
+) -> TissueSignal:
     """A tissue by (T1, T2) at 1.5 T and 3 T, and T2* at 3 T."""
     dephasing = 0.5 * (1.0 / star - 1.0 / high[1])
-    return Tissue(density, fat, Times(*low, 1.0 / (1.0 / low[1] + max(dephasing, 0.0))), Times(*high, star))
+    return TissueSignal(
+        density, fat, Times(*low, 1.0 / (1.0 / low[1] + max(dephasing, 0.0))), Times(*high, star)
+    )
 
 
 TISSUES = {

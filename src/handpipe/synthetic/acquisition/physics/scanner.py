@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from handpipe.synthetic.acquisition.image import Grid
+from handpipe.synthetic.acquisition.image import VoxelGrid
 from handpipe.synthetic.acquisition.physics import kspace, receive
-from handpipe.synthetic.acquisition.physics.anatomy import Anatomy
+from handpipe.synthetic.acquisition.physics.anatomy import ImagedAnatomy
 from handpipe.synthetic.acquisition.physics.effects import Effects
 from handpipe.synthetic.acquisition.physics.fields import Field
 from handpipe.synthetic.acquisition.physics.relaxation import TISSUES
@@ -22,15 +22,15 @@ PLANE = (0, 1)  # axes of readout and phase
 
 
 def scan(
-    anatomy: Anatomy, grid: Grid, sequence: Sequence, effects: Effects, seed: Numbers[int]
+    anatomy: ImagedAnatomy, grid: VoxelGrid, sequence: Sequence, effects: Effects, seed: Numbers[int]
 ) -> NDArray[np.float32]:
     """Magnitude image of a subject.
 
     Parameters
     ----------
-    anatomy : Anatomy
+    anatomy : ImagedAnatomy
         Tissues on the grid, bones, direction of the palm.
-    grid : Grid
+    grid : VoxelGrid
         Voxels of the image. The first axis is the readout, the second one the phase direction, the third
         one is across the slices.
     sequence : Sequence
@@ -59,7 +59,7 @@ def scan(
 
 
 def signals(
-    anatomy: Anatomy, grid: Grid, sequence: Sequence, effects: Effects, streams: Streams
+    anatomy: ImagedAnatomy, grid: VoxelGrid, sequence: Sequence, effects: Effects, streams: Streams
 ) -> tuple[Field, Field]:
     """Magnitudes (nx, ny, nz) of water and of fat (its peaks in phase) in each voxel, of an ideal scanner."""
     water, fat = np.zeros(grid.shape, np.float32), np.zeros(grid.shape, np.float32)
@@ -69,7 +69,7 @@ def signals(
     return water, fat
 
 
-def received(image: Field, grid: Grid, effects: Effects, streams: Streams) -> Field:
+def received(image: Field, grid: VoxelGrid, effects: Effects, streams: Streams) -> Field:
     """One species' signal after distortion, the coil and the slices."""
     if hertz := effects.size("distortion"):
         voxels = hertz / kspace.bandwidth(effects)
@@ -85,7 +85,7 @@ def received(image: Field, grid: Grid, effects: Effects, streams: Streams) -> Fi
 
 
 def sampled(
-    k: kspace.Complex, grid: Grid, sequence: Sequence, effects: Effects, streams: Streams
+    k: kspace.Complex, grid: VoxelGrid, sequence: Sequence, effects: Effects, streams: Streams
 ) -> kspace.Complex:
     """k-space as it is sampled: folding, motion, noise, and zeros where nothing is acquired."""
     if share := effects.size("wrap"):

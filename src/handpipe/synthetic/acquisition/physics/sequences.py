@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from handpipe.synthetic.acquisition.physics.relaxation import TISSUES, Tissue
+from handpipe.synthetic.acquisition.physics.relaxation import TISSUES, TissueSignal
 
 GYROMAGNETIC = 42.577  # MHz/T of the proton
 FAT_SHIFT = -3.4  # ppm of fat's main peak from water
@@ -65,12 +65,12 @@ class Sequence:
         turn = 1e3 / abs(frequency(field))  # ms in which fat turns once from water
         return Sequence(field, 23.0, turn * (2.0 if name == "gradient_echo_in_phase" else 1.5), 5.0)
 
-    def signal(self, tissue: Tissue) -> tuple[complex, complex]:
+    def signal(self, tissue: TissueSignal) -> tuple[complex, complex]:
         """Complex signal of a tissue's water and of its fat; 1 is pure water without relaxation."""
         water, fat = self.levels(tissue)
         return complex(water), fat * sum(self.fat_peaks)
 
-    def levels(self, tissue: Tissue) -> tuple[float, float]:
+    def levels(self, tissue: TissueSignal) -> tuple[float, float]:
         """Magnitude of a tissue's water, and of its fat if its peaks were in phase."""
         times = tissue.at(self.field)
         recovery = float(np.exp(-self.repetition / times.t1))

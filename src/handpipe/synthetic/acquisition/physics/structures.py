@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from handpipe.synthetic.acquisition.image import Grid
-from handpipe.synthetic.acquisition.physics.anatomy import Anatomy, Layer
+from handpipe.synthetic.acquisition.image import VoxelGrid
+from handpipe.synthetic.acquisition.physics.anatomy import ImagedAnatomy, Layer
 from handpipe.synthetic.acquisition.physics.bones import joint_layers, trabecular_share
 from handpipe.synthetic.acquisition.physics.effects import Effects
 from handpipe.synthetic.acquisition.physics.fields import Lengths, sheet, vanishing
@@ -18,7 +18,7 @@ FASCICLES: Lengths = (40.0, 5.0, 5.0)  # mm of the bundles of a muscle
 SEPTA_IN_MUSCLE: Lengths = (60.0, 9.0, 9.0)  # mm of the sheets between the bundles
 
 
-def detailed(anatomy: Anatomy, grid: Grid, effects: Effects, streams: Streams) -> Iterator[Layer]:
+def detailed(anatomy: ImagedAnatomy, grid: VoxelGrid, effects: Effects, streams: Streams) -> Iterator[Layer]:
     """The subject's layers in paint order, each followed by the structures in it."""
     for number, (tissue, share) in enumerate(anatomy.layers):
         if tissue == "cortical" and (width := effects.size("joints")):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from handpipe.core import Array
-from handpipe.synthetic.acquisition.image import Grid
+from handpipe.synthetic.acquisition.image import VoxelGrid
 from handpipe.synthetic.acquisition.physics.anatomy import Layer
 from handpipe.synthetic.acquisition.physics.effects import Effects
 from handpipe.synthetic.acquisition.physics.fields import Field, Lengths, sheet, strand, vanishing
@@ -29,7 +29,7 @@ def skin_depth(inside: Field, spacing: float) -> Field:
 
 
 def subcutaneous(
-    inside: Field, grid: Grid, palm: Array, effects: Effects, streams: Streams
+    inside: Field, grid: VoxelGrid, palm: Array, effects: Effects, streams: Streams
 ) -> Iterator[Layer]:
     """Layers over the fat that fills the skin, below muscles and bones."""
     depth, spacing = skin_depth(inside, grid.spacing), grid.spacing

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.tissues.muscles.fitting.body import Body
     from handpipe.tissues.muscles.fitting.extraction import Evidence, PoseData, extract_neutral, extract_poses
-    from handpipe.tissues.muscles.fitting.templates import (
+    from handpipe.tissues.muscles.fitting.soft_body import SoftBody
+    from handpipe.tissues.muscles.fitting.template_placement import (
         Affine,
-        Guess,
+        BoneWarp,
+        PlacedTemplate,
         Rival,
-        Warp,
         fit_similarity,
         place,
         read_attachments,
@@ -24,12 +24,12 @@ else:
 
 __all__ = [
     "Affine",
-    "Body",
+    "BoneWarp",
     "Evidence",
-    "Guess",
+    "PlacedTemplate",
     "PoseData",
     "Rival",
-    "Warp",
+    "SoftBody",
     "extract_neutral",
     "extract_poses",
     "fit_similarity",

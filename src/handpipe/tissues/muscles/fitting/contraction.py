@@ -26,7 +26,7 @@ from handpipe.fem.potentials import Elastic, strain_gradient
 from handpipe.fem.solver import equilibrium
 from handpipe.mesh.tets import shape_gradients, tet_laplacian
 from handpipe.shapes.optimisation import MUSCLE
-from handpipe.tissues.muscles.fitting.body import Body, Transforms
+from handpipe.tissues.muscles.fitting.soft_body import SoftBody, Transforms
 
 log = logging.getLogger(__name__)
 
@@ -36,14 +36,14 @@ ITERATIONS = 15  # of the search, at most
 TOLERANCE = 1e-4  # of dW/da
 
 
-def fibres(body: Body, coordinate: Array) -> Array:
+def fibres(body: SoftBody, coordinate: Array) -> Array:
     """Unit directions (m, 3) along which a coordinate (n,) of the mesh rises."""
     gradients = shape_gradients(body.mesh.vertices, body.mesh.tets)
     along = np.einsum("mc,mci->mi", coordinate[body.mesh.tets], gradients)
     return along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
 
 
-def contracted(body: Body, transforms: Transforms, start: Array) -> Array:
+def contracted(body: SoftBody, transforms: Transforms, start: Array) -> Array:
     """Mesh vertices (n, 3) of a body contracted along its fibres between moved bones, from a start (n, 3).
 
     Raises
@@ -59,7 +59,7 @@ def contracted(body: Body, transforms: Transforms, start: Array) -> Array:
     return search.x
 
 
-def slack(body: Body, transforms: Transforms, start: Array) -> Array:
+def slack(body: SoftBody, transforms: Transforms, start: Array) -> Array:
     """Mesh vertices (n, 3) of an elastic body between moved bones, not contracted, from a start (n, 3).
 
     Raises
@@ -75,7 +75,7 @@ def slack(body: Body, transforms: Transforms, start: Array) -> Array:
 class Contraction:
     """W and its derivative (HANDLES,) by the weights a; x (n, 3): the equilibrium of the last ones."""
 
-    def __init__(self, body: Body, transforms: Transforms, start: Array) -> None:
+    def __init__(self, body: SoftBody, transforms: Transforms, start: Array) -> None:
         coordinate = body.harmonic_weights()[:, 0]
         along = fibres(body, coordinate)
         across = np.eye(3) - along[:, :, None] * along[:, None, :]
@@ -84,8 +84,8 @@ class Contraction:
         rough = tet_laplacian(body.mesh.tets) @ self._basis
         self._rough = rough.T @ rough
         self._elastic = Elastic(body.mesh.vertices, body.mesh.tets, MUSCLE)
-        held = body.attached(transforms)
-        self._springs = Attachment(held.matrix, held.targets, SPRING)
+        attached = body.attached(transforms)
+        self._springs = Attachment(attached.matrix, attached.targets, SPRING)
         self._scale = 1.0 / float(MUSCLE.lame(1)[0][0] * body.mesh.volumes().sum())
         self.x = start
 

@@ -26,10 +26,10 @@ from handpipe.shapes.optimisation import (
     ShapeOptions,
     fit_shape,
 )
-from handpipe.tissues.muscles.fitting.body import ON_BONE, Body
 from handpipe.tissues.muscles.fitting.contraction import contracted, slack
+from handpipe.tissues.muscles.fitting.soft_body import ON_BONE, SoftBody
 from handpipe.tissues.muscles.fitting.surroundings import carried_along
-from handpipe.tissues.muscles.fitting.templates import Guess
+from handpipe.tissues.muscles.fitting.template_placement import PlacedTemplate
 
 log = logging.getLogger(__name__)
 
@@ -97,7 +97,7 @@ class Evidence:
     points: Array | None = None
     landmarks: Mapping[str, Array] | None = None
 
-    def markers(self, body: Body, settings: MarkerSettings | None) -> FindMarkers:
+    def markers(self, body: SoftBody, settings: MarkerSettings | None) -> FindMarkers:
         """The placed markers, or those that the image shows."""
         if self.points is not None:
             return fixed_markers(self.points)
@@ -139,20 +139,20 @@ class Extraction:
 
 
 def extract_neutral(
-    guess: Guess,
+    guess: PlacedTemplate,
     evidence: Evidence,
     *,
     edge: float = 1.8,
     markers: MarkerSettings | None = None,
     options: ShapeOptions | None = None,
-) -> tuple[Body, Extraction]:
+) -> tuple[SoftBody, Extraction]:
     """The neutral shape from a placed template, and the body that later stages deform.
 
     The body has new tetrahedra, since fitting has strained the first ones.
 
     Parameters
     ----------
-    guess : Guess
+    guess : PlacedTemplate
         Placed template.
     evidence : Evidence
         Evidence of the neutral pose, with guesses of the other muscles.
@@ -165,16 +165,16 @@ def extract_neutral(
 
     Returns
     -------
-    body : Body
+    body : SoftBody
         The fitted surface, filled with new tetrahedra.
     extraction : Extraction
         The fit, with the vertices of the new tetrahedra in mm.
     """
-    first = Body.fill(guess.surface, guess.attachments, edge, guess.landmarks)
+    first = SoftBody.fill(guess.surface, guess.attachments, edge, guess.landmarks)
     still = {bone: RigidTransform.identity() for bone in guess.attachments}
     find, bones = evidence.markers(first, markers), evidence.bones
     extraction = _extract(first, still, first.mesh.vertices, find, options or NEUTRAL, evidence.landmarks)
-    body = Body.fill(extraction.surface, guess.attachments, edge, guess.landmarks)
+    body = SoftBody.fill(extraction.surface, guess.attachments, edge, guess.landmarks)
     if bones is not None:
         body = replace(body, visible=body.visible | (bones.signed(body.surface.vertices)[0] >= ON_BONE))
     if evidence.points is None:
@@ -185,7 +185,7 @@ def extract_neutral(
 
 
 def extract_pose(
-    body: Body,
+    body: SoftBody,
     bones: Mapping[str, Surface],
     transforms: Mapping[str, RigidTransform],
     evidence: Evidence,
@@ -200,7 +200,7 @@ def extract_pose(
 
     Parameters
     ----------
-    body : Body
+    body : SoftBody
         Neutral body.
     bones : mapping of str to Surface
         Neutral surfaces of the bones in mm.
@@ -221,14 +221,15 @@ def extract_pose(
         The shape in the volume's frame.
     """
     x = body.follow(bones, transforms) if start is None else start
-    held = body.on_bones(bones)
-    loose = [body.matrix[ids] for bone, ids in body.attachments.items() if not len(held.attachments[bone])]
-    find = evidence.markers(held, markers or SEARCH)
-    return _extract(held, transforms, x, find, options or POSED, evidence.landmarks, loose)
+    attached = body.on_bones(bones)
+    kept = attached.attachments
+    loose = [body.matrix[ids] for bone, ids in body.attachments.items() if not len(kept[bone])]
+    find = evidence.markers(attached, markers or SEARCH)
+    return _extract(attached, transforms, x, find, options or POSED, evidence.landmarks, loose)
 
 
 def extract_poses(
-    bodies: Mapping[str, Body],
+    bodies: Mapping[str, SoftBody],
     bones: Mapping[str, Surface],
     poses: Mapping[str, PoseData],
     *,
@@ -242,7 +243,7 @@ def extract_poses(
 
     Parameters
     ----------
-    bodies : mapping of str to Body
+    bodies : mapping of str to SoftBody
         Neutral bodies by muscle.
     bones : mapping of str to Surface
         Neutral surfaces of the bones in mm.
@@ -287,14 +288,14 @@ def extract_poses(
     return {pose: found[pose] for pose in poses}
 
 
-def _in_flesh(bodies: Mapping[str, Body], flesh: Shape) -> dict[str, Embedding]:
+def _in_flesh(bodies: Mapping[str, SoftBody], flesh: Shape) -> dict[str, Embedding]:
     """Where the bodies' mesh vertices lie in the flesh's tets, which are the same in all poses."""
     mesh = TetMesh(flesh.rest, flesh.cells)
     return {m: Embedding.embed(b.mesh.vertices, mesh) for m, b in bodies.items()}
 
 
 def _guesses(
-    body: Body,
+    body: SoftBody,
     bones: Mapping[str, Surface],
     moved: Mapping[str, RigidTransform],
     known: tuple[Mapping[str, RigidTransform], Array],
@@ -308,11 +309,11 @@ def _guesses(
     """
     guesses = body.followed(bones, moved, [known], SPREADS)
     middle = guesses[len(SPREADS) // 2]
-    for held in (slack, contracted) if len(body.attachments) > 1 else ():
+    for guess in (slack, contracted) if len(body.attachments) > 1 else ():
         try:
-            guesses.append(held(body, moved, middle))
+            guesses.append(guess(body, moved, middle))
         except ConvergenceError as error:
-            log.info("no guess by %s: %s", held.__name__, error)
+            log.info("no guess by %s: %s", guess.__name__, error)
     level = estimate_muscle_level(image, body.surface_at(middle))
     strangeness = [np.abs(image.sample(body.surface_at(x).vertices) / level - 1) for x in guesses]
     order = np.argsort([np.mean(np.minimum(s, 1.0)) for s in strangeness], kind="stable")
@@ -334,7 +335,7 @@ class _Pose:
     def __init__(
         self,
         name: str,
-        bodies: Mapping[str, Body],
+        bodies: Mapping[str, SoftBody],
         bones: Mapping[str, Surface],
         data: PoseData,
         image: Volume,
@@ -398,7 +399,7 @@ class _Pose:
 
 
 def _apart(
-    a: Mapping[str, RigidTransform], b: Mapping[str, RigidTransform], bodies: Mapping[str, Body]
+    a: Mapping[str, RigidTransform], b: Mapping[str, RigidTransform], bodies: Mapping[str, SoftBody]
 ) -> float:
     """How differently two poses turn the bones of the muscles against one another, in rad."""
     pairs = {
@@ -408,7 +409,7 @@ def _apart(
 
 
 def _extract(
-    body: Body,
+    body: SoftBody,
     transforms: Mapping[str, RigidTransform],
     start: Array,
     find: FindMarkers,
@@ -431,7 +432,7 @@ def _extract(
 
 def image_markers(
     volume: Volume,
-    body: Body,
+    body: SoftBody,
     settings: MarkerSettings | None = None,
     others: Sequence[Surface] = (),
     bones: Distance | None = None,

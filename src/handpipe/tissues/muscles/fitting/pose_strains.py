@@ -40,7 +40,7 @@ class StrainOptions:
     ----------
     alpha : float
         Weight in 1/mm^2 of the surface against spatial smoothness, for a surface vertex.
-    held : float
+    attached : float
         The same, in 1/mm^2, for attached vertices, whose places are known, and for those that touch a
         neighbour, into which they would be moved.
     largest : float
@@ -56,7 +56,7 @@ class StrainOptions:
     """
 
     alpha: float = 10.0
-    held: float = 1000.0
+    attached: float = 1000.0
     largest: float = 0.5
     sweeps: int = 6
     bisections: int = 4
@@ -127,7 +127,7 @@ def fit_pose_strains(
     embedding: sparse.csr_matrix,
     shapes: Sequence[KnownShape],
     poses: Array,
-    held: IntArray | None = None,
+    attached: IntArray | None = None,
     options: StrainOptions | None = None,
 ) -> PoseStrains:
     """Plastic strains of a muscle in its example poses.
@@ -142,7 +142,7 @@ def fit_pose_strains(
         Shapes in the N example poses.
     poses : array (N, d)
         Pose vectors in rad, neutral at the origin.
-    held : array (t,), optional
+    attached : array (t,), optional
         Ids of attached surface vertices, which are exact in the surfaces.
     options : StrainOptions, optional
         Weights and limits.
@@ -159,9 +159,9 @@ def fit_pose_strains(
     """
     options = options or StrainOptions()
     weights = np.full((len(shapes), embedding.shape[0]), options.alpha)
-    weights[:, [] if held is None else held] = options.held
+    weights[:, [] if attached is None else attached] = options.attached
     for own, shape in zip(weights, shapes, strict=True):
-        own[shape.touching] = options.held
+        own[shape.touching] = options.attached
     space = pose_laplacian(np.vstack([np.zeros(poses.shape[1]), poses]))
     stretch, laplacian = StretchField(rest), tet_laplacian(rest.tets)
     blocks = [

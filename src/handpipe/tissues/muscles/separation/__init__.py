@@ -10,4 +10,4 @@ if TYPE_CHECKING:
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["NO_VOLUME", "load_surfaces", "separate", "separate_posed", "drop_contested"]
+__all__ = ["NO_VOLUME", "drop_contested", "load_surfaces", "separate", "separate_posed"]

@@ -15,7 +15,7 @@ import numpy as np
 
 from handpipe.core import Array, IntArray
 from handpipe.mesh.surfaces import Distance, Surface
-from handpipe.tissues.muscles.fitting.body import Body
+from handpipe.tissues.muscles.fitting.soft_body import SoftBody
 from handpipe.tissues.muscles.separation.disjoint_start import Inseparable
 from handpipe.tissues.muscles.separation.separation import Separation, separate
 
@@ -27,7 +27,7 @@ MARGINS = (CLEAR, 0.5, 1.0)  # mm, in order: triangles at attached vertices can 
 LEAST_ATTACHED = 3  # vertices that stay attached to each bone, at least
 
 
-def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> Separation:
+def separate_posed(bodies: Mapping[str, SoftBody], bones: Mapping[str, Surface]) -> Separation:
     """Muscles of a pose, separated from one another and from posed bones.
 
     An attachment that a neighbour covers is released, within the least margin that lets the separation
@@ -35,7 +35,7 @@ def separate_posed(bodies: Mapping[str, Body], bones: Mapping[str, Surface]) -> 
 
     Parameters
     ----------
-    bodies : mapping of str to Body
+    bodies : mapping of str to SoftBody
         Muscles with their surfaces in the pose, in mm.
     bones : mapping of str to Surface
         Posed bones in mm.
@@ -65,21 +65,21 @@ def with_least_margin(part: Callable[[float], Result]) -> Result:
     return part(MARGINS[-1])
 
 
-def _separated(bodies: Mapping[str, Body], bones: Mapping[str, Surface], margin: float) -> Separation:
-    attached = {name: body.held for name, body in drop_contested(bodies, 0, margin).items()}
+def _separated(bodies: Mapping[str, SoftBody], bones: Mapping[str, Surface], margin: float) -> Separation:
+    attached = {name: body.attached_vertices for name, body in drop_contested(bodies, 0, margin).items()}
     return separate({name: body.surface for name, body in bodies.items()}, bones, attached=attached)
 
 
 def drop_contested(
-    bodies: Mapping[str, Body], least: int = LEAST_ATTACHED, margin: float = CLEAR
-) -> dict[str, Body]:
+    bodies: Mapping[str, SoftBody], least: int = LEAST_ATTACHED, margin: float = CLEAR
+) -> dict[str, SoftBody]:
     """The same bodies without the attached vertices that are inside or near another body.
 
     With such attachments no separation exists.
 
     Parameters
     ----------
-    bodies : mapping of str to Body
+    bodies : mapping of str to SoftBody
         Bodies by name.
     least : int
         Number of vertices that each bone keeps at least: the vertices farthest outside the other bodies.
@@ -88,7 +88,7 @@ def drop_contested(
 
     Returns
     -------
-    dict of str to Body
+    dict of str to SoftBody
         Bodies with fewer attached vertices.
     """
     surfaces = {name: Distance(body.surface) for name, body in bodies.items()}
@@ -99,13 +99,13 @@ def drop_contested(
             bone: ids[_kept(_gaps(body.surface.vertices[ids], others), least, margin)]
             for bone, ids in body.attachments.items()
         }
-        dropped = len(body.held) - sum(map(len, kept.values()))
+        dropped = len(body.attached_vertices) - sum(map(len, kept.values()))
         if dropped:
             log.info(
                 "%s: released %d of %d attached vertices, which are inside or near other muscles",
                 name,
                 dropped,
-                len(body.held),
+                len(body.attached_vertices),
             )
         found[name] = replace(body, attachments=kept)
     return found

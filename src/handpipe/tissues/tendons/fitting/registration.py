@@ -11,10 +11,10 @@ from scipy.spatial.distance import cdist
 
 from handpipe.core import Array, RigidTransform
 from handpipe.tissues.tendons.fitting.motion import relative_to, steps_towards
-from handpipe.tissues.tendons.fitting.surface_fit import SurfaceFit, Target
+from handpipe.tissues.tendons.fitting.surface_fit import SurfaceFit, TendonTarget
 from handpipe.tissues.tendons.fitting.twist import untwisted
 from handpipe.tissues.tendons.rods.energies import Bend, Hooks
-from handpipe.tissues.tendons.rods.equilibrium import Options, solve
+from handpipe.tissues.tendons.rods.equilibrium import RodOptions, solve
 from handpipe.tissues.tendons.rods.rest import PULL, RestTendon
 from handpipe.tissues.tendons.rods.rod import closest_on_rod, tangents
 
@@ -25,7 +25,7 @@ SURFACE = 50.0  # c4 : c1 of Zheng 2022, Table 2
 
 
 @dataclass(frozen=True)
-class Settings:
+class RegistrationSettings:
     """`smoothing` lengths in mm: wiggles of the data shorter than this are not followed."""
 
     largest_turn: float = 0.26  # rad of the bones between two solves of stage 1
@@ -40,7 +40,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Registration:
+class TendonRegistration:
     """A rod in a pose, and the rods after stages 1 and 2.
 
     Parameters
@@ -59,7 +59,9 @@ class Registration:
     centred: Array
 
 
-def rigid_hooks(tendon: RestTendon, bones: Mapping[str, RigidTransform], settings: Settings) -> Array:
+def rigid_hooks(
+    tendon: RestTendon, bones: Mapping[str, RigidTransform], settings: RegistrationSettings
+) -> Array:
     """Points (k, 3) of the rod that move rigidly with their bone, carried to a pose.
 
     On the inner side of a bent joint the courses on its two bones cross: the tendon changes from one to the
@@ -81,7 +83,9 @@ def rigid_hooks(tendon: RestTendon, bones: Mapping[str, RigidTransform], setting
     return points[kept]
 
 
-def follow_bones(tendon: RestTendon, bones: Mapping[str, RigidTransform], settings: Settings) -> Array:
+def follow_bones(
+    tendon: RestTendon, bones: Mapping[str, RigidTransform], settings: RegistrationSettings
+) -> Array:
     """Stage 1: rigid points as hooks, bones moved slowly from neutral. Returns x (Q+1, 3)."""
     x, base = tendon.x, tendon.bones[-1]
     bend = Bend(PULL * settings.rigid_smoothing**2, tendon.length)
@@ -105,7 +109,7 @@ def follow_centres(
     bones: Mapping[str, RigidTransform],
     x: Array,
     find_centres: FindCentres,
-    settings: Settings,
+    settings: RegistrationSettings,
 ) -> Array:
     """Stage 2: the image's dark centres in planes across the curve as hooks, found again in each round."""
     for _ in range(settings.centre_rounds):
@@ -127,8 +131,8 @@ def fit_surface(
     tendon: RestTendon,
     bones: Mapping[str, RigidTransform],
     x: Array,
-    target: Target,
-    settings: Settings,
+    target: TendonTarget,
+    settings: RegistrationSettings,
     centres: Hooks | None = None,
 ) -> tuple[Array, Array]:
     """Stage 3: point-to-plane ICP of the skinned tube. Returns x (Q+1, 3) and twist (Q,).
@@ -140,10 +144,10 @@ def fit_surface(
     bend = Bend(stiffness * settings.surface_smoothing**4, tendon.length)
     first, twist = tendon.first_normal(bones), np.zeros(len(x) - 1)
     fit = SurfaceFit(tendon.tube, target, first, stiffness, tendon.length, twist)
-    held = [] if centres is None else [Hooks(centres.points, stiffness * centres.weights)]
-    once = Options(max_iterations=1, accept_unfinished=True)
+    hooks = [] if centres is None else [Hooks(centres.points, stiffness * centres.weights)]
+    once = RodOptions(max_iterations=1, accept_unfinished=True)
     for n in range(settings.surface_rounds):
-        moved = solve([fit, tendon.pull(bones), bend, *held], x, once).x
+        moved = solve([fit, tendon.pull(bones), bend, *hooks], x, once).x
         twist = untwisted(twist, 1.0, fit, moved)
         fit.twist = twist
         change = float(np.abs(moved - x).max())
@@ -158,9 +162,9 @@ def register(
     tendon: RestTendon,
     bones: Mapping[str, RigidTransform],
     find_centres: FindCentres,
-    target: Callable[[Array], Target | None] | None = None,
-    settings: Settings | None = None,
-) -> Registration:
+    target: Callable[[Array], TendonTarget | None] | None = None,
+    settings: RegistrationSettings | None = None,
+) -> TendonRegistration:
     """The rod in an example pose, with the rest rod's segment lengths and its first vertex on its bone.
 
     Parameters
@@ -175,12 +179,12 @@ def register(
     target : callable, optional
         `target(x)` gives the tendon's surface in the image around the rod of stage 2, or None where it cannot
         be extracted. Without a surface the rod of stage 2 is the result.
-    settings : Settings, optional
+    settings : RegistrationSettings, optional
         Lengths and limits of the stages.
 
     Returns
     -------
-    Registration
+    TendonRegistration
         Rod in mm, twist in rad, and the rods of stages 1 and 2.
 
     Raises
@@ -188,15 +192,15 @@ def register(
     ConvergenceError
         Where a stage finds no equilibrium.
     """
-    settings = settings or Settings()
+    settings = settings or RegistrationSettings()
     rough = follow_bones(tendon, bones, settings)
     centred = follow_centres(tendon, bones, rough, find_centres, settings)
     surface = target(centred) if target is not None else None
     if surface is None:
-        return Registration(centred, np.zeros(len(centred) - 1), rough, centred)
+        return TendonRegistration(centred, np.zeros(len(centred) - 1), rough, centred)
     centres = _centre_hooks(centred, find_centres)
     x, twist = fit_surface(tendon, bones, centred, surface, settings, centres)
-    return Registration(x, twist, rough, centred)
+    return TendonRegistration(x, twist, rough, centred)
 
 
 def centreline_errors(x: Array, truth: Array) -> tuple[Array, Array]:

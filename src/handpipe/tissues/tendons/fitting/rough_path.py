@@ -28,7 +28,7 @@ def extract_roughly(
     """The rod, radii and surface of the dark tube that a rough path begins on.
 
     Where the image shows no tube along the rest of the path, that rest is moved to begin at the end of what
-    it shows, and the tube is followed from there. What is not found so is left out, with a warning.
+    it shows, and the tube is followed from there. Other parts are left out, with a warning.
 
     Parameters
     ----------

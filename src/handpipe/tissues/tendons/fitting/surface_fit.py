@@ -17,7 +17,7 @@ LEAST_SPREAD = 0.25  # mm, of the bulk
 
 
 @dataclass(frozen=True)
-class Target:
+class TendonTarget:
     """An extracted tendon surface, and where it can be trusted.
 
     Parameters
@@ -69,7 +69,7 @@ class SurfaceFit:
     """
 
     tube: Tube
-    target: Target
+    target: TendonTarget
     first_normal: Array
     stiffness: float
     length: float  # of one segment in mm

@@ -46,7 +46,7 @@ def empty_blocks(n: int) -> Array:
 
 
 @dataclass
-class Pull:
+class EndForce:
     """-x_end . force: a constant force (3,) at the free end, Eq. 11 with c1 in the force."""
 
     force: Array
@@ -126,13 +126,13 @@ class Hooks:
 
     points: Array
     weights: Array
-    held: BoolArray = field(init=False)
+    engaged: BoolArray = field(init=False)
     returns: IntArray = field(init=False)
 
     def __init__(self, points: Array, weights: Array | float = 1.0) -> None:
         self.points = np.ascontiguousarray(points, float).reshape(-1, 3)
         self.weights = np.broadcast_to(np.asarray(weights, float), len(self.points)).copy()
-        self.held = np.ones(len(self.points), bool)
+        self.engaged = np.ones(len(self.points), bool)
         self.returns = np.zeros(len(self.points), np.int64)
 
     def refresh(self, x: Array) -> None:
@@ -140,8 +140,8 @@ class Hooks:
         piece, t = closest_on_spline(self.points, x)
         before, after = (piece == 1) & (t == 0.0), (piece == len(x) - 2) & (t == 1.0)
         reached = ~(before | after)
-        self.returns += reached & ~self.held & (self.returns <= RETURNS)
-        self.held = reached & (self.returns <= RETURNS)
+        self.returns += reached & ~self.engaged & (self.returns <= RETURNS)
+        self.engaged = reached & (self.returns <= RETURNS)
 
     def contacts(self, x: Array) -> Array:
         """Closest points (k, 3) of the rod's curve."""
@@ -149,10 +149,10 @@ class Hooks:
         return np.einsum("ka,kaj->kj", spline_shape(t), x[_triples(piece)])
 
     def _at(self, x: Array) -> tuple[IntArray, Array, Array, Array]:
-        piece, t = closest_on_spline(self.points[self.held], x)
+        piece, t = closest_on_spline(self.points[self.engaged], x)
         vertices = _triples(piece)
-        residual = np.einsum("ka,kaj->kj", spline_shape(t), x[vertices]) - self.points[self.held]
-        return vertices, t, residual, self.weights[self.held]
+        residual = np.einsum("ka,kaj->kj", spline_shape(t), x[vertices]) - self.points[self.engaged]
+        return vertices, t, residual, self.weights[self.engaged]
 
     def value(self, x: Array) -> float:
         """Energy at x (n, 3), with each hook's closest point minimised over."""

@@ -30,7 +30,7 @@ ARMIJO = 1e-4  # share of the decrease of a rod's energy, as predicted, that a s
 
 
 @dataclass(frozen=True)
-class Options:
+class RodOptions:
     """Tolerances and limits of the solver.
 
     `tolerance` is the unbalanced lateral force over the largest tension; a whole Newton step below
@@ -45,7 +45,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class RodEquilibrium:
     """x (Q+1, 3) in mm; tension (Q,) of the segments; iterations; unbalanced force over tension."""
 
     x: Array
@@ -155,7 +155,7 @@ def _turned(x0: Array, d: Array, turn: Array, length: float) -> Array:
     return np.vstack([x0, x0 + length * np.cumsum(moved, axis=0)])
 
 
-def solve(energies: Sequence[RodEnergy], x: Array, options: Options | None = None) -> Equilibrium:
+def solve(energies: Sequence[RodEnergy], x: Array, options: RodOptions | None = None) -> RodEquilibrium:
     """Minimise a sum of energies over rods with the segment lengths and the first vertex of x (Q+1, 3).
 
     Zheng et al. 2022, Eq. 4, 5 and 9. All segments of x must have one length. Closest points and ICP targets
@@ -167,7 +167,7 @@ def solve(energies: Sequence[RodEnergy], x: Array, options: Options | None = Non
     ConvergenceError
         Where no equilibrium is reached.
     """
-    options = options or Options()
+    options = options or RodOptions()
     residual, added = np.inf, 0.0
     for iteration in range(options.max_iterations):
         for energy in energies:
@@ -179,13 +179,13 @@ def solve(energies: Sequence[RodEnergy], x: Array, options: Options | None = Non
         residual = float(lateral.max()) / scale
         log.debug("%d: unbalanced force %.1e of the tension, added tension %.1e", iteration, residual, added)
         if residual <= options.tolerance:
-            return Equilibrium(x, tension, iteration, residual)
+            return RodEquilibrium(x, tension, iteration, residual)
         force = max(scale, float(lateral.max()))
         x, moved, added = _descend(energies, x, gradient, tension, force, added, options)
         if moved <= options.smallest_step:
-            return Equilibrium(x, tension, iteration, residual)
+            return RodEquilibrium(x, tension, iteration, residual)
     if options.accept_unfinished:
-        return Equilibrium(x, tension, options.max_iterations, residual)
+        return RodEquilibrium(x, tension, options.max_iterations, residual)
     raise ConvergenceError(
         "The rod", f"unbalanced force {residual:.1e} of the tension after {iteration + 1} steps"
     )
@@ -198,7 +198,7 @@ def _descend(
     tension: Array,
     force: float,
     added: float,
-    options: Options,
+    options: RodOptions,
 ) -> tuple[Array, float, float]:
     """The rod after one step; the Newton step's length in mm; the tension to add in the next step.
 

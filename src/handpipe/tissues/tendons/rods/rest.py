@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from handpipe.core import Array, RigidTransform
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import blend, bone_weights
-from handpipe.tissues.tendons.rods.energies import Pull
+from handpipe.tissues.tendons.rods.energies import EndForce
 from handpipe.tissues.tendons.rods.rod import directions, frames, lay, perpendicular, segment_length, unit
 from handpipe.tissues.tendons.rods.tube import Tube, round_surface
 
@@ -62,9 +62,9 @@ class RestTendon:
         """The tube's surface in neutral."""
         return Surface(self.tube.skin(self.x, frames(self.x, self.normal)), self.tube.triangles)
 
-    def pull(self, bones: Mapping[str, RigidTransform]) -> Pull:
+    def pull(self, bones: Mapping[str, RigidTransform]) -> EndForce:
         """The constant force at the free end, in the frame of `bones`."""
-        return Pull(PULL * bones[self.bones[-1]].rotation @ self.pull_direction)
+        return EndForce(PULL * bones[self.bones[-1]].rotation @ self.pull_direction)
 
     def first_normal(self, bones: Mapping[str, RigidTransform]) -> Array:
         """The first segment's normal (3,), carried by the insertion's bone."""

@@ -267,7 +267,7 @@ def _fit_affine(source: Array, target: Array) -> Affine:
     return Affine(np.asarray(solution[:3].T, float), np.asarray(solution[3], float))
 
 
-class Warp:
+class BoneWarp:
     """A smooth map of the template's space that carries each template bone onto the subject's.
 
     Each bone's affine map leaves it a little off the subject's surface; points spread over the bones are
@@ -308,12 +308,12 @@ class Warp:
 
 
 def through_points(source: Array, target: Array) -> Biharmonic:
-    """The map of a `Warp` again, from its points.
+    """The map of a `BoneWarp` again, from its points.
 
     Parameters
     ----------
     source, target : array (n, 3)
-        Points of the template bones, and where they lie on the subject's: `Warp.points`, in mm.
+        Points of the template bones, and where they lie on the subject's: `BoneWarp.points`, in mm.
 
     Returns
     -------
@@ -324,7 +324,7 @@ def through_points(source: Array, target: Array) -> Biharmonic:
 
 
 @dataclass(frozen=True)
-class Guess:
+class PlacedTemplate:
     """First guess of a body.
 
     Parameters
@@ -349,7 +349,7 @@ def place(
     edge: float,
     landmarks: Mapping[str, Array] | None = None,
     source: str | Path = "template",
-) -> Guess:
+) -> PlacedTemplate:
     """The warped template, remeshed, with its attachments.
 
     Where the template is thin the edges are shorter, lest triangles between points of its boundary cut its
@@ -372,7 +372,7 @@ def place(
 
     Returns
     -------
-    Guess
+    PlacedTemplate
         Surface in mm in the subject's neutral frame.
 
     Raises
@@ -402,7 +402,9 @@ def place(
             raise InputError(source, name, problem, remedy)
     marks = {label: warp(np.reshape(point, (1, 3))) for label, point in (landmarks or {}).items()}
     tree = cKDTree(fine.vertices)
-    return Guess(fine, found, {label: int(tree.query(point)[1][0]) for label, point in marks.items()})
+    return PlacedTemplate(
+        fine, found, {label: int(tree.query(point)[1][0]) for label, point in marks.items()}
+    )
 
 
 def read_attachments(path: str | Path, template: Surface) -> dict[str, IntArray]:

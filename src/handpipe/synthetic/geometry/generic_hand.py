@@ -13,7 +13,7 @@ from handpipe.core import Array, IntArray, RigidTransform, write_text
 
 
 @dataclass(frozen=True)
-class Warp:
+class Distortion:
     """Scale about `centre`, a mild bend that curves the long axis, and a rigid change of frame."""
 
     centre: Array

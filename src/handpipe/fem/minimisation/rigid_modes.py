@@ -18,7 +18,7 @@ from handpipe.fem.linear.nullspace import unit_twists
 from handpipe.fem.minimisation.balance import lengths, loads, vertex_parts
 from handpipe.fem.potentials.potential import Potential, Sum
 
-HELD = 1e-9  # of the largest stiffness: a body softer than this against translation is examined
+RESISTED = 1e-9  # of the largest stiffness: a body softer than this against translation is examined
 UNFELT = 1e-8  # of the force's size: forces in equilibrium leave rounding
 SAMPLES = 12  # of the noise of forces
 NOISE = 1e-2  # of the body's size
@@ -137,7 +137,7 @@ def _loose_parts(matrix: sp.csr_matrix, x: Array, free: BoolArray) -> list[IntAr
     np.logical_or.at(movable, parts, free.reshape(-1, 3))
     axes = np.arange(3)
     resistance[:, axes, axes] += np.where(movable, 0.0, stiffest)
-    loose = movable.any(axis=1) & (np.linalg.eigvalsh(resistance)[:, 0] <= HELD * stiffest)
+    loose = movable.any(axis=1) & (np.linalg.eigvalsh(resistance)[:, 0] <= RESISTED * stiffest)
     chosen = np.flatnonzero(loose[parts])
     order = chosen[np.argsort(parts[chosen], kind="stable")]
     return np.split(order, np.flatnonzero(np.diff(parts[order])) + 1) if len(order) else []

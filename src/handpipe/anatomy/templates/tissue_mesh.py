@@ -30,7 +30,7 @@ SMALLEST_ANGLE = 10.0  # deg: least wanted dihedral angle
 
 
 @dataclass(frozen=True, eq=False)
-class Template:
+class TissueMesh:
     """One conforming mesh of fat and muscles between skin and bones.
 
     Parameters
@@ -113,10 +113,10 @@ class Template:
         )
 
     @staticmethod
-    def load(path: str | Path) -> Template:
+    def load(path: str | Path) -> TissueMesh:
         """Read what `save` wrote."""
         data = artifacts.read(path, KIND)
-        return Template(
+        return TissueMesh(
             TetMesh(data["vertices"], data["tets"]).checked(path),
             data["labels"],
             tuple(str(n) for n in data["names"]),
@@ -129,14 +129,14 @@ class Template:
         )
 
 
-def build_template(
+def build_tissue_mesh(
     file: CurveFile,
     domain: Domain,
     bones: Mapping[str, Surface],
     *,
     factorise: Factorise = superlu,
     source: str | Path = "curves",
-) -> Template:
+) -> TissueMesh:
     """Fill the space between skin and bones with the muscles of a file, and fat.
 
     The triangles of skin and bones are cut where muscles end on them, and kept otherwise.
@@ -156,7 +156,7 @@ def build_template(
 
     Returns
     -------
-    Template
+    TissueMesh
         Its `warnings`, which the log has too, name doubtful muscles.
 
     Raises
@@ -185,7 +185,7 @@ def build_template(
         found = fibres(part, muscle, factorise=factorise, source=f"{source}: muscles.{name}")
         directions[own] = found.directions
         origins[name], insertions[name] = used[found.origin], used[found.insertion]
-    return Template(
+    return TissueMesh(
         labelled.mesh,
         labelled.labels,
         functions.names,

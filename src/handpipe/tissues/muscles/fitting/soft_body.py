@@ -29,7 +29,7 @@ STIFF = 1e6  # of the largest entry of a Laplacian: attached vertices keep their
 
 
 @dataclass(frozen=True)
-class Body:
+class SoftBody:
     """A soft body in neutral: a surface that tetrahedra carry, attached to bones.
 
     Parameters
@@ -61,7 +61,7 @@ class Body:
         attachments: Mapping[str, IntArray],
         edge: float,
         landmarks: Mapping[str, int] | None = None,
-    ) -> Body:
+    ) -> SoftBody:
         """Fill a surface with tetrahedra of about `edge` mm; the surface may be finer than they are.
 
         A thin body has finer ones, down to half of `edge`: the radius of a long round body is 2 V / A, and
@@ -79,7 +79,7 @@ class Body:
         visible = np.ones(len(surface.vertices), dtype=bool)
         visible[np.concatenate(list(attachments.values()))] = False
         embedding = Embedding.embed(surface.vertices, mesh)
-        return Body(surface, mesh, embedding, dict(attachments), visible, dict(landmarks or {}))
+        return SoftBody(surface, mesh, embedding, dict(attachments), visible, dict(landmarks or {}))
 
     @property
     def matrix(self) -> sparse.csr_matrix:
@@ -87,17 +87,17 @@ class Body:
         return self.embedding.matrix(len(self.mesh.vertices))
 
     @property
-    def held(self) -> IntArray:
+    def attached_vertices(self) -> IntArray:
         """Attached surface vertices (t,), bone by bone."""
         return np.concatenate([self.attachments[b] for b in self.attachments])
 
     @property
-    def held_by_bone(self) -> dict[str, Array]:
-        """The neutral places (k, 3) of what each bone holds; none where no bone holds anything."""
+    def attached_places(self) -> dict[str, Array]:
+        """Neutral places (k, 3) of the vertices attached to each bone; none if no vertex is attached."""
         places = {bone: self.surface.vertices[ids] for bone, ids in self.attachments.items()}
-        return places if len(self.held) else {}
+        return places if len(self.attached_vertices) else {}
 
-    def on_bones(self, bones: Mapping[str, Surface]) -> Body:
+    def on_bones(self, bones: Mapping[str, Surface]) -> SoftBody:
         """The same body, attached only where it lies on its bones; bones: neutral surfaces.
 
         A muscle springs from tendons and from fat as well, and such an end does not go with the bone it is
@@ -111,7 +111,7 @@ class Body:
 
     def targets(self, transforms: Transforms) -> Array:
         """Where the bones take these vertices, (t, 3)."""
-        return self.carried(self.surface.vertices[self.held], transforms)
+        return self.carried(self.surface.vertices[self.attached_vertices], transforms)
 
     def carried(self, places: Array, transforms: Transforms) -> Array:
         """Places (t, 3) of attached vertices, each moved as its bone is."""
@@ -122,7 +122,7 @@ class Body:
 
     def attached(self, transforms: Transforms) -> Attached:
         """The attached vertices at the places to which the bones move them."""
-        return Attached(self.matrix[self.held], self.targets(transforms))
+        return Attached(self.matrix[self.attached_vertices], self.targets(transforms))
 
     def landmarked(self, places: Mapping[str, Array]) -> Attached | None:
         """Landmarks that the body and the image (label -> (3,) mm) both have, if any (Wang 2021 Eq. 5.4)."""
@@ -135,10 +135,10 @@ class Body:
     def seated(self, surface: Surface, transforms: Transforms) -> Surface:
         """A fitted surface with its attached vertices exactly on the bones (Wang 2021 §6.1.4, step 3)."""
         vertices = surface.vertices.copy()
-        vertices[self.held] = self.targets(transforms)
+        vertices[self.attached_vertices] = self.targets(transforms)
         return surface.moved(vertices)
 
-    def posed(self, vertices: Array, transforms: Transforms) -> Body:
+    def posed(self, vertices: Array, transforms: Transforms) -> SoftBody:
         """The body with its surface at vertices (v, 3) fitted in a pose, attached ones on the bones."""
         return replace(self, surface=self.seated(self.surface.moved(vertices), transforms))
 
@@ -153,7 +153,7 @@ class Body:
         known: tuple[Transforms, Array] | None = None,
         spread: float = SPREAD,
     ) -> Array:
-        """Mesh vertices (n, 3) moved by a smooth blend of the motions of the bones that hold the body.
+        """Mesh vertices (n, 3) moved by a smooth blend of the motions of the bones that the body attaches to.
 
         known: transforms and mesh vertices (n, 3) of another pose to start from, in place of neutral.
 
@@ -185,11 +185,11 @@ class Body:
         vertices, tets = self.mesh.vertices, self.mesh.tets
         gradients = shape_gradients(vertices, tets)
         laplacian = dirichlet_matrix(tets, gradients, self.mesh.volumes(), len(vertices))
-        hold = self.matrix[self.held]
+        springs = self.matrix[self.attached_vertices]
         owner = np.repeat(np.arange(len(self.attachments)), [len(i) for i in self.attachments.values()])
         stiff = STIFF * abs(laplacian).max()
-        system = (laplacian + stiff * hold.T @ hold).tocsr()
-        weights = factorise(system).solve(stiff * (hold.T @ np.eye(len(self.attachments))[owner]))
+        system = (laplacian + stiff * springs.T @ springs).tocsr()
+        weights = factorise(system).solve(stiff * (springs.T @ np.eye(len(self.attachments))[owner]))
         weights = np.clip(weights, 0.0, 1.0)
         return weights / weights.sum(axis=1, keepdims=True)
 
@@ -208,9 +208,9 @@ class Body:
         }
 
     @staticmethod
-    def from_group(group: Mapping[str, Any]) -> Body:
+    def from_group(group: Mapping[str, Any]) -> SoftBody:
         """What `to_group` gave, as an artifact returned it."""
-        return Body(
+        return SoftBody(
             Surface(group["vertices"], group["triangles"]),
             TetMesh(group["mesh"]["vertices"], group["mesh"]["tets"]),
             Embedding(group["embedding"]["cells"], group["embedding"]["weights"]),

@@ -8,7 +8,7 @@ from handpipe.core.rigid import RigidTransform
 from handpipe.fem.contact.constraints import Attachment
 from handpipe.fem.elements import plasticity
 from handpipe.fem.elements.materials import Material
-from handpipe.fem.minimisation import unheld
+from handpipe.fem.minimisation import rigid_modes
 from handpipe.fem.potentials.elastic import Elastic
 from handpipe.fem.potentials.potential import Sum
 from handpipe.fem.solver import equilibrium
@@ -28,7 +28,7 @@ def test_as_many_pins_as_motions_that_springs_leave(ids: list[int], count: int) 
         matrix = np.eye(len(x))[ids]
         parts.append(Attachment(matrix, x[ids], 10.0))
     energy = Sum(parts)
-    found = unheld.pins(energy, energy.hessian(x), x, np.ones(x.size, dtype=bool))
+    found = rigid_modes.pins(energy, energy.hessian(x), x, np.ones(x.size, dtype=bool))
     assert len(found) == count
 
 

@@ -17,7 +17,7 @@ from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
 from handpipe.synthetic.continuum.active import ActiveFibres
 from handpipe.synthetic.continuum.balls import ball_means
-from handpipe.synthetic.continuum.crushing import LAST, Crushing
+from handpipe.synthetic.continuum.crushing import LAST, QuadratureCrushing
 from handpipe.synthetic.continuum.elements import Elements
 from handpipe.synthetic.continuum.refinement import Midpoints, refine
 from handpipe.synthetic.continuum.solid import Solid
@@ -29,7 +29,7 @@ LARGE = 150_000  # nodes, whose factor of 20 GiB would not fit
 
 
 @dataclass(frozen=True, eq=False)
-class Strand:
+class TendonStrand:
     """A tendon's points (k, 3) in mm at rest, its stiffness (Young's modulus times area) in mN.
 
     `bones` names the bone on which a point of that number ends; each other is the mean of the tissue within
@@ -45,7 +45,7 @@ class Strand:
 
 
 @dataclass(frozen=True, eq=False)
-class Anatomy:
+class CoupledAnatomy:
     """Anatomy of a coupled body at rest.
 
     labels (m,) number the `regions` of the tets; `bones` has the mesh's vertices on each bone's surface,
@@ -58,13 +58,13 @@ class Anatomy:
     regions: tuple[str, ...]
     bones: Mapping[str, IntArray]
     fibres: Mapping[str, Array] = field(default_factory=dict)
-    strands: Mapping[str, Strand] = field(default_factory=dict)
+    strands: Mapping[str, TendonStrand] = field(default_factory=dict)
 
     def tets_of(self, region: str) -> IntArray:
         """Numbers of a region's tets."""
         return np.flatnonzero(self.labels == self.regions.index(region))
 
-    def part(self, kept: IntArray | BoolArray) -> tuple[Anatomy, IntArray]:
+    def part(self, kept: IntArray | BoolArray) -> tuple[CoupledAnatomy, IntArray]:
         """The anatomy of some tets, by number or mask, and its vertices' (n,) numbers in the whole."""
         mesh, used = self.mesh.part(kept)
         number = np.full(len(self.mesh.vertices), -1)
@@ -75,17 +75,17 @@ class Anatomy:
         fibres = {name: along[left[self.tets_of(name)]] for name, along in self.fibres.items()}
         return replace(self, mesh=mesh, labels=self.labels[kept], bones=bones, fibres=fibres), used
 
-    def refined(self) -> Anatomy:
+    def refined(self) -> CoupledAnatomy:
         """The same body with every tet cut into eight."""
         mesh, parents = refine(self.mesh)
         middle = Midpoints.build(self.mesh)
         fibres = {name: np.repeat(along, 8, axis=0) for name, along in self.fibres.items()}
         bones = {n: middle.on_faces(bone_faces(self.mesh, on)) for n, on in self.bones.items()}
-        return Anatomy(mesh, self.labels[parents], self.regions, bones, fibres, self.strands)
+        return CoupledAnatomy(mesh, self.labels[parents], self.regions, bones, fibres, self.strands)
 
 
 @dataclass(frozen=True)
-class Pose:
+class CoupledPose:
     """Where bones are, from rest, and the tension in kPa of each muscle; others are slack."""
 
     bones: Mapping[str, RigidTransform]
@@ -93,14 +93,14 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Contact:
+class SkinContact:
     """Contact of the skin with itself: the distance in mm below which it pushes, its stiffness in kPa."""
 
     distance: float
     stiffness: float
 
 
-class Body:
+class CoupledBody:
     """The coupled body: quadratic (or linear) elements on an anatomy's mesh, and their potentials.
 
     `materials` gives each region's; skin_faces (k, 3) are the triangles of nodes on the outer surface, of a
@@ -115,11 +115,11 @@ class Body:
 
     def __init__(
         self,
-        anatomy: Anatomy,
+        anatomy: CoupledAnatomy,
         materials: Mapping[str, Material],
         *,
         order: Literal[1, 2] = 2,
-        contact: Contact | None = None,
+        contact: SkinContact | None = None,
     ) -> None:
         missing = set(anatomy.regions) - set(materials)
         if missing:
@@ -136,7 +136,7 @@ class Body:
         fine = anatomy.refined() if order == 2 else anatomy  # whose vertices are the nodes
         self.on_bones, self.cells, self.cell_labels = fine.bones, fine.mesh, fine.labels
         self.skin_faces = outer_faces(fine.mesh, fine.bones.values())
-        self.crushing = Crushing(self.elements, CRUSH_STIFFNESS)
+        self.crushing = QuadratureCrushing(self.elements, CRUSH_STIFFNESS)
         self.strands = {name: self._strand(name) for name in anatomy.strands}
         self.barrier = self._barrier(contact) if contact is not None else None
 
@@ -153,7 +153,7 @@ class Body:
         """For `Options`: fields of linear tets, where there are too many nodes for a factor."""
         return self.elements.prolongation() if len(self.rest) > LARGE else None
 
-    def potentials(self, pose: Pose) -> list[Potential]:
+    def potentials(self, pose: CoupledPose) -> list[Potential]:
         """Energies of the tissues in a pose, without contact."""
         found: list[Potential] = [self.solid, self.crushing, *self.strands.values()]
         if self.fibres is not None and any(pose.tensions.values()):
@@ -161,11 +161,11 @@ class Body:
             found.append(self.fibres.with_tension(np.concatenate(tension)))
         return found
 
-    def energies(self, pose: Pose) -> list[Potential]:
+    def energies(self, pose: CoupledPose) -> list[Potential]:
         """Energies in a pose, with contact where there is any."""
         return self.potentials(pose) + ([self.barrier] if self.barrier is not None else [])
 
-    def prescribed(self, pose: Pose, x: Array) -> Array:
+    def prescribed(self, pose: CoupledPose, x: Array) -> Array:
         """Positions x (n, 3) with the nodes on bones where the pose has them."""
         out = x.copy()
         for name, nodes in self.on_bones.items():
@@ -203,10 +203,12 @@ class Body:
         shares = self.cells.moved(x).volumes() / self.cells.volumes()
         return np.asarray(shares.reshape(count, -1).min(axis=1) <= left)
 
-    def between_nodes(self, cells: BoolArray, last: float = LAST) -> Crushing:
+    def between_nodes(self, cells: BoolArray, last: float = LAST) -> QuadratureCrushing:
         """Resistance to crushing of the tets between the nodes of cells (m,), logarithmic down to `last`."""
         chosen = self.cells.tets[np.repeat(cells, len(self.cells.tets) // len(cells))]
-        return Crushing(Elements.linear(TetMesh(self.rest, chosen)), CRUSH_STIFFNESS).to_the_end(last)
+        return QuadratureCrushing(Elements.linear(TetMesh(self.rest, chosen)), CRUSH_STIFFNESS).to_the_end(
+            last
+        )
 
     def surface(self, region: str, x: Array) -> Surface:
         """The surface of a region's tets, straight between all nodes, at positions x (n, 3)."""
@@ -230,7 +232,7 @@ class Body:
             return Cable(points, segments, strand.tension)
         return Strands(points, segments, self.rest, strand.stiffness)
 
-    def _barrier(self, contact: Contact) -> Barrier:
+    def _barrier(self, contact: SkinContact) -> Barrier:
         used, triangles = np.unique(self.skin_faces, return_inverse=True)
         choice = sp.eye(len(self.rest), format="csr")[used]
         return Barrier(choice, triangles.reshape(-1, 3), self.rest, contact.distance, contact.stiffness)
