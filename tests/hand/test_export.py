@@ -187,7 +187,10 @@ def test_pvd_leads_to_vtu_files_with_the_frames_points_and_fields(tmp_path: Path
         mesh, shape = meshio.read(tmp_path / entry.get("file")), layers["muscles"]["lumbrical1"]
         np.testing.assert_allclose(mesh.points, shape.vertices, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(mesh.cells_dict["tetra"], TETS)
-        np.testing.assert_allclose(mesh.cell_data_dict["strain"]["tetra"], shape.fields["strain"])
+        plastic = mesh.cell_data_dict["plastic_deformation"]["tetra"].reshape(-1, 3, 3)
+        xx, xy, xz, yy, yz, zz = shape.fields["strain"].T
+        np.testing.assert_allclose(plastic, np.moveaxis([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], 2, 0))
+        assert "strain" not in mesh.cell_data_dict
         np.testing.assert_array_equal(mesh.point_data["height"], CUBE[:, 2])
         np.testing.assert_allclose(mesh.points - mesh.point_data["displacement"], CUBE, atol=1e-12)
         assert set(mesh.cell_data_dict["layer"]["tetra"]) == {list(LAYERS).index("muscles")}

@@ -621,13 +621,21 @@ def obj_sequences():
 
 
 def views():
-    """Moved neutral images and rigged hands, of the scenes that ask for them."""
-    moved = [name for name in SETTINGS.scenes if scene(name).images]
-    rigged = [name for name in SETTINGS.scenes if scene(name).rigged]
-    subjects = buildable_subjects()
-    return expand(paths.SCENE_IMAGES, subject=subjects, scene=moved) + expand(
-        paths.SCENE_RIGGED, subject=subjects, scene=rigged
-    )
+    """Moved neutral images and files for riggers and analysts, of the scenes that ask for them."""
+    asked = {
+        paths.SCENE_IMAGES: lambda s: s.images,
+        paths.SCENE_RIGGED: lambda s: s.rigged,
+        paths.SCENE_MECHANICS: lambda s: s.mechanics,
+    }
+    return [
+        file
+        for path, wants in asked.items()
+        for file in expand(
+            path,
+            subject=buildable_subjects(),
+            scene=[name for name in SETTINGS.scenes if wants(scene(name))],
+        )
+    ]
 
 
 def poses_with_moved_images(subject):

@@ -1,5 +1,5 @@
 # The neutral image in motion, with the frames of a scene and into scanned poses (Zheng 2022 Figs. 1, 2, 32, 33); a
-# rigged hand.
+# rigged hand; strains and stresses.
 
 
 rule move_images:
@@ -98,3 +98,27 @@ rule export_rigged:
         "{wildcards.subject}: {wildcards.scene} as a skeleton with skins and corrective shapes"
     script:
         "../scripts/export_rigged.py"
+
+
+rule export_mechanics:
+    input:
+        rig=paths.RIG,
+        chunks=scene_chunks,
+        layers=lambda w: layer_files(w.subject, scene(w.scene).needed),
+    output:
+        directory(paths.SCENE_MECHANICS),
+    log:
+        paths.log_of("export_mechanics", "scene"),
+    benchmark:
+        paths.cost_of("export_mechanics", "scene")
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=10,
+    params:
+        dataset=of_layers(lambda w: scene(w.scene).needed),
+        scene=reads_scene("layers"),
+    message:
+        "{wildcards.subject}: {wildcards.scene}, strains and stresses"
+    script:
+        "../scripts/export_mechanics.py"

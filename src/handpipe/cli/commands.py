@@ -199,7 +199,7 @@ def export(
     subject: Subject,
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="where to; made if it is not there")],
 ) -> None:
-    """Write the animated scenes (GLB), and the bones of each pose for 3D Slicer and ITK-SNAP."""
+    """Write the animated scenes, the bones of each pose for 3D Slicer and ITK-SNAP, and all tables as CSV."""
     dataset = load_dataset(_dataset_file(subject))
     for path in exports.export(subject, dataset, folder):
         print(path)

@@ -96,6 +96,7 @@ SCENE_GLB = f"{SIMULATION}/{{scene}}/{{scene}}.glb"
 SCENE_VTK = f"{SIMULATION}/{{scene}}/vtk"
 SCENE_OBJ = f"{SIMULATION}/{{scene}}/obj"
 SCENE_RIGGED = f"{SIMULATION}/{{scene}}/{{scene}}-rigged.glb"
+SCENE_MECHANICS = f"{SIMULATION}/{{scene}}/mechanics"
 SCENE_IMAGES = f"{SIMULATION}/{{scene}}/images"
 SIMULATION_COMPLETE = f"{SIMULATION}/complete.json"
 

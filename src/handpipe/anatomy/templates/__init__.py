@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from handpipe.anatomy.templates.curves import load_curves
     from handpipe.anatomy.templates.diffusion import Factorise, superlu
     from handpipe.anatomy.templates.domain import Domain
+    from handpipe.anatomy.templates.fibres import harmonic_fibres
     from handpipe.anatomy.templates.hand import HandTemplate, NailCurve, build_hand, load_hand, nail_triangles
     from handpipe.anatomy.templates.solids import OrganSolid, template_of
     from handpipe.anatomy.templates.tissue_mesh import TissueMesh, build_tissue_mesh
@@ -25,6 +26,7 @@ __all__ = [
     "accounts",
     "build_hand",
     "build_tissue_mesh",
+    "harmonic_fibres",
     "load_curves",
     "load_hand",
     "nail_triangles",

@@ -151,9 +151,27 @@ def gradient_fibres(
 def harmonic_fibres(
     mesh: TetMesh, origin: IntArray, insertion: IntArray, *, factorise: Factorise = superlu
 ) -> Array:
-    """Directions (m, 3) along the flow from origin to insertion, for a muscle without curves.
+    """Directions along the flow from origin to insertion, for a muscle without curves.
 
     Where there is no flow, as in a part that is attached at one end only, they are those of the nearest tets.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+        Tets of the muscle, n vertices in mm.
+    origin, insertion : array (k,) of int
+        Vertices at which the muscle is attached; no vertex is of both.
+    factorise : callable
+        Solver of the sparse system.
+
+    Returns
+    -------
+    array (m, 3)
+        Unit directions, one a tet.
+
+    References
+    ----------
+    Abdrashitov 2021, Eq. 17 to 20, without curves.
     """
     directions = _unit(_gradient(mesh, _potential(mesh, stiffness(mesh), origin, insertion, factorise)))
     middles = mesh.vertices[mesh.tets].mean(axis=1)

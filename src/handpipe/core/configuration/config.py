@@ -541,6 +541,9 @@ class Scene(Model):
     rigged: bool = Field(
         False, description="write a glTF with skeleton, skin weights and corrective shapes, too"
     )
+    mechanics: bool = Field(
+        False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
+    )
     images: bool = Field(False, description="move the neutral image with the frames, and into scanned poses")
     fidelity: Fidelity | None = Field(
         None, description="the fidelity that it is made for; a build of another one is refused"

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         penalty,
     )
     from handpipe.fem.contact.points import PointPotential, per_point
+    from handpipe.fem.contact.pressure import contact_pressures
     from handpipe.fem.contact.surface_sliding import SurfaceSliding
 else:
     __getattr__ = face(__name__)
@@ -30,6 +31,7 @@ __all__ = [
     "Sliding",
     "SurfaceContact",
     "SurfaceSliding",
+    "contact_pressures",
     "left_deep",
     "penalty",
     "per_point",

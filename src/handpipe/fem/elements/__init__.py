@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         stiffnesses,
     )
     from handpipe.fem.elements.plasticity import polar
+    from handpipe.fem.elements.strain_measures import green_strains, von_mises
     from handpipe.fem.elements.validity import Validity
 else:
     __getattr__ = face(__name__)
@@ -24,9 +25,11 @@ __all__ = [
     "Material",
     "Validity",
     "energy_densities",
+    "green_strains",
     "piola_stresses",
     "plasticity",
     "polar",
     "semidefinite_stiffnesses",
     "stiffnesses",
+    "von_mises",
 ]

@@ -11,7 +11,7 @@ from numba import get_num_threads, njit
 from handpipe.core import Array, InputError, IntArray
 from handpipe.fem.elements import plasticity, tet_kernels
 from handpipe.fem.elements.crushing import Crushing
-from handpipe.fem.elements.materials import MODELS, Material, piola, stiffness
+from handpipe.fem.elements.materials import MODELS, Material, piola, piola_stresses, stiffness
 from handpipe.fem.elements.tangles import Tangles
 from handpipe.fem.elements.tet_checks import check_tets
 from handpipe.fem.elements.tet_kernels import ElementArrays, gather
@@ -151,6 +151,17 @@ class Elastic:
         out = np.empty((len(self.tets), 3, 3))
         out[self._order] = deformation_gradients(x, self._body.tets, self._body.gradients)
         return out
+
+    def cauchy_stresses(self, x: Array) -> Array:
+        """Cauchy stress (m, 3, 3) in kPa of each tet: w P(Fe) Fe^T / det Fe, of Fe = F Fp^-1.
+
+        Integrated against the gradients of the shape functions at x it gives `gradient`. It is the mean over
+        a tet of which tissue fills the share w.
+        """
+        elastic = self.elastic_gradients(x)
+        first = piola_stresses(self._model, elastic, self._mu, self._lam)
+        ratios = self.weights / np.linalg.det(elastic)
+        return ratios[:, None, None] * (first @ elastic.transpose(0, 2, 1))
 
     def strain_jacobian(self, x: Array) -> sp.csr_matrix:
         """Derivative (3n, 6m) of the gradient by the strains; column 6 e + j is number j of tet e."""

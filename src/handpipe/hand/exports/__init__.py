@@ -13,13 +13,18 @@ if TYPE_CHECKING:
         write_vtu_series,
     )
     from handpipe.hand.exports.linear_blend import LinearBlend
+    from handpipe.hand.exports.mechanics import Mechanical, muscle_fibres, tet_fields, with_mechanics
     from handpipe.hand.exports.rigged_glb import write_rigged_glb
 else:
     __getattr__ = face(__name__)
 
 __all__ = [
     "LinearBlend",
+    "Mechanical",
+    "muscle_fibres",
     "surface_triangles",
+    "tet_fields",
+    "with_mechanics",
     "write_glb",
     "write_numbers",
     "write_obj_sequence",

@@ -19,11 +19,13 @@ import pygltflib as gltf
 from numpy.typing import NDArray
 
 from handpipe.core import LAYERS, Array, IntArray, Shape, atomic, write_text
+from handpipe.fem.elements import plasticity
 from handpipe.hand.appearance import colour, opacity, shown, tissue
 from handpipe.hand.simulation import SimulatedFrame
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
 
+PLASTIC = "strain"  # field of tets: six numbers of their plastic deformation F_p
 CELL_TYPES = {2: "line", 3: "triangle", 4: "tetra"}
 ASSET = gltf.Asset(version="2.0", generator="handpipe")
 COMPONENTS = {"float32": gltf.FLOAT, "uint32": gltf.UNSIGNED_INT, "uint16": gltf.UNSIGNED_SHORT}
@@ -53,8 +55,9 @@ def write_vtu_series(folder: str | Path, frames: Sequence[SimulatedFrame], fps: 
     """Write `{layer}.pvd` per layer and `{layer}/{body}-{frame number}.vtu` in mm.
 
     Each file carries the shape's fields over points or cells, the points' displacement from rest (mm) and the
-    cells' `layer` (its number in `layer_registry.LAYERS`). The .pvd gives time in s and a part for each body,
-    `frames.csv` each number's frame.
+    cells' `layer` (its number in `layer_registry.LAYERS`). The field "strain" of tets is written as
+    `plastic_deformation`, all nine components of F_p row by row. The .pvd gives time in s and a part for each
+    body, `frames.csv` each number's frame.
 
     Parameters
     ----------
@@ -90,6 +93,8 @@ def _vtu(layer: str, shape: Shape) -> meshio.Mesh:
     point_data: dict[str, Any] = {"displacement": shape.vertices - shape.rest}
     cell_data: dict[str, Any] = {"layer": [np.full(len(shape.cells), number, dtype=np.int32)]}
     for name, values in shape.fields.items():
+        if name == PLASTIC:
+            name, values = "plastic_deformation", plasticity.to_matrices(values).reshape(-1, 9)
         if len(values) == len(shape.vertices):
             point_data[name] = values
         elif len(values) == len(shape.cells):

@@ -5,8 +5,14 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.stages.views import evaluate_images, export_rigged, move_image, move_images
+    from handpipe.stages.views import (
+        evaluate_images,
+        export_mechanics,
+        export_rigged,
+        move_image,
+        move_images,
+    )
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["evaluate_images", "export_rigged", "move_image", "move_images"]
+__all__ = ["evaluate_images", "export_mechanics", "export_rigged", "move_image", "move_images"]

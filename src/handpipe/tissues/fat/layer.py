@@ -11,6 +11,7 @@ import numpy as np
 
 from handpipe.core import LAYERS, Array, Frame, RigidTransform, Shape, Shapes, artifacts, vertices_of
 from handpipe.fem.elements import plasticity
+from handpipe.fem.potentials import Elastic
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import LocalPoseSpaces
 from handpipe.tissues.fat.nails import from_vector
@@ -157,6 +158,20 @@ class TissueLayer:
                 validity.figures | settled.validity | {"inner_overlap": tissue.inner_overlap(below, x)},
             ),
         }
+
+    def elastic_bodies(self, bones: Mapping[str, RigidTransform]) -> dict[str, Elastic]:
+        """The potential of the tissue's tets in a pose, by the name of their shape."""
+        strains, elastic = self.plastic_strains(bones), self.tissue.elastic
+        return {self.name + "_mesh": elastic if strains is None else elastic.with_strains(strains)}
+
+    def contact_pressures(self, frame: Frame, shapes: Mapping[str, Shapes]) -> dict[str, dict[str, Array]]:
+        """Contact pressures in kPa at the equilibrium `shapes` of a frame, by layer and body.
+
+        They are those of `Tissue.contact_pressures`, of contact renewed for that equilibrium.
+        """
+        x = shapes[self.name][self.name + "_mesh"].vertices
+        found = self.tissue.contact_pressures(shapes, x)
+        return {layer or self.name: pressures for layer, pressures in found.items()}
 
 
 def load_fat(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from handpipe.core import Array, ConvergenceError, IntArray, Region, RigidTransform, Shapes, artifacts
-from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceSliding
+from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceSliding, contact_pressures
 from handpipe.fem.elements import Material, Validity, polar
 from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Elastic, Potential
@@ -173,7 +173,7 @@ class Tissue:
         """
         inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
-        touching = np.flatnonzero(~fixed & ~sliding)
+        touching = self._touching
         points, sides, bodies = matrix @ x, self.sides(x), [Distance(s) for s in inner.surfaces(below)]
 
         def planes(ids: IntArray) -> tuple[Array, Array]:
@@ -205,6 +205,41 @@ class Tissue:
         if not self.skin_contact:
             return parts
         return [*parts, *skin_on_skin(skin, skin.moved(matrix @ x), matrix, stiffness)]
+
+    @property
+    def _touching(self) -> IntArray:
+        """Inner points that are in contact."""
+        fixed, sliding = self.inner.region == Region.fixed, self.inner.region == Region.sliding
+        return np.flatnonzero(~fixed & ~sliding)
+
+    def contact_pressures(self, below: Mapping[str, Shapes], x: Array) -> dict[str, dict[str, Array]]:
+        """Contact pressures in kPa with the tissue at x (n, 3), by layer and body; the skin's layer is "".
+
+        That of the skin on itself is by skin vertex (k,), that of the tissue on a body below by its vertex;
+        the latter is zero where the tissue is fixed or slides.
+        """
+        matrix = self.skin_matrix
+        skin, area = self.skin.moved(matrix @ x), mass_lumped(self.skin.vertices, self.skin.triangles)
+        identity = sparse.identity(len(area), format="csr")
+        own = skin_on_skin(self.skin, skin, identity, self.settings.stiffness * area)
+        return {"": {"skin": contact_pressures(own, skin)}, **self._pressures_on_bodies(below, x)}
+
+    def _pressures_on_bodies(self, below: Mapping[str, Shapes], x: Array) -> dict[str, dict[str, Array]]:
+        """Pressure (v,) of the tissue on the bodies that it touches, over their vertices' posed areas."""
+        inner, ids = self.inner, self._touching
+        contacts = [c for c in self._on_bodies(below, x, self.settings.stiffness) if isinstance(c, Contact)]
+        forces = [np.linalg.norm(c.forces(c.points(x)), axis=1) for c in contacts]
+        force = np.zeros(len(inner.rest))
+        force[ids] = np.sum(forces, axis=0)
+        found: dict[str, dict[str, Array]] = {}
+        for body, surface in enumerate(inner.surfaces(below)):
+            mine = ids[inner.body[ids] == body]
+            if len(mine):
+                total = np.zeros(len(surface.vertices))
+                np.add.at(total, inner.vertex[mine], force[mine])
+                pressure = total / mass_lumped(surface.vertices, surface.triangles)
+                found.setdefault(inner.layers[body], {})[inner.bodies[body]] = pressure
+        return found
 
     def overlap(self, x: Array) -> float:
         """Depth in mm, at most, of the skin in itself with the tissue at x (n, 3)."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from handpipe.core import LAYERS, Frame, Shapes
+from handpipe.core import LAYERS, Array, Frame, RigidTransform, Shapes
 from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Elastic
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.muscles import Muscle, MuscleLayer, SimulationOptions
 
@@ -34,6 +35,14 @@ class LigamentLayer:
         for layer in self._alone:
             shapes |= layer.solve(frame, below)
         return shapes
+
+    def elastic_bodies(self, bones: Mapping[str, RigidTransform]) -> dict[str, Elastic]:
+        """The potential of each ligament's tets in a pose, by the name of their shape."""
+        return {name: body for layer in self._alone for name, body in layer.elastic_bodies(bones).items()}
+
+    def contact_pressures(self, frame: Frame, shapes: Mapping[str, Shapes]) -> dict[str, dict[str, Array]]:
+        """Nothing: ligaments touch nothing."""
+        return {}
 
 
 def load(files: Sequence[Path], _: Mapping[str, Surface]) -> LigamentLayer:

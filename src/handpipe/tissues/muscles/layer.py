@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from handpipe.core import LAYERS, Array, Frame, IntArray, RigidTransform, Shape, Shapes, flesh_in
-from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceContact, left_deep
+from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceContact, contact_pressures, left_deep
 from handpipe.fem.elements import Material, Validity
 from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Elastic, Potential
@@ -141,6 +141,41 @@ class MuscleLayer:
         alone = Settled(found.x, 0, 0.0, solver=found.record.figures)
         return self._shapes(frame.name, alone, strains, posed, {})
 
+    def elastic_bodies(self, bones: Mapping[str, RigidTransform]) -> dict[str, Elastic]:
+        """The potential of each muscle's tets in a pose, by the name of their shape."""
+        return {
+            f"{m.name}_mesh": Elastic(
+                m.body.mesh.vertices, m.body.mesh.tets, self.options.material, m.strains(bones)
+            )
+            for m in self.muscles
+        }
+
+    def contact_pressures(self, frame: Frame, shapes: Mapping[str, Shapes]) -> dict[str, dict[str, Array]]:
+        """Pressure (v,) in kPa of bones and other muscles on each muscle's surface, by layer and body.
+
+        It is that of planes of contact renewed for the equilibrium `shapes` of the frame, by layer and body.
+        """
+        if not self.contact:
+            return {}
+        neutral = {n: Surface(s.rest, s.cells) for n, s in shapes["bones"].items()}
+        bones = [Distance(bone) for bone in each_moved(neutral, frame.bones).values()]
+        posed = [m.body.surface.moved(shapes[self.name][m.name].vertices) for m in self.muscles]
+        starts = np.cumsum([0, *(len(s.vertices) for s in posed)])
+        parts = [slice(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+        together = Surface(
+            np.concatenate([s.vertices for s in posed]),
+            np.concatenate([s.triangles + a for s, a in zip(posed, starts, strict=False)]),
+        )
+        identity = sparse.identity(len(together.vertices), format="csr")
+        operators = [identity[part] for part in parts]
+        free = [_without(o, m.firm) for o, m in zip(operators, self.muscles, strict=True)]
+        potentials = [
+            *self._bone_contacts(bones, together.vertices, sparse.vstack(free, format="csr")),
+            *self._neighbours(together.vertices, operators),
+        ]
+        found = contact_pressures(potentials, together)
+        return {self.name: {m.name: found[p] for m, p in zip(self.muscles, parts, strict=True)}}
+
     def _attachments(self, bones: Mapping[str, RigidTransform]) -> Attachment:
         targets = np.concatenate([m.targets(bones) for m in self.muscles])
         return Attachment(self.anchors, targets, self.options.spring)
@@ -165,7 +200,7 @@ class MuscleLayer:
         records: list[Record] = []
 
         def in_place(x: Array) -> Array:
-            potentials = [*free, *self._bone_contacts(obstacles, x), *self._neighbours(x)]
+            potentials = [*free, *self._contacts(obstacles, x)]
             found = self._equilibrium(potentials, x, frame)
             records.append(found.record)
             return found.x
@@ -179,26 +214,30 @@ class MuscleLayer:
         worst = int(np.argmax((motion**2).sum(axis=1)))
         return next(m.name for m, p in zip(self.muscles, self.parts, strict=True) if worst < p.stop)
 
-    def _bone_contacts(self, bones: Sequence[Distance], x: Array) -> list[Potential]:
-        """Contact with every bone of the free surface vertices that are near it."""
-        points = self.free_points @ x
+    def _contacts(self, bones: Sequence[Distance], x: Array) -> list[Potential]:
+        """Contact of the muscles with bones and with one another, with vertices at x (N, 3)."""
+        return [*self._bone_contacts(bones, x, self.free_points), *self._neighbours(x, self.surfaces)]
+
+    def _bone_contacts(
+        self, bones: Sequence[Distance], x: Array, free_points: sparse.csr_matrix
+    ) -> list[Potential]:
+        """Contact with every bone of the free surface vertices, `free_points @ x`, that are near it."""
+        points = free_points @ x
         near = [about(points, bone.surface, GUARDED) for bone in bones]
         return [
-            SurfaceContact(self.free_points[ids], bone, self.options.contact)
+            SurfaceContact(free_points[ids], bone, self.options.contact)
             for ids, bone in zip(near, bones, strict=True)
             if len(ids)
         ]
 
-    def _neighbours(self, x: Array) -> list[Potential]:
-        """Contact and sliding of muscles against one another at their present places.
+    def _neighbours(self, x: Array, surfaces: Sequence[sparse.csr_matrix]) -> list[Potential]:
+        """Contact and sliding of muscles against one another at their present places, `surfaces @ x`.
 
         Vertices that a bone holds go with it and push nobody, as in stage 2.
         """
-        posed = {
-            m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, self.surfaces, strict=True)
-        }
+        posed = {m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, surfaces, strict=True)}
         distances = {name: Distance(surface) for name, surface in posed.items()}
-        operators = {m.name: s for m, s in zip(self.muscles, self.surfaces, strict=True)}
+        operators = {m.name: s for m, s in zip(self.muscles, surfaces, strict=True)}
         firm = {m.name: m.firm for m in self.muscles}
         touching: list[Planes] = []
         sliding: list[Planes] = []
