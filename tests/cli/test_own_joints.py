@@ -1,5 +1,7 @@
 """Bones of a person's own names: from `init --joint` to a rig that moves them as they moved."""
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from handpipe.cli import main
-from handpipe.core import RigidTransform
+from handpipe.core import RigidTransform, metrics
 from handpipe.core.configuration import Dataset, load_dataset, load_scene
+from handpipe.skeleton.bones import read_registrations, write_registrations
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.images import merge_labels, propose_seeds, segment_pose
 from handpipe.stages.skeleton import fit_rig, register_bones
@@ -47,9 +50,16 @@ def to_the_rig(dataset: Dataset, folder: Path) -> Rig:
         )
         surfaces = register_bones.Inputs(file(neutral, "surfaces.h5"), file(pose, "surfaces.h5"))
         register_bones.register_bones(surfaces, file(pose, "moved.h5"), dataset, pose)
-    moved = [file(pose, "moved.h5") for pose in dataset.poses]
-    outputs = fit_rig.Outputs(*(folder / name for name in ("rig.h5", "rig.json", "table.json", "limits.json")))
-    inputs = fit_rig.Inputs(file(neutral, "surfaces.h5"), moved, ())
+    return rig_of(dataset, folder)
+
+
+def rig_of(dataset: Dataset, folder: Path) -> Rig:
+    """The rig of registered bones, written beside them."""
+    moved = [folder / pose / "moved.h5" for pose in dataset.poses]
+    outputs = fit_rig.Outputs(
+        *(folder / name for name in ("rig.h5", "rig.json", "table.json", "limits.json"))
+    )
+    inputs = fit_rig.Inputs(folder / dataset.neutral / "surfaces.h5", moved, ())
     fit_rig.fit_rig(inputs, outputs, dataset, False)
     return Rig.load(outputs.rig)
 
@@ -82,9 +92,18 @@ def test_check_accepts_what_init_writes(
     assert header == "frame,radius_lunate_x [deg]" and last == "bent2,9.0"
 
 
-def test_the_rig_moves_each_bone_as_it_moved(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(project)
-    rig = to_the_rig(load_dataset(f"config/datasets/{NAME}.yaml"), project / "built")
+@pytest.fixture(scope="module")
+def built(project: Path) -> tuple[Dataset, Path]:
+    """The dataset that `init` wrote, and a folder where it is built to the rig."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(project)
+        dataset = load_dataset(f"config/datasets/{NAME}.yaml")
+        to_the_rig(dataset, project / "built")
+    return dataset, project / "built"
+
+
+def test_the_rig_moves_each_bone_as_it_moved(built: tuple[Dataset, Path]) -> None:
+    rig = Rig.load(built[1] / "rig.h5")
     ball, fixed = ({j.child: j for j in rig.joints}[bone] for bone in ("lunate", "ulna"))
     assert ball.fit.type == "ball" and np.linalg.norm(ball.fit.centre - CENTRE) < 0.5
     assert fixed.angles == ()
@@ -98,6 +117,23 @@ def test_the_rig_moves_each_bone_as_it_moved(project: Path, monkeypatch: pytest.
         assert turn_off(moved["lunate"], RigidTransform.identity()) > 20.0  # so that the test can fail
 
 
+def test_bones_that_did_not_move_as_one_are_named(
+    built: tuple[Dataset, Path], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A bone that has slid by 2 mm in one pose, although it is told to be fixed to the other."""
+    dataset, folder = built
+    assert not [name for name in metrics.read(folder / "rig.json") if name.startswith("apart")]
+    moved = Path(shutil.copytree(folder, tmp_path / "slid")) / "flexed/moved.h5"
+    found = read_registrations(moved)
+    slide = RigidTransform(np.eye(3), np.array([2.0, 0.0, 0.0]))
+    found["ulna"] = replace(found["ulna"], transform=found["ulna"].transform @ slide)
+    write_registrations(moved, found, [])
+    rig_of(dataset, tmp_path / "slid")
+    assert "flexed: ulna lies" in caplog.text and "extended: " not in caplog.text
+    figures = metrics.read(tmp_path / "slid/rig.json")
+    assert 0.3 < figures["apart_flexed_ulna"][0] <= 1.1  # at most half of it: both bones have equal shares
+
+
 def turn_off(one: RigidTransform, other: RigidTransform) -> float:
     return float(np.degrees(Rotation.from_matrix(one.rotation.T @ other.rotation).magnitude()))
 
@@ -109,7 +145,10 @@ def turn_off(one: RigidTransform, other: RigidTransform) -> float:
         (["--joint", "radius-lunate", "--only", "wrist"], "--joint names other bones"),
         (["--joint", "radius-lunate", "--joint", "ulna-lunate"], "must form one tree"),
         (["--joint", "radius-radius"], "radius-radius: joins a bone to itself"),
-        (["--joint", "radius-lunate", "--joint", "radius-lunate:fixed"], "radius-lunate:fixed: is named twice"),
+        (
+            ["--joint", "radius-lunate", "--joint", "radius-lunate:fixed"],
+            "radius-lunate:fixed: is named twice",
+        ),
         (["--joint", "radius-lunate", "--joint", "ulna-triquetrum"], "one tree"),
         (["--only", "radius"], "For bones of other names give --joint"),
     ],

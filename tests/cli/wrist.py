@@ -1,4 +1,4 @@
-"""Wrists with known motions, imaged with bright marrow in dark shells: volumes and strokes as a person has them."""
+"""Wrists with known motions and bright marrow in dark shells: volumes and strokes as a person has them."""
 
 from __future__ import annotations
 

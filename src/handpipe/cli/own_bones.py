@@ -46,7 +46,9 @@ def own_bones(joints: Sequence[str]) -> dict[str, Any]:
         if parent == child:
             raise InputError("--joint", text, "joins a bone to itself", "Name two bones")
         if f"{parent}_{child}" in found:
-            raise InputError("--joint", text, "is named twice", "Give each joint once, as a ball joint or as fixed")
+            raise InputError(
+                "--joint", text, "is named twice", "Give each joint once, as a ball joint or as fixed"
+            )
         for bone in (parent, child):
             bones.setdefault(bone, {"label": len(bones) + 1})
         axes = [] if fixed else np.eye(3, dtype=int).tolist()
