@@ -15,7 +15,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ import numpy as np
 from handpipe.core import Array, Metrics, RigidTransform, metrics
 from handpipe.core.configuration import Dataset, Role, load_dataset
 from handpipe.develop.raw_scans import TILT
+from handpipe.skeleton.bones import read_registrations
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.poses import flesh_in_poses
 from handpipe.stages.truth import bone_errors, true_pose
@@ -170,6 +171,9 @@ def errors(build: Build, truth: Truth) -> Metrics:
         lines = tendons_off(build, truth, poses)
         found[f"bone_rotation_{role.value}"] = (float(np.mean(turns)), "deg")
         found[f"bone_translation_{role.value}"] = (float(np.mean(shifts)), "mm")
+        turns, shifts = registered_off(build, truth, poses)
+        found[f"registered_rotation_{role.value}"] = (float(np.mean(turns)), "deg")
+        found[f"registered_translation_{role.value}"] = (float(np.mean(shifts)), "mm")
         if len(lines):
             found[f"tendons_{role.value}"] = (float(lines.mean()), "mm")
     return found
@@ -177,13 +181,28 @@ def errors(build: Build, truth: Truth) -> Metrics:
 
 def bones_off(build: Build, truth: Truth, poses: Sequence[str]) -> tuple[list[float], list[float]]:
     """Turns in deg and distances of middles in mm of the rig's bones from the true ones, by pose and bone."""
-    rig, back = build.rig(), build.placed.inverse()
+    rig = build.rig()
+    moved = {pose: rig.bone_transforms(rig.poses[pose].angles, rig.poses[pose].root) for pose in poses}
+    return _off(build, rig, truth, moved)
+
+
+def registered_off(build: Build, truth: Truth, poses: Sequence[str]) -> tuple[list[float], list[float]]:
+    """The same of each bone as it is registered, alone; bones in doubt are left out."""
+    found = {pose: read_registrations(build.folder / f"registration/{pose}.h5") for pose in poses}
+    moved = {p: {b: r.transform for b, r in bones.items() if not r.doubt} for p, bones in found.items()}
+    return _off(build, build.rig(), truth, moved)
+
+
+def _off(
+    build: Build, rig: Rig, truth: Truth, moved: Mapping[str, Mapping[str, RigidTransform]]
+) -> tuple[list[float], list[float]]:
+    """Of motions in the build's frame by pose and bone."""
+    back, turns, shifts = build.placed.inverse(), [], []
     middles = {bone: back(surface.centroid()[None])[0] for bone, surface in rig.surfaces.items()}
-    turns, shifts = [], []
-    for pose in poses:
-        moved = rig.bone_transforms(rig.poses[pose].angles, rig.poses[pose].root)
-        found = {bone: back @ motion @ build.placed for bone, motion in moved.items()}
-        angles, distances = bone_errors([truth.file(pose)], pose, found, middles)
+    for pose, bones in moved.items():
+        found = {bone: back @ motion @ build.placed for bone, motion in bones.items()}
+        seen = {bone: middle for bone, middle in middles.items() if bone in found}
+        angles, distances = bone_errors([truth.file(pose)], pose, found, seen)
         turns += angles
         shifts += distances
     return turns, shifts

@@ -1,6 +1,6 @@
 """Errors of a build in another frame, against a truth that a known turn departs from; what a person types."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 import trimesh
 from benchmarks.scans import from_raw
-from benchmarks.scans.from_raw import FINGER, HAND, Build, Truth, bones_off, ratios
+from benchmarks.scans.from_raw import FINGER, HAND, Build, Truth, bones_off, ratios, registered_off
 from scipy.spatial.transform import Rotation
 
 from handpipe.core import RigidTransform, artifacts
 from handpipe.core.configuration import load_dataset
 from handpipe.develop.raw_scans import TILT
 from handpipe.mesh.surfaces import Surface
+from handpipe.skeleton.bones import write_registrations
+from handpipe.skeleton.bones.registration_result import Registration
 
 CHECKOUT = Path(__file__).parents[2]
 
@@ -47,8 +49,15 @@ def test_errors_do_not_depend_on_the_frame_of_the_build(tmp_path: Path) -> None:
         bone_transforms=lambda angles, root: {"distal2": found},
     )
     dataset = load_dataset(CHECKOUT / "config/datasets/phantom-finger.yaml")
-    turns, shifts = bones_off(Known(tmp_path, dataset, TILT, rig), Truth(dataset, tmp_path), ["hook"])
-    assert turns == pytest.approx([2.0]) and shifts == pytest.approx([0.5])
+    own, truth = Known(tmp_path, dataset, TILT, rig), Truth(dataset, tmp_path)
+    registered = Registration(found, 0.1, np.eye(6))
+    write_registrations(tmp_path / "registration/hook.h5", {"distal2": registered}, [])
+    for off in (bones_off, registered_off):
+        turns, shifts = off(own, truth, ["hook"])
+        assert turns == pytest.approx([2.0]) and shifts == pytest.approx([0.5])
+    doubted = {"distal2": replace(registered, doubt="it is not there")}
+    write_registrations(tmp_path / "registration/hook.h5", doubted, [])
+    assert registered_off(own, truth, ["hook"]) == ([], [])
 
 
 def test_the_largest_ratio_is_named_for_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,7 +31,7 @@ def own_bones(joints: Sequence[str]) -> dict[str, Any]:
     Raises
     ------
     InputError
-        For a joint that is written otherwise.
+        For a joint that is written otherwise, joins a bone to itself, or is named twice.
     """
     bones: dict[str, Any] = {}
     found: dict[str, Any] = {}
@@ -43,6 +43,12 @@ def own_bones(joints: Sequence[str]) -> dict[str, Any]:
             )
             raise InputError("--joint", text, "names no two bones", remedy)
         parent, child, fixed = match.groups()
+        if parent == child:
+            raise InputError("--joint", text, "joins a bone to itself", "Name two bones")
+        if f"{parent}_{child}" in found:
+            raise InputError(
+                "--joint", text, "is named twice", "Give each joint once, as a ball joint or as fixed"
+            )
         for bone in (parent, child):
             bones.setdefault(bone, {"label": len(bones) + 1})
         axes = [] if fixed else np.eye(3, dtype=int).tolist()

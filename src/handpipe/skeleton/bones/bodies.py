@@ -11,6 +11,7 @@ from handpipe.core.configuration import Dataset
 from handpipe.mesh.surfaces import Surface
 
 Bones = Mapping[str, RigidTransform]
+APART = 0.3  # mm, root mean square: ten times what bones that did move as one are apart in a generated hand
 
 
 def bodies(dataset: Dataset) -> list[tuple[str, ...]]:
@@ -41,3 +42,33 @@ def moved_as_one(
                 moved = np.concatenate([bones[b](surfaces[b].vertices) for b in there])
                 bones.update(dict.fromkeys(body, RigidTransform.fit(rest, moved)))
     return merged
+
+
+def moved_apart(
+    dataset: Dataset, transforms: Mapping[str, Bones], surfaces: Mapping[str, Surface]
+) -> dict[tuple[str, str], float]:
+    """Bones that did not move as the body that the dataset's joints make them a part of.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Dataset with the joints.
+    transforms : mapping of str to mapping of str to RigidTransform
+        Registered transforms from neutral by pose and bone.
+    surfaces : mapping of str to Surface
+        Neutral surfaces in mm by bone.
+
+    Returns
+    -------
+    dict of (str, str) to float
+        Root mean square distance in mm, above `APART`, between where a bone is registered and where its body
+        takes it, by pose and bone.
+    """
+    merged, found = moved_as_one(dataset, transforms, surfaces), {}
+    jointed = [bone for body in bodies(dataset) for bone in body]
+    for pose, bones in transforms.items():
+        for bone in (bone for bone in jointed if bone in bones):
+            points = surfaces[bone].vertices
+            off = np.linalg.norm(bones[bone](points) - merged[pose][bone](points), axis=1)
+            found[pose, bone] = float(np.sqrt(np.mean(off**2)))
+    return {where: distance for where, distance in found.items() if distance > APART}

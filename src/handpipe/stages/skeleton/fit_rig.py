@@ -11,7 +11,7 @@ from pathlib import Path
 from handpipe.core import InputError, artifacts, metrics
 from handpipe.core.configuration import Dataset, Role
 from handpipe.hand import CarriedTemplate
-from handpipe.skeleton.bones import read_registrations, read_surfaces
+from handpipe.skeleton.bones import moved_apart, read_registrations, read_surfaces
 from handpipe.skeleton.joints import limit_rows
 from handpipe.skeleton.registration import without_odd_bones
 from handpipe.skeleton.rig import Rig, joint_table
@@ -56,8 +56,16 @@ def fit_rig(inputs: Inputs, outputs: Outputs, dataset: Dataset, organs: bool) ->
     with metrics.measured(figures):
         transforms = {p: {b: r.transform for b, r in found.items()} for p, found in trusted.items()}
         transforms, odd = without_odd_bones(dataset, transforms, surfaces, fit_poses)
+        apart = moved_apart(dataset, transforms, surfaces)
         rig = Rig.fit(dataset, transforms, surfaces, fit_poses, trusted)
         table = joint_table(rig, dataset, transforms, fit_poses, trusted)
+    for (pose, bone), distance in apart.items():
+        log.warning(
+            "%s: %s lies %.1f mm from where the bones that move as one with it take it: look at them there, "
+            "or give their joint angles",
+            *(pose, bone, distance),
+        )
+        figures[f"apart_{pose}_{bone}"] = (distance, "mm")
     guessed = [j.name for j in rig.joints if j.knowledge and j.knowledge.doubts(j.angles)]
     unknown = [(p, n) for p, fitted in rig.poses.items() for n in rig.angle_names if n in fitted.undetermined]
     figures |= {"undetermined_joints": (len(guessed), "1"), "undetermined_angles": (len(unknown), "1")}
