@@ -31,7 +31,7 @@ from handpipe.skeleton.rig import HandDirections, Rig, hand_directions
 log = logging.getLogger(__name__)
 
 SIZE = (520, 390)  # pixels of a picture
-AXES = HandDirections(*np.eye(3)[[0, 2, 1]], bone="")  # of a subject in which no joint moves
+AXES = HandDirections(np.eye(3)[0], np.eye(3)[2], np.eye(3)[1], "")  # of a subject in which no joint moves
 UNTOLD = (
     "No joint of this subject moves, so that nothing tells its anatomical directions: pictures are drawn "
     "along the axes of the neutral image, x for distal, y for radial, z for dorsal, and slices are left out."
@@ -191,6 +191,7 @@ def write_report(path: str | Path, report: ReportInput) -> None:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # the views keep their order
     write_text(path, environment.get_template("report.html.jinja").render(_content(report)))
 
 

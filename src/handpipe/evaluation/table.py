@@ -90,7 +90,7 @@ def _number(cell: Cell) -> float | None:
 
 
 def _alike(numbers: Sequence[float | None], digits: Sequence[int]) -> set[int]:
-    """Places of finite numbers that differ from another, or from zero, and read the same at these decimals."""
+    """Places of numbers that differ from another, or from zero, and read the same at these decimals."""
     found = [(i, x) for i, x in enumerate(numbers) if x is not None and np.isfinite(x)]
     places = {i for i, x in found if x != 0 and float(f"{x:.{digits[i]}f}") == 0}
     texts: dict[str, list[tuple[int, float]]] = {}

@@ -107,11 +107,13 @@ def middle_finger(rig: JointTree) -> tuple[str, ...]:
     """
     rays = _fingers(rig)
     if not rays:
-        return tuple(max((_bones_of(chain, rig) for chain in _chains(rig)), key=len, default=(rig.root,)))
+        chains = [(rig.root,), *(_bones_of(chain, rig) for chain in _chains(rig))]
+        return max(chains, key=lambda bones: len(bones))
     distal, dorsal = _orthogonal(rays)
     across = np.cross(dorsal, distal)
-    inwards = sorted(rays, key=lambda ray: -float(ray.knuckle @ across))
-    return inwards[(len(inwards) - 1) // 2].bones
+    beside = sorted(rays, key=lambda ray: float(ray.knuckle @ across))
+    amid = beside[(len(beside) - 1) // 2 : len(beside) // 2 + 1]  # two of four, of which one reaches farther
+    return max(amid, key=lambda ray: float(ray.knuckle @ distal)).bones
 
 
 def _fingers(rig: JointTree) -> list[_Ray]:
