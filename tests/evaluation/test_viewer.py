@@ -103,7 +103,9 @@ def dataset(hand: str) -> Dataset:
 @pytest.fixture(scope="module")
 def browser() -> Iterator:
     with playwright.sync_playwright() as started:
-        running = started.chromium.launch(executable_path=CHROMIUM, args=[*SOFTWARE, *QUIET, "--disable-background-networking"])
+        running = started.chromium.launch(
+            executable_path=CHROMIUM, args=[*SOFTWARE, *QUIET, "--disable-background-networking"]
+        )
         yield running
         running.close()
 
@@ -155,9 +157,10 @@ def press(page, view: str) -> None:
 
 
 def colours(page) -> np.ndarray:
-    """Colours (h, w, 3) of the canvas, as a person sees them."""
+    """Colours (h, w, 3) of the canvas within its frame, as a person sees them."""
     settled(page)
-    return np.asarray(Image.open(io.BytesIO(page.locator("canvas").screenshot())).convert("RGB"), float)
+    picture = Image.open(io.BytesIO(page.locator("canvas").screenshot())).convert("RGB")
+    return np.asarray(picture, float)[4:-4, 4:-4]
 
 
 @pytest.mark.parametrize("hand", ["right", "left"])
