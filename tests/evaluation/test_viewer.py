@@ -76,6 +76,7 @@ def simulated(name: str, hand: str, place: np.ndarray, wrist: np.ndarray):
         },
         # The ball on the proximal side makes the whole symmetric: its middle is the hand's.
         "tendons": {"at wrist": shape(ball((-40, 0, 0), 6), place, posed)},
+        "muscle_fascia": {"sheet": shape(ball((0, 0, 0), 50), place, posed)},
         "skin": {"skin": shape(ball((0, 0, 0), 60), place, posed)},
     }
     return Frame(name, {}, {PALM: RigidTransform(posed, np.zeros(3))}), layers
@@ -213,10 +214,13 @@ def test_layers_and_the_skin_before_what_lies_in_it(opened) -> None:
     assert named_at(page, 0.5, 0.5) == "at palm (muscles)"
     assert named_at(page, 0.40, 0.35) == "skin"
     assert named_at(page, 0.02, 0.02) is None
-    page.get_by_label("muscles").uncheck()
+    page.get_by_label("muscles", exact=True).uncheck()
     assert named_at(page, 0.5, 0.5) == f"{PALM} (bones)"
     page.get_by_label("skin").uncheck()
     assert named_at(page, 0.40, 0.35) is None
+    page.get_by_label("muscle fascia").check()
+    assert named_at(page, 0.40, 0.35) == "sheet (muscle fascia)"
+    page.get_by_label("muscle fascia").uncheck()
     shown = colours(page)
     page.get_by_label("bones").uncheck()
     page.get_by_label("tendons").uncheck()

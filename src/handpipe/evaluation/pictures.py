@@ -108,7 +108,7 @@ def slices_figure(sample: Sample | None, planes: Mapping[str, Plane], drawn: Seq
     seen: set[str] = set()
     for ax, (title, plane) in zip(axes, planes.items(), strict=True):
         seen |= {name for name, segments in draw_slice(ax, sample, plane, drawn).items() if len(segments)}
-        ax.set_title(title, fontsize=10)
+        ax.set_title(title, fontsize=9)
         ax.tick_params(labelsize=8)
         if sample is None:
             ax.set_facecolor("#222222")

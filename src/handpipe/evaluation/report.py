@@ -269,7 +269,9 @@ def _roles(dataset: Dataset) -> list[str]:
 
 
 def _angles(frame: Frame) -> str:
-    return ", ".join(f"{name.replace('_', ' ')} {np.degrees(a):.0f}°" for name, a in frame.angles.items())
+    return ", ".join(
+        f"{name.replace('_', ' ')} {round(np.degrees(a)):d}°" for name, a in frame.angles.items()
+    )
 
 
 def _stage_costs(metrics: Mapping[str, Metrics]) -> Table | None:

@@ -22,6 +22,7 @@ TRIANGLES = 2500  # of one body in the view
 SKIN = 4  # times as many triangles of the skin
 BYTES = 24_000_000  # of the positions of a scene; of longer ones evenly chosen frames are shown
 DIGITS = 5  # of a direction
+SHEETS = "fascia"  # layers so named cover others: the view begins without them
 
 
 def view_data(
@@ -49,8 +50,9 @@ def view_data(
     dict
         `frames`, names; `total`, how many frames the scene has; `low` (3,) and `scale` in mm, which give a
         coordinate as low + scale * integer; `views`, by name and frame six numbers, the direction to the
-        camera and that upwards; `bodies` with `name`, `layer`, `colour`, `opacity`, `triangles` (uint32) and
-        `positions` (uint16, frame by frame, three a vertex) in base64.
+        camera and that upwards; `hidden`, layers that are not shown at first; `bodies` with `name`, `layer`,
+        `colour`, `opacity`, `triangles` (uint32) and `positions` (uint16, frame by frame, three a vertex) in
+        base64.
     """
     # The first and last frame tell how large the bodies are before all frames are carried along.
     ends = _carried([frames[0], frames[-1]], triangles) if frames else {}
@@ -67,6 +69,7 @@ def view_data(
         "low": low.tolist(),
         "scale": scale,
         "views": _views(picked, directions),
+        "hidden": sorted({look for key in moving if (look := _layer(*key)).endswith(SHEETS)}),
         "bodies": [
             _body(*key, faces, np.round((positions - low) / scale))
             for key, (faces, positions) in moving.items()
@@ -95,12 +98,17 @@ def _body(layer: str, body: str, faces: IntArray, integers: Array) -> dict[str, 
     look = tissue(layer, body)
     return {
         "name": body,
-        "layer": look.replace("_", " "),
+        "layer": _layer(layer, body),
         "colour": colour(look),
         "opacity": opacity(look),
         "triangles": _base64(faces.astype("<u4")),
         "positions": _base64(integers.astype("<u2")),
     }
+
+
+def _layer(layer: str, body: str) -> str:
+    """Name of a body's layer, for people."""
+    return tissue(layer, body).replace("_", " ")
 
 
 def _carried(

@@ -69,6 +69,7 @@ class Viewer {
     this.addLights();
     this.bodies = [];
     this.hidden = new Set(); // layers
+    this.known = new Set(); // layers of which a scene has told whether they are hidden at first
     this.asked = false; // whether a picture is on its way
     this.playing = null;
     this.listen();
@@ -113,6 +114,8 @@ class Viewer {
     this.find("button.play").disabled = slider.disabled = frames.length < 2;
     this.find("select.rate").value = frames.length > 100 ? "24" : frames.length > 30 ? "12" : frames.length > 8 ? "4" : "1";
     this.find(".chosen").textContent = frames.length < total ? `${frames.length} of ${total} frames are shown.` : "";
+    for (const layer of this.scene.hidden) if (!this.known.has(layer)) this.hidden.add(layer);
+    for (const layer of this.scene.hidden) this.known.add(layer);
     this.addButtons();
     this.addLayers();
     this.show(0);
