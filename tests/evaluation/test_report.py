@@ -279,3 +279,12 @@ def test_axes_take_the_place_of_directions_only_with_a_warning(dataset: Dataset,
     write_report(tmp_path / "report.html", ReportInput(dataset, None, [PoseView(frame, layers, "neutral")]))
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "nothing tells its anatomical directions" in text and "ulnar" not in text
+
+
+def test_a_muscle_is_not_drawn_twice():
+    """Its surface and its tetrahedra would cover each other in blotches."""
+    frame, layers = simulated("a", 0.0)
+    layers["muscles"]["lumbrical1_mesh"] = layers["muscles"]["lumbrical1"]
+    layers["muscles"]["lone_mesh"] = shape(capsule(2, 0, 9), 0)
+    names = [body["name"] for body in view_data([(frame, layers)])["bodies"]]
+    assert names == [*BONES, "lumbrical1", "lone_mesh", "skin"]

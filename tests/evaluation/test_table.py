@@ -107,10 +107,10 @@ def test_a_column_has_the_decimals_in_which_its_numbers_differ():
     """As a person reads them: no two different numbers alike, none that is not zero as zero."""
     made = table.Table(
         "t",
-        ["pose", "a", "b", "c", "d"],
+        ["pose", "a [deg]", "b [mm]", "c [mm]", "d [s]"],
         [["p", 1.0, 0.2600, 0.2649, 0.0004], ["q", 2.0, 0.5, 0.6, 12.0], ["r", None, "text", 0.60001, 0.0]],
     )
     assert made.decimals() == [2, 2, 3, 3, 4]
     text = made.html()
     assert "<td>0.260</td><td>0.265</td><td>0.0004</td>" in text and "<td>1.00</td>" in text
-    assert table.Table("t", ["x", "a"], [["p", 1e-12], ["q", float("nan")]]).decimals() == [2, 6]
+    assert table.Table("t", ["x", "a"], [["p", 1e-12], ["q", float("nan")]]).decimals() == [6, 6]

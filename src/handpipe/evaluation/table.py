@@ -46,7 +46,7 @@ class Table:
     note : str
         Smaller text in the caption.
     digits : int
-        Least decimals of numbers. A column has more where different numbers would read the same.
+        Least decimals of numbers. Columns of a unit have more where different numbers would read the same.
     """
 
     title: str
@@ -70,7 +70,8 @@ class Table:
         Returns
         -------
         list of int
-            A number a column; numbers that are equal but for 0.5 % may read the same.
+            A number a column, the same for columns of one unit. Numbers that are equal but for 0.5 % may read
+            the same.
         """
         digits = [self.digits] * len(self.columns)
         columns = [[_number(row[i]) for row in self.rows] for i in range(len(self.columns))]
@@ -82,7 +83,8 @@ class Table:
             digits[i] for i in close
         ) < MOST_DIGITS:
             digits = [min(d + 1, MOST_DIGITS) if i in close else d for i, d in enumerate(digits)]
-        return digits
+        units = [c.rpartition("[")[2] if c.endswith("]") else "" for c in self.columns]
+        return [max(d for d, other in zip(digits, units, strict=True) if other == unit) for unit in units]
 
 
 def _number(cell: Cell) -> float | None:

@@ -22,6 +22,7 @@ TRIANGLES = 2500  # of one body in the view
 SKIN = 4  # times as many triangles of the skin
 BYTES = 24_000_000  # of the positions of a scene; of longer ones evenly chosen frames are shown
 DIGITS = 5  # of a direction
+INSIDE_OF = ("_mesh", "_centreline")  # endings of bodies that a surface of the same layer shows
 SHEETS = "fascia"  # layers so named cover others: the view begins without them
 
 
@@ -32,7 +33,10 @@ def view_data(
     triangles: int = TRIANGLES,
     size: int = BYTES,
 ) -> dict[str, Any]:
-    """Data of a scene that the view's script reads, ready for JSON, without bodies that some frame lacks.
+    """Data of a scene that the view's script reads, ready for JSON.
+
+    Bodies that some frame lacks are left out, and so are volume meshes and centrelines of a body whose
+    surface is there.
 
     Parameters
     ----------
@@ -118,7 +122,8 @@ def _carried(
     series: dict[tuple[str, str], list[Shape]] = {}
     for _, layers in frames:
         for layer, body, shape in shown(layers):
-            series.setdefault((layer, body), []).append(shape)
+            if not any(body.removesuffix(end) in layers[layer] for end in INSIDE_OF if body.endswith(end)):
+                series.setdefault((layer, body), []).append(shape)
     return {
         key: _decimated(shapes, triangles * (SKIN if tissue(*key) == "skin" else 1))
         for key, shapes in series.items()
