@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 
 from handpipe.core.configuration import load_dataset
 from handpipe.evaluation import Camera, Image, pictures
-from handpipe.evaluation.report import ALONG, DORSAL
+from handpipe.evaluation.viewer import view_directions
 from handpipe.hand import read_frames
 from handpipe.mesh.surfaces import read_surface
-from handpipe.skeleton.rig import Rig
+from handpipe.skeleton.rig import Rig, hand_directions
 
 SIZE = (360, 360)  # pixels of a picture
 LARGEST = 1.0  # mm, yellow
@@ -26,7 +26,7 @@ TITLES = ("from the palm", "from the back", f"scan to skin, 0 to {LARGEST:g} mm"
 def row(subject: str, pose: str, rig: Rig) -> list[Image]:
     """The pictures of a pose, all at one scale."""
     base, dataset = Path("results") / subject, load_dataset(f"config/datasets/{subject}.yaml")
-    [(_, layers)] = read_frames(base / f"poses/{pose}/inner.h5")
+    [(frame, layers)] = read_frames(base / f"poses/{pose}/inner.h5")
     [(_, skins)] = read_frames(base / f"poses/{pose}/skin.h5")
     layers = {**layers, "fat": skins["m0"]}
     skin, scan = pictures.skin_surface(layers), dataset.poses[pose].scan
@@ -34,7 +34,10 @@ def row(subject: str, pose: str, rig: Rig) -> list[Image]:
     scanned = read_surface(dataset.path(scan))
     scanned = scanned.moved(rig.poses[pose].root.inverse()(scanned.vertices))
     drawn = pictures.bodies(layers, skin_opacity=1.0)
-    palm, back = (Camera.fit(drawn, side * DORSAL, ALONG, SIZE) for side in (1.0, -1.0))
+    directions = hand_directions(rig, dataset.hand)
+    assert directions is not None
+    sides = view_directions(directions.moved(frame.bones))
+    palm, back = (Camera.fit(drawn, -sides[s][0], sides[s][1], SIZE) for s in ("palm", "back"))
     return [
         pictures.outer_picture(layers, palm, SIZE),
         pictures.inner_picture(layers, palm, SIZE),

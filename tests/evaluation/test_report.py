@@ -14,11 +14,17 @@ from scipy.spatial.transform import Rotation
 from handpipe.core.configuration.config import Bone, Dataset, Joint, Pose
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform
+from handpipe.evaluation import pictures
 from handpipe.evaluation.build import Job
 from handpipe.evaluation.report import PoseView, ReportInput, write_report
 from handpipe.evaluation.table import skin_metrics, skin_rows
 from handpipe.evaluation.viewer import view_data
 from handpipe.mesh.surfaces.surface import Surface
+from handpipe.skeleton.joints.axes import Axes
+from handpipe.skeleton.joints.joint_tree import RigJoint
+from handpipe.skeleton.joints.joints import JointFit
+from handpipe.skeleton.joints.residual import Residual
+from handpipe.skeleton.rig import HandDirections, Rig
 
 BONES = ("metacarpal2", "proximal2")
 
@@ -41,6 +47,16 @@ def simulated(name: str, shift: float):
     }
     bones = {b: RigidTransform(np.eye(3), np.array([0, 0, shift])) for b in BONES}
     return Frame(name, {"MP2_flexion": 0.1 * shift}, bones), layers
+
+
+def rig() -> Rig:
+    """A metacarpal and a phalanx along x, which flexes about y."""
+    still = Residual(np.zeros((2, 3)), np.zeros(1), np.zeros(1))
+    fit = JointFit(
+        Axes(np.array([[0.0, 1, 0]]), (0,)), np.array([45.0, 0, 0]), still, still, np.zeros((0, 1))
+    )
+    joint = RigJoint("MP2", *BONES, ("MP2_flexion",), np.radians([[-20.0, 90.0]]), fit)
+    return Rig(BONES[0], (joint,), {BONES[0]: capsule(4, 0, 40), BONES[1]: capsule(3, 50, 80)}, {})
 
 
 @pytest.fixture
@@ -73,7 +89,10 @@ def full(dataset: Dataset) -> ReportInput:
     skin = skin_rows(distances, {"fist": "example"})
     return ReportInput(
         dataset,
+        rig(),
         [pose],
+        made={"made on": "2001-02-03", "commit": "abcdef"},
+        inputs={"scans/fist.ply": "0123456789"},
         skin_rows=skin,
         muscle_rows=[{"muscle": "adductor", "pose": "flat", "role": "example", "mean": 0.37}],
         rig_rows=[{"joint": "MP2", "FM_R": 1.58, "PM_R": 1.82, "FM_x": 0.55, "PM_x": 0.76}],
@@ -143,6 +162,10 @@ def test_report_holds_pictures_with_text_and_figures_with_units(full: ReportInpu
         "12.50",
         "fit_rig",
         "MP2 flexion 17°",
+        "Seen from the ulnar side",
+        "on 2001-02-03, commit abcdef",
+        "scans/fist.ply",
+        "0123456789",
     ):
         assert expected in text
     assert "&lt;interpolated&gt;" in text and "stable neo-Hookean" in text
@@ -159,7 +182,7 @@ def test_report_of_a_bare_dataset_leaves_sections_out(dataset: Dataset, tmp_path
 def test_pose_without_skin_image_and_truth_still_has_pictures(dataset: Dataset, tmp_path: Path):
     frame, layers = simulated("flat", 0.0)
     bare = PoseView(frame, {"bones": layers["bones"]}, "neutral")
-    write_report(tmp_path / "report.html", ReportInput(dataset, [bare]))
+    write_report(tmp_path / "report.html", ReportInput(dataset, rig(), [bare]))
     images = [a for t, a in Page((tmp_path / "report.html").read_text(encoding="utf-8")).tags if t == "img"]
     assert len(images) == 2
 
@@ -182,14 +205,14 @@ def test_scanner_frame_is_brought_to_the_simulations():
 def test_view_data_gives_back_positions_of_every_frame():
     frames = [simulated("a", 0.0), simulated("b", 5.0)]
     data = json.loads(json.dumps(view_data(frames)))
-    assert data["frames"] == ["a", "b"]
+    assert data["frames"] == ["a", "b"] and data["views"] == {}
     for body, shape_a, shape_b in zip(
         data["bodies"],
         (s for shapes in frames[0][1].values() for s in shapes.values()),
         (s for shapes in frames[1][1].values() for s in shapes.values()),
         strict=True,
     ):
-        integers = np.frombuffer(base64.b64decode(body["positions"]), "<u2").reshape(2, -1, 4)[..., :3]
+        integers = np.frombuffer(base64.b64decode(body["positions"]), "<u2").reshape(2, -1, 3)
         positions = np.array(data["low"]) + data["scale"] * integers
         np.testing.assert_allclose(positions[0], shape_a.vertices, atol=data["scale"])
         np.testing.assert_allclose(positions[1], shape_b.vertices, atol=data["scale"])
@@ -203,7 +226,65 @@ def test_decimated_view_stays_on_the_surface():
     data = view_data([(Frame(str(i), {}, {}), x) for i, x in enumerate(layers)], triangles=800)
     body = data["bodies"][0]
     assert len(base64.b64decode(body["triangles"])) == pytest.approx(800 * 12, rel=0.02)
-    integers = np.frombuffer(base64.b64decode(body["positions"]), "<u2").reshape(2, -1, 4)[..., :3]
+    integers = np.frombuffer(base64.b64decode(body["positions"]), "<u2").reshape(2, -1, 3)
     radii = np.linalg.norm(np.array(data["low"]) + data["scale"] * integers, axis=-1)
     np.testing.assert_allclose(radii[0], 10, atol=0.05)
     np.testing.assert_allclose(radii[1], 20, atol=0.1)
+
+
+def test_a_long_scene_keeps_its_first_and_last_frame_and_says_how_many_it_has():
+    frames = [simulated(f"f{i}", 0.1 * i) for i in range(40)]
+    vertices = sum(len(s.vertices) for shapes in frames[0][1].values() for s in shapes.values())
+    data = view_data(frames, size=12 * 6 * vertices)
+    assert len(data["frames"]) == 12 and data["total"] == 40
+    assert data["frames"][0] == "f0" and data["frames"][-1] == "f39"
+    count = len(np.frombuffer(base64.b64decode(data["bodies"][0]["positions"]), "<u2")) // 36
+    assert count == len(frames[0][1]["bones"][BONES[0]].vertices)
+
+
+def test_views_follow_the_metacarpal_in_every_frame():
+    bent = Rotation.from_rotvec([0, np.pi / 2, 0]).as_matrix()
+    (first, layers), (second, _) = simulated("a", 0.0), simulated("b", 0.0)
+    second = Frame("b", {}, {BONES[0]: RigidTransform(bent, np.zeros(3))})
+    data = view_data(
+        [(first, layers), (second, layers)], HandDirections(*np.eye(3)[[0, 2, 1]], bone=BONES[0])
+    )
+    np.testing.assert_allclose(data["views"]["palm"], [[0, 0, -1, 1, 0, 0], [-1, 0, 0, 0, 0, -1]], atol=1e-5)
+    np.testing.assert_allclose(data["views"]["thumb"], [[0, 1, 0, 1, 0, 0], [0, 1, 0, 0, 0, -1]], atol=1e-5)
+
+
+def test_every_pose_is_drawn_and_slices_have_anatomical_names(full, monkeypatch, tmp_path: Path):
+    drawn = []
+    figure = pictures.slices_figure
+
+    def watched(sample, planes, contours):
+        drawn.append(planes)
+        return figure(sample, planes, contours)
+
+    monkeypatch.setattr(pictures, "slices_figure", watched)
+    frame, layers = simulated("spread", 1.0)
+    full.poses = [*full.poses, PoseView(frame, layers, "heldout")]
+    write_report(tmp_path / "report.html", full)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "<h3>spread <small>(heldout)</small></h3>" in text and "spread (heldout)" in text
+    for planes in drawn:
+        assert list(planes) == ["sagittal", "coronal", *(f"transversal, {b}" for b in BONES)]
+        for name, across in (("sagittal", 1), ("coronal", 2), (f"transversal, {BONES[0]}", 0)):
+            assert abs(planes[name].normal[across]) == pytest.approx(1, abs=0.02)
+    assert len(drawn) == 2
+
+
+def test_axes_take_the_place_of_directions_only_with_a_warning(dataset: Dataset, tmp_path: Path):
+    frame, layers = simulated("flat", 0.0)
+    write_report(tmp_path / "report.html", ReportInput(dataset, None, [PoseView(frame, layers, "neutral")]))
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "nothing tells its anatomical directions" in text and "ulnar" not in text
+
+
+def test_a_muscle_is_not_drawn_twice():
+    """Its surface and its tetrahedra would cover each other in blotches."""
+    frame, layers = simulated("a", 0.0)
+    layers["muscles"]["lumbrical1_mesh"] = layers["muscles"]["lumbrical1"]
+    layers["muscles"]["lone_mesh"] = shape(capsule(2, 0, 9), 0)
+    names = [body["name"] for body in view_data([(frame, layers)])["bodies"]]
+    assert names == [*BONES, "lumbrical1", "lone_mesh", "skin"]

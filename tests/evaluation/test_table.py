@@ -99,5 +99,18 @@ def test_metrics_with_a_poses_name_become_columns():
 
 
 def test_html_escapes_names():
-    html = table.Table("a < b", ["x & y"], [["<script>", 1.234]]).html()
+    html = table.Table("a < b", ["x & y", "z"], [["<script>", 1.234]]).html()
     assert "<script>" not in html and "a &lt; b" in html and "x &amp; y" in html and "<td>1.23</td>" in html
+
+
+def test_a_column_has_the_decimals_in_which_its_numbers_differ():
+    """As a person reads them: no two different numbers alike, none that is not zero as zero."""
+    made = table.Table(
+        "t",
+        ["pose", "a [deg]", "b [mm]", "c [mm]", "d [s]"],
+        [["p", 1.0, 0.2600, 0.2649, 0.0004], ["q", 2.0, 0.5, 0.6, 12.0], ["r", None, "text", 0.60001, 0.0]],
+    )
+    assert made.decimals() == [2, 2, 3, 3, 4]
+    text = made.html()
+    assert "<td>0.260</td><td>0.265</td><td>0.0004</td>" in text and "<td>1.00</td>" in text
+    assert table.Table("t", ["x", "a"], [["p", 1e-12], ["q", float("nan")]]).decimals() == [6, 6]

@@ -32,7 +32,7 @@ rule report:
     threads: 1
     resources:
         mem_mb=2500,
-        runtime=10,
+        runtime=30,
     params:
         dataset=reads(
             "name",

@@ -103,11 +103,12 @@ def contours(layers: Mapping[str, Shapes], truth: Mapping[str, Sequence[Surface]
 def slices_figure(sample: Sample | None, planes: Mapping[str, Plane], drawn: Sequence[Contours]) -> Figure:
     """Slices side by side under their names, with one legend."""
     figure = Figure(figsize=(11, 4.2), layout="constrained")
-    axes = figure.subplots(1, len(planes), squeeze=False, width_ratios=[2.0] + [1.0] * (len(planes) - 1))[0]
+    ratios = [1.0 if title.startswith("transversal") else 2.0 for title in planes]
+    axes = figure.subplots(1, len(planes), squeeze=False, width_ratios=ratios)[0]
     seen: set[str] = set()
     for ax, (title, plane) in zip(axes, planes.items(), strict=True):
         seen |= {name for name, segments in draw_slice(ax, sample, plane, drawn).items() if len(segments)}
-        ax.set_title(title, fontsize=10)
+        ax.set_title(title, fontsize=9)
         ax.tick_params(labelsize=8)
         if sample is None:
             ax.set_facecolor("#222222")

@@ -18,19 +18,24 @@ from handpipe.core.configuration import Dataset
 from handpipe.evaluation import pictures
 from handpipe.evaluation.benchmarks import Figures, benchmark_table, error_figures
 from handpipe.evaluation.build import Job, cost_table
+from handpipe.evaluation.moved_images import anatomical_planes
 from handpipe.evaluation.rendering import Camera
-from handpipe.evaluation.slices import Plane, Sample, sagittal_plane, transversal_plane
+from handpipe.evaluation.slices import Plane, Sample
 from handpipe.evaluation.surfaces import surface_distance
 from handpipe.evaluation.table import Row, Table, metrics_table, muscle_table, rig_table, skin_table
-from handpipe.evaluation.viewer import view_data
+from handpipe.evaluation.viewer import page_scripts, view_data
 from handpipe.hand import SimulatedFrame, shown, tissue
 from handpipe.mesh.surfaces import Surface
+from handpipe.skeleton.rig import HandDirections, Rig, hand_directions
 
 log = logging.getLogger(__name__)
 
 SIZE = (520, 390)  # pixels of a picture
-ALONG, ACROSS, DORSAL = np.eye(3)  # distal, radial, dorsal in the neutral frame
-VIEW = ACROSS - 0.25 * ALONG - 0.35 * DORSAL  # from the ulnar side, somewhat from above
+AXES = HandDirections(np.eye(3)[0], np.eye(3)[2], np.eye(3)[1], "")  # of a subject in which no joint moves
+UNTOLD = (
+    "No joint of this subject moves, so that nothing tells its anatomical directions: pictures are drawn "
+    "along the axes of the neutral image, x for distal, y for radial, z for dorsal, and slices are left out."
+)
 
 
 @dataclass
@@ -107,6 +112,8 @@ class ReportInput:
     ----------
     dataset : Dataset
         The subject.
+    rig : Rig, optional
+        Joints and neutral bones: they tell distal, dorsal and radial, and where slices lie.
     poses : sequence of PoseView
         Scanned poses with pictures.
     skin_rows : sequence of Row
@@ -118,22 +125,25 @@ class ReportInput:
     metrics : mapping of str to Metrics
         Figures by stage, in the order shown.
     scenes : mapping of str to sequence of SimulatedFrame
-        Frames of the 3D view by scene.
+        Frames of the 3D view by scene, besides the poses.
     jobs : sequence of Job
         Jobs of the build.
     benchmarks : Figures
         Figures of `snakemake benchmark_fem`.
     settings : mapping of str to str
         What a person chose, by name.
+    made : mapping of str to str
+        When and by what the report was made, by name.
+    inputs : mapping of str to str
+        Hash of each image and scan, by its name.
     limits : sequence of str
         Sentences on the limits of the method.
     warnings : sequence of str
         Sentences that the report shows first.
-    finger : sequence of str
-        Bones, from proximal to distal, whose planes cut the slices; by default all.
     """
 
     dataset: Dataset
+    rig: Rig | None = None
     poses: Sequence[PoseView] = ()
     skin_rows: Sequence[Row] = ()
     muscle_rows: Sequence[Row] = ()
@@ -143,9 +153,15 @@ class ReportInput:
     jobs: Sequence[Job] = ()
     benchmarks: Figures = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
+    made: Mapping[str, str] = field(default_factory=dict)
+    inputs: Mapping[str, str] = field(default_factory=dict)
     limits: Sequence[str] = ()
     warnings: Sequence[str] = ()
-    finger: Sequence[str] = ()
+
+    @property
+    def directions(self) -> HandDirections | None:
+        """Anatomical directions in neutral, None where nothing tells them."""
+        return None if self.rig is None else hand_directions(self.rig, self.dataset.hand)
 
 
 @dataclass(frozen=True)
@@ -175,6 +191,7 @@ def write_report(path: str | Path, report: ReportInput) -> None:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # the views keep their order
     write_text(path, environment.get_template("report.html.jinja").render(_content(report)))
 
 
@@ -185,9 +202,15 @@ def _content(report: ReportInput) -> dict[str, Any]:
     return {
         "subject": report.dataset.name,
         "facts": _facts(report.dataset),
-        "versions": {"handpipe": __version__, "Python": platform.python_version(), **report.settings},
+        "versions": {
+            "handpipe": __version__,
+            "Python": platform.python_version(),
+            **report.made,
+            **report.settings,
+        },
+        "inputs": report.inputs,
         "poses": [(p.frame.name, p.role, _angles(p.frame), made) for p, made in _pictures(report)],
-        "view": "Seen from the ulnar side and somewhat from above; distal is to the right, dorsal upwards.",
+        "view": _view_text(report),
         "legend": pictures.legend(sorted(looks)),
         "tables": [table.html() for table in main_tables],
         "stages": [
@@ -198,12 +221,25 @@ def _content(report: ReportInput) -> dict[str, Any]:
         "costs": [t.html() for t in (_stage_costs(report.metrics), cost_table(report.jobs)) if t],
         "benchmarks": benchmark_table(report.benchmarks),
         "curves": _curves(report.benchmarks),
-        "scenes": [
-            (name, data) for name, frames in report.scenes.items() if (data := view_data(frames))["bodies"]
-        ],
+        "scenes": [(name, data) for name, data in _scenes(report).items() if data["bodies"]],
+        "scripts": page_scripts(),
         "limits": list(report.limits),
-        "warnings": list(report.warnings),
+        "warnings": [*report.warnings, *([UNTOLD] if report.poses and report.directions is None else [])],
     }
+
+
+def _scenes(report: ReportInput) -> dict[str, Any]:
+    """Data of the 3D view: the scanned poses, then the scenes."""
+    poses = [(replace(p.frame, name=f"{p.frame.name} ({p.role})"), dict(p.layers)) for p in report.poses]
+    scenes = {"scanned poses": poses} | dict(report.scenes)
+    return {name: view_data(frames, report.directions) for name, frames in scenes.items() if frames}
+
+
+def _view_text(report: ReportInput) -> str:
+    if report.directions is None:
+        return "Seen along the axes of the neutral image."
+    side = "right" if report.dataset.hand == "right" else "left"
+    return f"Seen from the ulnar side and somewhat from above; distal is to the {side}, dorsal upwards."
 
 
 def _curves(figures: Figures) -> list[Picture]:
@@ -233,7 +269,9 @@ def _roles(dataset: Dataset) -> list[str]:
 
 
 def _angles(frame: Frame) -> str:
-    return ", ".join(f"{name.replace('_', ' ')} {np.degrees(a):.0f}°" for name, a in frame.angles.items())
+    return ", ".join(
+        f"{name.replace('_', ' ')} {round(np.degrees(a)):d}°" for name, a in frame.angles.items()
+    )
 
 
 def _stage_costs(metrics: Mapping[str, Metrics]) -> Table | None:
@@ -252,7 +290,7 @@ def _pictures(report: ReportInput) -> list[tuple[PoseView, list[Picture]]]:
     poses = [pose for pose in report.poses if any(shown(pose.layers))]
     if not poses:
         return []
-    cameras = [Camera.fit(pictures.bodies(p.layers, skin_opacity=1.0), VIEW, DORSAL, SIZE) for p in poses]
+    cameras = [_camera(pose, report.directions or AXES) for pose in poses]
     height = max(camera.height for camera in cameras)
     largest = _largest_error(poses)
     made = []
@@ -261,6 +299,13 @@ def _pictures(report: ReportInput) -> list[tuple[PoseView, list[Picture]]]:
         camera = replace(camera, height=height)
         made.append((pose, _pose_pictures(pose, report, camera, largest)))
     return made
+
+
+def _camera(pose: PoseView, neutral: HandDirections) -> Camera:
+    """From the ulnar side and somewhat from above, of the hand as it is in the pose."""
+    hand = neutral.moved(pose.frame.bones)
+    sight = hand.radial - 0.25 * hand.distal - 0.35 * hand.dorsal
+    return Camera.fit(pictures.bodies(pose.layers, skin_opacity=1.0), sight, hand.dorsal, SIZE)
 
 
 def _pose_pictures(pose: PoseView, report: ReportInput, camera: Camera, largest: float) -> list[Picture]:
@@ -277,7 +322,7 @@ def _pose_pictures(pose: PoseView, report: ReportInput, camera: Camera, largest:
         uri = pictures.data_uri(pictures.error_picture(pose.scan, skin, camera, SIZE, largest))
         caption = f"Scanned skin: distance to the simulated skin, 0 (dark) to {largest:.2g} mm (yellow)."
         made.append(Picture(uri, f"Distance of scanned from simulated skin in pose {name}", caption))
-    planes = _planes(pose, report.finger or list(report.dataset.bones))
+    planes = _planes(pose, report)
     if planes:
         drawn = pictures.contours(pose.layers, pose.truth)
         uri = pictures.data_uri(pictures.slices_figure(pose.sample, planes, drawn))
@@ -298,13 +343,7 @@ def _largest_error(poses: Sequence[PoseView]) -> float:
     return max(float(np.percentile(np.concatenate(found), 99)), 0.1) if found else 1.0
 
 
-def _planes(pose: PoseView, finger: Sequence[str]) -> dict[str, Plane]:
-    found = [b for b in finger if b in pose.layers.get("bones", {})]
-    if len(found) < 2:
+def _planes(pose: PoseView, report: ReportInput) -> dict[str, Plane]:
+    if report.rig is None or report.directions is None or "bones" not in pose.layers:
         return {}
-    centroids = np.array([pose.layers["bones"][b].vertices.mean(axis=0) for b in found])
-    planes = {"sagittal": sagittal_plane(centroids, -ACROSS, ALONG)}
-    for bone in found[:2]:
-        up = pose.frame.bones[bone].rotation @ DORSAL if bone in pose.frame.bones else DORSAL
-        planes[f"transversal, {bone}"] = transversal_plane(pose.layers["bones"][bone].vertices, up)
-    return planes
+    return anatomical_planes(report.rig, pose.frame, pose.layers)

@@ -27,6 +27,8 @@ STATISTICS: dict[str, Callable[[Array], float]] = {
     "max": lambda e: float(np.max(e)),
 }
 ALL = "all"
+ALIKE = 0.005  # two numbers differ if they differ by more, relative to the larger one
+MOST_DIGITS = 6  # decimals
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Table:
     note : str
         Smaller text in the caption.
     digits : int
-        Decimals of numbers.
+        Least decimals of numbers. Columns of a unit have more where different numbers would read the same.
     """
 
     title: str
@@ -56,19 +58,62 @@ class Table:
     def html(self) -> str:
         """As an HTML table; every text is escaped."""
         head = "".join(f'<th scope="col">{escape(c)}</th>' for c in self.columns)
-        body = "\n".join(self._row(row) for row in self.rows)
+        digits = self.decimals()
+        body = "\n".join(_row([_text(c, d) for c, d in zip(row, digits, strict=True)]) for row in self.rows)
         note = f"<small>{escape(self.note)}</small>" if self.note else ""
         caption = f"<caption>{escape(self.title)} {note}</caption>"
         return f"<table>{caption}<thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>"
 
-    def _row(self, row: Sequence[Cell]) -> str:
-        first, *rest = (self._text(cell) for cell in row)
-        return f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>"
+    def decimals(self) -> list[int]:
+        """Decimals of each column, with which numbers that differ in a column or a row read differently.
 
-    def _text(self, cell: Cell) -> str:
-        if cell is None:
-            return ""
-        return escape(cell) if isinstance(cell, str) else f"{cell:.{self.digits}f}"
+        Returns
+        -------
+        list of int
+            A number a column, the same for columns of one unit. Numbers that are equal but for 0.5 % may read
+            the same.
+        """
+        digits = [self.digits] * len(self.columns)
+        columns = [[_number(row[i]) for row in self.rows] for i in range(len(self.columns))]
+        for i, column in enumerate(columns):
+            while digits[i] < MOST_DIGITS and _alike(column, [digits[i]] * len(column)):
+                digits[i] += 1
+        rows = [[_number(cell) for cell in row] for row in self.rows]
+        while (close := set().union(*(_alike(row, digits) for row in rows))) and min(
+            digits[i] for i in close
+        ) < MOST_DIGITS:
+            digits = [min(d + 1, MOST_DIGITS) if i in close else d for i, d in enumerate(digits)]
+        units = [c.rpartition("[")[2] if c.endswith("]") else "" for c in self.columns]
+        return [max(d for d, other in zip(digits, units, strict=True) if other == unit) for unit in units]
+
+
+def _number(cell: Cell) -> float | None:
+    return None if cell is None or isinstance(cell, str) else float(cell)
+
+
+def _alike(numbers: Sequence[float | None], digits: Sequence[int]) -> set[int]:
+    """Places of numbers that differ from another, or from zero, and read the same at these decimals."""
+    found = [(i, x) for i, x in enumerate(numbers) if x is not None and np.isfinite(x)]
+    places = {i for i, x in found if x != 0 and float(f"{x:.{digits[i]}f}") == 0}
+    texts: dict[str, list[tuple[int, float]]] = {}
+    for i, x in found:
+        texts.setdefault(f"{x:.{digits[i]}f}", []).append((i, x))
+    for same in texts.values():
+        values = [x for _, x in same]
+        if max(values) - min(values) > ALIKE * max(map(abs, values)):
+            places |= {i for i, _ in same}
+    return places
+
+
+def _row(cells: Sequence[str]) -> str:
+    first, *rest = cells
+    return f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>"
+
+
+def _text(cell: Cell, digits: int) -> str:
+    if cell is None:
+        return ""
+    return escape(cell) if isinstance(cell, str) else f"{cell:.{digits}f}"
 
 
 def skin_rows(distances: Mapping[str, Mapping[str, Array]], roles: Mapping[str, str]) -> list[Row]:

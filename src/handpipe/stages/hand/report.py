@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
-from handpipe.core import metrics
+from handpipe.core import artifacts, metrics
 from handpipe.core.configuration import Dataset
 from handpipe.evaluation import (
     PoseView,
@@ -24,6 +26,8 @@ from handpipe.mesh.surfaces import Surface, read_scan
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.stages.truth import surfaces_in, true_pose
+
+UNKNOWN = "unknown"  # commit of code outside of a repository
 
 
 @dataclass(frozen=True)
@@ -85,16 +89,12 @@ def report(
             truth=truth_of(pose),
         )
 
-    def bend(pose: str) -> float:
-        return sum(abs(angle) for angle in rig.poses[pose].angles.values())
-
     asked = {p.stem: metrics.read(p) for p in inputs.metrics}
 
     tables = {p.stem: json.loads(p.read_text(encoding="utf-8")) for p in inputs.tables}
 
-    simulated = sorted({p.parent.name for p in inputs.poses})
-    bent = sorted((p for p in simulated if p in dataset.examples), key=bend)[-2:]
-    shown = [p for p in dataset.poses if p in simulated and (p in bent or p not in dataset.examples)]
+    simulated = {p.parent.name for p in inputs.poses}
+    shown = [pose for pose in dataset.poses if pose in simulated]
     frames = {
         name: [frame for path in paths for frame in read_frames(path)] for name, paths in scenes.items()
     }
@@ -115,6 +115,7 @@ def report(
         output,
         ReportInput(
             dataset,
+            rig=rig,
             poses=[view(pose) for pose in shown],
             skin_rows=tables.get("skin", []),
             muscle_rows=tables.get("muscles", []),
@@ -125,7 +126,32 @@ def report(
             jobs=read_jobs(jobs),
             benchmarks=metrics.read(benchmarks) if benchmarks.exists() else {},
             settings=settings,
+            made=_made(inputs),
+            inputs={_name(path, dataset): artifacts.content_hash(path) for path in _given(inputs)},
             limits=["The limits of this version stand in docs/limitations.md."],
-            finger=list(rig.bones),
         ),
     )
+
+
+def _given(inputs: Inputs) -> list[Path]:
+    """Images and scans, each once."""
+    return list(dict.fromkeys([*inputs.volumes, *inputs.scans]))
+
+
+def _name(path: Path, dataset: Dataset) -> str:
+    """A file as the dataset names it, or else as the workflow does."""
+    return str(path.relative_to(dataset.root) if path.is_relative_to(dataset.root) else path)
+
+
+def _made(inputs: Inputs) -> dict[str, str]:
+    """When the report was made, by which code, and by which code the artifacts that it shows."""
+    commits = [
+        str(artifacts.read_attributes(path).get("commit", "")) or UNKNOWN
+        for path in (inputs.rig, *inputs.poses, *inputs.chunks)
+    ]
+    counts = Counter(commits)
+    return {
+        "made on": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "commit": artifacts.commit() or UNKNOWN,
+        "artifacts by commit": ", ".join(f"{c} ({n} files)" for c, n in counts.most_common()),
+    }

@@ -1,0 +1,14 @@
+"""The 3D view of a report: surfaces in every frame, and the page's script, which three.js draws with."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.evaluation.viewer.inlined import page_scripts
+    from handpipe.evaluation.viewer.scene_data import view_data
+    from handpipe.evaluation.viewer.sides import view_directions
+else:
+    __getattr__ = face(__name__)
+
+__all__ = ["page_scripts", "view_data", "view_directions"]
