@@ -12,8 +12,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from handpipe.core.configuration import load_dataset
-from handpipe.evaluation import Camera, Image, pictures
+from handpipe.evaluation import pictures
 from handpipe.evaluation.report import ALONG, DORSAL
+from handpipe.evaluation.rendering import Camera, Image
 from handpipe.hand import read_frames
 from handpipe.mesh.surfaces import read_surface
 from handpipe.skeleton.rig import Rig
@@ -33,8 +34,8 @@ def row(subject: str, pose: str, rig: Rig) -> list[Image]:
     assert skin is not None and scan is not None
     scanned = read_surface(dataset.path(scan))
     scanned = scanned.moved(rig.poses[pose].root.inverse()(scanned.vertices))
-    drawn = pictures.bodies(layers, skin_opacity=1.0)
-    palm, back = (Camera.fit(drawn, side * DORSAL, ALONG, SIZE) for side in (1.0, -1.0))
+    seen = pictures.extent(layers)
+    palm, back = (Camera.fit(seen, side * DORSAL, ALONG, SIZE) for side in (1.0, -1.0))
     return [
         pictures.outer_picture(layers, palm, SIZE),
         pictures.inner_picture(layers, palm, SIZE),

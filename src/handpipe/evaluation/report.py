@@ -252,7 +252,7 @@ def _pictures(report: ReportInput) -> list[tuple[PoseView, list[Picture]]]:
     poses = [pose for pose in report.poses if any(shown(pose.layers))]
     if not poses:
         return []
-    cameras = [Camera.fit(pictures.bodies(p.layers, skin_opacity=1.0), VIEW, DORSAL, SIZE) for p in poses]
+    cameras = [Camera.fit(pictures.extent(p.layers), VIEW, DORSAL, SIZE) for p in poses]
     height = max(camera.height for camera in cameras)
     largest = _largest_error(poses)
     made = []
