@@ -621,13 +621,22 @@ def obj_sequences():
 
 
 def views():
-    """Moved neutral images and rigged hands, of the scenes that ask for them."""
+    """Moved neutral images, rigged hands and movies, of the scenes that ask for them."""
     moved = [name for name in SETTINGS.scenes if scene(name).images]
     rigged = [name for name in SETTINGS.scenes if scene(name).rigged]
+    filmed = [name for name in SETTINGS.scenes if scene(name).movie]
+    asked = {
+        paths.SCENE_IMAGES: moved,
+        paths.SCENE_RIGGED: rigged,
+        paths.SCENE_MOVIE: filmed,
+        paths.SCENE_ANATOMY_MOVIE: [name for name in filmed if name in moved],
+    }
     subjects = buildable_subjects()
-    return expand(paths.SCENE_IMAGES, subject=subjects, scene=moved) + expand(
-        paths.SCENE_RIGGED, subject=subjects, scene=rigged
-    )
+    return [
+        path
+        for pattern, scenes in asked.items()
+        for path in expand(pattern, subject=subjects, scene=scenes)
+    ]
 
 
 def poses_with_moved_images(subject):

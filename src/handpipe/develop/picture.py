@@ -1,4 +1,9 @@
-"""Draw a simulated frame and its inside: python -m handpipe.develop.picture FRAMES.h5 FRAME PICTURE.png."""
+"""Draw a simulated frame, or a volume: python -m handpipe.develop.picture FRAMES.h5 FRAME PICTURE.png.
+
+A frame: its skin, the organs inside it, and the hand cut open through its middle. A volume (NIfTI, NRRD, DICOM)
+in place of the frames and `anatomy` or `fat` in place of the frame: its volume rendering by that transfer
+function, seen along the direction.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +13,31 @@ from pathlib import Path
 import numpy as np
 from PIL import Image as images
 
-from handpipe.core import InputError, Parser, Shapes, atomic, reported
-from handpipe.evaluation import Camera, Drawable, Image, bodies, on_background, render
+from handpipe.core import Array, Frame, InputError, Parser, Shapes, atomic, reported
+from handpipe.evaluation import cut_picture, extent, inner_picture, outer_picture
+from handpipe.evaluation.rendering import (
+    TRANSFERS,
+    Camera,
+    Cut,
+    Image,
+    anatomical_axes,
+    render_volume,
+    seen_from,
+    volume_extent,
+)
 from handpipe.hand import read_frames
+from handpipe.imaging.volumes import read_volume
+from handpipe.skeleton.rig import Rig
 
-WITHOUT = ("bone_fascia", "muscle_fascia")  # translucent cloths, which cover the organs
-GHOST = 0.18  # opacity of the skin around the inside
+SIZE = (480, 480)  # pixels of a picture
+SIDES = ("palm", "back", "radial", "ulnar")
+UP = (0.0, 0.0, 1.0)
 
 
-def views(layers: Mapping[str, Shapes], size: tuple[int, int], direction: Sequence[float]) -> list[Image]:
-    """Pictures (h, w, 3) of the skin and of the organs inside a translucent skin.
+def views(
+    layers: Mapping[str, Shapes], size: tuple[int, int], direction: Sequence[float], up: Sequence[float] = UP
+) -> list[Image]:
+    """Pictures (h, w, 3) of the skin, of the organs inside a translucent skin, and of the frame cut open.
 
     Parameters
     ----------
@@ -25,39 +45,63 @@ def views(layers: Mapping[str, Shapes], size: tuple[int, int], direction: Sequen
         Shapes of one frame by layer.
     size : (int, int)
         Width and height of each picture in pixels.
-    direction : sequence of float
-        Direction of the view, subject frame.
+    direction, up : sequence of float
+        Direction of the view and the one that points upwards, subject frame. The cut is perpendicular to
+        the view, through the mean vertex.
     """
-    organs = {name: shapes for name, shapes in layers.items() if name not in WITHOUT}
-    outside, inside = bodies(layers, skin_opacity=1.0), bodies(organs, skin_opacity=GHOST)
-    camera = Camera.fit(outside, np.asarray(direction, float), np.array([0.0, 0.0, 1.0]), size)
-    return [_drawn(seen, camera, size) for seen in (outside, inside)]
-
-
-def _drawn(seen: Sequence[Drawable], camera: Camera, size: tuple[int, int]) -> Image:
-    return on_background(render(seen, camera, size))
+    seen, ahead = extent(layers), np.asarray(direction, float)
+    camera = Camera.fit(seen, ahead, np.asarray(up, float), size)
+    cut = Cut(seen.mean(axis=0), -ahead)
+    outside, inside = outer_picture(layers, camera, size), inner_picture(layers, camera, size)
+    return [outside, inside, cut_picture(layers, camera, size, cut)]
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Draw one frame of a file of frames side by side, without and with its inside; return the exit code."""
+    """Draw one frame of a file of frames, or a volume; return the exit code."""
     parser = Parser(prog="python -m handpipe.develop.picture", description=__doc__)
-    parser.add_argument("frames", type=Path, help="simulation/{scene}/frames-*.h5")
-    parser.add_argument("frame", help="name of the frame")
+    parser.add_argument("frames", type=Path, help="simulation/{scene}/frames-*.h5, or a volume")
+    parser.add_argument("frame", help="name of the frame; of a volume: anatomy or fat")
     parser.add_argument("picture", type=Path, help="PNG file")
     parser.add_argument("--direction", type=float, nargs=3, default=(0.25, -0.9, 0.35))
+    parser.add_argument("--side", choices=SIDES, help="of the hand, as its bones are, instead of a direction")
+    parser.add_argument("--hand", choices=("right", "left"), default="right")
     options = parser.parse_args(arguments)
     with reported() as failure:
-        pictures = views(_frame(options.frames, options.frame), (480, 340), options.direction)
+        if options.frames.suffix == ".h5":
+            frame, layers = _frame(options.frames, options.frame)
+            sight = (options.direction, UP)
+            if options.side:
+                sight = _side(options.frames, frame, layers, (options.side, options.hand))
+            pictures = views(layers, SIZE, *sight)
+        else:
+            pictures = [_volume(options.frames, options.frame, options.direction)]
         with atomic(options.picture) as temporary:
-            images.fromarray(np.concatenate(pictures, axis=1)).save(temporary, optimize=True)
+            images.fromarray(np.concatenate(pictures, axis=1)).save(temporary, format="png", optimize=True)
     return failure.code
 
 
-def _frame(path: Path, name: str) -> dict[str, Shapes]:
-    found = {frame.name: layers for frame, layers in read_frames(path)}
+def _side(
+    path: Path, frame: Frame, layers: Mapping[str, Shapes], seen: tuple[str, str]
+) -> tuple[Array, Array]:
+    """Directions of a view from a side; the rig is in the folder of the subject, as in a build."""
+    side, hand = seen
+    axes = anatomical_axes(Rig.load(path.absolute().parents[2] / "rig.h5"), frame, layers, hand)
+    return seen_from(axes, side)
+
+
+def _frame(path: Path, name: str) -> tuple[Frame, dict[str, Shapes]]:
+    found = {frame.name: (frame, layers) for frame, layers in read_frames(path)}
     if name not in found:
         raise InputError(path, name, "is not in this file", f"Give one of {', '.join(sorted(found))}")
     return found[name]
+
+
+def _volume(path: Path, name: str, direction: Sequence[float]) -> Image:
+    if name not in TRANSFERS:
+        raise InputError(path, name, "is no transfer function", f"Give one of {', '.join(TRANSFERS)}")
+    volume = read_volume(path)
+    camera = Camera.fit(volume_extent(volume), np.asarray(direction, float), np.asarray(UP), SIZE)
+    return render_volume(volume, TRANSFERS[name], volume.bright, camera, SIZE)
 
 
 if __name__ == "__main__":

@@ -541,6 +541,7 @@ class Scene(Model):
     rigged: bool = Field(
         False, description="write a glTF with skeleton, skin weights and corrective shapes, too"
     )
+    movie: bool = Field(False, description="draw the frames as movies, too; with `images` also the volumes")
     images: bool = Field(False, description="move the neutral image with the frames, and into scanned poses")
     fidelity: Fidelity | None = Field(
         None, description="the fidelity that it is made for; a build of another one is refused"

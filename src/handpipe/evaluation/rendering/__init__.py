@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from handpipe.evaluation.rendering.movies import write_movie
     from handpipe.evaluation.rendering.pictures import ColourBar, render
     from handpipe.evaluation.rendering.views import anatomical_axes, seen_from
-    from handpipe.evaluation.rendering.volumes import TRANSFERS, Transfer, render_volume
+    from handpipe.evaluation.rendering.volumes import TRANSFERS, Transfer, render_volume, volume_extent
     from handpipe.evaluation.rendering.window import Image
 else:
     __getattr__ = face(__name__)
@@ -27,5 +27,6 @@ __all__ = [
     "render",
     "render_volume",
     "seen_from",
+    "volume_extent",
     "write_movie",
 ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
 
@@ -11,7 +10,6 @@ from handpipe.core import Array, Frame, Shapes
 from handpipe.evaluation.moved_images import anatomical_planes
 from handpipe.skeleton.rig import Rig
 
-Side = Literal["palm", "back", "radial", "ulnar"]
 
 
 def anatomical_axes(rig: Rig, frame: Frame, layers: Mapping[str, Shapes], hand: str) -> dict[str, Array]:
@@ -41,7 +39,7 @@ def anatomical_axes(rig: Rig, frame: Frame, layers: Mapping[str, Shapes], hand: 
     return {"distal": distal, "palm": palm, "back": -palm, "radial": radial, "ulnar": -radial}
 
 
-def seen_from(axes: Mapping[str, Array], side: Side) -> tuple[Array, Array]:
+def seen_from(axes: Mapping[str, Array], side: str) -> tuple[Array, Array]:
     """Directions in which a camera looks and that points upwards in its picture.
 
     Parameters

@@ -91,13 +91,13 @@ def render_volume(
     InputError
         If the machine has no OpenGL.
     """
-    far = np.linalg.norm(corners(volume) - camera.centre, axis=1).max()
+    far = np.linalg.norm(volume_extent(volume) - camera.centre, axis=1).max()
     with window(camera, size, 1.0 + float(far)) as renderer:
         renderer.AddVolume(_drawn(volume, transfer, bright))
         return pixels(renderer)
 
 
-def corners(volume: Volume) -> Array:
+def volume_extent(volume: Volume) -> Array:
     """World points (8, 3) in mm of the corners of its voxels' centres."""
     ends = np.array(np.meshgrid(*[(0, n - 1) for n in volume.shape])).reshape(3, -1).T
     return volume.to_world(ends)

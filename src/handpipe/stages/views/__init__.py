@@ -1,12 +1,26 @@
-"""What people look at and work with: the neutral image in motion and its likeness to scans, a rigged hand."""
+"""What people look at and work with: the neutral image in motion, its likeness to scans, movies, a rigged hand."""
 
 from typing import TYPE_CHECKING
 
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.stages.views import evaluate_images, export_rigged, move_image, move_images
+    from handpipe.stages.views import (
+        evaluate_images,
+        export_rigged,
+        move_image,
+        move_images,
+        render_movie,
+        render_volumes,
+    )
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["evaluate_images", "export_rigged", "move_image", "move_images"]
+__all__ = [
+    "evaluate_images",
+    "export_rigged",
+    "move_image",
+    "move_images",
+    "render_movie",
+    "render_volumes",
+]

@@ -1,0 +1,67 @@
+"""The moved neutral image of a scene as two movies of volumes: all anatomy, and fat alone."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.core import InputError
+from handpipe.core.configuration import Dataset
+from handpipe.evaluation.rendering import (
+    TRANSFERS,
+    Camera,
+    Image,
+    Transfer,
+    anatomical_axes,
+    render_volume,
+    seen_from,
+    volume_extent,
+    write_movie,
+)
+from handpipe.hand import read_frames
+from handpipe.imaging.volumes import Volume, read_volume
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+
+log = logging.getLogger(__name__)
+
+SIZE = (480, 480)  # pixels
+FPS = 24.0  # frames per second, as in the other exports
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    chunk: Path
+    images: Path
+
+
+@dataclass(frozen=True)
+class Outputs(Files):
+    """What the stage writes."""
+
+    anatomy: Path
+    fat: Path
+
+
+def render_volumes(inputs: Inputs, outputs: Outputs, dataset: Dataset) -> None:
+    """The moved neutral image of a scene as two movies of volumes: all anatomy, and fat alone."""
+    files = sorted(inputs.images.glob("frame-*.nii.gz"))
+    if not files:
+        raise InputError(inputs.images, "frames", "has no images", "Run the workflow again")
+    first = read_volume(files[0])
+    frame, layers = read_frames(inputs.chunk)[0]
+    axes = anatomical_axes(Rig.load(inputs.rig), frame, layers, dataset.hand)
+    camera = Camera.fit(volume_extent(first), *seen_from(axes, "palm"), SIZE)
+    for name, path in {"anatomy": outputs.anatomy, "fat": outputs.fat}.items():
+        write_movie(path, _pictures(files, TRANSFERS[name], first.bright, camera), FPS)
+
+
+def _pictures(files: Sequence[Path], transfer: Transfer, bright: float, camera: Camera) -> Iterator[Image]:
+    for path in files:
+        log.info("volume %s", path.name)
+        yield render_volume(read_volume(path), transfer, bright, camera, SIZE)
