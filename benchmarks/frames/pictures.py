@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from handpipe.core.configuration import load_dataset
 from handpipe.evaluation import pictures
-from handpipe.evaluation.report import ALONG, DORSAL
 from handpipe.evaluation.rendering import Camera, Image
+from handpipe.evaluation.report import ALONG, DORSAL
 from handpipe.hand import read_frames
 from handpipe.mesh.surfaces import read_surface
 from handpipe.skeleton.rig import Rig

@@ -46,13 +46,13 @@ def test_silhouette_has_the_area_of_the_disc():
     inner = cover(image) > 0.5  # the highlight is whitish: count pixels
     filled = np.hypot(*(np.argwhere(inner) + 0.5 - [50, 60]).T).max() * PIXEL
     assert filled == pytest.approx(7, abs=PIXEL)
-    assert (image.min(axis=2) < 200).sum() * PIXEL**2 == pytest.approx(np.pi * 49, rel=2e-2)
+    assert (image.min(axis=2) < 128).sum() * PIXEL**2 == pytest.approx(np.pi * 49, rel=1e-2)
 
 
 def test_place_in_the_picture_follows_the_cameras_axes():
     image = render([Drawable(sphere(2, (5, 3, 0)), RED)], CAMERA, SIZE)
     pixels = np.indices(image.shape[:2]).reshape(2, -1)
-    row, column = np.average(pixels, axis=1, weights=(image.min(axis=2) < 200).ravel())
+    row, column = np.average(pixels, axis=1, weights=(image.min(axis=2) < 128).ravel())
     assert ((column + 0.5) - 60) * PIXEL == pytest.approx(5, abs=0.05)
     assert (50 - (row + 0.5)) * PIXEL == pytest.approx(3, abs=0.05)
 
@@ -105,7 +105,7 @@ def test_fitted_camera_sees_everything():
     bodies = [Drawable(sphere(2, (30, 0, 4)), RED), Drawable(sphere(4, (-9, 5, 1)), GREEN)]
     points = [body.surface.vertices for body in bodies]
     camera = Camera.fit(points, np.array([1.0, 1, -1]), np.array([0.0, 0, 1]), SIZE)
-    seen = render(bodies, camera, SIZE).min(axis=2) < 200
+    seen = render(bodies, camera, SIZE).min(axis=2) < 128
     assert seen.any() and not (seen[0].any() or seen[-1].any() or seen[:, 0].any() or seen[:, -1].any())
     area = seen.sum() * (camera.height / SIZE[1]) ** 2
     assert area == pytest.approx(np.pi * (4 + 16), rel=0.03)

@@ -1,8 +1,8 @@
 """Draw a simulated frame, or a volume: python -m handpipe.develop.picture FRAMES.h5 FRAME PICTURE.png.
 
-A frame: its skin, the organs inside it, and the hand cut open through its middle. A volume (NIfTI, NRRD, DICOM)
-in place of the frames and `anatomy` or `fat` in place of the frame: its volume rendering by that transfer
-function, seen along the direction.
+A frame: its skin, the organs inside it, and the hand cut open through its middle. A volume (NIfTI, NRRD,
+DICOM) in place of the frames and `anatomy` or `fat` in place of the frame: its volume rendering by that
+transfer function, seen along the direction.
 """
 
 from __future__ import annotations

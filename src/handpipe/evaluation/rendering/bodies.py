@@ -53,7 +53,7 @@ class Drawable:
 
 
 def actors(body: Drawable, forward: Array, cut: Cut | None, rank: int) -> list[vtkActor]:
-    """What VTK draws of a body: its surface and, at a cut, its cap. Of caps in one place rank 0 is in front."""
+    """What VTK draws of a body: its surface and its cap at a cut. Of caps in one place rank 0 is in front."""
     data, plane = _polydata(body), _plane(cut)
     mapper = vtkPolyDataMapper()
     mapper.SetInputData(data)

@@ -11,7 +11,6 @@ from handpipe.evaluation.moved_images import anatomical_planes
 from handpipe.skeleton.rig import Rig
 
 
-
 def anatomical_axes(rig: Rig, frame: Frame, layers: Mapping[str, Shapes], hand: str) -> dict[str, Array]:
     """Directions of a posed hand, those of its middle metacarpal.
 

@@ -1,4 +1,4 @@
-"""What people look at and work with: the neutral image in motion, its likeness to scans, movies, a rigged hand."""
+"""What people look at: the neutral image in motion, its likeness to scans, movies, a rigged hand."""
 
 from typing import TYPE_CHECKING
 

@@ -21,7 +21,7 @@ from handpipe.evaluation.rendering import (
     write_movie,
 )
 from handpipe.hand import read_frames
-from handpipe.imaging.volumes import Volume, read_volume
+from handpipe.imaging.volumes import read_volume
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 
