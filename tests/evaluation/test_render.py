@@ -130,7 +130,7 @@ def test_a_volume_is_seen_where_its_values_are_and_by_its_transfer_function():
     values[10:30, 10:20, 5:15] = 1.0  # a box of 10 x 5 x 5 mm about the middle
     affine = np.diag([0.5, 0.5, 0.5, 1.0])
     affine[:3, 3] = -0.5 * np.array([19.5, 14.5, 9.5])
-    solid = Transfer(((0.0, RED, 0.0), (0.49, RED, 0.0), (0.51, RED, 1.0)), edges=0.0)
+    solid = Transfer(((0.0, RED, 0.0), (0.49, RED, 0.0), (0.51, RED, 1.0)))
     seen = render_volume(Volume(values, affine), solid, 1.0, CAMERA, SIZE).astype(int)
     inside = seen[..., 1] < 128
     assert inside.sum() * PIXEL**2 == pytest.approx(50, rel=0.08)

@@ -19,6 +19,7 @@ from handpipe.evaluation.rendering.window import Image, pixels, window
 from handpipe.imaging.volumes import Volume
 
 STEPS = 2.0  # samples of a ray per voxel
+AMBIENT, DIFFUSE = 0.55, 0.60  # shares of light
 
 
 @dataclass(frozen=True)
@@ -30,35 +31,29 @@ class Transfer:
     points : sequence of (float, (float, float, float), float)
         Intensity as a share of the image's bright tissue, colour in 0..1, and opacity of 1 mm; linear in
         between.
-    edges : float
-        Share of the image's bright tissue per mm at and above which a change of intensity is shown in full.
-        Even regions are clear.
     """
 
     points: Sequence[tuple[float, tuple[float, float, float], float]]
-    edges: float
 
 
 TRANSFERS: Mapping[str, Transfer] = {
-    "anatomy": Transfer(
+    "anatomy": Transfer(  # muscle is grey, fat and marrow are bright, cortex and tendons as dark as air
         points=(
             (0.00, (0.00, 0.00, 0.00), 0.00),
-            (0.12, (0.55, 0.25, 0.20), 0.00),
-            (0.30, (0.80, 0.35, 0.28), 0.10),
-            (0.55, (0.86, 0.50, 0.38), 0.12),
-            (0.75, (0.95, 0.80, 0.60), 0.25),
-            (1.00, (1.00, 0.96, 0.86), 0.60),
+            (0.22, (0.70, 0.25, 0.22), 0.00),
+            (0.32, (0.82, 0.30, 0.26), 0.35),
+            (0.58, (0.88, 0.42, 0.35), 0.35),
+            (0.70, (0.98, 0.88, 0.70), 0.02),
+            (1.00, (1.00, 0.96, 0.86), 0.05),
         ),
-        edges=0.3,
     ),
     "fat": Transfer(
         points=(
             (0.00, (0.00, 0.00, 0.00), 0.00),
-            (0.60, (0.70, 0.45, 0.30), 0.00),
-            (0.80, (0.98, 0.80, 0.35), 0.25),
-            (1.00, (1.00, 0.93, 0.60), 0.80),
+            (0.65, (0.85, 0.60, 0.35), 0.00),
+            (0.80, (0.98, 0.80, 0.35), 0.12),
+            (1.00, (1.00, 0.93, 0.60), 0.35),
         ),
-        edges=0.0,
     ),
 }
 
@@ -119,16 +114,11 @@ def _drawn(volume: Volume, transfer: Transfer, bright: float) -> vtkVolume:
     look.SetColor(colour)
     look.SetScalarOpacity(opacity)
     look.SetScalarOpacityUnitDistance(1.0)
-    if transfer.edges:
-        slope = vtkPiecewiseFunction()
-        slope.AddPoint(0.0, 0.0)
-        slope.AddPoint(transfer.edges, 1.0)
-        look.SetGradientOpacity(slope)
     look.SetInterpolationTypeToLinear()
     look.ShadeOn()
-    look.SetAmbient(0.35)
-    look.SetDiffuse(0.75)
-    look.SetSpecular(0.1)
+    look.SetAmbient(AMBIENT)
+    look.SetDiffuse(DIFFUSE)
+    look.SetSpecular(0.0)
     drawn.SetMapper(mapper)
     drawn.SetProperty(look)
     drawn.SetUserMatrix(_placed(volume))
