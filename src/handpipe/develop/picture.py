@@ -34,9 +34,7 @@ SIDES = ("palm", "back", "radial", "ulnar")
 UP = (0.0, 0.0, 1.0)
 
 
-def views(
-    layers: Mapping[str, Shapes], size: tuple[int, int], direction: Sequence[float], up: Sequence[float] = UP
-) -> list[Image]:
+def views(layers: Mapping[str, Shapes], size: tuple[int, int], direction: Array, up: Array) -> list[Image]:
     """Pictures (h, w, 3) of the skin, of the organs inside a translucent skin, and of the frame cut open.
 
     Parameters
@@ -45,13 +43,13 @@ def views(
         Shapes of one frame by layer.
     size : (int, int)
         Width and height of each picture in pixels.
-    direction, up : sequence of float
+    direction, up : array (3,)
         Direction of the view and the one that points upwards, subject frame. The cut is perpendicular to
         the view, through the mean vertex.
     """
-    seen, ahead = extent(layers), np.asarray(direction, float)
-    camera = Camera.fit(seen, ahead, np.asarray(up, float), size)
-    cut = Cut(seen.mean(axis=0), -ahead)
+    seen = extent(layers)
+    camera = Camera.fit(seen, direction, up, size)
+    cut = Cut(seen.mean(axis=0), -direction)
     outside, inside = outer_picture(layers, camera, size), inner_picture(layers, camera, size)
     return [outside, inside, cut_picture(layers, camera, size, cut)]
 
@@ -69,7 +67,7 @@ def main(arguments: list[str] | None = None) -> int:
     with reported() as failure:
         if options.frames.suffix == ".h5":
             frame, layers = _frame(options.frames, options.frame)
-            sight = (options.direction, UP)
+            sight = np.array([options.direction, UP])
             if options.side:
                 sight = _side(options.frames, frame, layers, (options.side, options.hand))
             pictures = views(layers, SIZE, *sight)
@@ -80,13 +78,11 @@ def main(arguments: list[str] | None = None) -> int:
     return failure.code
 
 
-def _side(
-    path: Path, frame: Frame, layers: Mapping[str, Shapes], seen: tuple[str, str]
-) -> tuple[Array, Array]:
-    """Directions of a view from a side; the rig is in the folder of the subject, as in a build."""
+def _side(path: Path, frame: Frame, layers: Mapping[str, Shapes], seen: tuple[str, str]) -> Array:
+    """Rows direction and up (2, 3) of a view from a side; the rig is in the subject's folder."""
     side, hand = seen
     axes = anatomical_axes(Rig.load(path.absolute().parents[2] / "rig.h5"), frame, layers, hand)
-    return seen_from(axes, side)
+    return np.array(seen_from(axes, side))
 
 
 def _frame(path: Path, name: str) -> tuple[Frame, dict[str, Shapes]]:

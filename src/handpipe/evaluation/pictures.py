@@ -76,7 +76,18 @@ def bodies(
 
 
 def extent(layers: Mapping[str, Shapes]) -> Array:
-    """Vertices (n, 3) in mm of all that a picture of a frame shows."""
+    """Vertices of all that a picture of a frame shows.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of the frame by layer and body.
+
+    Returns
+    -------
+    array (n, 3)
+        Points in mm.
+    """
     return np.concatenate([shape.vertices for _, _, shape in shown(layers)])
 
 
@@ -87,19 +98,68 @@ def skin_surface(layers: Mapping[str, Shapes]) -> Surface | None:
 
 
 def outer_picture(layers: Mapping[str, Shapes], camera: Camera, size: tuple[int, int]) -> Image:
-    """The frame from outside, skin opaque."""
+    """The frame from outside, skin opaque.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of the frame by layer and body.
+    camera : Camera
+        Projection.
+    size : tuple of int
+        Width and height in pixels.
+
+    Returns
+    -------
+    array (height, width, 3)
+        Colours in 0..255, on white.
+    """
     return render(bodies(layers, skin_opacity=1.0), camera, size)
 
 
 def inner_picture(
     layers: Mapping[str, Shapes], camera: Camera, size: tuple[int, int], *, cloths: bool = False
 ) -> Image:
-    """The organs, the skin transparent."""
+    """The organs, the skin transparent.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of the frame by layer and body.
+    camera : Camera
+        Projection.
+    size : tuple of int
+        Width and height in pixels.
+    cloths : bool
+        Whether to draw the fasciae.
+
+    Returns
+    -------
+    array (height, width, 3)
+        Colours in 0..255, on white.
+    """
     return render(bodies(layers, skin_opacity=GHOST, cloths=cloths), camera, size)
 
 
 def cut_picture(layers: Mapping[str, Shapes], camera: Camera, size: tuple[int, int], cut: Cut) -> Image:
-    """The frame cut open, skin opaque."""
+    """The frame cut open, skin opaque, without fasciae.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of the frame by layer and body.
+    camera : Camera
+        Projection.
+    size : tuple of int
+        Width and height in pixels.
+    cut : Cut
+        Plane that removes one side.
+
+    Returns
+    -------
+    array (height, width, 3)
+        Colours in 0..255, on white.
+    """
     return render(bodies(layers, skin_opacity=1.0, cloths=False), camera, size, cut)
 
 

@@ -112,7 +112,7 @@ def _drawn(bar: ColourBar) -> vtkScalarBarActor:
     table.SetNumberOfTableValues(steps)
     table.SetRange(bar.low, bar.high)
     for step, rgb in enumerate(bar.colours(np.linspace(bar.low, bar.high, steps))):
-        table.SetTableValue(step, *rgb, 1.0)
+        table.SetTableValue(step, [*rgb.tolist(), 1.0])
     drawn.SetLookupTable(table)
     drawn.SetTitle(bar.title)
     drawn.SetNumberOfLabels(3)

@@ -93,7 +93,18 @@ def render_volume(
 
 
 def volume_extent(volume: Volume) -> Array:
-    """World points (8, 3) in mm of the corners of its voxels' centres."""
+    """The corners of a volume, for a camera that sees all of it.
+
+    Parameters
+    ----------
+    volume : Volume
+        The image, mm.
+
+    Returns
+    -------
+    array (8, 3)
+        World points in mm: centres of the voxels at its corners.
+    """
     ends = np.array(np.meshgrid(*[(0, n - 1) for n in volume.shape])).reshape(3, -1).T
     return volume.to_world(ends)
 
@@ -131,5 +142,5 @@ def _placed(volume: Volume) -> vtkMatrix4x4:
     found[:3, :3] = volume.affine[:3, :3] / volume.spacing
     found[:3, 3] = volume.affine[:3, 3]
     matrix = vtkMatrix4x4()
-    matrix.DeepCopy(found.ravel())
+    matrix.DeepCopy(found.ravel().tolist())
     return matrix
