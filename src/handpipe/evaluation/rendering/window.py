@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,7 +26,10 @@ LIGHTS = (  # key, fill and rim: place before the camera (right, up, towards it)
     ((1.0, 0.1, 0.8), (0.90, 0.94, 1.0), 0.40),
     ((0.3, 0.8, -1.0), (1.0, 0.98, 0.95), 0.35),
 )
-KINDS = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")  # on Linux, in this order
+KINDS = {  # windows on Linux, in this order, and the libraries of which each needs one
+    "vtkEGLRenderWindow": ("libEGL.so.1",),
+    "vtkOSOpenGLRenderWindow": ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),
+}
 
 
 @contextmanager
@@ -75,8 +79,9 @@ def _kind() -> type[vtkRenderWindow]:
     shown = vtkObject.GetGlobalWarningDisplay()
     vtkObject.GlobalWarningDisplayOff()
     try:
-        for kind in (getattr(vtkRenderingOpenGL2, name) for name in KINDS):
-            if kind().SupportsOpenGL():
+        for name, libraries in KINDS.items():
+            kind = getattr(vtkRenderingOpenGL2, name)
+            if any(map(_loads, libraries)) and kind().SupportsOpenGL():
                 return kind
     finally:
         vtkObject.SetGlobalWarningDisplay(shown)
@@ -86,6 +91,15 @@ def _kind() -> type[vtkRenderWindow]:
         "neither it nor OSMesa draws on this machine",
         "Install them, on Debian: apt-get install libegl1 libgl1-mesa-dri",
     )
+
+
+def _loads(library: str) -> bool:
+    """Whether a library is there. VTK crashes where it is not."""
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
 
 
 def _aim(renderer: vtkRenderer, camera: Camera, reach: float) -> None:
