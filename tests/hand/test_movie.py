@@ -48,7 +48,7 @@ def test_a_movie_has_a_picture_for_each_frame(inputs: render_movie.Inputs, tmp_p
         for number in range(3):
             movie.seek(number)
             movie.load()
-            assert movie.info["duration"] == round(1000 / render_movie.FPS)
+            assert movie.info["duration"] == round(1000 / 24)
             dark = np.asarray(movie.convert("L"))[:, :width] < 230
             middles.append(np.argwhere(dark).mean(axis=0))
     steps = np.diff(middles, axis=0)  # distal is upwards: rows fall by the same step

@@ -31,7 +31,7 @@ from handpipe.skeleton.rig import Rig
 
 SIZE = (480, 480)  # pixels of a picture
 SIDES = ("palm", "back", "radial", "ulnar")
-UP = (0.0, 0.0, 1.0)
+UP = (0.0, 0.0, 1.0)  # dorsal in the phantoms: upwards in a picture
 
 
 def views(layers: Mapping[str, Shapes], size: tuple[int, int], direction: Array, up: Array) -> list[Image]:

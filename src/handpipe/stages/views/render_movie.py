@@ -20,7 +20,6 @@ from handpipe.stages.files import Files
 log = logging.getLogger(__name__)
 
 SIZE = (480, 480)  # pixels of each of the two pictures
-FPS = 24.0  # frames per second, as in the other exports
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ def render_movie(inputs: Inputs, output: Path, dataset: Dataset) -> None:
             remedy = "Build again when their cause is mended: only these frames are simulated"
             raise InputError(chunk, "frames", f"{names} failed; a movie without them would jump", remedy)
     camera = _camera(inputs, dataset.hand)
-    write_movie(output, (_picture(*frame, camera) for frame in _frames(inputs.chunks)), FPS)
+    write_movie(output, (_picture(*frame, camera) for frame in _frames(inputs.chunks)))
 
 
 def _frames(chunks: Sequence[Path]) -> Iterator[tuple[Frame, dict[str, Shapes]]]:

@@ -24,11 +24,9 @@ from handpipe.hand import read_frames
 from handpipe.imaging.volumes import read_volume
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
+from handpipe.stages.views.render_movie import SIZE
 
 log = logging.getLogger(__name__)
-
-SIZE = (480, 480)  # pixels
-FPS = 24.0  # frames per second, as in the other exports
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ def render_volumes(inputs: Inputs, outputs: Outputs, dataset: Dataset) -> None:
     axes = anatomical_axes(Rig.load(inputs.rig), frame, layers, dataset.hand)
     camera = Camera.fit(volume_extent(first), *seen_from(axes, "palm"), SIZE)
     for name, path in {"anatomy": outputs.anatomy, "fat": outputs.fat}.items():
-        write_movie(path, _pictures(files, TRANSFERS[name], first.bright, camera), FPS)
+        write_movie(path, _pictures(files, TRANSFERS[name], first.bright, camera))
 
 
 def _pictures(files: Sequence[Path], transfer: Transfer, bright: float, camera: Camera) -> Iterator[Image]:
