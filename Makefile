@@ -3,11 +3,11 @@
 PYTHON ?= python3
 BIN := .venv/bin
 # What a minimal Debian lacks: the module venv; libraries of OpenMP, and of X11 and OpenGL, against which gmsh links
-# even where it draws nothing. The two lists stand side by side.
+# even where it draws nothing; EGL, by which VTK draws. The two lists stand side by side.
 LIBRARIES := libgomp.so.1 libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXfixes.so.3 libXext.so.6 \
-  libXft.so.2 libXinerama.so.1 libX11.so.6 libfontconfig.so.1
+  libXft.so.2 libXinerama.so.1 libX11.so.6 libfontconfig.so.1 libEGL.so.1
 PACKAGES = $(VENV_PACKAGE) libgomp1 libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxext6 \
-  libxft2 libxinerama1 libx11-6 libfontconfig1
+  libxft2 libxinerama1 libx11-6 libfontconfig1 libegl1
 VENV_PACKAGE = $(shell $(PYTHON) -c 'import importlib.util, sys; \
   importlib.util.find_spec("ensurepip") or print("python%d.%d-venv" % sys.version_info[:2])')
 

@@ -12,11 +12,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from handpipe.core.configuration import load_dataset
-from handpipe.evaluation import Camera, Image, pictures
-from handpipe.evaluation.viewer import view_directions
+from handpipe.evaluation import camera_views, pictures
+from handpipe.evaluation.rendering import Camera, Image
 from handpipe.hand import read_frames
 from handpipe.mesh.surfaces import read_surface
-from handpipe.skeleton.rig import Rig, hand_directions
+from handpipe.skeleton.rig import Rig
 
 SIZE = (360, 360)  # pixels of a picture
 LARGEST = 1.0  # mm, yellow
@@ -33,11 +33,8 @@ def row(subject: str, pose: str, rig: Rig) -> list[Image]:
     assert skin is not None and scan is not None
     scanned = read_surface(dataset.path(scan))
     scanned = scanned.moved(rig.poses[pose].root.inverse()(scanned.vertices))
-    drawn = pictures.bodies(layers, skin_opacity=1.0)
-    directions = hand_directions(rig, dataset.hand)
-    assert directions is not None
-    sides = view_directions(directions.moved(frame.bones))
-    palm, back = (Camera.fit(drawn, -sides[s][0], sides[s][1], SIZE) for s in ("palm", "back"))
+    seen, views = pictures.extent(layers), camera_views(rig, frame, dataset.hand)
+    palm, back = (Camera.fit(seen, *views[side], SIZE) for side in ("palm", "back"))
     return [
         pictures.outer_picture(layers, palm, SIZE),
         pictures.inner_picture(layers, palm, SIZE),

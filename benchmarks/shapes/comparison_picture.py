@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.fem.machine import Figures
 from benchmarks.shapes.comparison_bodies import Body
 from handpipe.core import Array, atomic
-from handpipe.evaluation import Camera, Drawable, Image, on_background, render
+from handpipe.evaluation.rendering import Camera, Drawable, Image, render
 from handpipe.mesh.surfaces import Surface, concatenate
 
 LABELS = {
@@ -96,7 +96,7 @@ def _curves(ax: Axes, name: str, curve: str, figures: Figures, refinements: int)
 def _camera(name: str, body: Body) -> Camera:
     direction, up = VIEWS[name]
     surface = Surface(body.truth, body.mesh.boundary_faces()[0]).compact()
-    return Camera.fit([Drawable(surface, FLESH)], np.array(direction), np.array(up), TILES[name], margin=1.15)
+    return Camera.fit(surface.vertices, np.array(direction), np.array(up), TILES[name], margin=1.15)
 
 
 def _picture(body: Body, x: Array, camera: Camera, size: tuple[int, int]) -> Image:
@@ -107,7 +107,7 @@ def _picture(body: Body, x: Array, camera: Camera, size: tuple[int, int]) -> Ima
         Drawable(_balls(body.truth[body.marked]), MARK),
         Drawable(_balls(body.truth[body.held]), HELD),
     ]
-    return on_background(render(drawn, camera, size))
+    return render(drawn, camera, size)
 
 
 def _balls(points: Array, radius: float = 0.6) -> Surface:

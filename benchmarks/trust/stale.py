@@ -188,6 +188,7 @@ CHANGES = [
             "obj": (True, "export_obj require_frames"),
             "rigged": (True, "export_rigged require_frames"),
             "mechanics": (True, "export_mechanics require_frames"),
+            "movie": (True, "render_movie require_frames"),
             "images": (True, "evaluate_images move_image move_images report require_frames"),
             "fidelity": ("standard", ""),  # the build's
         },

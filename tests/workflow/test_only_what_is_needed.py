@@ -181,6 +181,16 @@ def test_files_for_other_programs_are_written_where_a_scene_asks_for_them(small:
     assert [rules[f"export_{kind}"] for kind in ("obj", "rigged", "mechanics")] == [1, 1, 1]
 
 
+@pytest.mark.parametrize(("asked", "movies"), [("", (1, 0)), ("images: true", (1, 1))])
+def test_movies_are_made_where_a_scene_asks_for_them(
+    small: Path, asked: str, movies: tuple[int, int]
+) -> None:
+    write_scene(small, "plain", "layers: [bones]")
+    write_scene(small, "filmed", f"layers: [skin]\nmovie: true\n{asked}")
+    rules = planned(small, "all", "--config", "subjects=[small]", "scenes=[plain,filmed]")
+    assert (rules["render_movie"], rules.get("render_volumes", 0)) == movies
+
+
 @pytest.mark.parametrize(("layers", "poses"), [("fat", 1), ("skin", 0)])
 @pytest.mark.parametrize("target", ["simulation", "all"])
 def test_the_neutral_image_is_moved_where_a_scene_asks_for_it(

@@ -621,11 +621,13 @@ def obj_sequences():
 
 
 def views():
-    """Moved neutral images and files for riggers and analysts, of the scenes that ask for them."""
+    """Moved neutral images, files for riggers and analysts, and movies, of the scenes that ask for them."""
     asked = {
         paths.SCENE_IMAGES: lambda s: s.images,
         paths.SCENE_RIGGED: lambda s: s.rigged,
         paths.SCENE_MECHANICS: lambda s: s.mechanics,
+        paths.SCENE_MOVIE: lambda s: s.movie,
+        paths.SCENE_ANATOMY_MOVIE: lambda s: s.movie and s.images,
     }
     return [
         file

@@ -1,5 +1,5 @@
 # The neutral image in motion, with the frames of a scene and into scanned poses (Zheng 2022 Figs. 1, 2, 32, 33); a
-# rigged hand; strains and stresses.
+# rigged hand; strains and stresses; movies.
 
 
 rule move_images:
@@ -122,3 +122,49 @@ rule export_mechanics:
         "{wildcards.subject}: {wildcards.scene}, strains and stresses"
     script:
         "../scripts/export_mechanics.py"
+
+
+rule render_movie:
+    input:
+        rig=paths.RIG,
+        chunks=scene_chunks,
+    output:
+        paths.SCENE_MOVIE,
+    log:
+        paths.log_of("render_movie", "scene"),
+    benchmark:
+        paths.cost_of("render_movie", "scene")
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=120,
+    params:
+        dataset=reads("hand"),
+    message:
+        "{wildcards.subject}: {wildcards.scene} as a movie"
+    script:
+        "../scripts/render_movie.py"
+
+
+rule render_volumes:
+    input:
+        rig=paths.RIG,
+        chunk=lambda w: scene_chunks(w)[0],
+        images=paths.SCENE_IMAGES,
+    output:
+        anatomy=paths.SCENE_ANATOMY_MOVIE,
+        fat=paths.SCENE_FAT_MOVIE,
+    log:
+        paths.log_of("render_volumes", "scene"),
+    benchmark:
+        paths.cost_of("render_volumes", "scene")
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=120,
+    params:
+        dataset=reads("hand"),
+    message:
+        "{wildcards.subject}: {wildcards.scene}, the neutral image in motion as movies of volumes"
+    script:
+        "../scripts/render_volumes.py"

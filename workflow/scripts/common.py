@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 os.environ.setdefault("NUMBA_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "1"))
+os.environ.setdefault("LP_NUM_THREADS", "1")  # OpenGL on the processor
 
 from handpipe.core import HandpipeError, artifacts, plain
 from handpipe.core.configuration import Dataset, Scene, restored

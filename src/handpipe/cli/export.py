@@ -95,7 +95,9 @@ def _metrics(subject: str, files: list[Path], folder: Path) -> Iterator[Path]:
 
 def _write_csv(path: Path, rows: list[dict[str, Any]]) -> Path:
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(dict.fromkeys(key for row in rows for key in row)), lineterminator="\n")
+    writer = csv.DictWriter(
+        text, list(dict.fromkeys(key for row in rows for key in row)), lineterminator="\n"
+    )
     writer.writeheader()
     writer.writerows(rows)
     write_text(path, text.getvalue())

@@ -17,38 +17,38 @@ if TYPE_CHECKING:
         worst_of,
     )
     from handpipe.evaluation.muscles import deepest, error_rows, surface_errors
-    from handpipe.evaluation.pictures import bodies
-    from handpipe.evaluation.rendering import Camera, Drawable, Image, on_background, render
+    from handpipe.evaluation.pictures import cut_picture, extent, inner_picture, outer_picture
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.evaluation.segmentation import bone_warnings, looks_figures
+    from handpipe.evaluation.sides import VIEWS, camera_views
     from handpipe.evaluation.surfaces import dice, surface_distance
     from handpipe.evaluation.table import Row, skin_metrics, skin_rows
 else:
     __getattr__ = face(__name__)
 
 __all__ = [
-    "Drawable",
-    "Camera",
-    "Image",
+    "VIEWS",
     "Job",
     "PoseView",
     "ReportInput",
     "Row",
-    "bodies",
     "bone_warnings",
     "build_metrics",
+    "camera_views",
+    "cut_picture",
     "deepest",
     "dice",
     "error_rows",
+    "extent",
     "figure_metrics",
     "figure_names",
     "frame_warnings",
+    "inner_picture",
     "looks_figures",
-    "on_background",
+    "outer_picture",
     "pose_metrics",
     "pose_warnings",
     "read_jobs",
-    "render",
     "skin_metrics",
     "skin_rows",
     "surface_distance",

@@ -6,15 +6,14 @@ import base64
 import io
 from collections.abc import Mapping, Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image as PillowImage
 
-from handpipe.core import LAYERS, Shape, Shapes
-from handpipe.evaluation.rendering import Camera, Drawable, Image, on_background, render
+from handpipe.core import LAYERS, Array, Shape, Shapes
+from handpipe.evaluation.rendering import Camera, ColourBar, Cut, Drawable, Image, render
 from handpipe.evaluation.slices import Contours, Plane, Sample, draw_slice
 from handpipe.evaluation.surfaces import surface_distance
 from handpipe.hand import colour, opacity, shown, surface_triangles, tissue
@@ -22,6 +21,8 @@ from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.tendons.rods import round_surface
 
 ROD_RADIUS = 1.0  # mm, of a tendon that is given as a line
+LIFT = 0.8  # mm towards the camera, of a cloth: the distance within which it lies on organs
+GHOST = 0.18  # opacity of the skin around the organs
 CONTOUR_COLOURS = {  # skin and muscles as in Zheng 2022, Fig. 32
     "skin": "#19e03c",
     "muscles": "#ffd500",
@@ -38,8 +39,12 @@ def body_surface(shape: Shape) -> Surface:
     return Surface(shape.vertices, surface_triangles(shape.cells)).compact()
 
 
-def bodies(layers: Mapping[str, Shapes], *, skin_opacity: float | None = None) -> list[Drawable]:
+def bodies(
+    layers: Mapping[str, Shapes], *, skin_opacity: float | None = None, cloths: bool = True
+) -> list[Drawable]:
     """Bodies of a frame to be drawn, in the colours of their tissues.
+
+    Cloths are drawn `LIFT` nearer to the camera, since they touch the organs that they lie on.
 
     Parameters
     ----------
@@ -47,20 +52,43 @@ def bodies(layers: Mapping[str, Shapes], *, skin_opacity: float | None = None) -
         Shapes of the frame by layer and body.
     skin_opacity : float, optional
         Opacity of the skin in 0..1; None leaves the skin out.
+    cloths : bool
+        Whether to draw the fasciae.
 
     Returns
     -------
     list of Drawable
-        Surfaces in mm with colour and opacity, without the fat beneath a skin.
+        Surfaces in mm with colour and opacity, inside out, without the fat beneath a skin. The section of the
+        skin has the colour of fat.
     """
     drawn = []
     for layer, body, shape in shown(layers):
         look = tissue(layer, body)
-        if look == "skin" and skin_opacity is None:
-            continue
-        solidity = skin_opacity if look == "skin" and skin_opacity is not None else opacity(look)
-        drawn.append(Drawable(body_surface(shape), colour(look), solidity))
+        if look == "skin":
+            if skin_opacity is not None:
+                surface = body_surface(shape)
+                drawn.append(Drawable(surface, colour(look), skin_opacity, cap=colour("fat")))
+        elif opacity(look) == 1:
+            drawn.append(Drawable(body_surface(shape), colour(look)))
+        elif cloths:
+            drawn.append(Drawable(body_surface(shape), colour(look), opacity(look), LIFT))
     return drawn
+
+
+def extent(layers: Mapping[str, Shapes]) -> Array:
+    """Vertices of all that a picture of a frame shows.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of the frame by layer and body.
+
+    Returns
+    -------
+    array (n, 3)
+        Points in mm.
+    """
+    return np.concatenate([shape.vertices for _, _, shape in shown(layers)])
 
 
 def skin_surface(layers: Mapping[str, Shapes]) -> Surface | None:
@@ -70,22 +98,78 @@ def skin_surface(layers: Mapping[str, Shapes]) -> Surface | None:
 
 
 def outer_picture(layers: Mapping[str, Shapes], camera: Camera, size: tuple[int, int]) -> Image:
-    """The frame from outside, skin opaque."""
-    return on_background(render(bodies(layers, skin_opacity=1.0), camera, size))
+    """The frame from outside, skin opaque.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of the frame by layer and body.
+    camera : Camera
+        Projection.
+    size : tuple of int
+        Width and height in pixels.
+
+    Returns
+    -------
+    array (height, width, 3)
+        Colours in 0..255, on white.
+    """
+    return render(bodies(layers, skin_opacity=1.0), camera, size)
 
 
-def inner_picture(layers: Mapping[str, Shapes], camera: Camera, size: tuple[int, int]) -> Image:
-    """The organs, the skin transparent."""
-    return on_background(render(bodies(layers, skin_opacity=opacity("skin")), camera, size))
+def inner_picture(
+    layers: Mapping[str, Shapes], camera: Camera, size: tuple[int, int], *, cloths: bool = False
+) -> Image:
+    """The organs, the skin transparent.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of the frame by layer and body.
+    camera : Camera
+        Projection.
+    size : tuple of int
+        Width and height in pixels.
+    cloths : bool
+        Whether to draw the fasciae.
+
+    Returns
+    -------
+    array (height, width, 3)
+        Colours in 0..255, on white.
+    """
+    return render(bodies(layers, skin_opacity=GHOST, cloths=cloths), camera, size)
+
+
+def cut_picture(layers: Mapping[str, Shapes], camera: Camera, size: tuple[int, int], cut: Cut) -> Image:
+    """The frame cut open, skin opaque, without fasciae.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of the frame by layer and body.
+    camera : Camera
+        Projection.
+    size : tuple of int
+        Width and height in pixels.
+    cut : Cut
+        Plane that removes one side.
+
+    Returns
+    -------
+    array (height, width, 3)
+        Colours in 0..255, on white.
+    """
+    return render(bodies(layers, skin_opacity=1.0, cloths=False), camera, size, cut)
 
 
 def error_picture(
     scan: Surface, skin: Surface, camera: Camera, size: tuple[int, int], largest: float
 ) -> Image:
     """Scanned skin coloured by its distance to the simulated one, 0 to `largest` mm (Zheng 2022, Fig. 30)."""
-    distances = np.clip(surface_distance(scan.vertices, skin) / largest, 0, 1)
-    rgb = matplotlib.colormaps["viridis"](distances)[:, :3]
-    return on_background(render([Drawable(scan, rgb)], camera, size))
+    bar = ColourBar("mm", 0.0, largest)
+    rgb = bar.colours(surface_distance(scan.vertices, skin))
+    return render([Drawable(scan, rgb)], camera, size, bar=bar)
 
 
 def contours(layers: Mapping[str, Shapes], truth: Mapping[str, Sequence[Surface]]) -> list[Contours]:

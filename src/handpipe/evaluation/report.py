@@ -20,6 +20,7 @@ from handpipe.evaluation.benchmarks import Figures, benchmark_table, error_figur
 from handpipe.evaluation.build import Job, cost_table
 from handpipe.evaluation.moved_images import anatomical_planes
 from handpipe.evaluation.rendering import Camera
+from handpipe.evaluation.sides import AXES
 from handpipe.evaluation.slices import Plane, Sample
 from handpipe.evaluation.surfaces import surface_distance
 from handpipe.evaluation.table import Row, Table, metrics_table, muscle_table, rig_table, skin_table
@@ -31,7 +32,6 @@ from handpipe.skeleton.rig import HandDirections, Rig, hand_directions
 log = logging.getLogger(__name__)
 
 SIZE = (520, 390)  # pixels of a picture
-AXES = HandDirections(np.eye(3)[0], np.eye(3)[2], np.eye(3)[1], "")  # of a subject in which no joint moves
 UNTOLD = (
     "No joint of this subject moves, so that nothing tells its anatomical directions: pictures are drawn "
     "along the axes of the neutral image, x for distal, y for radial, z for dorsal, and slices are left out."
@@ -305,7 +305,7 @@ def _camera(pose: PoseView, neutral: HandDirections) -> Camera:
     """From the ulnar side and somewhat from above, of the hand as it is in the pose."""
     hand = neutral.moved(pose.frame.bones)
     sight = hand.radial - 0.25 * hand.distal - 0.35 * hand.dorsal
-    return Camera.fit(pictures.bodies(pose.layers, skin_opacity=1.0), sight, hand.dorsal, SIZE)
+    return Camera.fit(pictures.extent(pose.layers), sight, hand.dorsal, SIZE)
 
 
 def _pose_pictures(pose: PoseView, report: ReportInput, camera: Camera, largest: float) -> list[Picture]:

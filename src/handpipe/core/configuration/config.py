@@ -544,6 +544,7 @@ class Scene(Model):
     mechanics: bool = Field(
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
     )
+    movie: bool = Field(False, description="draw the frames as movies, too; with `images` also the volumes")
     images: bool = Field(False, description="move the neutral image with the frames, and into scanned poses")
     fidelity: Fidelity | None = Field(
         None, description="the fidelity that it is made for; a build of another one is refused"

@@ -7,8 +7,7 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.evaluation.viewer.inlined import page_scripts
     from handpipe.evaluation.viewer.scene_data import view_data
-    from handpipe.evaluation.viewer.sides import view_directions
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["page_scripts", "view_data", "view_directions"]
+__all__ = ["page_scripts", "view_data"]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from handpipe.core import Array, IntArray, Shape
 from handpipe.evaluation.pictures import body_surface
-from handpipe.evaluation.viewer.sides import view_directions
+from handpipe.evaluation.sides import view_directions
 from handpipe.hand import SimulatedFrame, colour, opacity, shown, tissue
 from handpipe.mesh.surfaces import Distance
 from handpipe.skeleton.rig import HandDirections

@@ -1,4 +1,4 @@
-"""What people look at and work with: the neutral image in motion and its likeness to scans, a rigged hand."""
+"""What people look at: the neutral image in motion, its likeness to scans, movies, a rigged hand."""
 
 from typing import TYPE_CHECKING
 
@@ -11,8 +11,18 @@ if TYPE_CHECKING:
         export_rigged,
         move_image,
         move_images,
+        render_movie,
+        render_volumes,
     )
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["evaluate_images", "export_mechanics", "export_rigged", "move_image", "move_images"]
+__all__ = [
+    "evaluate_images",
+    "export_mechanics",
+    "export_rigged",
+    "move_image",
+    "move_images",
+    "render_movie",
+    "render_volumes",
+]

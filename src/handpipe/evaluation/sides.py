@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Literal
 
-from handpipe.core import Array
-from handpipe.skeleton.rig import HandDirections
+import numpy as np
 
+from handpipe.core import Array, Frame
+from handpipe.skeleton.rig import HandDirections, Rig, hand_directions
+
+AXES = HandDirections(np.eye(3)[0], np.eye(3)[2], np.eye(3)[1], "")  # of a subject in which no joint moves
 # Name of the view: the side on which the camera is, and what points upwards.
 VIEWS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
@@ -41,3 +45,24 @@ def view_directions(directions: HandDirections) -> dict[str, tuple[Array, Array]
         "ulnar": -directions.radial,
     }
     return {view: (sides[camera], sides[up]) for view, (camera, up) in VIEWS.items()}
+
+
+def camera_views(rig: Rig, frame: Frame, hand: Literal["right", "left"]) -> dict[str, tuple[Array, Array]]:
+    """Directions of sight and upwards in each of `VIEWS`, as `Camera` takes them.
+
+    Parameters
+    ----------
+    rig : Rig
+        Joints of the subject. Where none of them moves, x is distal, y radial and z dorsal.
+    frame : Frame
+        The frame, with the bones' transforms.
+    hand : str
+        "right" or "left".
+
+    Returns
+    -------
+    dict of str to tuple of array (3,)
+        Unit vectors by view: from the camera to the hand, and upwards.
+    """
+    directions = (hand_directions(rig, hand) or AXES).moved(frame.bones)
+    return {view: (-side, up) for view, (side, up) in view_directions(directions).items()}

@@ -1,0 +1,68 @@
+"""A scene as a movie: the skin and the organs inside it, seen from the palm."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from handpipe.core import Array, Frame, InputError, Shapes
+from handpipe.core.configuration import Dataset
+from handpipe.evaluation import camera_views, extent, inner_picture, outer_picture
+from handpipe.evaluation.rendering import Camera, Image, write_movie
+from handpipe.hand import failures_in, read_frames
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+
+log = logging.getLogger(__name__)
+
+SIZE = (480, 480)  # pixels of each of the two pictures
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    chunks: Sequence[Path]
+
+
+def render_movie(inputs: Inputs, output: Path, dataset: Dataset) -> None:
+    """A scene as a movie: the skin and the organs inside it, seen from the palm."""
+    for chunk in inputs.chunks:
+        if failed := failures_in(chunk):
+            names = ", ".join(failure.frame for failure in failed)
+            remedy = "Build again when their cause is mended: only these frames are simulated"
+            raise InputError(chunk, "frames", f"{names} failed; a movie without them would jump", remedy)
+    camera = _camera(inputs, dataset.hand)
+    write_movie(output, (_picture(*frame, camera) for frame in _frames(inputs.chunks)))
+
+
+def _frames(chunks: Sequence[Path]) -> Iterator[tuple[Frame, dict[str, Shapes]]]:
+    """The frames one after another: a long scene does not fit into memory."""
+    for chunk in chunks:
+        yield from read_frames(chunk)
+
+
+def _camera(inputs: Inputs, hand: Literal["right", "left"]) -> Camera:
+    """One camera that sees every frame, the first one's palm in front of it."""
+    ends: list[Array] = []
+    sight = None
+    for frame, layers in _frames(inputs.chunks):
+        points = extent(layers)
+        if sight is None:
+            sight = camera_views(Rig.load(inputs.rig), frame, hand)["palm"]
+        along = points @ Camera.fit(points, *sight, SIZE).axes.T
+        ends.append(points[np.concatenate([along.argmin(axis=0), along.argmax(axis=0)])])
+    if sight is None:
+        raise InputError(inputs.rig.parent, "frames", "the scene has none", "Give it frames")
+    return Camera.fit(ends, *sight, SIZE)
+
+
+def _picture(frame: Frame, layers: dict[str, Shapes], camera: Camera) -> Image:
+    log.info("frame %s", frame.name)
+    return np.concatenate([draw(layers, camera, SIZE) for draw in (outer_picture, inner_picture)], axis=1)

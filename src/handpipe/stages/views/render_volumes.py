@@ -1,0 +1,64 @@
+"""The moved neutral image of a scene as two movies of volumes: all anatomy, and fat alone."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from handpipe.core import InputError
+from handpipe.core.configuration import Dataset
+from handpipe.evaluation import camera_views
+from handpipe.evaluation.rendering import (
+    TRANSFERS,
+    Camera,
+    Image,
+    Transfer,
+    render_volume,
+    volume_extent,
+    write_movie,
+)
+from handpipe.hand import read_frames
+from handpipe.imaging.volumes import read_volume
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.files import Files
+from handpipe.stages.views.render_movie import SIZE
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    chunk: Path
+    images: Path
+
+
+@dataclass(frozen=True)
+class Outputs(Files):
+    """What the stage writes."""
+
+    anatomy: Path
+    fat: Path
+
+
+def render_volumes(inputs: Inputs, outputs: Outputs, dataset: Dataset) -> None:
+    """The moved neutral image of a scene as two movies of volumes: all anatomy, and fat alone."""
+    files = sorted(inputs.images.glob("frame-*.nii.gz"))
+    if not files:
+        raise InputError(inputs.images, "frames", "has no images", "Run the workflow again")
+    first = read_volume(files[0])
+    frame, _ = read_frames(inputs.chunk)[0]
+    palm = camera_views(Rig.load(inputs.rig), frame, dataset.hand)["palm"]
+    camera = Camera.fit(volume_extent(first), *palm, SIZE)
+    for name, path in {"anatomy": outputs.anatomy, "fat": outputs.fat}.items():
+        write_movie(path, _pictures(files, TRANSFERS[name], first.bright, camera))
+
+
+def _pictures(files: Sequence[Path], transfer: Transfer, bright: float, camera: Camera) -> Iterator[Image]:
+    for path in files:
+        log.info("volume %s", path.name)
+        yield render_volume(read_volume(path), transfer, bright, camera, SIZE)
