@@ -59,9 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("frame", help="name of the frame; of a volume: anatomy or fat")
     parser.add_argument("picture", type=Path, help="PNG file")
     parser.add_argument("--direction", type=float, nargs=3, default=(0.25, -0.9, 0.35))
-    parser.add_argument(
-        "--side", choices=tuple(VIEWS), help="of the hand, as its bones are, instead of a direction"
-    )
+    parser.add_argument("--side", choices=tuple(VIEWS), help="of the hand, instead of a direction")
     parser.add_argument("--hand", choices=("right", "left"), default="right")
     options = parser.parse_args(arguments)
     with reported() as failure:

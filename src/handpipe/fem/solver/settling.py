@@ -163,7 +163,7 @@ def settle(
         motions = np.array([measure(step[part]) for part in parts])
         shares = np.where(
             (motions >= limits.settled) & (motions > CONTRACTING * before),
-            _changed(shares, [np.vdot(step[part], last[part]) < 0 for part in parts]),
+            _changed(shares, [bool(np.vdot(step[part], last[part]) < 0) for part in parts]),
             shares,
         )
         x, before, last = x.copy(), motions, step
