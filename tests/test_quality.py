@@ -28,7 +28,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     "shapes": ("mesh", "fem", "imaging"),
     **dict.fromkeys(TISSUES, ("mesh", "fem", "imaging", "skeleton", "shapes")),
     "anatomy": ("mesh", "imaging", "tissues.muscles"),
-    "hand": ("mesh", "fem", "imaging", "skeleton", "shapes", *TISSUES),
+    "hand": ("mesh", "fem", "imaging", "skeleton", "shapes", "anatomy", *TISSUES),
     "synthetic.continuum": ("mesh", "fem"),
     "synthetic.coupled": ("mesh", "fem", "synthetic.continuum"),
 }

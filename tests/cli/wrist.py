@@ -60,7 +60,7 @@ class Wrist:
         for number, pose in enumerate(self.poses):
             random = np.random.default_rng(number)
             moved = {b: motion(self.bones[b].vertices) for b, motion in self.motions(pose).items()}
-            grid = image.Grid.around(np.concatenate([*moved.values()]), MARGIN, SPACING)
+            grid = image.VoxelGrid.around(np.concatenate([*moved.values()]), MARGIN, SPACING)
             distances = [
                 image.signed_distance((points, np.asarray(self.bones[b].faces, np.int64)), grid, WIDTH)
                 for b, points in moved.items()
