@@ -238,7 +238,7 @@ def _scenes(report: ReportInput) -> dict[str, Any]:
 def _view_text(report: ReportInput) -> str:
     if report.directions is None:
         return "Seen along the axes of the neutral image."
-    side = "right" if report.dataset.hand == "right" else "left"
+    side = report.dataset.hand  # of a right hand seen so, distal is to the right
     return f"Seen from the ulnar side and somewhat from above; distal is to the {side}, dorsal upwards."
 
 
