@@ -4,7 +4,8 @@ The raw scans are those of a built generated subject as a scanner writes them: t
 strokes in neutral alone. Bones, joints and organs are the template hand's, not the generator's. Both builds
 are compared with the same truth. Muscles are not: those of the template have no counterpart in the truth.
 
-`python -m benchmarks.scans from_raw` takes one finger; `python -m benchmarks.scans.from_raw --hand` the hand.
+`python -m benchmarks.scans from_raw` takes one finger; `python -m benchmarks.scans.from_raw --hand` the hand,
+`--left` its mirror image as a left hand.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from handpipe.core import Array, Metrics, RigidTransform, metrics
 from handpipe.core.configuration import Dataset, Role, load_dataset
-from handpipe.develop.raw_scans import TILT
+from handpipe.develop.raw_scans import place
 from handpipe.skeleton.bones import read_registrations
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.poses import flesh_in_poses
@@ -40,7 +41,6 @@ SKIN = {
     "skin_example": "example_error_mean",
     "skin_heldout": "heldout_error_mean",
 }  # names in metrics/skin.json
-STILL = RigidTransform.identity()
 
 
 @dataclass(frozen=True)
@@ -57,31 +57,55 @@ class Case:
         Value of `--only`.
     overlay : str
         Configuration with the meshes of the plain subject.
+    hand : str
+        "right", as the generated subject, or "left": its scans are mirrored.
     """
 
     plain: str
     name: str
     part: str | None
     overlay: str
+    hand: str = "right"
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the scans are those of the other hand."""
+        return self.hand == "left"
 
     def typed(self, heldout: Sequence[str]) -> list[str]:
         """Arguments of `handpipe init`."""
         part = [] if self.part is None else ["--only", self.part]
         tested = [word for pose in heldout for word in ("--heldout", pose)]
-        return [self.name, "--volumes", RAW, "--hand", "right", *part, *tested]
+        return [self.name, "--volumes", RAW, "--hand", self.hand, *part, *tested]
 
 
 FINGER = Case("phantom-finger", "my-finger", "index", "config/finger.yaml")
 HAND = Case("phantom-hand-preview", "my-hand", None, "config/config.yaml")
+LEFT = Case("phantom-hand-preview", "my-left-hand", None, "config/config.yaml", "left")
 
 
 @dataclass(frozen=True)
 class Build:
-    """A built subject in a folder of results, with the motion from the truth's frame into its own."""
+    """A built subject in a folder of results, with the map (4, 4) from the truth's frame into its own."""
 
     folder: Path
     dataset: Dataset
-    placed: RigidTransform = STILL
+    placed: Array = field(default_factory=lambda: np.eye(4))
+
+    def from_truth(self, points: Array) -> Array:
+        """Points (n, 3) of the truth in its own frame."""
+        return np.asarray(points @ self.placed[:3, :3].T + self.placed[:3, 3])
+
+    def to_truth(self, points: Array) -> Array:
+        """Points (n, 3) of its own in the truth's frame."""
+        return np.asarray(np.linalg.solve(self.placed[:3, :3], (points - self.placed[:3, 3]).T).T)
+
+    def motion_in_truth(self, motion: RigidTransform) -> RigidTransform:
+        """A motion of its own in the truth's frame, also where that is its mirror image."""
+        own = np.eye(4)
+        own[:3, :3], own[:3, 3] = motion.rotation, motion.translation
+        found = np.linalg.solve(self.placed, own @ self.placed)
+        return RigidTransform(found[:3, :3], found[:3, 3])
 
     def rig(self) -> Rig:
         """Its fitted rig."""
@@ -104,9 +128,8 @@ def compared(case: Case, results: Path) -> Metrics:
     run(folder, "handpipe.cli", "check", case.name)
     scene = ["--configfile", case.overlay, "--scene", case.name]
     run(folder, "handpipe.cli", "build", case.name, *scene, "--cores", "1")
-    own = Build(
-        folder / "results" / case.name, load_dataset(folder / f"config/datasets/{case.name}.yaml"), TILT
-    )
+    dataset = load_dataset(folder / f"config/datasets/{case.name}.yaml")
+    own = Build(folder / "results" / case.name, dataset, place(mirrored=case.mirrored))
     found = ratios(Build(results.resolve() / case.plain, plain), own)
     typed = [word for word in case.typed(heldout) if not word.startswith("--")]
     return {"typed_values": (float(len(typed)), "1")} | found
@@ -126,7 +149,8 @@ def arrange(case: Case, results: Path, folder: Path) -> None:
     if not link.exists():
         link.symlink_to(results / case.plain, target_is_directory=True)
     if not (folder / RAW).exists():
-        run(folder, "handpipe.develop.raw_scans", case.plain, RAW, "--strokes")
+        mirrored = ["--mirrored"] if case.mirrored else []
+        run(folder, "handpipe.develop.raw_scans", case.plain, RAW, "--strokes", *mirrored)
 
 
 def run(folder: Path, module: str, *arguments: str) -> None:
@@ -197,10 +221,10 @@ def _off(
     build: Build, rig: Rig, truth: Truth, moved: Mapping[str, Mapping[str, RigidTransform]]
 ) -> tuple[list[float], list[float]]:
     """Of motions in the build's frame by pose and bone."""
-    back, turns, shifts = build.placed.inverse(), [], []
-    middles = {bone: back(surface.centroid()[None])[0] for bone, surface in rig.surfaces.items()}
+    turns, shifts = [], []
+    middles = {b: build.to_truth(surface.centroid()[None])[0] for b, surface in rig.surfaces.items()}
     for pose, bones in moved.items():
-        found = {bone: back @ motion @ build.placed for bone, motion in bones.items()}
+        found = {bone: build.motion_in_truth(motion) for bone, motion in bones.items()}
         seen = {bone: middle for bone, middle in middles.items() if bone in found}
         angles, distances = bone_errors([truth.file(pose)], pose, found, seen)
         turns += angles
@@ -222,17 +246,19 @@ def _tendons_off(build: Build, truth: Truth, poses: Sequence[str]) -> Iterator[A
         for pose in poses:
             rod = tendon.solve(rig.scanned_bones(pose), flesh.get(pose)).x
             true = true_pose([truth.file(pose)], pose)["tendons"][name]["centreline"]
-            yield from centreline_errors(rod, rig.poses[pose].root.inverse()(build.placed(true)))
+            yield from centreline_errors(rod, rig.poses[pose].root.inverse()(build.from_truth(true)))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the figures of one case."""
     parser = argparse.ArgumentParser(prog="benchmarks.scans.from_raw", description=__doc__)
-    parser.add_argument("--hand", action="store_true", help="the whole generated hand; hours")
+    parser.add_argument("--hand", action="store_true", help="the whole generated hand; half an hour and more")
+    parser.add_argument("--left", action="store_true", help="its mirror image, a left hand")
     parser.add_argument("--results", type=Path, default=Path("results"), help="folder of built subjects")
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    for name, (value, unit) in compared(HAND if options.hand else FINGER, options.results).items():
+    case = LEFT if options.left else HAND if options.hand else FINGER
+    for name, (value, unit) in compared(case, options.results).items():
         print(f"{name} {value:.4g} {unit}")
 
 

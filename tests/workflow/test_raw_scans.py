@@ -47,6 +47,26 @@ def test_strokes_and_scans_tilt_with_the_volume(raw: Path, small: Path) -> None:
     np.testing.assert_allclose(scan.bounds.mean(axis=0)[None], expected, atol=1e-3)
 
 
+def test_mirrored_scans_are_those_of_the_other_hand(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(small)
+    assert raw_scans.main(["small", "raw", "--strokes", "--mirrored"]) == 0
+    reader = SimpleITK.ImageSeriesReader()
+    reader.SetFileNames(reader.GetGDCMSeriesFileNames("raw/bent MR"))
+    found = reader.Execute()
+    other = np.array([-1.0, 1.0, 1.0])
+    step = float(image().max()) / raw_scans.LARGEST
+    for index in np.random.default_rng(0).integers(0, SHAPE, (50, 3)):
+        place = raw_scans.TILT(other * (AFFINE[:3, :3] @ index + AFFINE[:3, 3]))
+        value = found.GetPixel(*found.TransformPhysicalPointToIndex((place * LPS).tolist()))
+        assert value == pytest.approx(image()[tuple(index)], abs=step)
+    volume = read_volume("raw/flat MR")
+    labels = read_labels(Path("raw/flat-seeds.seg.nrrd"), volume, {"near": 1, "far": 2})
+    back = other * raw_scans.TILT.inverse()(volume.to_world(np.argwhere(labels == 2))) / AFFINE[0, 0]
+    assert {tuple(np.round(p).astype(int)) for p in back} == {tuple(p) for p in np.argwhere(seeds() == 2)}
+    scan, given = trimesh.load("raw/flat skin.stl"), trimesh.load("small/flat.ply")
+    assert scan.volume == pytest.approx(given.volume, rel=1e-5)  # negative if triangles turned inward
+
+
 def tilt_matrix() -> np.ndarray:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = raw_scans.TILT.rotation, raw_scans.TILT.translation

@@ -2,7 +2,8 @@
 
 Each pose is a DICOM series in a folder of its own, tilted against the scanner's axes, with its skin scan as
 STL beside it. Strokes of the neutral pose are written with `--strokes`, as a segmentation of 3D Slicer.
-Nothing else of the subject is written: the folder is what `handpipe init` is made for.
+With `--mirrored` they are those of the other hand. Nothing else of the subject is written: the folder is what
+`handpipe init` is made for.
 """
 
 from __future__ import annotations
@@ -18,15 +19,16 @@ from pydicom.dataset import FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, MRImageStorage, generate_uid
 from scipy.spatial.transform import Rotation
 
-from handpipe.core import InputError, Parser, RigidTransform, run
+from handpipe.core import Array, InputError, Parser, RigidTransform, run
 from handpipe.core.configuration import Dataset, load_dataset
 from handpipe.imaging.segmentation import BACKGROUND
 from handpipe.imaging.volumes import Volume, read_labels, read_volume, write_segments
-from handpipe.mesh.surfaces import read_surface, write_surface
+from handpipe.mesh.surfaces import Surface, read_surface, write_surface
 
 TILT = RigidTransform(
     Rotation.from_rotvec([14.0, -9.0, 21.0], degrees=True).as_matrix(), np.array([31.0, -52.0, 640.0])
 )  # deg and mm, from the subject's frame to the scanner's
+MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])  # from a hand to the other one, in the subject's frame
 LARGEST = 4095  # value of a pixel: twelve bits, as scanners store
 LPS = np.array([-1.0, -1.0, 1.0])  # signs from one convention of axes to the other
 
@@ -38,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="where to; must not exist")
     parser.add_argument("--strokes", action="store_true", help="write the strokes of the neutral pose, too")
     parser.add_argument("--poses", nargs="+", metavar="POSE", help="these alone")
+    parser.add_argument("--mirrored", action="store_true", help="of the other hand")
     parser.set_defaults(run=_write)
     return run(parser, arguments)
 
@@ -46,47 +49,84 @@ def _write(options: argparse.Namespace) -> None:
     dataset = load_dataset(f"config/datasets/{options.subject}.yaml")
     if options.folder.exists():
         raise InputError(options.folder, "folder", "exists already", "Name another one")
+    placed = place(mirrored=options.mirrored)
     for number, name in enumerate(options.poses or dataset.poses, 1):
         pose = dataset.poses[name]
-        volume = moved(read_volume(dataset.path(pose.volume)), TILT)
+        volume = moved(read_volume(dataset.path(pose.volume)), placed)
         write_dicom(options.folder / f"{name} MR", volume, number)
         if pose.scan is not None:
             scan = read_surface(dataset.path(pose.scan))
-            write_surface(options.folder / f"{name} skin.stl", scan.moved(TILT(scan.vertices)))
+            write_surface(options.folder / f"{name} skin.stl", moved_surface(scan, placed))
         print(options.folder / f"{name} MR")
     if options.strokes:
-        _write_strokes(options.folder, dataset)
+        _write_strokes(options.folder, dataset, placed)
 
 
-def _write_strokes(folder: Path, dataset: Dataset) -> None:
+def _write_strokes(folder: Path, dataset: Dataset, placed: Array) -> None:
     pose = dataset.poses[dataset.neutral]
     if pose.seeds is None:
         raise InputError(dataset.neutral, "seeds", "there are none", "Leave out --strokes")
     volume = read_volume(dataset.path(pose.volume))
     labels = read_labels(dataset.path(pose.seeds), volume, dataset.labels)
     path = folder / f"{dataset.neutral}-seeds.seg.nrrd"
-    write_segments(path, labels, moved(volume, TILT).affine, dataset.labels | {"background": BACKGROUND})
+    write_segments(path, labels, moved(volume, placed).affine, dataset.labels | {"background": BACKGROUND})
     print(path)
 
 
-def moved(volume: Volume, transform: RigidTransform) -> Volume:
+def place(*, mirrored: bool = False) -> Array:
+    """Where the scans lie.
+
+    Parameters
+    ----------
+    mirrored : bool
+        Whether they are those of the other hand.
+
+    Returns
+    -------
+    array (4, 4)
+        From the subject's frame to the scanner's, in mm.
+    """
+    tilt = np.eye(4)
+    tilt[:3, :3], tilt[:3, 3] = TILT.rotation, TILT.translation
+    return tilt @ MIRROR if mirrored else tilt
+
+
+def moved(volume: Volume, placed: Array) -> Volume:
     """The volume with its grid moved; voxels keep their values.
 
     Parameters
     ----------
     volume : Volume
         Any.
-    transform : RigidTransform
-        From the volume's frame to the new one, in mm.
+    placed : array (4, 4)
+        From the volume's frame to the new one, in mm; it may be a reflection.
 
     Returns
     -------
     Volume
         With another affine.
     """
-    affine = np.eye(4)
-    affine[:3, :3], affine[:3, 3] = transform.rotation, transform.translation
-    return Volume(volume.values, affine @ volume.affine)
+    return Volume(volume.values, placed @ volume.affine)
+
+
+def moved_surface(surface: Surface, placed: Array) -> Surface:
+    """The surface in the new frame, its triangles outward also after a reflection.
+
+    Parameters
+    ----------
+    surface : Surface
+        Any, in mm.
+    placed : array (4, 4)
+        As in `moved`.
+
+    Returns
+    -------
+    Surface
+        With other vertices.
+    """
+    reflected = np.linalg.det(placed[:3, :3]) < 0
+    vertices = surface.vertices @ placed[:3, :3].T + placed[:3, 3]
+    return Surface(vertices, (surface.flipped() if reflected else surface).triangles)
 
 
 def write_dicom(folder: Path, volume: Volume, number: int) -> None:
