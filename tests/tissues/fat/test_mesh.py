@@ -4,10 +4,19 @@ import numpy as np
 import pytest
 from tests.mesh.shapes import box_tets, sphere
 
+from handpipe.core.errors import InputError
 from handpipe.mesh.generation.remeshing import remesh
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
-from handpipe.tissues.fat.mesh import LEAST_OCCUPANCY, inner_surface, occupancy, tissue_mesh
+from handpipe.mesh.tets.tetrahedra import TetMesh
+from handpipe.tissues.fat.constraints import InnerPoints
+from handpipe.tissues.fat.mesh import (
+    LEAST_OCCUPANCY,
+    inner_surface,
+    occupancy,
+    tissue_mesh,
+    without_pockets,
+)
 from handpipe.tissues.fat.skin import closed_skin
 
 OUTER, INNER = 10.0, 5.0
@@ -75,3 +84,46 @@ def test_a_scan_with_a_hole_becomes_closed_skin():
     assert any("hole" in note for note in notes)
     cap = np.pi * 1.0**2 * (3 * OUTER - 1.0) / 3  # at most this is missing: a cap of height 1
     assert _volume(OUTER) - cap - 0.02 * _volume(OUTER) < skin.volume() < 1.01 * _volume(OUTER)
+
+
+def test_pockets_that_hang_by_an_edge_or_by_nothing_are_left_out():
+    """A box of tets, one more on an edge of it and one apart, with one inner point in each."""
+    box = box_tets(4)
+    n = len(box.vertices)
+    top = np.flatnonzero(np.isclose(box.vertices[:, 2], 1.0) & np.isclose(box.vertices[:, 1], 1.0))[:2]
+    hinged = np.mean(box.vertices[top], axis=0) + [[0.0, 0.1, 0.1], [0.0, 0.15, 0.05]]
+    apart = np.array([[2.0, 0, 0], [2.1, 0, 0], [2, 0.1, 0], [2, 0, 0.1]])
+    tets = np.vstack([box.tets, [[*top, n, n + 1]], [[n + 2, n + 3, n + 4, n + 5]]])
+    mesh = TetMesh(np.vstack([box.vertices, hinged, apart]), tets)
+    if mesh.volumes()[-2] < 0:
+        tets[-2] = tets[-2, [1, 0, 2, 3]]
+    rest = np.array([[0.5, 0.5, 0.5], mesh.vertices[tets[-2]].mean(axis=0), apart.mean(axis=0)])
+    one = np.ones(3, dtype=np.int64)
+    points = InnerPoints(("bones",), ("core",), 0 * one, np.arange(3), rest, rest, one, np.ones(3))
+    skin = remesh(sphere(0.3), 0.1)
+    skin = skin.moved(skin.vertices + 0.5)
+    kept, share, inside = without_pockets(mesh, np.linspace(0.5, 1, len(tets)), skin, points)
+    np.testing.assert_array_equal(kept.vertices[kept.tets], box.vertices[box.tets])
+    np.testing.assert_array_equal(share, np.linspace(0.5, 1, len(tets))[:-2])
+    np.testing.assert_array_equal(inside.rest, rest[:1])
+    assert inside.vertex.tolist() == [0] and inside.bodies == ("core",)
+
+
+def test_a_skin_on_another_piece_is_refused_with_its_place():
+    box = box_tets(2)
+    both = TetMesh(
+        np.vstack([box.vertices, box.vertices + [3.0, 0, 0]]), np.vstack([box.tets, box.tets + 27])
+    )
+    one = np.ones(1, dtype=np.int64)
+    points = InnerPoints(
+        ("bones",), ("core",), 0 * one, one, np.zeros((1, 3)), np.zeros((1, 3)), one, np.ones(1)
+    )
+    finger = sphere(0.3)
+    with pytest.raises(InputError, match="2 pieces that share no face, 50 % of the tissue"):
+        without_pockets(both, np.ones(len(both.tets)), finger.moved(finger.vertices + 0.5), points)
+
+
+def test_a_whole_tissue_is_kept_as_it_is():
+    mesh = box_tets(3)
+    points, share = object(), np.ones(len(mesh.tets))
+    assert without_pockets(mesh, share, sphere(0.3), points) == (mesh, share, points)  # type: ignore[arg-type]

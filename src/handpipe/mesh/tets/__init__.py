@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.mesh.tets.embedding import Embedding, Locator
+    from handpipe.mesh.tets.embedding import Embedding, Locator, nearest_tets
     from handpipe.mesh.tets.operators import (
         cotangent_laplacian,
         dirichlet_matrix,
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         shape_gradients,
         tet_laplacian,
         tet_neighbours,
+        tet_pieces,
     )
     from handpipe.mesh.tets.tet_files import read_tets
     from handpipe.mesh.tets.tetrahedra import EDGES, FACES, TetMesh
@@ -30,8 +31,10 @@ __all__ = [
     "dirichlet_matrix",
     "gradient_operator",
     "mass_lumped",
+    "nearest_tets",
     "read_tets",
     "shape_gradients",
     "tet_laplacian",
     "tet_neighbours",
+    "tet_pieces",
 ]

@@ -35,6 +35,30 @@ class Locator:
         return np.asarray(found, dtype=np.int64).reshape(-1)
 
 
+def nearest_tets(points: Array, mesh: TetMesh) -> IntArray:
+    """The tet around each point, or that of the nearest boundary face.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Positions in mm.
+    mesh : TetMesh
+        Mesh in mm.
+
+    Returns
+    -------
+    array (n,) of int
+        Indices of tets.
+    """
+    found = Locator(mesh).tets(points)
+    outside = found < 0
+    if outside.any():
+        faces, owners = mesh.boundary_faces()
+        nearest = Distance(Surface(mesh.vertices, faces)).closest(points[outside])[1]
+        found[outside] = owners[nearest]
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class Embedding:
     """Points that the vertices of a tetrahedral mesh carry through barycentric weights.
@@ -54,13 +78,7 @@ class Embedding:
     def embed(points: Array, mesh: TetMesh) -> Embedding:
         """Embed points (n, 3) in the tet around each, or in the tet of the nearest boundary face."""
         points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
-        found = Locator(mesh).tets(points)
-        outside = found < 0
-        if outside.any():
-            faces, owners = mesh.boundary_faces()
-            nearest = Distance(Surface(mesh.vertices, faces)).closest(points[outside])[1]
-            found[outside] = owners[nearest]
-        return Embedding.in_tets(points, mesh, found)
+        return Embedding.in_tets(points, mesh, nearest_tets(points, mesh))
 
     @staticmethod
     def in_tets(points: Array, mesh: TetMesh, tets: IntArray) -> Embedding:

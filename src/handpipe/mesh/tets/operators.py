@@ -6,6 +6,7 @@ import igl
 import numpy as np
 from numba import njit
 from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from handpipe.core import Array, IntArray
 from handpipe.mesh.surfaces.surface import Surface
@@ -123,6 +124,27 @@ def tet_neighbours(tets: IntArray) -> IntArray:
     order = np.lexsort(faces.T[::-1])
     same = (faces[order[1:]] == faces[order[:-1]]).all(axis=1)
     return np.stack([order[:-1][same], order[1:][same]], axis=1) // 4
+
+
+def tet_pieces(tets: IntArray) -> IntArray:
+    """Pieces that tets form, which hang together by faces.
+
+    Pieces that share an edge or a vertex alone turn about it as about a hinge, without resistance.
+
+    Parameters
+    ----------
+    tets : array (m, 4) of int
+        Vertices of each tet.
+
+    Returns
+    -------
+    array (m,) of int
+        Number of each tet's piece, from 0.
+    """
+    m = len(tets)
+    pairs = tet_neighbours(tets)
+    graph = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(m, m))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def tet_laplacian(tets: IntArray) -> sparse.csr_matrix:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from handpipe.core import Shapes
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import smoothed_weights
-from handpipe.tissues.fat import Skin, Tissue, TissueSettings, inner_points, tissue_mesh
+from handpipe.tissues.fat import Skin, Tissue, TissueSettings, inner_points, tissue_mesh, without_pockets
 
 log = logging.getLogger(__name__)
 
@@ -33,6 +33,7 @@ def make_tissue(
     """A tissue between the inner surface and the neutral skin; edge of the tets in mm, young in kPa."""
     mesh, occupancy = tissue_mesh(skin.surface, inside.surface, edge)
     points = inner_points(inside.below, inside.layers, inside.surface, slack=0.25)
+    mesh, occupancy, points = without_pockets(mesh, occupancy, skin.surface, points)
     log.info("%d vertices, %d tets, %d inner points", len(mesh.vertices), len(mesh.tets), len(points.rest))
     weights = smoothed_weights(mesh, bones)
     settings = TissueSettings(young=young)

@@ -7,7 +7,7 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.tissues.fat.constraints import cut_end, inner_points
     from handpipe.tissues.fat.layer import FatStrains, load_fat, load_skin
-    from handpipe.tissues.fat.mesh import inner_surface, tissue_mesh
+    from handpipe.tissues.fat.mesh import inner_surface, tissue_mesh, without_pockets
     from handpipe.tissues.fat.nails import as_vector, fit_correction, nail_vertices, on_skin
     from handpipe.tissues.fat.skin import Rigid, Skin, closed_skin
     from handpipe.tissues.fat.strains import FitSettings, fit_strains
@@ -34,4 +34,5 @@ __all__ = [
     "nail_vertices",
     "on_skin",
     "tissue_mesh",
+    "without_pockets",
 ]

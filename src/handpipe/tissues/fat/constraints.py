@@ -46,6 +46,11 @@ class InnerPoints:
     region: IntArray
     area: Array
 
+    def chosen(self, keep: BoolArray) -> InnerPoints:
+        """Some of the points, by a mask (k,)."""
+        columns = ("body", "vertex", "rest", "normal", "region", "area")
+        return replace(self, **{name: getattr(self, name)[keep] for name in columns})
+
     def posed(self, below: Mapping[str, Shapes]) -> Array:
         """Positions (k, 3) of the points on the bodies as posed."""
         points = np.empty_like(self.rest)

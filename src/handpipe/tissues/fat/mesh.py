@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 
 import numpy as np
 
-from handpipe.core import Array, BoolArray
+from handpipe.core import Array, BoolArray, InputError
 from handpipe.mesh.generation import remesh, tetrahedralise, union_surface
 from handpipe.mesh.surfaces import Distance, Surface
-from handpipe.mesh.tets import TetMesh
+from handpipe.mesh.tets import TetMesh, nearest_tets, tet_pieces
+from handpipe.tissues.fat.constraints import InnerPoints
+
+log = logging.getLogger(__name__)
 
 SAMPLES = 20  # points a tet, to measure how much of it is tissue
 LEAST_OCCUPANCY = 0.1  # a tet of the mesh keeps at least this share of its stiffness
+MOST_LOST = 0.01  # of the tissue, in pockets that are left out
 OUTWARDS = 0.1  # of an edge by which the hull is larger than the skin
 
 
@@ -43,8 +48,65 @@ def tissue_mesh(skin: Surface, inner: Surface, edge: float) -> tuple[TetMesh, Ar
     share = occupancy(full, skin, inner)
     depth = Distance(inner).signed(full.vertices)[0]
     keep = (share > 0) & ~(depth[full.tets] < 0).all(axis=1)
-    used, tets = np.unique(full.tets[keep], return_inverse=True)
-    return TetMesh(full.vertices[used], tets.reshape(-1, 4)), np.maximum(share[keep], LEAST_OCCUPANCY)
+    return _part(full, keep), np.maximum(share[keep], LEAST_OCCUPANCY)
+
+
+def without_pockets(
+    mesh: TetMesh, share: Array, skin: Surface, points: InnerPoints
+) -> tuple[TetMesh, Array, InnerPoints]:
+    """The largest piece of a tissue that hangs together by faces, and the inner points in it.
+
+    Other pieces lie in pockets between inner bodies. They share an edge, a vertex or nothing with the tissue:
+    nothing holds them, and Newton's method finds steps of kilometres.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+        Tets in mm, of `tissue_mesh`.
+    share : array (m,)
+        How much of each is tissue.
+    skin : Surface
+        Skin in mm, embedded in the mesh.
+    points : InnerPoints
+        Points of inner bodies, embedded in the mesh.
+
+    Returns
+    -------
+    mesh : TetMesh
+        The piece.
+    share : array
+        How much of its tets is tissue.
+    points : InnerPoints
+        Those whose tet belongs to it.
+
+    Raises
+    ------
+    InputError
+        If the skin touches another piece, or the other pieces are more than 1 % of the tissue.
+    """
+    piece = tet_pieces(mesh.tets)
+    tissue = share * mesh.volumes()
+    volumes = np.bincount(piece, weights=tissue)
+    if len(volumes) == 1:
+        return mesh, share, points
+    keep = piece == volumes.argmax()
+    lost = 1 - volumes.max() / volumes.sum()
+    off = np.flatnonzero(~keep[nearest_tets(skin.vertices, mesh)])
+    if len(off) or lost > MOST_LOST:
+        where = np.round(skin.vertices[off[0]] if len(off) else mesh.vertices[mesh.tets[~keep][0, 0]], 1)
+        problem = (
+            f"tetrahedra are in {len(volumes)} pieces that share no face, {100 * lost:.2g} % of the tissue "
+        )
+        problem += f"is not in the largest; there is some near {tuple(where.tolist())} mm"
+        raise InputError("config", "edges", problem, "Give a smaller edge for fat, or look at the skin there")
+    log.info("%d tets, %.2g %% of the tissue, in pockets left out", np.count_nonzero(~keep), 100 * lost)
+    return _part(mesh, keep), share[keep], points.chosen(keep[nearest_tets(points.rest, mesh)])
+
+
+def _part(mesh: TetMesh, keep: BoolArray) -> TetMesh:
+    """Some of the tets of a mesh, and their vertices."""
+    used, tets = np.unique(mesh.tets[keep], return_inverse=True)
+    return TetMesh(mesh.vertices[used], tets.reshape(-1, 4))
 
 
 def inner_surface(bodies: Sequence[Surface], spacing: float, gap: float) -> Surface:
