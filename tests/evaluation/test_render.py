@@ -50,6 +50,22 @@ def test_silhouette_has_the_area_of_the_disc():
     assert (image.min(axis=2) < 128).sum() * PIXEL**2 == pytest.approx(np.pi * 49, rel=1e-2)
 
 
+def test_scattered_light_reddens_the_rim_of_the_shade_alone():
+    white = (0.9, 0.9, 0.9)
+    plain, skin = (
+        render([Drawable(sphere(7), white, scattering=scattering)], CAMERA, SIZE).astype(float)
+        for scattering in (False, True)
+    )
+    change = skin - plain
+    centre = np.array([50, 60])
+    towards = np.array([-0.9, -0.8]) / np.hypot(0.9, 0.8)  # the key light, in rows and columns
+    radius = 7 / PIXEL
+    lit = tuple(np.round(centre + 0.62 * radius * towards).astype(int))
+    rim = tuple(np.round(centre - 0.62 * radius * towards).astype(int))
+    assert np.abs(change[lit]).max() < 3
+    assert change[rim][0] > 10 and change[rim][0] > 2 * change[rim][2]
+
+
 def test_place_in_the_picture_follows_the_cameras_axes():
     image = render([Drawable(sphere(2, (5, 3, 0)), RED)], CAMERA, SIZE)
     pixels = np.indices(image.shape[:2]).reshape(2, -1)

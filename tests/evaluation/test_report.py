@@ -19,6 +19,7 @@ from handpipe.evaluation.build import Job
 from handpipe.evaluation.report import PoseView, ReportInput, write_report
 from handpipe.evaluation.table import skin_metrics, skin_rows
 from handpipe.evaluation.viewer import view_data
+from handpipe.hand.appearance import NAIL, colour
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.joints.axes import Axes
 from handpipe.skeleton.joints.joint_tree import RigJoint
@@ -230,6 +231,21 @@ def test_decimated_view_stays_on_the_surface():
     radii = np.linalg.norm(np.array(data["low"]) + data["scale"] * integers, axis=-1)
     np.testing.assert_allclose(radii[0], 10, atol=0.05)
     np.testing.assert_allclose(radii[1], 20, atol=0.1)
+
+
+def test_nails_of_a_decimated_skin_keep_their_place_and_colour():
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=10)
+    rest = np.asarray(ball.vertices)
+    nail = (rest[:, 2] > 5).astype(np.uint8)
+    skin = Shape(rest, rest, np.asarray(ball.faces), {"nail": nail})
+    [body] = view_data([(Frame("a", {}, {}), {"fat": {"skin": skin}})], triangles=200)["bodies"]
+    height = np.frombuffer(base64.b64decode(body["positions"]), "<u2").reshape(-1, 3)[:, 2] / 65535 * 20 - 10
+    colours = np.frombuffer(base64.b64decode(body["colours"]), "u1").reshape(-1, 3) / 255
+    assert len(colours) == len(height) < len(rest) / 2
+    edge = 1.5  # mm: an edge of the fine triangles, across which colours blend
+    for place, srgb in ((height > 5 + edge, NAIL), (height < 5 - edge, colour("skin"))):
+        assert place.any()
+        np.testing.assert_allclose(colours[place], np.tile(srgb, (place.sum(), 1)), atol=0.5 / 255)
 
 
 def test_a_long_scene_keeps_its_first_and_last_frame_and_says_how_many_it_has():

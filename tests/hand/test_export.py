@@ -17,6 +17,7 @@ from handpipe.core.errors import InputError
 from handpipe.core.layer_registry import LAYERS
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform
+from handpipe.hand import appearance
 from handpipe.hand.appearance import shown
 from handpipe.hand.exports import export
 from handpipe.hand.frames import failures_in, finished_frames, read_frames, read_simulated, write_frames
@@ -230,6 +231,25 @@ def test_glb_opens_in_trimesh_in_metres_with_outward_triangles(tmp_path: Path):
     export.write_glb(tmp_path / "hand.glb", simulated(1))
     scene = trimesh.load(tmp_path / "hand.glb")
     assert scene.geometry["muscles/lumbrical1"].volume == pytest.approx(6000e-9, rel=1e-4)
+
+
+def test_nails_have_their_own_colour_in_glb(tmp_path: Path):
+    frame, shapes = simulated(1)[0]
+    skin = shapes["bones"]["distal2"]
+    nail = (skin.rest[:, 2] > 7).astype(np.uint8)
+    export.write_glb(
+        tmp_path / "hand.glb", [(frame, {"fat": {"skin": replace(skin, fields={"nail": nail})}})]
+    )
+    document = pygltflib.GLTF2().load(str(tmp_path / "hand.glb"))
+    [primitive] = document.meshes[0].primitives
+    colours = accessor(document, primitive.attributes.COLOR_0)
+    for marked, srgb in ((nail == 1, appearance.NAIL), (nail == 0, appearance.colour("skin"))):
+        assert marked.any()
+        np.testing.assert_allclose(
+            colours[marked], np.tile(np.power(srgb, 2.2), (marked.sum(), 1)), rtol=1e-6
+        )
+    factor = document.materials[primitive.material].pbrMetallicRoughness.baseColorFactor
+    assert factor[:3] == [1, 1, 1]  # colours of vertices multiply it
 
 
 def test_what_is_shown_leaves_out_the_fat_beneath_a_skin():

@@ -16,7 +16,7 @@ from handpipe.core import LAYERS, Array, Shape, Shapes
 from handpipe.evaluation.rendering import Camera, ColourBar, Cut, Drawable, Image, render
 from handpipe.evaluation.slices import Contours, Plane, Sample, draw_slice
 from handpipe.evaluation.surfaces import surface_distance
-from handpipe.hand import colour, opacity, shown, surface_triangles, tissue
+from handpipe.hand import colour, opacity, shown, surface_triangles, tissue, vertex_colours
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.tendons.rods import round_surface
 
@@ -66,13 +66,21 @@ def bodies(
         look = tissue(layer, body)
         if look == "skin":
             if skin_opacity is not None:
+                rgb = surface_colours(look, shape) if skin_opacity == 1 else None
+                rgb = colour(look) if rgb is None else rgb
                 surface = body_surface(shape)
-                drawn.append(Drawable(surface, colour(look), skin_opacity, cap=colour("fat")))
+                drawn.append(Drawable(surface, rgb, skin_opacity, cap=colour("fat"), scattering=True))
         elif opacity(look) == 1:
             drawn.append(Drawable(body_surface(shape), colour(look)))
         elif cloths:
             drawn.append(Drawable(body_surface(shape), colour(look), opacity(look), LIFT))
     return drawn
+
+
+def surface_colours(look: str, shape: Shape) -> Array | None:
+    """Colours (n, 3) of the vertices of its `body_surface`, None where all have the tissue's one."""
+    rgb = vertex_colours(look, shape)
+    return None if rgb is None else rgb[np.unique(surface_triangles(shape.cells))]
 
 
 def extent(layers: Mapping[str, Shapes]) -> Array:

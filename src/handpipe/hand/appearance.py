@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from handpipe.core import Look, Shape, Shapes, looks
+import numpy as np
+
+from handpipe.core import Array, Look, Shape, Shapes, looks
 
 OTHER = Look((0.7, 0.7, 0.7))
+NAIL = (0.95, 0.78, 0.72)  # sRGB of nails, which are marked by the field "nail" of a skin
 
 
 def tissue(layer: str, body: str) -> str:
@@ -83,3 +86,22 @@ def opacity(look: str) -> float:
         Opacity in 0..1.
     """
     return looks().get(look, OTHER).opacity
+
+
+def vertex_colours(look: str, shape: Shape) -> Array | None:
+    """Colours of the vertices of a body that has several.
+
+    Parameters
+    ----------
+    look : str
+        Name of its tissue, see `tissue`.
+    shape : Shape
+        The body, with a field "nail" where it has nails.
+
+    Returns
+    -------
+    array (n, 3) or None
+        sRGB in 0..1; None where the whole body has the tissue's `colour`.
+    """
+    nail = shape.fields.get("nail")
+    return None if nail is None else np.where(nail[:, None] > 0, NAIL, colour(look))

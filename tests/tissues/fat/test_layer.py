@@ -116,6 +116,7 @@ def test_a_bent_frame_gives_skin_and_mesh():
     np.testing.assert_allclose(shapes["skin"].vertices, bent["core"](tissue.skin.vertices), atol=1e-5)
     corrected = layer.solve(Frame("bent", {}, bent), below(bent["core"](below()["bones"]["core"].rest)))
     tip = tissue.rigid["tip"].vertices
+    np.testing.assert_array_equal(np.flatnonzero(corrected["skin"].fields["nail"]), np.unique(tip))
     wanted = layer.rigid(bent)["tip"](tissue.skin.vertices[tip])
     assert np.linalg.norm(corrected["skin"].vertices[tip] - wanted, axis=1).mean() < 0.05
 

@@ -14,9 +14,18 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from handpipe.core import Array
 from handpipe.evaluation.rendering.camera import Cut
+from handpipe.evaluation.rendering.window import LIGHTS
 from handpipe.mesh.surfaces import Surface
 
 AMBIENT, DIFFUSE, SPECULAR, GLOSS = 0.30, 0.80, 0.12, 20.0  # shares of light; exponent of the highlight
+LIT = "//VTK::Light::Impl"  # where VTK puts the code of its lights in a shader
+# Light enters the skin and leaves it millimetres away, red farthest: that brightens the rim of the shade.
+RIM, SPREAD = 0.05, 0.35  # cosine to the key light in the middle of that rim; cosines to where it has faded
+SCATTERED = f"""
+  float towards = dot(normalVCVSOutput, normalize(vec3{LIGHTS[0][0]}));
+  float rim = exp(-pow((towards - {RIM}) / {SPREAD}, 2.0));
+  gl_FragData[0].rgb += rim * vec3(0.16, 0.045, 0.02) * diffuseColor;
+"""
 CAP_STEP = 1e-3  # mm between the caps of bodies that lie in one another, so that the first one is in front
 
 
@@ -38,6 +47,8 @@ class Drawable:
         same, since the projection is parallel.
     cap : array (3,), optional
         Colour of the section at a cut; by default `rgb`, or its mean.
+    scattering : bool
+        Whether light scatters below the surface, as in skin: it fades slowly and reddish into the shade.
     """
 
     surface: Surface
@@ -45,6 +56,7 @@ class Drawable:
     opacity: float = 1.0
     lift: float = 0.0
     cap: Array | tuple[float, float, float] | None = None
+    scattering: bool = False
 
     @property
     def cap_rgb(self) -> Array:
@@ -69,6 +81,8 @@ def actors(body: Drawable, forward: Array, cut: Cut | None, rank: int) -> list[v
     look.SetSpecular(SPECULAR)
     look.SetSpecularPower(GLOSS)
     look.SetOpacity(body.opacity)
+    if body.scattering:
+        actor.GetShaderProperty().AddFragmentShaderReplacement(LIT, True, LIT + SCATTERED, False)
     if body.opacity < 1:
         look.BackfaceCullingOn()
     if plane is None or body.opacity < 1 or not body.surface.is_closed():

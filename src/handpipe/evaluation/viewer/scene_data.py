@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import fast_simplification
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.core import Array, IntArray, Shape
-from handpipe.evaluation.pictures import body_surface
+from handpipe.evaluation.pictures import body_surface, surface_colours
 from handpipe.evaluation.sides import view_directions
 from handpipe.hand import SimulatedFrame, colour, opacity, shown, tissue
 from handpipe.mesh.surfaces import Distance
@@ -24,6 +25,15 @@ BYTES = 24_000_000  # of the positions of a scene; of longer ones evenly chosen 
 DIGITS = 5  # of a direction
 INSIDE_OF = ("_mesh", "_centreline")  # endings of bodies that a surface of the same layer shows
 SHEETS = "fascia"  # layers so named cover others: the view begins without them
+
+
+@dataclass(frozen=True)
+class _Coarse:
+    """Triangles (k, 3), positions (f, n, 3) in each frame and, of a body of several, colours (n, 3)."""
+
+    faces: IntArray
+    positions: Array
+    rgb: Array | None
 
 
 def view_data(
@@ -55,16 +65,18 @@ def view_data(
         `frames`, names; `total`, how many frames the scene has; `low` (3,) and `scale` in mm, which give a
         coordinate as low + scale * integer; `views`, by name and frame six numbers, the direction to the
         camera and that upwards; `hidden`, layers that are not shown at first; `bodies` with `name`, `layer`,
-        `colour`, `opacity`, `triangles` (uint32) and `positions` (uint16, frame by frame, three a vertex) in
-        base64.
+        `colour`, `colours` (uint8, three a vertex, of a body of several), `opacity`, `triangles` (uint32) and
+        `positions` (uint16, frame by frame, three a vertex) in base64.
     """
     # The first and last frame tell how large the bodies are before all frames are carried along.
     ends = _carried([frames[0], frames[-1]], triangles) if frames else {}
-    per_frame = sum(2 * 3 * positions.shape[1] for _, positions in ends.values())
+    per_frame = sum(2 * 3 * coarse.positions.shape[1] for coarse in ends.values())
     chosen = _evenly(len(frames), max(size // max(per_frame, 1), 2))
     picked = [frames[i] for i in chosen]
     moving = _carried(picked, triangles)
-    every = np.concatenate([x.reshape(-1, 3) for _, x in moving.values()]) if moving else np.zeros((1, 3))
+    every = (
+        np.concatenate([c.positions.reshape(-1, 3) for c in moving.values()]) if moving else np.zeros((1, 3))
+    )
     low = every.min(axis=0)
     scale = max(float((every.max(axis=0) - low).max()), 1e-9) / STEPS
     return {
@@ -75,8 +87,8 @@ def view_data(
         "views": _views(picked, directions),
         "hidden": sorted({look for key in moving if (look := _layer(*key)).endswith(SHEETS)}),
         "bodies": [
-            _body(*key, faces, np.round((positions - low) / scale))
-            for key, (faces, positions) in moving.items()
+            _body(*key, coarse.faces, np.round((coarse.positions - low) / scale), coarse.rgb)
+            for key, coarse in moving.items()
         ],
     }
 
@@ -98,9 +110,10 @@ def _views(
     return found
 
 
-def _body(layer: str, body: str, faces: IntArray, integers: Array) -> dict[str, Any]:
+def _body(layer: str, body: str, faces: IntArray, integers: Array, rgb: Array | None) -> dict[str, Any]:
     look = tissue(layer, body)
-    return {
+    several = {} if rgb is None else {"colours": _base64(np.round(255 * rgb).astype("u1"))}
+    return several | {
         "name": body,
         "layer": _layer(layer, body),
         "colour": colour(look),
@@ -115,38 +128,38 @@ def _layer(layer: str, body: str) -> str:
     return tissue(layer, body).replace("_", " ")
 
 
-def _carried(
-    frames: Sequence[SimulatedFrame], triangles: int
-) -> dict[tuple[str, str], tuple[IntArray, Array]]:
-    """Triangles (k, 3) and positions (f, n, 3) of the coarse surface of each body that all frames have."""
+def _carried(frames: Sequence[SimulatedFrame], triangles: int) -> dict[tuple[str, str], _Coarse]:
+    """The coarse surface of each body that all frames have."""
     series: dict[tuple[str, str], list[Shape]] = {}
     for _, layers in frames:
         for layer, body, shape in shown(layers):
             if not any(body.removesuffix(end) in layers[layer] for end in INSIDE_OF if body.endswith(end)):
                 series.setdefault((layer, body), []).append(shape)
     return {
-        key: _decimated(shapes, triangles * (SKIN if tissue(*key) == "skin" else 1))
+        key: _decimated(tissue(*key), shapes, triangles * (SKIN if tissue(*key) == "skin" else 1))
         for key, shapes in series.items()
         if len(shapes) == len(frames)
     }
 
 
-def _decimated(shapes: Sequence[Shape], target: int) -> tuple[IntArray, Array]:
-    """Triangles (k, 3) and positions (f, n, 3) of a body's coarse surface.
+def _decimated(look: str, shapes: Sequence[Shape], target: int) -> _Coarse:
+    """A body's coarse surface.
 
     The surface is decimated in the first frame. Its vertices follow the closest fine triangles in the others.
     """
     surfaces = [body_surface(shape) for shape in shapes]
-    first = surfaces[0]
+    first, rgb = surfaces[0], surface_colours(look, shapes[0])
     if len(first.triangles) <= target:
-        return first.triangles, np.stack([s.vertices for s in surfaces])
+        return _Coarse(first.triangles, np.stack([s.vertices for s in surfaces]), rgb)
     points, faces = fast_simplification.simplify(
         first.vertices.astype(np.float32), first.triangles.astype(np.int32), target_count=target
     )
     _, feet, closest = Distance(first).closest(points.astype(float))
-    weights = _barycentric(closest, first.vertices[first.triangles[feet]])
+    corners = first.triangles[feet]
+    weights = _barycentric(closest, first.vertices[corners])
     carried = [np.einsum("ni,nij->nj", weights, s.vertices[s.triangles[feet]]) for s in surfaces]
-    return faces.astype(np.int64), np.stack(carried)
+    blended = None if rgb is None else np.clip(np.einsum("ni,nij->nj", weights, rgb[corners]), 0, 1)
+    return _Coarse(faces.astype(np.int64), np.stack(carried), blended)
 
 
 def _barycentric(points: Array, corners: Array) -> Array:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from handpipe.core import LAYERS, Array, IntArray, Shape, atomic, write_text
 from handpipe.fem.elements import plasticity
-from handpipe.hand.appearance import colour, opacity, shown, tissue
+from handpipe.hand.appearance import colour, opacity, shown, tissue, vertex_colours
 from handpipe.hand.simulation import SimulatedFrame
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
@@ -30,6 +30,7 @@ CELL_TYPES = {2: "line", 3: "triangle", 4: "tetra"}
 ASSET = gltf.Asset(version="2.0", generator="handpipe")
 COMPONENTS = {"float32": gltf.FLOAT, "uint32": gltf.UNSIGNED_INT, "uint16": gltf.UNSIGNED_SHORT}
 ELEMENTS = {1: gltf.SCALAR, 3: gltf.VEC3, 4: gltf.VEC4, 16: gltf.MAT4}
+GAMMA = 2.2  # of sRGB: colours of glTF are linear light
 TO_GLTF = 1e-3 * np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # mm to m, z up to y up
 
 
@@ -230,9 +231,9 @@ class GlbWriter:
             attributes=gltf.Attributes(POSITION=self.accessor(to_gltf(rest), gltf.ARRAY_BUFFER, bounds=True)),
             indices=self.accessor(local.reshape(-1, 1).astype(np.uint32), gltf.ELEMENT_ARRAY_BUFFER),
             mode=gltf.LINES if cells.shape[1] == 2 else gltf.TRIANGLES,
-            material=self.material(tissue(layer, body)),
             targets=[{"POSITION": self.accessor(to_gltf(x - rest), bounds=True)} for x in moved],
         )
+        self.colour(primitive, tissue(layer, body), shape, used)
         if cells.shape[1] == 3:
             normals = to_gltf(1e3 * Surface(rest, local).vertex_normals())
             primitive.attributes.NORMAL = self.accessor(normals, gltf.ARRAY_BUFFER)
@@ -262,10 +263,18 @@ class GlbWriter:
         self.document.set_binary_blob(bytes(self.blob))
         return self.document
 
-    def material(self, look: str) -> int:
-        """The material of a tissue, made once."""
+    def colour(self, primitive: gltf.Primitive, look: str, shape: Shape, used: IntArray) -> None:
+        """Colour a primitive, made of some vertices of a body, as its tissue or as its vertices."""
+        colours = vertex_colours(look, shape)
+        primitive.material = self.material(look, white=colours is not None)
+        if colours is not None:
+            linear = (colours[used] ** GAMMA).astype(np.float32)
+            primitive.attributes.COLOR_0 = self.accessor(linear, gltf.ARRAY_BUFFER)
+
+    def material(self, look: str, *, white: bool = False) -> int:
+        """The material of a tissue, made once; white under the colours of vertices, which multiply it."""
         if look not in self.materials:
-            linear = [c**2.2 for c in colour(look)]  # glTF factors are linear light
+            linear = [1.0] * 3 if white else [c**GAMMA for c in colour(look)]
             surface = gltf.PbrMetallicRoughness(
                 baseColorFactor=[*linear, opacity(look)], metallicFactor=0.0, roughnessFactor=0.6
             )

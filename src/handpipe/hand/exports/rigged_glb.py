@@ -100,7 +100,7 @@ class _RiggedWriter:
         before = {} if of_bone else {n: blend.before(x, self.motions[n], rest) for n, x in moved.items()}
         correctives = [] if of_bone else [before.get(n, rest) for n in range(len(self.motions))]
         primitive = self._primitive(rest, local, blend, correctives)
-        primitive.material = writer.material(tissue(layer, body))
+        writer.colour(primitive, tissue(layer, body), shape, used)
         self._add_mesh(f"{layer}/{body}", primitive)
         skinned = {n: blend(before.get(n, rest), self.motions[n]) for n in moved}
         return max(float(np.linalg.norm(skinned[n] - moved[n], axis=1).max()) for n in moved)

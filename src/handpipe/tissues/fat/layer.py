@@ -131,7 +131,8 @@ class TissueLayer:
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """Skin surface and tissue tets at equilibrium.
 
-        The skin's figures tell how its contact settled, and how deep (mm) it lies in itself; those of the
+        The skin's field "nail" is 1 at vertices of nails; it is missing where there are none. The skin's
+        figures tell how its contact settled, and how deep (mm) it lies in itself; those of the
         tets tell whether they are valid, and how deep (mm) they lie in the bodies below.
 
         Raises
@@ -149,7 +150,7 @@ class TissueLayer:
         validity.require(f"{self.name} of {frame.name}", vertices_of(below.get("bones", {})))
         figures = {**settled.figures, "skin_overlap": tissue.overlap(x)}
         return {
-            "skin": Shape(tissue.skin.vertices, skin.vertices, skin.triangles, figures=figures),
+            "skin": Shape(tissue.skin.vertices, skin.vertices, skin.triangles, tissue.nails(), figures),
             self.name + "_mesh": Shape(
                 tissue.mesh.vertices,
                 x,

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from handpipe.core import Array, ConvergenceError, IntArray, Region, RigidTransform, Shapes, artifacts
@@ -21,7 +22,7 @@ from handpipe.mesh.surfaces import Distance, Surface, astray, touching_planes
 from handpipe.mesh.tets import Embedding, TetMesh, gradient_operator, mass_lumped
 from handpipe.skeleton.posing import blend, blended
 from handpipe.tissues.fat.constraints import InnerPoints
-from handpipe.tissues.fat.skin import Rigid
+from handpipe.tissues.fat.skin import CUT_END, Rigid
 from handpipe.tissues.fat.skin_contact import overlap, skin_on_skin
 
 log = logging.getLogger(__name__)
@@ -103,6 +104,13 @@ class Tissue:
         """Elastic energy without plastic strain, stiffness weighed by occupancy."""
         material = Material(self.settings.young, self.settings.poisson)
         return Elastic(self.mesh.vertices, self.mesh.tets, material, weights=self.occupancy)
+
+    def nails(self) -> dict[str, NDArray[np.uint8]]:
+        """Field "nail" (k,) of the skin, 1 at vertices of nails; nothing where there are none."""
+        parts = [p.vertices for name, p in self.rigid.items() if not name.startswith(CUT_END)]
+        if not parts:
+            return {}
+        return {"nail": np.isin(np.arange(len(self.skin.vertices)), np.concatenate(parts)).astype(np.uint8)}
 
     @cached_property
     def skin_matrix(self) -> sparse.csr_matrix:
