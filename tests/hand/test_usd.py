@@ -11,12 +11,19 @@ from handpipe.hand.exports.usd_cache import write_usd
 from tests.hand.test_export import simulated
 
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
-from pxr import Usd, UsdGeom  # noqa: E402
+from pxr import Usd, UsdGeom, UsdValidation  # noqa: E402
+
+
+def faults(stage: Usd.Stage) -> list[str]:
+    """What the validators of usd-core say of a stage."""
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(validators) > 20
+    return [error.GetErrorAsString() for error in UsdValidation.ValidationContext(validators).Validate(stage)]
 
 
 def test_bones_are_transforms_and_soft_bodies_are_points(tmp_path: Path):
     frames = simulated()
-    write_usd(tmp_path / "hand.usdc", frames, fps=12)
+    write_usd(tmp_path / "hand.usdc", iter(frames), fps=12)
     assert [p.name for p in tmp_path.iterdir()] == ["hand.usdc"]
     stage = Usd.Stage.Open(str(tmp_path / "hand.usdc"))
     assert (UsdGeom.GetStageMetersPerUnit(stage), UsdGeom.GetStageUpAxis(stage)) == (0.001, "Z")
@@ -40,6 +47,12 @@ def test_bones_are_transforms_and_soft_bodies_are_points(tmp_path: Path):
         box = np.array(muscle.GetExtentAttr().Get(time))
         np.testing.assert_array_equal(box, [found.min(axis=0), found.max(axis=0)])
     assert not stage.GetPrimAtPath("/Hand/tendons/flexor2")  # a line
+    assert faults(stage) == []
+
+
+def test_the_validators_find_a_stage_without_units(tmp_path: Path):
+    """They can fail: a stage as usd-core makes it has no units, no axis and no default prim."""
+    assert len(faults(Usd.Stage.CreateNew(str(tmp_path / "bare.usdc")))) >= 2
 
 
 def test_no_frames_give_an_empty_hand(tmp_path: Path):

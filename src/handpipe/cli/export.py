@@ -79,26 +79,25 @@ def deck(subject: str, dataset: Dataset, scene: str, frame: str, body: str, path
         Where the scene has no such frame or body.
     """
     folder = paths.at(paths.SIMULATION, subject=subject) / scene
-    frames = _frames(folder)
-    if not frames:
+    chunks = _chunks(folder)
+    if not chunks:
         raise InputError(folder, "frames", "nothing is simulated yet", f"Run: handpipe build {subject}")
-    shapes = {found.name: layers for found, layers in frames}
-    if frame not in shapes:
-        raise InputError(folder, frame, "is no frame", f"Name one of {', '.join(shapes)}")
+    names = [found.name for found, _ in _frames(chunks)]
+    if frame not in names:
+        raise InputError(folder, frame, "is no frame", f"Name one of {', '.join(names)}")
+    found, layers = next(each for each in _frames(chunks) if each[0].name == frame)
     owners = {
         name.removesuffix("_mesh"): layer
-        for layer, bodies in shapes[frame].items()
+        for layer, bodies in layers.items()
         for name in bodies
         if name.endswith("_mesh")
     }
     if body not in owners:
         raise InputError(folder, body, "is no body of tets", f"Name one of {', '.join(owners)}")
-    layer = _load(subject, dataset, owners[body])
-    [bones] = [found.bones for found, _ in frames if found.name == frame]
     name = f"{body}_mesh"
-    elastic = layer.elastic_bodies(bones)[name]
+    elastic = _load(subject, dataset, owners[body]).elastic_bodies(found.bones)[name]
     title = f"{body} of {subject}, frame {frame} of scene {scene}"
-    write_deck(path, elastic, shapes[frame][owners[body]][name].vertices, title)
+    write_deck(path, elastic, layers[owners[body]][name].vertices, title)
 
 
 def _load(subject: str, dataset: Dataset, layer: str) -> Mechanical:
@@ -109,17 +108,22 @@ def _load(subject: str, dataset: Dataset, layer: str) -> Mechanical:
     return loaded
 
 
-def _frames(scene: Path) -> list[SimulatedFrame]:
-    """The frames in a scene's folder, in order."""
-    chunks = sorted(scene.glob("frames-*.h5"), key=lambda p: int(p.stem.removeprefix("frames-")))
-    return [found for chunk in chunks for found in read_frames(chunk)]
+def _chunks(scene: Path) -> list[Path]:
+    """The files of frames in a scene's folder, in order."""
+    return sorted(scene.glob("frames-*.h5"), key=lambda p: int(p.stem.removeprefix("frames-")))
+
+
+def _frames(chunks: list[Path]) -> Iterator[SimulatedFrame]:
+    """The frames one after another: a long scene does not fit into memory."""
+    for chunk in chunks:
+        yield from read_frames(chunk)
 
 
 def _scenes_as_usd(subject: str, folder: Path) -> Iterator[Path]:
     for scene in sorted(paths.at(paths.SIMULATION, subject=subject).glob("*/")):
-        if frames := _frames(scene):
+        if chunks := _chunks(scene):
             file = folder / f"{scene.name}.usdc"
-            write_usd(file, frames)
+            write_usd(file, _frames(chunks))
             yield file
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ ROOT = "/Hand"
 MILLIMETRE = 0.001  # m
 
 
-def write_usd(path: str | Path, frames: Sequence[SimulatedFrame], fps: float = 24.0) -> None:
+def write_usd(path: str | Path, frames: Iterable[SimulatedFrame], fps: float = 24.0) -> None:
     """Write all frames as one USD file, mm, z up.
 
     A bone is a transform with a sample a frame, and its mesh is stored once, in neutral. Every other body is
@@ -29,8 +29,8 @@ def write_usd(path: str | Path, frames: Sequence[SimulatedFrame], fps: float = 2
     ----------
     path : path
         File to be written, `.usdc`.
-    frames : sequence of SimulatedFrame
-        Frames in the order of time.
+    frames : iterable of SimulatedFrame
+        Frames in the order of time; one is in memory at a time, and the points of all.
     fps : float
         Frames per second.
 
@@ -49,10 +49,8 @@ def write_usd(path: str | Path, frames: Sequence[SimulatedFrame], fps: float = 2
         UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
         UsdGeom.SetStageMetersPerUnit(stage, MILLIMETRE)
         stage.SetTimeCodesPerSecond(fps)
-        stage.SetStartTimeCode(0)
-        stage.SetEndTimeCode(max(len(frames) - 1, 0))
         stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, ROOT).GetPrim())
-        writer = _Writer(stage)
+        writer, time = _Writer(stage), 0
         for time, (frame, layers) in enumerate(frames):
             for layer, body, shape in surfaces_once(layers):
                 if shape.cells.shape[1] == 2:
@@ -61,6 +59,8 @@ def write_usd(path: str | Path, frames: Sequence[SimulatedFrame], fps: float = 2
                     writer.bone(body, shape, frame.bones[body], time)
                 else:
                     writer.soft(layer, body, shape, time)
+        stage.SetStartTimeCode(0)
+        stage.SetEndTimeCode(time)
         stage.GetRootLayer().Save()
 
 
