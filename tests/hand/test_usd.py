@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.hand.test_export import simulated
 
 from handpipe.hand.exports.export import surface_triangles
 from handpipe.hand.exports.usd_cache import write_usd
-
-from tests.hand.test_export import simulated
 
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
 from pxr import Usd, UsdGeom, UsdValidation  # noqa: E402

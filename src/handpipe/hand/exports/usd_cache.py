@@ -16,6 +16,7 @@ from handpipe.hand.simulation import SimulatedFrame
 
 ROOT = "/Hand"
 MILLIMETRE = 0.001  # m
+GAMMA = 2.2  # of screens: colours in USD are linear light
 
 
 def write_usd(path: str | Path, frames: Iterable[SimulatedFrame], fps: float = 24.0) -> None:
@@ -104,7 +105,7 @@ class _Writer:
         mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(indices) // 3, 3, np.int32)))
         mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(indices))
         mesh.CreateSubdivisionSchemeAttr("none")
-        linear = [c**2.2 for c in colour(tissue(layer, body))]  # colours in USD are linear light
+        linear = [c**GAMMA for c in colour(tissue(layer, body))]
         mesh.CreateDisplayColorAttr([Gf.Vec3f(*linear)])
         return mesh, used
 
