@@ -3,12 +3,18 @@
 import json
 from pathlib import Path
 
+import meshio
+import numpy as np
 import pandas as pd
 import pytest
+from tests.hand.test_export import CUBE, TETS, simulated
 
 from handpipe.cli import export as exports
-from handpipe.core import metrics, paths
+from handpipe.core import InputError, metrics, paths
 from handpipe.core.configuration import Dataset, load_dataset
+from handpipe.fem.elements.materials import Material
+from handpipe.fem.potentials.elastic import Elastic
+from handpipe.hand.frames import write_frames
 
 DATASET = Path(__file__).parents[2] / "config/datasets/phantom-finger.yaml"
 ROWS = [
@@ -41,3 +47,60 @@ def test_tables_and_metrics_are_csv(dataset: Dataset, tmp_path: Path):
     assert set(zip(found["stage"], found["name"], found["value"], found["unit"], strict=True)) == {
         ("skin", "error_max", 0.25, "mm"), ("skin", "seconds", 3.0, "s"), ("rig", "seconds", 1 / 3, "s"),
     }  # fmt: skip
+
+
+@pytest.fixture
+def scene(dataset: Dataset) -> list:
+    """Three frames of a scene in two chunks, the second one's number with more digits."""
+    frames = simulated()
+    for _, layers in frames:
+        layers["muscles"] = {"lumbrical1_mesh": layers["muscles"]["lumbrical1"]}
+    for chunk, some in ((9, frames[:1]), (10, frames[1:])):
+        write_frames(paths.at(paths.SCENE_CHUNK, subject="finger", scene="close", chunk=chunk), some)
+    (paths.at(paths.SIMULATION, subject="finger") / "close" / "close.glb").write_bytes(b"")
+    return frames
+
+
+def test_a_scene_is_usd_where_it_is_asked_for(dataset: Dataset, scene: list, tmp_path: Path):
+    pxr = pytest.importorskip("pxr.Usd", reason="usd-core is not installed")
+    written = exports.export("finger", dataset, tmp_path / "out", usd=True)
+    assert [p.name for p in written] == ["close.glb", "close.usdc"]
+    stage = pxr.Stage.Open(str(tmp_path / "out/close.usdc"))
+    matrices = stage.GetPrimAtPath("/Hand/bones/distal2").GetAttribute("xformOp:transform")
+    moves = [np.array(matrices.Get(time))[3, :3] for time in matrices.GetTimeSamples()]
+    np.testing.assert_array_equal(moves, [frame.bones["distal2"].translation for frame, _ in scene])
+
+
+class Muscles:
+    """In place of the layer, whose files only a build makes."""
+
+    def elastic_bodies(self, bones: object) -> dict[str, Elastic]:
+        return {"lumbrical1_mesh": Elastic(CUBE, TETS, Material(8.0, 0.3))}
+
+
+def test_a_body_of_a_frame_is_a_deck(
+    dataset: Dataset, scene: list, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(exports, "_load", lambda subject, dataset, layer: Muscles())
+    exports.deck("finger", dataset, "close", "step_9", "lumbrical1", tmp_path / "deck.inp")
+    mesh = meshio.read(tmp_path / "deck.inp", file_format="abaqus")
+    np.testing.assert_array_equal(mesh.cells_dict["tetra"], TETS)
+    x = scene[1][1]["muscles"]["lumbrical1_mesh"].vertices
+    np.testing.assert_allclose(mesh.points.mean(axis=0), x.mean(axis=0))
+    assert "lumbrical1 of finger, frame step_9 of scene close" in (tmp_path / "deck.inp").read_text()
+
+
+@pytest.mark.parametrize(
+    ("scene_name", "frame", "body", "message"),
+    [
+        ("open", "step_9", "lumbrical1", "nothing is simulated yet"),
+        ("close", "rest", "lumbrical1", "rest: is no frame.*step_10, step_9, step_8"),
+        ("close", "step_9", "flexor2", "flexor2: is no body of tets.*lumbrical1"),
+    ],
+)
+def test_a_deck_of_what_is_absent_is_refused(
+    dataset: Dataset, scene: list, tmp_path: Path, scene_name: str, frame: str, body: str, message: str
+):
+    with pytest.raises(InputError, match=message):
+        exports.deck("finger", dataset, scene_name, frame, body, tmp_path / "deck.inp")
+    assert not (tmp_path / "deck.inp").exists()

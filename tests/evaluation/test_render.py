@@ -1,6 +1,7 @@
 """Pictures and movies against what spheres and boxes must look like."""
 
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -159,7 +160,7 @@ def test_a_volume_is_seen_where_its_values_are_and_by_its_transfer_function():
 
 def test_a_movie_has_every_picture_for_its_time(tmp_path: Path):
     pictures = [np.full((20, 30, 3), 40 * k, np.uint8) for k in range(5)]
-    write_movie(tmp_path / "a.webp", iter(pictures), fps=25.0)
+    write_movie(tmp_path / "a.webp", iter(pictures), len(pictures), fps=25.0)
     with images.open(tmp_path / "a.webp") as movie:
         assert (movie.n_frames, movie.size) == (5, (30, 20))
         for number, picture in enumerate(pictures):
@@ -167,6 +168,29 @@ def test_a_movie_has_every_picture_for_its_time(tmp_path: Path):
             movie.load()
             assert movie.info["duration"] == 40
             assert abs(int(np.asarray(movie.convert("RGB")).mean()) - int(picture.mean())) < 6
+
+
+def test_a_movie_keeps_no_picture_but_the_one_that_is_encoded(tmp_path: Path):
+    """Pillow alone would keep all of them: here 60 of 2.8 MB."""
+
+    def pictures():
+        for number in range(60):
+            picture = np.full((960, 960, 3), 255, np.uint8)
+            picture[10 * number : 10 * number + 300, 300:600] = 100
+            held.append(tracemalloc.get_traced_memory()[0])
+            yield picture
+
+    held: list[int] = []
+    tracemalloc.start()
+    write_movie(tmp_path / "a.webp", pictures(), 60)
+    tracemalloc.stop()
+    assert len(held) == 60 and held[-1] < held[3] + 2.8e6
+
+
+def test_a_movie_of_too_few_pictures_is_no_file(tmp_path: Path):
+    with pytest.raises(ValueError, match="2 pictures in place of 3"):
+        write_movie(tmp_path / "a.webp", iter([np.zeros((8, 8, 3), np.uint8)] * 2), 3)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="VTK's own window elsewhere")

@@ -149,7 +149,7 @@ rule render_movie:
 rule render_volumes:
     input:
         rig=paths.RIG,
-        chunk=lambda w: scene_chunks(w)[0],
+        chunks=scene_chunks,
         images=paths.SCENE_IMAGES,
     output:
         anatomy=paths.SCENE_ANATOMY_MOVIE,

@@ -198,14 +198,28 @@ def draw(
 def export(
     subject: Subject,
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="where to; made if it is not there")],
+    usd: Annotated[bool, typer.Option("--usd", help="each scene as USD, too; needs the extra usd")] = False,
 ) -> None:
     """Write the animated scenes, the bones of each pose for 3D Slicer and ITK-SNAP, and all tables as CSV."""
     dataset = load_dataset(_dataset_file(subject))
-    for path in exports.export(subject, dataset, folder):
+    for path in exports.export(subject, dataset, folder, usd):
         print(path)
     print(
         f"As the last build left it: handpipe status {subject} tells what has changed since", file=sys.stderr
     )
+
+
+@app.command()
+def deck(
+    subject: Subject,
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="a scene that is built")],
+    frame: Annotated[str, typer.Argument(metavar="FRAME", help="one of its frames")],
+    body: Annotated[str, typer.Argument(metavar="BODY", help="a muscle, a ligament or fat")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="input deck to be written, .inp")],
+) -> None:
+    """Write a muscle, a ligament or the fat of a frame as an input deck of Abaqus and CalculiX."""
+    exports.deck(subject, load_dataset(_dataset_file(subject)), scene, frame, body, file)
+    print(file)
 
 
 def _asked(subject: str, scenes: list[str] | None, configuration: Path | None, stage: str) -> workflow.Build:

@@ -10,12 +10,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from handpipe.core import InputError, paths, write_text
+from handpipe.core import LAYERS, InputError, paths, write_text
 from handpipe.core.configuration import Dataset
+from handpipe.hand import SimulatedFrame, load_layers, read_frames
+from handpipe.hand.exports import Mechanical, write_deck, write_usd
 from handpipe.imaging.volumes import read_label_table, read_volume, write_label_description, write_segments
+from handpipe.skeleton.rig import Rig
 
 
-def export(subject: str, dataset: Dataset, folder: Path) -> list[Path]:
+def export(subject: str, dataset: Dataset, folder: Path, usd: bool = False) -> list[Path]:
     """Write what is built of a subject to a folder.
 
     Parameters
@@ -26,6 +29,8 @@ def export(subject: str, dataset: Dataset, folder: Path) -> list[Path]:
         What its file says.
     folder : path
         Made if it is not there; files of the same names are replaced.
+    usd : bool
+        Whether to write each scene as USD, too.
 
     Returns
     -------
@@ -47,10 +52,79 @@ def export(subject: str, dataset: Dataset, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     return [
         *_copies(scenes, folder),
+        *(_scenes_as_usd(subject, folder) if usd else ()),
         *_labels(subject, labelled, folder),
         *_tables(subject, tables, folder),
         *_metrics(subject, metrics, folder),
     ]
+
+
+def deck(subject: str, dataset: Dataset, scene: str, frame: str, body: str, path: Path) -> None:
+    """Write one body of tets of a simulated frame as an input deck of Abaqus.
+
+    Parameters
+    ----------
+    subject : str
+        Its name.
+    dataset : Dataset
+        What its file says.
+    scene, frame, body : str
+        Names of the scene, of one of its frames, and of a muscle, a ligament or "fat".
+    path : path
+        File to be written.
+
+    Raises
+    ------
+    InputError
+        Where the scene has no such frame or body.
+    """
+    folder = paths.at(paths.SIMULATION, subject=subject) / scene
+    chunks = _chunks(folder)
+    if not chunks:
+        raise InputError(folder, "frames", "nothing is simulated yet", f"Run: handpipe build {subject}")
+    names = [found.name for found, _ in _frames(chunks)]
+    if frame not in names:
+        raise InputError(folder, frame, "is no frame", f"Name one of {', '.join(names)}")
+    found, layers = next(each for each in _frames(chunks) if each[0].name == frame)
+    owners = {
+        name.removesuffix("_mesh"): layer
+        for layer, bodies in layers.items()
+        for name in bodies
+        if name.endswith("_mesh")
+    }
+    if body not in owners:
+        raise InputError(folder, body, "is no body of tets", f"Name one of {', '.join(owners)}")
+    name = f"{body}_mesh"
+    elastic = _load(subject, dataset, owners[body]).elastic_bodies(found.bones)[name]
+    title = f"{body} of {subject}, frame {frame} of scene {scene}"
+    write_deck(path, elastic, layers[owners[body]][name].vertices, title)
+
+
+def _load(subject: str, dataset: Dataset, layer: str) -> Mechanical:
+    rig = Rig.load(paths.at(paths.RIG, subject=subject))
+    files = [paths.at(paths.SUBJECT, subject=subject) / file for file in LAYERS[layer].files(dataset)]
+    [loaded] = load_layers([layer], dataset, files, rig.surfaces)
+    assert isinstance(loaded, Mechanical), "the layers that have tets tell their potentials"
+    return loaded
+
+
+def _chunks(scene: Path) -> list[Path]:
+    """The files of frames in a scene's folder, in order."""
+    return sorted(scene.glob("frames-*.h5"), key=lambda p: int(p.stem.removeprefix("frames-")))
+
+
+def _frames(chunks: list[Path]) -> Iterator[SimulatedFrame]:
+    """The frames one after another: a long scene does not fit into memory."""
+    for chunk in chunks:
+        yield from read_frames(chunk)
+
+
+def _scenes_as_usd(subject: str, folder: Path) -> Iterator[Path]:
+    for scene in sorted(paths.at(paths.SIMULATION, subject=subject).glob("*/")):
+        if chunks := _chunks(scene):
+            file = folder / f"{scene.name}.usdc"
+            write_usd(file, _frames(chunks))
+            yield file
 
 
 def _copies(files: list[Path], folder: Path) -> Iterator[Path]:

@@ -12,9 +12,11 @@ if TYPE_CHECKING:
         write_obj_sequence,
         write_vtu_series,
     )
+    from handpipe.hand.exports.input_deck import write_deck
     from handpipe.hand.exports.linear_blend import LinearBlend
     from handpipe.hand.exports.mechanics import Mechanical, muscle_fibres, tet_fields, with_mechanics
     from handpipe.hand.exports.rigged_glb import write_rigged_glb
+    from handpipe.hand.exports.usd_cache import write_usd
 else:
     __getattr__ = face(__name__)
 
@@ -25,9 +27,11 @@ __all__ = [
     "surface_triangles",
     "tet_fields",
     "with_mechanics",
+    "write_deck",
     "write_glb",
     "write_numbers",
     "write_obj_sequence",
     "write_rigged_glb",
+    "write_usd",
     "write_vtu_series",
 ]

@@ -55,7 +55,7 @@ def write_rigged_glb(
     writer = _RiggedWriter(rig, frames, fps)
     bodies: dict[tuple[str, str], dict[int, Shape]] = {}
     for number, (_, layers) in enumerate(frames):
-        for layer, body, shape in _surfaces(layers):
+        for layer, body, shape in surfaces_once(layers):
             bodies.setdefault((layer, body), {})[number] = shape
     error = max((writer.add(*names, shapes) for names, shapes in bodies.items()), default=0.0)
     with atomic(path) as temporary:
@@ -64,7 +64,7 @@ def write_rigged_glb(
     return error
 
 
-def _surfaces(layers: Mapping[str, Shapes]) -> list[tuple[str, str, Shape]]:
+def surfaces_once(layers: Mapping[str, Shapes]) -> list[tuple[str, str, Shape]]:
     """What is shown, each body once: not the tets or the centreline inside of a surface."""
     found = []
     for layer, body, shape in shown(layers):

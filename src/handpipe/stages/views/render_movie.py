@@ -33,26 +33,31 @@ class Inputs(Files):
 
 def render_movie(inputs: Inputs, output: Path, dataset: Dataset) -> None:
     """A scene as a movie: the skin and the organs inside it, seen from the palm."""
-    for chunk in inputs.chunks:
+    require_no_failures(inputs.chunks)
+    camera, count = _camera(inputs, dataset.hand)
+    write_movie(output, (_picture(*frame, camera) for frame in frames_of(inputs.chunks)), count)
+
+
+def require_no_failures(chunks: Sequence[Path]) -> None:
+    """Raise `InputError` if a frame failed."""
+    for chunk in chunks:
         if failed := failures_in(chunk):
             names = ", ".join(failure.frame for failure in failed)
             remedy = "Build again when their cause is mended: only these frames are simulated"
             raise InputError(chunk, "frames", f"{names} failed; a movie without them would jump", remedy)
-    camera = _camera(inputs, dataset.hand)
-    write_movie(output, (_picture(*frame, camera) for frame in _frames(inputs.chunks)))
 
 
-def _frames(chunks: Sequence[Path]) -> Iterator[tuple[Frame, dict[str, Shapes]]]:
+def frames_of(chunks: Sequence[Path]) -> Iterator[tuple[Frame, dict[str, Shapes]]]:
     """The frames one after another: a long scene does not fit into memory."""
     for chunk in chunks:
         yield from read_frames(chunk)
 
 
-def _camera(inputs: Inputs, hand: Literal["right", "left"]) -> Camera:
-    """One camera that sees every frame, the first one's palm in front of it."""
+def _camera(inputs: Inputs, hand: Literal["right", "left"]) -> tuple[Camera, int]:
+    """One camera that sees every frame, the first one's palm in front of it; the number of frames."""
     ends: list[Array] = []
     sight = None
-    for frame, layers in _frames(inputs.chunks):
+    for frame, layers in frames_of(inputs.chunks):
         points = extent(layers)
         if sight is None:
             sight = camera_views(Rig.load(inputs.rig), frame, hand)["palm"]
@@ -60,7 +65,7 @@ def _camera(inputs: Inputs, hand: Literal["right", "left"]) -> Camera:
         ends.append(points[np.concatenate([along.argmin(axis=0), along.argmax(axis=0)])])
     if sight is None:
         raise InputError(inputs.rig.parent, "frames", "the scene has none", "Give it frames")
-    return Camera.fit(ends, *sight, SIZE)
+    return Camera.fit(ends, *sight, SIZE), len(ends)
 
 
 def _picture(frame: Frame, layers: dict[str, Shapes], camera: Camera) -> Image:

@@ -19,11 +19,10 @@ from handpipe.evaluation.rendering import (
     volume_extent,
     write_movie,
 )
-from handpipe.hand import read_frames
 from handpipe.imaging.volumes import read_volume
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.stages.views.render_movie import SIZE
+from handpipe.stages.views.render_movie import SIZE, frames_of, require_no_failures
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +32,7 @@ class Inputs(Files):
     """What the stage reads."""
 
     rig: Path
-    chunk: Path
+    chunks: Sequence[Path]
     images: Path
 
 
@@ -47,15 +46,16 @@ class Outputs(Files):
 
 def render_volumes(inputs: Inputs, outputs: Outputs, dataset: Dataset) -> None:
     """The moved neutral image of a scene as two movies of volumes: all anatomy, and fat alone."""
+    require_no_failures(inputs.chunks)
     files = sorted(inputs.images.glob("frame-*.nii.gz"))
     if not files:
-        raise InputError(inputs.images, "frames", "has no images", "Run the workflow again")
+        raise InputError(inputs.images, "frames", "the scene has none", "Give it frames")
     first = read_volume(files[0])
-    frame, _ = read_frames(inputs.chunk)[0]
+    frame, _ = next(frames_of(inputs.chunks))
     palm = camera_views(Rig.load(inputs.rig), frame, dataset.hand)["palm"]
     camera = Camera.fit(volume_extent(first), *palm, SIZE)
     for name, path in {"anatomy": outputs.anatomy, "fat": outputs.fat}.items():
-        write_movie(path, _pictures(files, TRANSFERS[name], first.bright, camera))
+        write_movie(path, _pictures(files, TRANSFERS[name], first.bright, camera), len(files))
 
 
 def _pictures(files: Sequence[Path], transfer: Transfer, bright: float, camera: Camera) -> Iterator[Image]:
