@@ -19,7 +19,7 @@ READ: set[Path] = set()
 def note(path: object) -> None:
     """Remember a file of the working copy that is opened."""
     if isinstance(path, str | bytes | os.PathLike):
-        found = Path(os.fsdecode(path)).absolute()
+        found = Path(os.path.abspath(os.fsdecode(path)))  # without ".."
         if found.is_relative_to(COPY) and not any(found.is_relative_to(folder) for folder in CODE):
             READ.add(found.with_name(re.sub(r"^\.\d+\.(?=.)", "", found.name)))  # temporary files of outputs
 
