@@ -60,7 +60,7 @@ def inside() -> np.ndarray:
 
 
 def in_air() -> np.ndarray:
-    """The small subject's image, with darker muscle: in air, brighter muscle looks like marrow in its shell."""
+    """The small subject's image; muscle is darker: in air, brighter muscle looks like marrow in its shell."""
     values = np.where(image() == 45, 20.0, image())
     return np.where(inside(), values, 1.0)
 
