@@ -92,14 +92,7 @@ rule anatomy:
 
 rule truth:
     input:
-        expand(
-            paths.metrics_of("truth"),
-            subject=[
-                s
-                for s in buildable_subjects()
-                if dataset(s).generator in COUPLED_HANDS
-            ],
-        ),
+        expand(paths.metrics_of("truth"), subject=made_by_coupled_simulation()),
 
 
 rule fat_water:

@@ -143,7 +143,7 @@ def entries(known: Mapping[str, Path]) -> set[str]:
         lines = r"^from (handpipe[.\w]*) import (\([^)]*\)|.*)$"
         for module, found in re.findall(lines, text, re.MULTILINE):
             names += [f"{module}.{name}" for name in re.findall(r"\w+", found)]
-    names += [f"handpipe.synthetic.{module}" for module in generators.MODULES.values()]
+    names += [record.module for record in generators.GENERATORS.values() if record.module]
     names += [record.module for record in LAYERS.values()]
     commands = {n for n, p in known.items() if '__name__ == "__main__"' in p.read_text(encoding="utf-8")}
     commands.add("handpipe.core.faces")  # which every package begins with

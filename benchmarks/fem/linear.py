@@ -29,7 +29,7 @@ SUPERLU_MOST = 10_000  # unknowns: beyond, SuperLU takes too long for a benchmar
 
 
 class Bar:
-    """A bar 2 x 1 x 1 with 2 n cells along it, held at one end; `matrix(...)` are its tangents."""
+    """A bar 2 x 1 x 1 with 2 n cells along it, clamped at one end; `matrix(...)` are its tangents."""
 
     def __init__(self, n: int) -> None:
         axes = (np.linspace(0, s, c * n + 1) for s, c in ((2, 2), (1, 1), (1, 1)))

@@ -69,7 +69,7 @@ def _one(n: int, repeats: int) -> dict[str, float]:
     """Time split of a block with n cells across: of one equilibrium, and of single pieces of work."""
     body = box((2.0, 1.0, 1.0), (2 * n, n, n))
     x, right = body.vertices, body.where(0, 1.0)
-    held = np.repeat(right | body.where(0, -1.0), 3)
+    clamped = np.repeat(right | body.where(0, -1.0), 3)
     elastic = Elastic(x, body.tets, MATERIAL)
     runs = []
     for _ in range(repeats):
@@ -78,7 +78,7 @@ def _one(n: int, repeats: int) -> dict[str, float]:
             found = continuation(
                 lambda t: [elastic],
                 x,
-                fixed=held,
+                fixed=clamped,
                 prescribed=lambda t: turned(x, right, (1.0, 0.0, 0.0), TURN * t),
                 options=OPTIONS,
                 steps=Steps(first=1.0),
@@ -86,7 +86,7 @@ def _one(n: int, repeats: int) -> dict[str, float]:
         runs.append((time.perf_counter() - begun, found.record, linear))
     runs.sort(key=lambda run: run[0])
     seconds, record, linear = runs[len(runs) // 2]
-    matrix = FreeBlock(elastic.hessian(x), ~held).matrix(elastic.hessian(x))
+    matrix = FreeBlock(elastic.hessian(x), ~clamped).matrix(elastic.hessian(x))
     first = median_seconds(lambda: factorise(matrix), repeats)
     factor = factorise(matrix)
     numeric = median_seconds(lambda: factor.refactorise(matrix), repeats)

@@ -189,7 +189,7 @@ def square_roots(matrices: Array) -> Array:
 
 
 def grown(body: Body) -> Array:
-    """A shape (n, 3) of the body, held at its lowest x, with stretches from 0.05 to 4 along x and back.
+    """A shape (n, 3) of the body, clamped at its lowest x, with stretches from 0.05 to 4 along x and back.
 
     Lengths along x are scaled layer by layer, y and z by a smooth function of x; a shear wave bends it.
     """

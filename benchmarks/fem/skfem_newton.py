@@ -76,7 +76,7 @@ def _stiffness(u, v, w):  # type: ignore[no-untyped-def]
 
 
 class Reference:
-    """Newton's method on one mesh: vertices (n, 3), tets (m, 4), `held` vertices (n,).
+    """Newton's method on one mesh: vertices (n, 3), tets (m, 4), `clamped` vertices (n,).
 
     `solve_linear` takes the place of `pypardiso.spsolve`.
     """
@@ -85,7 +85,7 @@ class Reference:
         self,
         vertices: Array,
         tets: IntArray,
-        held: BoolArray,
+        clamped: BoolArray,
         material: NeoHookean,
         threads: int = 1,
         solve_linear: Callable[[sp.csr_matrix, Array], Array] | None = None,
@@ -100,7 +100,7 @@ class Reference:
         mesh = skfem.MeshTet(vertices.T.copy(), tets.T.copy())
         # Strains are constant in linear tets: one point of integration is exact.
         self.basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementTetP1()), intorder=0)
-        self.held = self.basis.nodal_dofs[:, held].T  # (k, 3)
+        self.clamped = self.basis.nodal_dofs[:, clamped].T  # (k, 3)
         self.stiffness = skfem.BilinearForm(_stiffness, nthreads=threads)
         self.seconds = {"assembly": 0.0, "linear": 0.0}
 
@@ -117,15 +117,15 @@ class Reference:
         return assembled[order][:, order]
 
     def follow(self, targets: list[Array], tolerance: float, most: int = 30) -> Solution:
-        """Newton to |g| < tolerance at each of the targets (n, 3) of the held vertices, one after another.
+        """Newton to |g| < tolerance at each of the targets (n, 3) of the clamped vertices, one after another.
 
-        A step begins with the tangent at hand: the first iteration condenses the held vertices' move.
+        A step begins with the tangent at hand: the first iteration condenses the clamped vertices' move.
         Raises `RuntimeError` where it does not converge in `most` iterations.
         """
         u = np.zeros(self.basis.N)
         found = Solution(self.vertices)
         self.seconds = found.seconds
-        free = self.basis.complement_dofs(self.held.ravel())
+        free = self.basis.complement_dofs(self.clamped.ravel())
         for target in targets:
             aim = self._displacements(target)
             for iteration in range(most + 1):
@@ -140,7 +140,7 @@ class Reference:
                 matrix = self.stiffness.assemble(self.basis, tangent=self.material.tangent(f))
                 found.seconds["assembly"] += time.perf_counter() - begun
                 u = u + skfem.solve(
-                    *skfem.condense(matrix, -g, x=moved, D=self.held.ravel()), solver=self._timed
+                    *skfem.condense(matrix, -g, x=moved, D=self.clamped.ravel()), solver=self._timed
                 )
                 found.steps += 1
         found.x = self.vertices + u[self.basis.nodal_dofs].T

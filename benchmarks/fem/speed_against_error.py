@@ -111,7 +111,7 @@ def _solved(cells: int, material: str, tolerance: float) -> tuple[Array, Array]:
     found = continuation(
         lambda t: [elastic],
         x,
-        fixed=np.repeat(beam.held, 3),
+        fixed=np.repeat(beam.clamped, 3),
         prescribed=lambda t: turned(x, right, (1.0, 0.0, 0.0), TURN * t, (0.0, 0.5, 0.5)),
         options=last,
         steps=Steps(first=STEP, largest=STEP, intermediate=loose),

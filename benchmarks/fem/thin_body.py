@@ -47,7 +47,7 @@ class ThinBody:
         """All vertices (n, 3) turned about the joint's axis by `angle` (rad) times a smooth share of it.
 
         What is distal of the joint moves as one bone, what is proximal rests: two bones, smoothly skinned.
-        Only the inner surface is to be held there.
+        Only the inner surface is to be clamped there.
         """
         x = self.mesh.vertices
         s = np.clip((x[:, 0] - JOINT[0]) / (2 * BLEND) + 0.5, 0.0, 1.0)

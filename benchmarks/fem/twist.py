@@ -41,10 +41,10 @@ class Watched(Elastic):
 
 @dataclass(frozen=True)
 class Beam:
-    """The beam with its held vertices (n,) and where those are when the turn has come to a share t."""
+    """The beam with its clamped vertices (n,) and where those are when the turn has come to a share t."""
 
     body: Body
-    held: BoolArray
+    clamped: BoolArray
 
     @staticmethod
     def build(cells: int) -> Beam:
@@ -54,7 +54,7 @@ class Beam:
         return Beam(body, body.where(0, 0.0) | body.where(0, 4.0))
 
     def ends(self, t: float) -> Array:
-        """Positions (n, 3) of which those of the held vertices count."""
+        """Positions (n, 3) of which those of the clamped vertices count."""
         x = self.body.vertices
         return turned(x, self.body.where(0, 4.0), (1.0, 0.0, 0.0), TURN * t, (0.0, 0.5, 0.5))
 
@@ -100,7 +100,7 @@ def ours(beam: Beam) -> Run:
         found = continuation(
             lambda t: [body],
             beam.body.vertices,
-            fixed=np.repeat(beam.held, 3),
+            fixed=np.repeat(beam.clamped, 3),
             prescribed=prescribed,
             options=OPTIONS,
             steps=Steps(first=1 / STEPS, largest=1 / STEPS),
@@ -116,7 +116,7 @@ def at_once(beam: Beam) -> Run:
     body = Elastic(beam.body.vertices, beam.body.tets, Material(YOUNG, POISSON))
     options = replace(OPTIONS, force_tolerance=1e-4, max_iterations=1000, allow_partial=True)
     with watched() as linear:
-        found = solve([body], beam.ends(1.0), fixed=np.repeat(beam.held, 3), options=options)
+        found = solve([body], beam.ends(1.0), fixed=np.repeat(beam.clamped, 3), options=options)
     seconds = time.perf_counter() - begun
     return Run(found.x, found.record, seconds, linear, _residual(body, found.x, beam))
 
@@ -125,13 +125,13 @@ def reference(beam: Beam, threads: int = 2) -> tuple[skfem_newton.Solution, floa
     """The same twelve steps by scikit-fem and pypardiso, and the seconds in all."""
     begun = time.perf_counter()
     material = skfem_newton.NeoHookean(YOUNG, POISSON)
-    newton = skfem_newton.Reference(beam.body.vertices, beam.body.tets, beam.held, material, threads)
+    newton = skfem_newton.Reference(beam.body.vertices, beam.body.tets, beam.clamped, material, threads)
     found = newton.follow([beam.ends(i / STEPS) for i in range(1, STEPS + 1)], TOLERANCE)
     return found, time.perf_counter() - begun
 
 
 def _residual(body: Elastic, x: Array, beam: Beam) -> float:
-    return float(np.linalg.norm(body.gradient(x)[~beam.held]))
+    return float(np.linalg.norm(body.gradient(x)[~beam.clamped]))
 
 
 def _compared(name: str, beam: Beam, repeats: int) -> Figures:
@@ -149,7 +149,7 @@ def _compared(name: str, beam: Beam, repeats: int) -> Figures:
     record, solver = own[0].record, own[0].linear
     figures: Figures = {
         f"twist_tets_{name}": figure(len(beam.body.tets), "1"),
-        f"twist_unknowns_{name}": figure(int(3 * (~beam.held).sum()), "1"),
+        f"twist_unknowns_{name}": figure(int(3 * (~beam.clamped).sum()), "1"),
         f"twist_seconds_{name}": figure(seconds, "s"),
         f"twist_linear_seconds_{name}": figure(linear, "s"),
         f"twist_assembly_seconds_{name}": figure(

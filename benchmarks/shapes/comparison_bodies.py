@@ -34,7 +34,7 @@ class Body:
 
     mesh: TetMesh
     truth: Array
-    held: IntArray
+    attached: IntArray
     marked: IntArray
     side: IntArray
 
@@ -83,7 +83,7 @@ def rod_body(
     return Body(
         mesh=mesh,
         truth=in_truth(places),
-        held=index[end],
+        attached=index[end],
         marked=index[np.concatenate([*marked, end + stride * layers])],
         side=outer[(along > 1) & (along < layers - 1)],
     )

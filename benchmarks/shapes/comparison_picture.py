@@ -34,7 +34,7 @@ LABELS = {
 VIEWS = {"beam": ((1.0, 0.9, -0.7), (0, 0, 1)), "muscle": ((0.2, 0.4, -1), (0, 1, 0))}
 TILES = {"beam": (300, 240), "muscle": (300, 130)}  # pixels
 COLUMNS = 5
-FLESH, MARK, HELD = (0.8, 0.45, 0.4), (0.1, 0.2, 0.9), (0.05, 0.05, 0.05)
+FLESH, MARK, ATTACHED = (0.8, 0.45, 0.4), (0.1, 0.2, 0.9), (0.05, 0.05, 0.05)
 CURVES = {"spikiness": "largest over mean\nchange of curvature", "surface_max": "surface, largest error [mm]"}
 
 
@@ -105,7 +105,7 @@ def _picture(body: Body, x: Array, camera: Camera, size: tuple[int, int]) -> Ima
     drawn = [
         Drawable(surface, FLESH),
         Drawable(_balls(body.truth[body.marked]), MARK),
-        Drawable(_balls(body.truth[body.held]), HELD),
+        Drawable(_balls(body.truth[body.attached]), ATTACHED),
     ]
     return render(drawn, camera, size)
 

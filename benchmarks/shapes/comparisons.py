@@ -63,7 +63,7 @@ class Case:
         return {
             "marks_mean": float(apart[body.marked].mean()),
             "marks_max": float(apart[body.marked].max()),
-            "attached_max": float(apart[body.held].max()),
+            "attached_max": float(apart[body.attached].max()),
             "surface_mean": float(surface.mean()),
             "surface_max": float(surface.max()),
             "volume": 100 * (volume - 1),

@@ -109,7 +109,7 @@ def turned(axis: str) -> Callable[[float], Scene]:
 
 
 def attached(edge: float, count: int) -> Scene:
-    """Surface points are held."""
+    """Surface points are attached."""
     found = plain(edge)
     chosen = _spread_vertices(found.mesh, count)
     pairs = Pairs(found.mesh.vertices[chosen], found.truth.vertices[chosen])

@@ -1,5 +1,5 @@
-"""Known strains (Wang 2021 Fig. 5.19): a body held at its back and pulled at its head, under a known plastic
-field.
+"""Known strains (Wang 2021 Fig. 5.19): a body attached at its back and pulled at its head, under a known
+plastic field.
 
 Marks are vertices of the surface with their places, as landmarks. The field is smooth but no combination of
 smooth eigenvectors: a growth that varies along and across, a contraction in the middle, a shear.
@@ -34,7 +34,7 @@ class Case:
     """A template, what holds and pulls it, its strains and the shape that they give."""
 
     mesh: TetMesh
-    held: Pairs
+    attached: Pairs
     load: Pull
     strains: Array
     truth: Array
@@ -46,13 +46,13 @@ class Case:
         place = (x - x.min(axis=0)) / np.ptp(x, axis=0)
         outer = mesh.boundary_vertices()
         back, head = outer[place[outer, 0] < 0.12], outer[place[outer, 0] > 0.9]
-        held = Pairs(x[back], x[back])
+        attached = Pairs(x[back], x[back])
         pulled = Pairs(x[head], x[head]).attached(mesh).matrix
         load = Pull(pulled, np.tile([0.0, PULL / len(head), 0.0], (len(head), 1)))
         strains = plasticity.exp(field(place[mesh.tets].mean(axis=1)))
-        springs = Attachment(held.attached(mesh).matrix, held.targets, SETTINGS.spring)
+        springs = Attachment(attached.attached(mesh).matrix, attached.targets, SETTINGS.spring)
         body = Elastic(x, mesh.tets, MUSCLE, strains)
-        return Case(mesh, held, load, strains, equilibrium.solve([body, springs, load], x).x)
+        return Case(mesh, attached, load, strains, equilibrium.solve([body, springs, load], x).x)
 
     def fit(self, marks: int) -> OrganFit:
         """The organ fitted to that many surface vertices."""
@@ -62,7 +62,7 @@ class Case:
         pairs = Pairs(points, self.truth[chosen])
         return fit_organ(
             self.mesh,
-            Observed(landmarks=pairs, attachments=self.held),
+            Observed(landmarks=pairs, attachments=self.attached),
             loads=[self.load],
             settings=SETTINGS,
         )

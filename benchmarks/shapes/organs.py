@@ -91,12 +91,12 @@ def _fitted(
     mesh: TetMesh,
     wanted: TetMesh,
     marks: Array,
-    held: Pairs | None,
+    attached: Pairs | None,
     landmarks: Pairs | None = None,
     settings: OrganSettings | None = None,
 ) -> Figures:
     begun, begun_processor = time.perf_counter(), time.process_time()
-    fit: OrganFit = fit_organ(mesh, Observed(marks, held, landmarks), settings=settings)
+    fit: OrganFit = fit_organ(mesh, Observed(marks, attached, landmarks), settings=settings)
     seconds, processor = time.perf_counter() - begun, time.process_time() - begun_processor
     log.info("%s: %d tets, %.1f s, of the processor %.1f s", name, len(mesh.tets), seconds, processor)
     errors = surface_errors(fit.mesh, wanted)

@@ -27,8 +27,8 @@ ROUNDS, SETTLED = 2000, 1e-5  # of as-rigid-as-possible; mm that a round still m
 
 def plastic(body: Body) -> Array:
     """Ours."""
-    held, marked = body.pairs(body.held), body.pairs(body.marked)
-    observed = Observed(attachments=held, landmarks=marked)
+    attached, marked = body.pairs(body.attached), body.pairs(body.marked)
+    observed = Observed(attachments=attached, landmarks=marked)
     return fit_organ(body.mesh, observed, settings=SETTINGS).mesh.vertices
 
 
@@ -74,7 +74,7 @@ def biharmonic_linear(body: Body) -> Array:
 
 
 def _points(body: Body) -> IntArray:
-    return np.concatenate([body.held, body.marked])
+    return np.concatenate([body.attached, body.marked])
 
 
 class Part:

@@ -64,14 +64,14 @@ def model(edge: float, rows: int) -> GaussNewton:
     """The first step over all strains of a muscle with so many rows, and seconds to prepare it."""
     mesh = muscle(edge)
     wanted = target(mesh)
-    held = ends(mesh, wanted)
+    attached = ends(mesh, wanted)
     settings = OrganSettings()
     space = AllTets(mesh.tets, settings)
     search = Search(mesh, space, settings)
-    state = search.begin(Holds.place(held.attached(mesh), (), mesh.vertices), mesh.vertices)
-    count = max(rows // 3 - len(held.points), 1)
+    state = search.begin(Holds.place(attached.attached(mesh), (), mesh.vertices), mesh.vertices)
+    count = max(rows // 3 - len(attached.points), 1)
     marks = BoundaryMarks(mesh, scattered(wanted.boundary(), count), settings.tangential)
-    return space.system(state, search.held(state.holds), marks(state.x), settings.alpha)
+    return space.system(state, search.external(state.holds), marks(state.x), settings.alpha)
 
 
 def plain(system: GaussNewton, reactions: Array, exact: Array, limit: float) -> tuple[float, float, int]:

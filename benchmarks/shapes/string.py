@@ -1,4 +1,4 @@
-"""The string of Wang 2021 §5.9.5: attached at 0 and 2, its quarter held at 1/4 and its middle at 3/2.
+"""The string of Wang 2021 §5.9.5: attached at 0 and 2, its quarter fixed at 1/4 and its middle at 3/2.
 
 Slopes of 1, 5 and 1 are asked for. The string is a thin bar of tets without Poisson's effect, fitted by the
 tool for organs; beside it the interpolating curves of least second and third derivative (Wang 2021 Eq. 5.25

@@ -200,7 +200,7 @@ def _sliding(scene: Scene, rng: np.random.Generator) -> None:
 
 
 def _stray(scene: Scene, rng: np.random.Generator) -> None:
-    """The bar is held, a tet beside it is not."""
+    """The bar is constrained, a tet beside it is not."""
     body, count = scene.body, len(scene.body.vertices)
     corner = np.concatenate([np.zeros((1, 3)), np.eye(3)]) + [20.0, 0.0, 0.0]
     tets = np.concatenate([body.tets, [[count, count + 1, count + 2, count + 3]]])

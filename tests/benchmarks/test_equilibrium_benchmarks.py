@@ -20,7 +20,7 @@ from handpipe.mesh.surfaces.surface import Surface
 def reference(beam: twist.Beam, poisson: float = twist.POISSON) -> skfem_newton.Reference:
     material = skfem_newton.NeoHookean(twist.YOUNG, poisson)
     return skfem_newton.Reference(
-        beam.body.vertices, beam.body.tets, beam.held, material, solve_linear=spla.spsolve
+        beam.body.vertices, beam.body.tets, beam.clamped, material, solve_linear=spla.spsolve
     )
 
 

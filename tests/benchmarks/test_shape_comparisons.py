@@ -44,14 +44,14 @@ def test_rods_are_filled() -> None:
 @pytest.mark.parametrize("name", BODIES)
 def test_marks_are_the_same_points_on_finer_meshes(name: str) -> None:
     coarse, fine = BODIES[name](0), BODIES[name](1)
-    for ids in ("held", "marked"):
+    for ids in ("attached", "marked"):
         one, other = coarse.pairs(getattr(coarse, ids)), fine.pairs(getattr(fine, ids))
         assert np.allclose(one.points, other.points)
         assert np.allclose(one.targets, other.targets, atol=1e-6)
     assert len(fine.mesh.tets) == 8 * len(coarse.mesh.tets)
     assert fine.wanted.volumes().min() > 0
     assert set(fine.marked) <= set(fine.mesh.boundary_vertices())
-    assert np.allclose(fine.truth[fine.held], fine.mesh.vertices[fine.held])  # attached as it was
+    assert np.allclose(fine.truth[fine.attached], fine.mesh.vertices[fine.attached])  # attached as it was
 
 
 def test_the_beam_bends_and_grows() -> None:
@@ -109,7 +109,7 @@ def test_methods_follow_a_rigid_motion(method: str) -> None:
     """All but the plain biharmonic displacement know rotations, or affine maps."""
     body = bulging_rod(0)
     motion = RigidTransform(Rotation.from_euler("yz", [50, 20], degrees=True).as_matrix(), np.ones(3))
-    moved = Body(body.mesh, motion(body.mesh.vertices), body.held, body.marked, body.side)
+    moved = Body(body.mesh, motion(body.mesh.vertices), body.attached, body.marked, body.side)
     x = METHODS[method](moved)
     outer = body.mesh.boundary_vertices()
     assert np.abs(x - moved.truth)[outer].max() < 0.02

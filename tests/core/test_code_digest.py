@@ -132,7 +132,7 @@ def test_a_damaged_cache_is_read_as_none(folder: Path) -> None:
 
 
 def test_modules_that_are_imported_by_a_made_up_name_are_known() -> None:
-    """A digest does not see them: rules name them (`generator_file`, `layer_code`), faces list them."""
+    """A digest does not see them: rules name them (`code_of`, `layer_code`), faces list them."""
     found = {
         path.relative_to(CHECKOUT).as_posix()
         for path in (CHECKOUT / "src").rglob("*.py")

@@ -41,7 +41,6 @@ def test_shipped_scenes_are_valid(path):
     [
         (lambda c: c["poses"]["hook"].pop("volume"), r"poses\.hook\.volume"),
         (lambda c: c["poses"]["neutral"].pop("seeds"), r"poses\.neutral.*neutral pose needs seeds"),
-        (lambda c: c.update(scanner={"spacing": 1.0}), r"scanner.*phantom-hand"),
         (lambda c: c.update(images={"model": "physics", "field": 2}), r"images\.field.*1\.5 and at 3 T"),
         (lambda c: c.update(images={"effects": {"fog": "usual"}}), r"images\.effects.*fog"),
         (lambda c: (c.pop("generator"), c.update(images={})), "images: is only for generated"),

@@ -27,17 +27,17 @@ def grown(points: np.ndarray) -> np.ndarray:
 
 
 def given(marks: np.ndarray, attachments: Pairs | None) -> Given:
-    held = None if attachments is None else attachments.attached(MESH)
-    return Given(MESH, marks, held, None, (), None, OrganSettings())
+    attached = None if attachments is None else attachments.attached(MESH)
+    return Given(MESH, marks, attached, None, (), None, OrganSettings())
 
 
 def test_errors_are_those_of_a_model_without_the_point() -> None:
-    held = Pairs(OUTER[:6], grown(OUTER[:6])).attached(MESH)
+    attached = Pairs(OUTER[:6], grown(OUTER[:6])).attached(MESH)
     marks = BoundaryMarks(MESH, grown(OUTER[6:]), 0.1)
     space = AllTets(MESH.tets, OrganSettings())
     free = Holds.place(Attached.nothing(len(MESH.vertices)), (), MESH.vertices)
     state = Search(MESH, space, OrganSettings()).begin(free, MESH.vertices)
-    predictions = Predictions.at(space, state, marks, None, held)
+    predictions = Predictions.at(space, state, marks, None, attached)
     found = predictions.errors(predictions.attachments, predictions.points, 0.5)
     gram, free, wanted = predictions._gram, predictions._free, predictions._wanted
     weak = np.diag(1 / np.sqrt(predictions._ridge))
@@ -59,9 +59,9 @@ def test_the_attachment_that_is_wrong_is_named(wrong: int | None) -> None:
     assert np.flatnonzero(doubts.attachments).tolist() == ([] if wrong is None else [wrong])
 
 
-@pytest.mark.parametrize(("marks", "held"), [(1, 0), (3, 0), (0, 1), (0, 3), (2, 2), (0, 5)])
-def test_few_points_raise_no_doubts(marks: int, held: int) -> None:
-    pairs = Pairs(OUTER[:held], grown(OUTER[:held])) if held else None
+@pytest.mark.parametrize(("marks", "attached"), [(1, 0), (3, 0), (0, 1), (0, 3), (2, 2), (0, 5)])
+def test_few_points_raise_no_doubts(marks: int, attached: int) -> None:
+    pairs = Pairs(OUTER[:attached], grown(OUTER[:attached])) if attached else None
     doubts = examine(given(grown(OUTER[12 : 12 + marks]), pairs), MESH.vertices)
     assert not doubts.attachments.any()
     assert doubts.share == 1.0
@@ -79,7 +79,7 @@ def test_the_wrong_attachment_is_named_among_many_tets_too() -> None:
     fine = box((20, 9, 8), (30.0, 10.0, 8.0))
     targets = grown(OUTER[:6])
     targets[3] += [0.0, 6.0, -5.0]
-    held = Pairs(OUTER[:6], targets).attached(fine)
+    attached = Pairs(OUTER[:6], targets).attached(fine)
     marks = grown(OUTER[6:])
-    doubts = examine(Given(fine, marks, held, None, (), None, OrganSettings()), fine.vertices)
+    doubts = examine(Given(fine, marks, attached, None, (), None, OrganSettings()), fine.vertices)
     assert np.flatnonzero(doubts.attachments).tolist() == [3]

@@ -24,7 +24,7 @@ from handpipe.shapes.strains.smooth_strains import SmoothStrains
 
 
 def grown():
-    """A beam held at one end, and its equilibrium under smooth plastic strains of 0.7 to 1.6."""
+    """A beam attached at one end, and its equilibrium under smooth plastic strains of 0.7 to 1.6."""
     mesh = box((8, 2, 2), (24.0, 6.0, 6.0))
     x = mesh.vertices[mesh.tets].mean(axis=1)[:, 0] / 24.0
     logs = np.zeros((len(mesh.tets), 6))
@@ -79,13 +79,13 @@ def halves(attached: Attached) -> tuple[Attached, list[sparse.csr_matrix]]:
 @pytest.mark.parametrize("loose", [False, True])
 def test_predicted_motion_agrees_with_a_small_step(loose):
     mesh, attached, truth = grown()
-    attached, ends = halves(attached) if loose else (attached, [])
+    half, ends = halves(attached) if loose else (attached, [])
     options = ShapeOptions(fields=(1, 4), spring=100.0)
     space = SmoothFields(mesh, truth, options)
     search = Search(mesh, space, options)
     marks = Correspondence(sparse.identity(len(truth), format="csr"), truth, None)
     state = search.at(space.guess, Holds.place(attached, ends, mesh.vertices), truth)
-    found = space.step(state, search.held(state.holds), marks, Stage("marks", lambda x: marks, 0.1, 4, 1))
+    found = space.step(state, search.external(state.holds), marks, Stage("marks", lambda x: marks, 0.1, 4, 1))
     assert len(found.ends) == 6 * len(ends)
     size = 1e-3
     trial = search.taken(state, found, size, LooseMotions(state.holds.targets, state.x))
@@ -100,14 +100,16 @@ def test_a_body_whose_ends_are_all_loose_is_found_where_its_marks_are():
     mesh, attached, _ = grown()
     turn = Rotation.from_euler("z", 10, degrees=True)
     truth = turn.apply(mesh.vertices) + [0.0, 2.0, 1.0]
-    held, ends = halves(attached)
+    half, ends = halves(attached)
     outer = mesh.boundary_vertices()
     surface = Surface(mesh.vertices, mesh.boundary_faces()[0])
     marks = Markers(truth[outer], np.ones(len(outer)), outer)
     embedding = sparse.identity(len(mesh.vertices), format="csr")
-    nothing = held.chosen(np.arange(0))
+    nothing = half.chosen(np.arange(0))
     fit = fit_shape(
-        EmbeddedSurface(mesh, surface, embedding), KnownPoints(nothing, [held.matrix, *ends]), lambda s: marks
+        EmbeddedSurface(mesh, surface, embedding),
+        KnownPoints(nothing, [half.matrix, *ends]),
+        lambda s: marks,
     )
     assert np.linalg.norm(truth - mesh.vertices, axis=1).mean() > 2.0
     assert np.linalg.norm(fit.vertices - truth, axis=1).mean() < 0.1

@@ -23,14 +23,14 @@ from handpipe.shapes.strains.stretch import COUNTS
 MESH = box((4, 2, 2), (12.0, 4.0, 4.0))
 
 
-def search(held: str) -> tuple[Search, AllTets, State, Correspondence]:
-    """A bar held at one end, along one edge or not at all, under small strains, and marks beside it."""
+def search(attached: str) -> tuple[Search, AllTets, State, Correspondence]:
+    """A bar attached at one end, along one edge or not at all, under small strains, and marks beside it."""
     x = MESH.vertices
     ids = {
         "end": np.flatnonzero(x[:, 0] == 0),
         "edge": np.flatnonzero((x[:, 0] == 0) & (x[:, 1] == 0)),
         "nothing": np.zeros(0, int),
-    }[held]
+    }[attached]
     settings = OrganSettings(beta=2.0)
     space = AllTets(MESH.tets, settings)
     found = Search(MESH, space, settings)
@@ -46,9 +46,9 @@ def search(held: str) -> tuple[Search, AllTets, State, Correspondence]:
     return found, space, found.at(logs, holds, x), marks
 
 
-def system(held: str) -> tuple[Search, State, Correspondence, GaussNewton]:
-    found, space, state, marks = search(held)
-    return found, state, marks, space.system(state, found.held(state.holds), marks, 1.0)
+def system(attached: str) -> tuple[Search, State, Correspondence, GaussNewton]:
+    found, space, state, marks = search(attached)
+    return found, state, marks, space.system(state, found.external(state.holds), marks, 1.0)
 
 
 def dense(system: GaussNewton) -> tuple[np.ndarray, np.ndarray]:
@@ -68,22 +68,22 @@ def dense(system: GaussNewton) -> tuple[np.ndarray, np.ndarray]:
     return found[: 6 * m].reshape(m, 6), found[6 * m :]
 
 
-@pytest.mark.parametrize("held", ["end", "edge", "nothing"])
-def test_all_solvers_give_the_step_of_the_dense_system(held: str) -> None:
-    strains, loose = dense(system(held)[3])
-    model = system(held)[3]
+@pytest.mark.parametrize("attached", ["end", "edge", "nothing"])
+def test_all_solvers_give_the_step_of_the_dense_system(attached: str) -> None:
+    strains, loose = dense(system(attached)[3])
+    model = system(attached)[3]
     for step in (model.by_rows(tolerance=1e-10), model.by_iteration(tolerance=1e-9, most=2000)):
         assert step.strains == pytest.approx(strains, abs=1e-4 * np.abs(strains).max())
         assert step.loose == pytest.approx(loose, abs=1e-4 * np.abs(strains).max())
         assert step.slope < 0
 
 
-@pytest.mark.parametrize("held", ["end", "edge", "nothing"])
-def test_motion_and_slope_are_those_of_a_small_step(held: str) -> None:
-    found, state, marks, model = system(held)
+@pytest.mark.parametrize("attached", ["end", "edge", "nothing"])
+def test_motion_and_slope_are_those_of_a_small_step(attached: str) -> None:
+    found, state, marks, model = system(attached)
     step = model.by_rows()
     motions = LooseMotions(state.holds.targets, state.x)
-    assert motions.count == {"end": 0, "edge": 1, "nothing": 6}[held]
+    assert motions.count == {"end": 0, "edge": 1, "nothing": 6}[attached]
     size = 1e-3
     moved = state.x + size * step.motion
     trial = found.at(state.unknowns + size * step.strains, state.holds, moved)
@@ -137,9 +137,9 @@ def test_a_body_in_two_parts_is_refused() -> None:
         Smoothness(apart.tets)
 
 
-@pytest.mark.parametrize("held", ["end", "nothing"])
-def test_coarse_strains_leave_few_products_with_the_rows(held: str) -> None:
-    model = system(held)[3]
+@pytest.mark.parametrize("attached", ["end", "nothing"])
+def test_coarse_strains_leave_few_products_with_the_rows(attached: str) -> None:
+    model = system(attached)[3]
     rows = len(model.rows.residuals)
     assert rows > 40
     assert 0 < model.by_rows(tolerance=1e-6).iterations < rows / 2

@@ -72,13 +72,13 @@ def fit_of(mesh, doubtful) -> OrganFit:
 def test_pairs_nearly_on_a_line_hold_the_line_and_speak_as_landmarks() -> None:
     points = np.array([[0.0, 0.0, 0.0], [10.0, 0.4, 0.0], [20.0, 0.0, 0.3]])
     assert on_line(points)
-    held, known = loosened(Pairs(points, points + [0.0, 5.0, 0.0]), None)
-    assert held is not None
+    attached, known = loosened(Pairs(points, points + [0.0, 5.0, 0.0]), None)
+    assert attached is not None
     assert known is not None
     assert known.points == pytest.approx(points)
-    across = np.linalg.svd(held.targets - held.targets.mean(axis=0), compute_uv=False)[1]
+    across = np.linalg.svd(attached.targets - attached.targets.mean(axis=0), compute_uv=False)[1]
     assert across == pytest.approx(0.0, abs=1e-12)
-    assert np.linalg.norm(held.points - points, axis=1).max() < 0.4
+    assert np.linalg.norm(attached.points - points, axis=1).max() < 0.4
     wide = Pairs(points * [1, 10, 1], points * [1, 10, 1])
     assert loosened(wide, None) == (wide, None)
 

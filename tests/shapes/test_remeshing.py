@@ -95,13 +95,13 @@ def test_points_of_the_template_are_carried_to_the_result() -> None:
 
 @cache
 def hanging() -> tuple[OnMesh, State]:
-    """A bar of grown, flat cells, held at one end and pulled at the other."""
+    """A bar of grown, flat cells, attached at one end and pulled at the other."""
     mesh = box((4, 4, 3), (10.0, 6.0, 6.0))
     end = np.flatnonzero(mesh.vertices[:, 0] == 0)
     tip = np.flatnonzero(mesh.vertices[:, 0] > 9.9)
-    held = Pairs(mesh.vertices[end], mesh.vertices[end]).attached(mesh)
+    attached = Pairs(mesh.vertices[end], mesh.vertices[end]).attached(mesh)
     pull = Pull(sp.identity(len(mesh.vertices), format="csr")[tip], np.tile([0.0, 0.0, -0.5], (len(tip), 1)))
-    given = Given(mesh, np.zeros((0, 3)), held, None, (pull,), None, OrganSettings())
+    given = Given(mesh, np.zeros((0, 3)), attached, None, (pull,), None, OrganSettings())
     task = OnMesh.of_template(given)
     place = mesh.vertices[mesh.tets].mean(axis=1) / 10.0
     logs = np.zeros((len(mesh.tets), 6))
@@ -161,7 +161,7 @@ def test_steps_over_replaced_tets_follow_the_objective() -> None:
     targets = after.x + 0.3 * rng.standard_normal(after.x.shape)
     marks = Correspondence(sp.identity(len(after.x), format="csr"), targets, None)
     search, stage = new.search, Stage("marks", lambda x: marks, 1.0, None, 1)
-    step = search.space.step(after, search.held(after.holds), marks, stage)
+    step = search.space.step(after, search.external(after.holds), marks, stage)
     size = 1e-4
     trial = search.at(after.unknowns + size * step.strains, after.holds, after.x + size * step.motion)
     change = search.objective(trial, marks, 1.0) - search.objective(after, marks, 1.0)

@@ -22,7 +22,7 @@ from handpipe.shapes.organs.stages import NEW_TETS, FitPosition
 
 SPHERE = trimesh.creation.icosphere(subdivisions=3)
 MESH = tetrahedralise(remesh(Surface(8.0 * SPHERE.vertices, SPHERE.faces), 4.0), 4.0)
-HELD = np.argsort(MESH.vertices[:, 0])[:4]
+ATTACHED = np.argsort(MESH.vertices[:, 0])[:4]
 LONG = MESH.vertices * [2.4, 0.8, 0.6]
 
 
@@ -31,12 +31,12 @@ class Killed(Exception):
 
 
 def fit(checkpoint: Path | None = None) -> OrganFit:
-    """A ball that grows so long that it is meshed anew, held and under a load."""
+    """A ball that grows so long that it is meshed anew, attached and under a load."""
     tip = np.argsort(MESH.vertices[:, 0])[-4:]
     load = Pull(sp.identity(len(MESH.vertices), format="csr")[tip], np.tile([0.0, 0.0, 0.05], (4, 1)))
     return fit_organ(
         MESH,
-        Observed(LONG[MESH.boundary_vertices()], attachments=Pairs(MESH.vertices[HELD], LONG[HELD])),
+        Observed(LONG[MESH.boundary_vertices()], attachments=Pairs(MESH.vertices[ATTACHED], LONG[ATTACHED])),
         loads=[load],
         settings=OrganSettings(remesh_below=13.0, iterations=2),
         checkpoint=checkpoint,
@@ -124,7 +124,7 @@ def test_the_digest_tells_all_input_apart() -> None:
     others = [
         replace(given, template=TetMesh(MESH.vertices + 1e-6, MESH.tets)),
         replace(given, marks=LONG[:-1]),
-        replace(given, held=moved),
+        replace(given, attached=moved),
         replace(given, known=moved),
         replace(given, known=None),
         replace(given, loads=(twice,)),

@@ -92,7 +92,7 @@ def test_time_and_memory_of_the_build(figure: Figure) -> None:
 
 
 def test_jobs_read_no_file_that_their_rules_do_not_declare(folder: Path) -> None:
-    """Below `results`, through Python or HDF5."""
+    """Below the working copy, through Python or HDF5. Other rules: test_declared_files."""
     jobs = [json.loads(path.read_text(encoding="utf-8")) for path in (folder / WATCHED).glob("*.json")]
     assert [job for job in jobs if job["undeclared"]] == []
     assert {job["rule"] for job in jobs} == planned(folder, "all", "--forceall").keys() - {"all"}

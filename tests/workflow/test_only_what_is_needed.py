@@ -110,6 +110,18 @@ def test_all_adds_nothing_but_figures_to_the_simulation(bench: Workbench, layers
     )
 
 
+def test_an_unknown_generator_is_refused_before_any_job(bench: Workbench) -> None:
+    """Beside it other subjects are planned as before."""
+    finger = bench.contents["phantom-finger"]
+    changed = {"name": "odd", "root": "results/odd/data", "generator": "phantom-foot"}
+    bench.write("datasets/odd", {**finger, **changed})
+    with pytest.raises(
+        WorkflowError, match=r"odd\.yaml: generator: 'phantom-foot' is no generator; .*-finger"
+    ):
+        bench.plan("odd")
+    assert plan_of(bench, ("bones",)).rules() == ALWAYS
+
+
 def test_benchmark_of_trust_has_every_part(nothing_built: Path) -> None:
     """As docs/trust.md gives the command."""
     counts = planned(nothing_built, "benchmark_trust")

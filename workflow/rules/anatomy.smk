@@ -2,7 +2,6 @@
 
 HAND_CURVES = "config/anatomy/hand.yaml"
 HAND_EDGES = {"bone": 1.6, "skin": 2.8, "fat": 4}  # mm
-CURVED = f"phantom-hand(?:-seeded)?|{generated_by('phantom-hand-complete')}"
 
 
 rule template_hand:
@@ -17,7 +16,7 @@ rule template_hand:
     benchmark:
         paths.cost_of("template_hand")
     wildcard_constraints:
-        subject=CURVED,
+        subject=with_template("curves"),
     threads: 1
     resources:
         mem_mb=3000,
@@ -41,7 +40,7 @@ rule zanatomy_hand:
     benchmark:
         paths.cost_of("zanatomy_hand")
     wildcard_constraints:
-        subject=generated_by("zanatomy-hand"),
+        subject=with_template("surfaces"),
     threads: 1
     resources:
         mem_mb=4000,

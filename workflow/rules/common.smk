@@ -21,8 +21,6 @@ from handpipe.core import (
     paths,
 )
 from handpipe.core.configuration import (
-    COUPLED_HANDS,
-    LIMB,
     Role,
     load_dataset,
     load_scene,
@@ -103,6 +101,7 @@ def dataset(subject):
 def whole_dataset(subject):
     """All that a subject has, for generators and for the check of its files."""
     data = checked(load_dataset, dataset_file(subject))
+    checked(generators.require_known, dataset_file(subject), data)
     if not data.generator:
         checked(require_files, dataset_file(subject), data)
     return data
@@ -250,35 +249,54 @@ def unchecked_datasets():
     return {s: {**found.get(c.get("like"), {}), **c} for s, c in found.items()}
 
 
-def bones_alone():
-    """Generated subjects without skin scans, whose generator makes images and truth of bones alone."""
-    return [
-        subject
-        for subject, content in unchecked_datasets().items()
-        if "generator" in content
-        and content["generator"] != LIMB
-        and not any("scan" in pose for pose in content.get("poses", {}).values())
-    ]
+def subjects_made_by(wanted):
+    """A pattern for the generated subjects that are wanted; "-", which is no subject, where there are none.
 
-
-BONES_ALONE = (
-    "|".join(bones_alone()) or "-"
-)  # a pattern for subjects; "-" is no subject
-
-
-def generated_by(*generators):
-    """A pattern for the subjects of some generators."""
-    datasets = unchecked_datasets().items()
-    found = [
-        name for name, content in datasets if content.get("generator") in generators
-    ]
+    wanted: of the generator's record and the content of the dataset file.
+    """
+    found = []
+    for subject, content in unchecked_datasets().items():
+        name = content.get("generator")
+        known = generators.GENERATORS if isinstance(name, str) else {}
+        if name in known and wanted(known[name], content):
+            found.append(subject)
     return "|".join(found) or "-"
 
 
-LIMBS = generated_by(LIMB)  # real images, whose unit and strokes the dataset tells
-COUPLED = generated_by(
-    *COUPLED_HANDS
-)  # images and truth come from a coupled simulation
+def has_scans(content):
+    """Whether a dataset file names a skin scan."""
+    return any("scan" in pose for pose in content.get("poses", {}).values())
+
+
+# Images and truth of bones alone, by a module; truth of a coupled simulation; real images of a limb.
+BONES_ALONE = subjects_made_by(
+    lambda record, content: record.module is not None and not has_scans(content)
+)
+COUPLED = subjects_made_by(lambda record, content: record.truth == "coupled")
+LIMBS = subjects_made_by(lambda record, content: record.truth is None)
+
+
+def with_template(kind):
+    """A pattern for the right hands whose template of all organs is made of curves or of surfaces."""
+    return subjects_made_by(
+        lambda record, content: record.template == kind
+        and content.get("hand", "right") == "right"
+    )
+
+
+def generator(subject):
+    """The record of a subject's generator; None where its files are given."""
+    name = whole_dataset(subject).generator
+    return None if name is None else generators.GENERATORS[name]
+
+
+def made_by_coupled_simulation():
+    """Subjects of the configuration whose truth is a coupled simulation."""
+    return [
+        s
+        for s in buildable_subjects()
+        if generator(s) and generator(s).truth == "coupled"
+    ]
 
 
 def each_subject(pattern):
@@ -724,7 +742,7 @@ def nail_files(subject):
     data = dataset(subject)
     if is_carried(subject):
         return []
-    if data.generator and data.generator != LIMB:
+    if data.generator and generator(subject).truth is not None:
         return [data.path("templates")]
     return [data.path(nail.surface) for nail in data.nails.values()]
 
@@ -943,7 +961,8 @@ def template_hands():
     return [
         subject
         for subject in buildable_subjects()
-        if dataset(subject).generator in ("phantom-hand", *COUPLED_HANDS)
+        if generator(subject)
+        and generator(subject).template
         and dataset(subject).hand == "right"
     ]
 
@@ -987,14 +1006,8 @@ def code_of(each):
             script, *further, *layer_code(each, w, script, *further)
         )
     if each.name in ("generate_templates", "generate_pose", "generate_bones"):
-        return lambda w: CODE.digest(script, generator_file(w.subject))
+        return lambda w: CODE.digest(script, CODE.module(generator(w.subject).module))
     return lambda w: CODE.digest(script, *layer_code(each, w, script))
-
-
-def generator_file(subject):
-    """The module that makes a generated subject, which `generators` imports by its name."""
-    name = generators.MODULES[dataset(subject).generator]
-    return CODE.module(f"handpipe.synthetic.{name}")
 
 
 def depend_on_code():

@@ -39,12 +39,12 @@ def slivers_stretch(refine: int) -> Outcome:
 def turned_end(body: Body, young: Array) -> Outcome:
     """One end is turned by 90 degrees at once; nothing else holds the body, which has to follow rigidly."""
     x = body.vertices
-    held = body.where(0, float(x[:, 0].min()))
-    start = scenes.turned(x, held, (0, 1, 0), 90.0)
+    clamped = body.where(0, float(x[:, 0].min()))
+    start = scenes.turned(x, clamped, (0, 1, 0), 90.0)
     elastic = Elastic(x, body.tets, Material(young, 0.45))
-    found = solve([elastic], start, fixed=np.repeat(held, 3), options=ONE_STEP)
+    found = solve([elastic], start, fixed=np.repeat(clamped, 3), options=ONE_STEP)
     error = largest(found.x - x @ scenes.rotation((0, 1, 0), 90.0).T)
-    free = ~np.repeat(held, 3)
+    free = ~np.repeat(clamped, 3)
     return Outcome(
         start, found.x, found.record, elastic, body.triangles, free, [elastic], error, "rigid motion"
     )
@@ -72,9 +72,9 @@ def stiffness_halves(refine: int) -> Outcome:
         return lambda t: scenes.turned(x, part, (0, 1, 0), 60.0 * t)
 
     def bend(elastic: Elastic, driven: BoolArray) -> tuple[Array, Record, BoolArray]:
-        held = np.repeat(driven | body.where(0, -1.5), 3)
-        found = continuation(lambda t: [elastic], x, fixed=held, prescribed=bent(driven), options=STEPS)
-        return found.x, found.record, ~held
+        clamped = np.repeat(driven | body.where(0, -1.5), 3)
+        found = continuation(lambda t: [elastic], x, fixed=clamped, prescribed=bent(driven), options=STEPS)
+        return found.x, found.record, ~clamped
 
     rigid = bend(Elastic(x, body.tets, Material(YOUNG, 0.45)), x[:, 0] > -1e-9)[0]
     elastic = Elastic(x, body.tets, Material(np.where(stiff, 1e6, 1.0) * YOUNG, 0.45))

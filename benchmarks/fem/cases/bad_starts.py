@@ -35,12 +35,12 @@ def rest_from(start: Array, body: Body, fixed: BoolArray, free_body: bool) -> Ou
     return Outcome(start, found.x, found.record, elastic, body.triangles, ~fixed, [elastic], error, answer)
 
 
-def rest_held(refine: int, kind: str) -> Outcome:
+def rest_clamped(refine: int, kind: str) -> Outcome:
     body = scenes.box((2.0, 1.0, 1.0), (6 * refine, 3 * refine, 3 * refine))
-    held = body.where(0, -1.0)
+    clamped = body.where(0, -1.0)
     start = STARTS[kind][1](body.vertices)
-    start[held] = body.vertices[held]
-    return rest_from(start, body, np.repeat(held, 3), free_body=False)
+    start[clamped] = body.vertices[clamped]
+    return rest_from(start, body, np.repeat(clamped, 3), free_body=False)
 
 
 def rest_free(refine: int, kind: str) -> Outcome:
@@ -55,8 +55,8 @@ def rest_free(refine: int, kind: str) -> Outcome:
 
 def enter_starts() -> None:
     for kind, (what, _) in STARTS.items():
-        case(f"rest-held-{kind}", f"start: {what}; one end held")(partial(rest_held, kind=kind))
-        case(f"rest-free-{kind}", f"start: {what}; nothing held")(partial(rest_free, kind=kind))
+        case(f"rest-clamped-{kind}", f"start: {what}; one end clamped")(partial(rest_clamped, kind=kind))
+        case(f"rest-free-{kind}", f"start: {what}; nothing clamped")(partial(rest_free, kind=kind))
 
 
 enter_starts()

@@ -61,12 +61,12 @@ ANOTHER_PATH = "in small steps, or its mirror image"
 
 def pressed(
     body: Body,
-    held: BoolArray,
+    clamped: BoolArray,
     shells: Sequence[tuple[Array, IntArray]],
     ways: Sequence[Array],
     distance: float,
 ) -> Outcome:
-    """Shells move by `ways` (3,) each, against a body of which `held` (n,) stays."""
+    """Shells move by `ways` (3,) each, against a body of which `clamped` (n,) stays."""
     x, triangles, parts = with_shells(body, shells)
     every = sp.eye(len(x), format="csr")
     elastic = Elastic(x, body.tets, Material(YOUNG, 0.45))
@@ -78,7 +78,7 @@ def pressed(
         return [elastic, barrier, Attachment(every[moving], x[moving] + t * way, SPRING)]
 
     fixed = np.zeros(x.shape, dtype=bool)
-    fixed[: len(held)][held] = True
+    fixed[: len(clamped)][clamped] = True
     end, record, error = by_two_paths(x, potentials, fixed)
     free = ~fixed.ravel()
     return Outcome(x, end, record, elastic, triangles, free, potentials(1.0), error, ANOTHER_PATH)
@@ -109,10 +109,10 @@ def sheet(refine: int) -> Outcome:
             np.array([-0.025, 0.025]),
         )
     )
-    held = body.where(0, -1.0) | body.where(0, 1.0)
+    clamped = body.where(0, -1.0) | body.where(0, 1.0)
     shells = [scenes.sphere(0.3, (side * 0.35, 0.0, side * 0.35), 2) for side in (-1.0, 1.0)]
     ways = [np.array([0.0, 0.0, -side * 0.25]) for side in (-1.0, 1.0)]
-    return pressed(body, held, shells, ways, 0.02)
+    return pressed(body, clamped, shells, ways, 0.02)
 
 
 @case("self-contact-u", "a U whose arms are pressed together, their tips guided")
@@ -132,9 +132,9 @@ def self_contact_u(refine: int) -> Outcome:
     fixed = np.zeros(x.shape, dtype=bool)
     fixed[body.where(0, 0.0)] = True
     fixed[tips, 2] = True  # or the arms would slip past one another
-    held = fixed.ravel()
-    end, record, error = by_two_paths(x, potentials, held)
-    return Outcome(x, end, record, elastic, body.triangles, ~held, potentials(1.0), error, ANOTHER_PATH)
+    clamped = fixed.ravel()
+    end, record, error = by_two_paths(x, potentials, clamped)
+    return Outcome(x, end, record, elastic, body.triangles, ~clamped, potentials(1.0), error, ANOTHER_PATH)
 
 
 @case("self-contact-finger", "a finger folded by 172°, its pad pressed into its base")
@@ -149,7 +149,7 @@ def self_contact_finger(refine: int) -> Outcome:
         target = scenes.turned(x, distal, (0, 1, 0), 172.0 * t, (0.1, 0.0, -0.34))[distal]
         return [elastic, barrier, Attachment(every[distal], target, SPRING)]
 
-    held = np.repeat(proximal, 3)
-    end, record, error = by_two_paths(x, potentials, held)
+    clamped = np.repeat(proximal, 3)
+    end, record, error = by_two_paths(x, potentials, clamped)
     # Facets that meet exactly have several equilibria; the axis and angle keep these from it.
-    return Outcome(x, end, record, elastic, body.triangles, ~held, potentials(1.0), error, ANOTHER_PATH)
+    return Outcome(x, end, record, elastic, body.triangles, ~clamped, potentials(1.0), error, ANOTHER_PATH)

@@ -46,7 +46,7 @@ def bent_in_steps(refine: int) -> tuple[Array, Record]:
 
 def joint(refine: int, at_once: bool) -> Outcome:
     body, proximal, distal = joint_scene(refine)
-    held = np.repeat(proximal | distal, 3)
+    clamped = np.repeat(proximal | distal, 3)
     elastic = Elastic(body.vertices, body.tets, Material(YOUNG, 0.45))
     stepwise, record = bent_in_steps(refine)
     if not at_once:
@@ -54,9 +54,9 @@ def joint(refine: int, at_once: bool) -> Outcome:
         start, x = body.vertices, stepwise
     else:
         start = scenes.turned(body.vertices, distal, (0, 1, 0), 120.0)
-        found = solve([elastic], start, fixed=held, options=ONE_STEP)
+        found = solve([elastic], start, fixed=clamped, options=ONE_STEP)
         x, record, error, answer = found.x, found.record, largest(found.x - stepwise), "in steps"
-    return Outcome(start, x, record, elastic, body.triangles, ~held, [elastic], error, answer)
+    return Outcome(start, x, record, elastic, body.triangles, ~clamped, [elastic], error, answer)
 
 
 @case("joint-steps", "tissue around two bones, one turned by 120° in steps")

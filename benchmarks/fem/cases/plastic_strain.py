@@ -21,39 +21,39 @@ def plastic_compatible(refine: int) -> Outcome:
     body = scenes.box((2.0, 1.0, 1.0), (6 * refine, 3 * refine, 3 * refine))
     x = body.vertices
     target = scenes.grown(body)
-    held = np.repeat(body.where(0, -1.0), 3)
+    clamped = np.repeat(body.where(0, -1.0), 3)
     elastic = Elastic(x, body.tets, Material(YOUNG, 0.45))
     gradients = elastic.deformation_gradients(target)
     strains = plasticity.from_matrices(scenes.square_roots(gradients.transpose(0, 2, 1) @ gradients))
     elastic = elastic.with_strains(strains)
     start = x.copy()
-    start.reshape(-1)[held] = target.reshape(-1)[held]
-    found = solve([elastic], start, fixed=held, options=ONE_STEP)
+    start.reshape(-1)[clamped] = target.reshape(-1)[clamped]
+    found = solve([elastic], start, fixed=clamped, options=ONE_STEP)
     error = largest(found.x - target)
     return Outcome(
-        start, found.x, found.record, elastic, body.triangles, ~held, [elastic], error, "the known shape"
+        start, found.x, found.record, elastic, body.triangles, ~clamped, [elastic], error, "the known shape"
     )
 
 
 def random_scene(refine: int, low: float, high: float) -> tuple[Body, Callable[[float], Elastic], BoolArray]:
-    """A box held at one end, and its elasticity when a share t of the logarithms of the strains has come."""
+    """A box clamped at one end, and its elasticity under a share t of the logarithms of the strains."""
     body = scenes.box((2.0, 1.0, 1.0), (6 * refine, 3 * refine, 3 * refine))
     elastic = Elastic(body.vertices, body.tets, Material(YOUNG, 0.45))
     logarithms = plasticity.log(scenes.random_strains(len(body.tets), low, high))
-    held = np.repeat(body.where(0, -1.0), 3)
-    return body, lambda t: elastic.with_strains(plasticity.exp(t * logarithms)), held
+    clamped = np.repeat(body.where(0, -1.0), 3)
+    return body, lambda t: elastic.with_strains(plasticity.exp(t * logarithms)), clamped
 
 
 def random_strains(refine: int, low: float, high: float, at_once: bool) -> Outcome:
     """The strains fit together nowhere: the body is full of stress at best, and has several equilibria."""
-    body, strained, held = random_scene(refine, low, high)
+    body, strained, clamped = random_scene(refine, low, high)
     start, elastic = body.vertices, strained(1.0)
     if at_once:
-        found = solve([elastic], start, fixed=held, options=ONE_STEP)
+        found = solve([elastic], start, fixed=clamped, options=ONE_STEP)
     else:
-        found = continuation(lambda t: [strained(t)], start, fixed=held, options=STEPS)
+        found = continuation(lambda t: [strained(t)], start, fixed=clamped, options=STEPS)
     return Outcome(
-        start, found.x, found.record, elastic, body.triangles, ~held, [elastic], None, "none known"
+        start, found.x, found.record, elastic, body.triangles, ~clamped, [elastic], None, "none known"
     )
 
 

@@ -30,11 +30,11 @@ def twist_scene(refine: int, poisson: float) -> tuple[Body, Elastic, BoolArray, 
 
 @lru_cache(maxsize=8)
 def twisted_in_steps(refine: int, poisson: float) -> tuple[Array, Record]:
-    body, elastic, held, ends = twist_scene(refine, poisson)
+    body, elastic, clamped, ends = twist_scene(refine, poisson)
     found = continuation(
         lambda t: [elastic],
         body.vertices,
-        fixed=held,
+        fixed=clamped,
         prescribed=ends,
         options=STEPS,
         steps=Steps(first=1 / 12),
@@ -43,25 +43,27 @@ def twisted_in_steps(refine: int, poisson: float) -> tuple[Array, Record]:
 
 
 def twist_in_steps(refine: int, poisson: float) -> Outcome:
-    body, elastic, held, ends = twist_scene(refine, poisson)
+    body, elastic, clamped, ends = twist_scene(refine, poisson)
     x, record = twisted_in_steps(refine, poisson)
     # Seen from a frame that turns with the middle, half a turn about the line y = -z changes nothing.
     halfway = x @ scenes.rotation((1, 0, 0), -90.0).T
     error = scenes.asymmetry(halfway, body.vertices, np.array([[-1.0, 0, 0], [0, 0, -1.0], [0, -1.0, 0]]))
     return Outcome(
-        body.vertices, x, record, elastic, body.triangles, ~held, [elastic], error, "symmetric solution"
+        body.vertices, x, record, elastic, body.triangles, ~clamped, [elastic], error, "symmetric solution"
     )
 
 
 def twist_at_once(refine: int, poisson: float) -> Outcome:
-    body, elastic, held, ends = twist_scene(refine, poisson)
-    found = solve([elastic], ends(1.0), fixed=held, options=ONE_STEP)
+    body, elastic, clamped, ends = twist_scene(refine, poisson)
+    found = solve([elastic], ends(1.0), fixed=clamped, options=ONE_STEP)
     # Half a turn has no sense: the right-handed twist and its mirror image are equally good.
     right_handed = twisted_in_steps(refine, poisson)[0]
     left_handed = right_handed[scenes.mirror_images(body.vertices, SWAP_YZ)] @ SWAP_YZ
     error = min(largest(found.x - right_handed), largest(found.x - left_handed))
     answer = "in steps, or its mirror image"
-    return Outcome(ends(1.0), found.x, found.record, elastic, body.triangles, ~held, [elastic], error, answer)
+    return Outcome(
+        ends(1.0), found.x, found.record, elastic, body.triangles, ~clamped, [elastic], error, answer
+    )
 
 
 def enter_twists() -> None:

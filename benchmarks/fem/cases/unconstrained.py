@@ -50,13 +50,13 @@ def two_bodies(refine: int) -> Outcome:
     elastic, single = Elastic(x, tets, material), Elastic(bar.vertices, bar.tets, material)
     second = sp.eye(2 * count, format="csr")[count:]
     pull = Pull(second, -traction(bar, 3.0, 5.0).gradient(bar.vertices))
-    held = np.repeat(bar.where(0, -1.5) | bar.where(0, 1.5), 3)
-    fixed = np.concatenate([held, np.zeros(3 * count, dtype=bool)])
+    clamped = np.repeat(bar.where(0, -1.5) | bar.where(0, 1.5), 3)
+    fixed = np.concatenate([clamped, np.zeros(3 * count, dtype=bool)])
     fixed[3 * count + rigid_pins(bar.vertices)] = True
     twisted = scenes.turned(bar.vertices, bar.where(0, 1.5), (1, 0, 0), 60.0)
     start = np.concatenate([twisted, bar.vertices + aside])
     found = solve([elastic, pull], start, fixed=fixed, options=ONE_STEP)
-    alone = solve([single], twisted, fixed=held, options=ONE_STEP).x
+    alone = solve([single], twisted, fixed=clamped, options=ONE_STEP).x
     stretched = bar.vertices * scenes.uniaxial(material, 5.0)
     error = max(largest(found.x[:count] - alone), without_rigid_motion(found.x[count:], stretched))
     answer = "each alone"

@@ -16,8 +16,9 @@ from handpipe.cli import export as exports
 from handpipe.cli import status as progress
 from handpipe.cli.first_scene import scene_files
 from handpipe.core import HandpipeError, InputError, paths, reported
-from handpipe.core.configuration import every_fault, load_dataset
+from handpipe.core.configuration import Dataset, every_fault, load_dataset
 from handpipe.hand import faults
+from handpipe.synthetic import generators
 
 PARTS = "thumb, index, middle, ring, little, wrist or a bone, if the scans show a part; may be repeated"
 JOINTS = "PARENT-CHILD, bones of other names in a ball joint, or PARENT-CHILD:fixed; may be repeated"
@@ -93,7 +94,7 @@ def check(subject: Subject) -> int:
     """Name everything that is wrong with the subject's files, in seconds; exit code 1 if anything is."""
     source = _dataset_file(subject)
     try:
-        dataset = load_dataset(source)
+        dataset = _dataset(source)
     except InputError as error:
         found: list[HandpipeError] = [*every_fault(error)]
     else:
@@ -166,7 +167,7 @@ def view(subject: Subject) -> None:
 def propose(subject: Subject) -> None:
     """Write strokes of each neutral bone that is found for sure, for a person to look at before the build."""
     source = _dataset_file(subject)
-    dataset = load_dataset(source)
+    dataset = _dataset(source)
     path, bones = drawing.propose_strokes(source, dataset)
     for bone, reason in bones.items():
         print(f"{bone}: sure" if reason is None else f"{bone}: marked: {reason}")
@@ -186,7 +187,7 @@ def draw(
 ) -> None:
     """Draw the strokes of a pose on a page in the browser, or look at its bones."""
     source = _dataset_file(subject)
-    dataset = load_dataset(source)
+    dataset = _dataset(source)
     if look:
         canvas = drawing.labels_to_look_at(source, dataset, pose)
     else:
@@ -201,7 +202,7 @@ def export(
     usd: Annotated[bool, typer.Option("--usd", help="each scene as USD, too; needs the extra usd")] = False,
 ) -> None:
     """Write the animated scenes, the bones of each pose for 3D Slicer and ITK-SNAP, and all tables as CSV."""
-    dataset = load_dataset(_dataset_file(subject))
+    dataset = _dataset(_dataset_file(subject))
     for path in exports.export(subject, dataset, folder, usd):
         print(path)
     print(
@@ -235,3 +236,10 @@ def _dataset_file(subject: str) -> Path:
         known = ", ".join(sorted(p.stem for p in path.parent.glob("*.yaml")))
         raise InputError(path, "file", "does not exist", f"Write it, or name one of {known}")
     return path
+
+
+def _dataset(source: Path) -> Dataset:
+    """What a dataset file says. Raises `InputError` where that is wrong."""
+    dataset = load_dataset(source)
+    generators.require_known(source, dataset)
+    return dataset

@@ -50,14 +50,16 @@ def error_rows(errors: Mapping[str, Mapping[str, Array]], roles: Mapping[str, st
     ]
 
 
-def deepest(muscles: Mapping[str, Surface], held: Mapping[str, IntArray], bones: Iterable[Surface]) -> float:
+def deepest(
+    muscles: Mapping[str, Surface], attached: Mapping[str, IntArray], bones: Iterable[Surface]
+) -> float:
     """Largest depth of a free vertex of a muscle in a bone or in another muscle.
 
     Parameters
     ----------
     muscles : mapping of str to Surface
         Closed surfaces in mm by muscle.
-    held : mapping of str to array (k,)
+    attached : mapping of str to array (k,)
         Indices of the vertices of each muscle that are attached to bones, and so may lie in them.
     bones : iterable of Surface
         Closed surfaces in mm.
@@ -69,7 +71,7 @@ def deepest(muscles: Mapping[str, Surface], held: Mapping[str, IntArray], bones:
     """
     closed = {f"bone {i}": Distance(bone) for i, bone in enumerate(bones)}
     closed |= {name: Distance(surface) for name, surface in muscles.items()}
-    free = {name: np.delete(surface.vertices, held[name], axis=0) for name, surface in muscles.items()}
+    free = {name: np.delete(surface.vertices, attached[name], axis=0) for name, surface in muscles.items()}
     return max(
         float(other.depths(points).max(initial=0.0))
         for name, points in free.items()

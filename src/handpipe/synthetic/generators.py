@@ -1,19 +1,71 @@
-"""Generators of datasets by name. Each makes one pose, or what belongs to no pose, at a time."""
+"""The generators of datasets: one record a generator, which rules, checks and stages read."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import import_module
-from typing import Protocol, cast
+from pathlib import Path
+from typing import Literal, Protocol, cast
 
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset
 
-MODULES = {
-    "phantom-finger": "phantom.phantom_finger",
-    "zanatomy-index": "real_anatomy.zanatomy_index",
-    "phantom-hand": "phantom.phantom_hand",
-    "myohand-bones": "real_anatomy.myohand_bones",
-    "zanatomy-bones": "real_anatomy.zanatomy_bones",
+
+@dataclass(frozen=True)
+class GeneratorRecord:
+    """What is known of a generator without its code.
+
+    Parameters
+    ----------
+    truth : {"bones", "tissues", "coupled"}, optional
+        What is known of its subjects: the bones alone, all tissues, or all tissues by a simulation that
+        couples them. None where the images are real.
+    module : str, optional
+        Dotted name of a module as `Generator`. None where several rules make the subject.
+    template : {"curves", "surfaces"}, optional
+        What the template hand of all organs is made of: `config/anatomy/hand.yaml` or surfaces of real
+        anatomy. None where there is no such hand.
+    needs : tuple of str
+        Fields of the dataset without which nothing can be generated.
+    own : tuple of str
+        Fields of the dataset that only generators with such an entry may have.
+    """
+
+    truth: Literal["bones", "tissues", "coupled"] | None
+    module: str | None = None
+    template: Literal["curves", "surfaces"] | None = None
+    needs: tuple[str, ...] = ()
+    own: tuple[str, ...] = ()
+
+
+GENERATORS: dict[str, GeneratorRecord] = {
+    "phantom-finger": GeneratorRecord(truth="tissues", module="handpipe.synthetic.phantom.phantom_finger"),
+    "zanatomy-index": GeneratorRecord(
+        truth="tissues", module="handpipe.synthetic.real_anatomy.zanatomy_index", needs=("anatomy",)
+    ),
+    "phantom-hand": GeneratorRecord(
+        truth="bones",
+        module="handpipe.synthetic.phantom.phantom_hand",
+        template="curves",
+        own=("scanner",),
+    ),
+    "phantom-hand-complete": GeneratorRecord(truth="coupled", template="curves", own=("scanner",)),
+    "myohand-bones": GeneratorRecord(
+        truth="bones",
+        module="handpipe.synthetic.real_anatomy.myohand_bones",
+        needs=("anatomy",),
+        own=("scanner",),
+    ),
+    "zanatomy-bones": GeneratorRecord(
+        truth="bones",
+        module="handpipe.synthetic.real_anatomy.zanatomy_bones",
+        needs=("anatomy",),
+        own=("scanner",),
+    ),
+    "zanatomy-hand": GeneratorRecord(
+        truth="coupled", template="surfaces", needs=("anatomy",), own=("scanner",)
+    ),
+    "real-limb": GeneratorRecord(truth=None, needs=("anatomy", "limb"), own=("limb",)),
 }
 
 
@@ -33,10 +85,50 @@ class Generator(Protocol):
         """Write the templates, attachments, tendon curves and nail patches that the dataset names."""
 
 
+def record_of(source: str | Path, name: str) -> GeneratorRecord:
+    """The record of a generator; `InputError` for an unknown name. source: file that names it."""
+    if name not in GENERATORS:
+        problem = f"{name!r} is no generator; the generators are {', '.join(GENERATORS)}"
+        raise InputError(source, "generator", problem, "See config/README.md")
+    return GENERATORS[name]
+
+
+def require_known(source: str | Path, dataset: Dataset) -> None:
+    """Check what a dataset file says of generators.
+
+    Parameters
+    ----------
+    source : path
+        The file of the dataset, for messages.
+    dataset : Dataset
+        What it says.
+
+    Raises
+    ------
+    InputError
+        For a generator that is not known, a field that it needs and that is not given, and a field that
+        belongs to other generators.
+    """
+    record = None if dataset.generator is None else record_of(source, dataset.generator)
+    for field in () if record is None else record.needs:
+        if getattr(dataset, field) is None:
+            problem = f"is not given, but the generator {dataset.generator} needs it"
+            raise InputError(source, field, problem, "See config/README.md")
+    for field in dict.fromkeys(field for known in GENERATORS.values() for field in known.own):
+        owners = [name for name, known in GENERATORS.items() if field in known.own]
+        if getattr(dataset, field) is not None and dataset.generator not in owners:
+            problem = f"is only for the generators {', '.join(owners)}"
+            raise InputError(source, field, problem, "Remove it, or name one of these generators")
+
+
 def generator_of(dataset: Dataset) -> Generator:
-    """The generator that the dataset names; `InputError` if it names none."""
+    """The generator that the dataset names; `InputError` if it names none, or one of several rules."""
     if dataset.generator is None:
         raise InputError(
             dataset.name, "generator", "is not given", "Only generated datasets can be generated"
         )
-    return cast(Generator, import_module(f"handpipe.synthetic.{MODULES[dataset.generator]}"))
+    module = record_of(dataset.name, dataset.generator).module
+    if module is None:
+        problem = f"{dataset.generator} is made by several rules of the workflow"
+        raise InputError(dataset.name, "generator", problem, "Build the target `data`")
+    return cast(Generator, import_module(module))

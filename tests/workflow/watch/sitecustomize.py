@@ -1,4 +1,4 @@
-"""Records the files below `results` that a script of the workflow reads and its rule does not declare.
+"""Records the files of a working copy that a script of the workflow reads and its rule does not declare.
 
 Python imports this module at its start if its folder is in PYTHONPATH. For each job it writes one JSON file
 into the folder that the variable WATCHED names.
@@ -11,15 +11,16 @@ import re
 import sys
 from pathlib import Path
 
-RESULTS = Path("results").absolute()
+COPY = Path.cwd()  # results, configuration and what a person gives
+CODE = (COPY / ".snakemake", COPY / "workflow")  # what Snakemake writes, and scripts
 READ: set[Path] = set()
 
 
 def note(path: object) -> None:
-    """Remember a file below `results` that is opened."""
+    """Remember a file of the working copy that is opened."""
     if isinstance(path, str | bytes | os.PathLike):
-        found = Path(os.fsdecode(path)).absolute()
-        if found.is_relative_to(RESULTS):
+        found = Path(os.path.abspath(os.fsdecode(path)))  # without ".."
+        if found.is_relative_to(COPY) and not any(found.is_relative_to(folder) for folder in CODE):
             READ.add(found.with_name(re.sub(r"^\.\d+\.(?=.)", "", found.name)))  # temporary files of outputs
 
 
@@ -48,7 +49,7 @@ def report() -> None:
         return
     known = declared(job)
     undeclared = [p for p in READ if p.is_file() and not any(p.is_relative_to(k) for k in known)]
-    content = {"rule": job.rule, "undeclared": sorted(p.relative_to(RESULTS).as_posix() for p in undeclared)}
+    content = {"rule": job.rule, "undeclared": sorted(p.relative_to(COPY).as_posix() for p in undeclared)}
     Path(os.environ["WATCHED"], f"{os.getpid()}.json").write_text(json.dumps(content), encoding="utf-8")
 
 

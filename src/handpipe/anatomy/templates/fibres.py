@@ -23,7 +23,7 @@ from handpipe.anatomy.templates.diffusion import (
     stiffness,
     superlu,
 )
-from handpipe.core import Array, InputError, IntArray
+from handpipe.core import Array, InputError, IntArray, unit_vectors
 from handpipe.mesh.surfaces import closest_on_polyline
 from handpipe.mesh.tets import Locator, TetMesh, shape_gradients
 
@@ -145,7 +145,7 @@ def gradient_fibres(
     # Where several ways of curves lead through a tet, the last one counts.
     tensors[curves.tets] += alignment * (np.eye(3) - tangent[:, :, None] * tangent[:, None, :])
     potential = _potential(mesh, stiffness(mesh, tensors), origin, insertion, factorise)
-    return _unit(_gradient(mesh, potential)), potential
+    return _directions(_gradient(mesh, potential)), potential
 
 
 def harmonic_fibres(
@@ -173,7 +173,7 @@ def harmonic_fibres(
     ----------
     Abdrashitov 2021, Eq. 17 to 20, without curves.
     """
-    directions = _unit(_gradient(mesh, _potential(mesh, stiffness(mesh), origin, insertion, factorise)))
+    directions = _directions(_gradient(mesh, _potential(mesh, stiffness(mesh), origin, insertion, factorise)))
     middles = mesh.vertices[mesh.tets].mean(axis=1)
     still = np.linalg.norm(directions, axis=1) < 0.5
     directions[still] = directions[~still][cKDTree(middles[~still]).query(middles[still])[1]]
@@ -197,10 +197,10 @@ def flow_fibres(
     """
     isotropic = stiffness(mesh)
     tangents = spread_from_curves(mesh, curves, curves.frames[:, 0], isotropic, WEIGHT, factorise)
-    along = _unit(tangents[mesh.tets].mean(axis=1))
+    along = _directions(tangents[mesh.tets].mean(axis=1))
     tensors = leakage * np.eye(3) + (1 - leakage) * along[:, :, None] * along[:, None, :]
     potential = _potential(mesh, stiffness(mesh, tensors), origin, insertion, factorise)
-    return _unit(np.einsum("mij,mj->mi", tensors, _gradient(mesh, potential))), potential
+    return _directions(np.einsum("mij,mj->mi", tensors, _gradient(mesh, potential))), potential
 
 
 def _potential(
@@ -221,7 +221,7 @@ def _gradient(mesh: TetMesh, potential: Array) -> Array:
     return np.einsum("mci,mc->mi", shape_gradients(mesh.vertices, mesh.tets), potential[mesh.tets])
 
 
-def _unit(vectors: Array) -> Array:
+def _directions(vectors: Array) -> Array:
     """Unit vectors, or zero for vectors within rounding errors."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.where(length > STILL * length.max(), vectors / np.maximum(length, 1e-300), 0.0)
+    return np.where(length > STILL * length.max(), unit_vectors(vectors), 0.0)

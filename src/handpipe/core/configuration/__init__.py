@@ -7,8 +7,6 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.core.configuration import selection
     from handpipe.core.configuration.config import (
-        COUPLED_HANDS,
-        LIMB,
         Dataset,
         ImageEffect,
         Images,
@@ -36,13 +34,11 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
-    "COUPLED_HANDS",
     "Dataset",
     "ImageEffect",
     "Images",
     "Interpolation",
     "Joint",
-    "LIMB",
     "Length",
     "Model",
     "Muscle",

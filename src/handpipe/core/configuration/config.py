@@ -51,10 +51,6 @@ ImageEffect = Literal[
     "palmar_fascia",
     "trabeculae",
 ]
-HANDS_OF_BONES = ("phantom-hand", "myohand-bones", "zanatomy-bones")  # generators of bones alone
-COUPLED_HANDS = ("phantom-hand-complete", "zanatomy-hand")  # generators whose truth is a coupled simulation
-LIMB = "real-limb"  # generator that makes a subject of a folder of real images
-SCANNED_HANDS = (*HANDS_OF_BONES, *COUPLED_HANDS)
 
 
 class UndeclaredFieldError(Exception):
@@ -275,7 +271,7 @@ class Images(Model):
 
 
 class Limb(Model):
-    """Where the images of a `real-limb` are, their unit, and the strokes drawn on the neutral one."""
+    """Where the real images of a generated subject are, their unit, and the strokes on the neutral one."""
 
     unit: float = Field(gt=0, le=1000, description="mm a unit of lengths in the volumes' headers")
     shrunk: float = Field(
@@ -333,19 +329,9 @@ class Dataset(Model):
     like: Subject | None = Field(
         None, description="another dataset beside this file, whose keys hold where this file has none"
     )
-    generator: (
-        Literal[
-            "phantom-finger",
-            "zanatomy-index",
-            "phantom-hand",
-            "phantom-hand-complete",
-            "myohand-bones",
-            "zanatomy-bones",
-            "zanatomy-hand",
-            "real-limb",
-        ]
-        | None
-    ) = None
+    generator: str | None = Field(
+        None, description="what makes the subject's files; none where they are given. See config/README.md"
+    )
     seed: int = Field(0, ge=0)
     scanner: Scanner | None = Field(
         None, description="generated whole hands: voxel size, bias field and noise"
@@ -353,7 +339,9 @@ class Dataset(Model):
     images: Images | None = Field(
         None, description="generated subjects: image model, sequence, field and effects"
     )
-    limb: Limb | None = Field(None, description="of a real-limb: its images, their unit, its strokes")
+    limb: Limb | None = Field(
+        None, description="of a subject of real images: its images, their unit, its strokes"
+    )
     segmentation: Segmentation | None = Field(None, description="of bones that are not a hand's")
     anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
@@ -411,12 +399,8 @@ class Dataset(Model):
         labelled = [name for name, pose in self.poses.items() if pose.labels is not None]
         if self.contrast == "learned" and labelled:
             raise ValueError(f"poses.{labelled[0]}.labels: contrast is learned from seeds: give these alone")
-        if self.scanner is not None and self.generator not in SCANNED_HANDS:
-            raise ValueError(f"scanner: is only for the generators {', '.join(SCANNED_HANDS)}")
         if self.images is not None and self.generator is None:
             raise ValueError("images: is only for generated subjects; a scanned one names its volumes")
-        if (self.limb is not None) != (self.generator == LIMB):
-            raise ValueError(f"limb: belongs to the generator {LIMB}, which needs it")
         if self.limb is not None and set(self.limb.volumes) != set(self.poses):
             raise ValueError("limb: volumes: needs the file of each pose, and of no other")
         for kind, named in (

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from handpipe.core import Array, InputError
+from handpipe.core import Array, InputError, unit_vectors
 from handpipe.fem.contact.closest_feature import shape_operators
 from handpipe.fem.contact.points import PointPotential, per_point
 from handpipe.mesh.surfaces import Distance
@@ -97,14 +97,14 @@ class Sliding(PointPotential):
     def __init__(self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike) -> None:
         super().__init__(operator)
         self.origins = _vectors(points, self.count, "points")
-        self.normals = _unit(_vectors(normals, self.count, "normals"))
+        self.normals = _unit_normals(_vectors(normals, self.count, "normals"))
         self.stiffness = per_point(stiffness, self.count, "stiffness")
 
     def moved(self, points: Array, normals: Array) -> Self:
         """The same constraint with planes through other points (k, 3), with other normals (k, 3)."""
         other = _twin(self)
         other.origins = _vectors(points, self.count, "points")
-        other.normals = _unit(_vectors(normals, self.count, "normals"))
+        other.normals = _unit_normals(_vectors(normals, self.count, "normals"))
         return other
 
     def heights(self, points: Array) -> Array:
@@ -360,11 +360,11 @@ def _vectors(array: Array, count: int, name: str) -> Array:
     return out
 
 
-def _unit(vectors: Array) -> Array:
-    norms = np.linalg.norm(vectors, axis=1, keepdims=True)
-    if np.any(norms == 0):
+def _unit_normals(vectors: Array) -> Array:
+    """Normals of length 1; `InputError` for a zero vector."""
+    if np.any(np.linalg.norm(vectors, axis=1) == 0):
         raise InputError("constraint", "normals", "has a zero vector", "Give unit normals")
-    return vectors / norms
+    return unit_vectors(vectors)
 
 
 def dyads(vectors: Array) -> Array:

@@ -26,11 +26,11 @@ class TwoLevel:
 
         Raises `NotPositiveDefinite` where the coarse matrix is not, hence neither the fine one.
         """
-        held = ~free.reshape(-1, 3)
-        if (held.any(axis=1) != held.all(axis=1)).any():
+        constrained = ~free.reshape(-1, 3)
+        if (constrained.any(axis=1) != constrained.all(axis=1)).any():
             problem = "holds some nodes in some directions only"
             raise InputError("two levels", "free", problem, "Solve without a coarse space")
-        nodes = ~held[:, 0]
+        nodes = ~constrained[:, 0]
         among = prolongation[nodes][:, nodes[_own_nodes(prolongation)]]
         self._carry = sp.kron(among, sp.eye(3), format="csr")
         self._gather = self._carry.T.tocsr()

@@ -14,7 +14,7 @@ from handpipe.fem.potentials.potential import Sum, same_pattern
 class Workspace:
     """Linear systems, the pattern of the unknowns' block, and the last plain Hessian.
 
-    `held` is True once no rigid-body mode was found to be unconstrained.
+    `constrained` is True once no rigid-body mode was found to be unconstrained.
     """
 
     def __init__(self, rest: Array, coarse: sp.csr_matrix | None = None, single: bool = False) -> None:

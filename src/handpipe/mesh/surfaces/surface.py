@@ -13,7 +13,7 @@ import meshio
 import numpy as np
 from scipy import sparse
 
-from handpipe.core import Array, BoolArray, InputError, IntArray, RigidTransform, atomic
+from handpipe.core import Array, BoolArray, InputError, IntArray, RigidTransform, atomic, unit_vectors
 from handpipe.mesh.files.obj import read_obj
 from handpipe.mesh.files.ply import read_ply
 from handpipe.mesh.files.polygons import NotSimple, Polygons, triangulate
@@ -72,13 +72,13 @@ class Surface:
 
     def triangle_normals(self) -> Array:
         """Unit normals (k, 3); zero for a triangle without area."""
-        return _unit(self._area_vectors())
+        return unit_vectors(self._area_vectors())
 
     @cached_property
     def _vertex_normals(self) -> Array:
         angles = corner_angles(self.vertices, self.triangles)
         weighted = angles[:, :, None] * self.triangle_normals()[:, None, :]
-        return _unit(sums_at(self.triangles.ravel(), weighted.reshape(-1, 3), len(self.vertices)))
+        return unit_vectors(sums_at(self.triangles.ravel(), weighted.reshape(-1, 3), len(self.vertices)))
 
     def vertex_normals(self) -> Array:
         """Unit normals (n, 3), triangle normals weighted by their angle at the vertex."""
@@ -99,7 +99,7 @@ class Surface:
         array (k, 3)
             Unit normals.
         """
-        return _unit(feet @ self.vertex_normals())
+        return unit_vectors(feet @ self.vertex_normals())
 
     def contains(self, points: Array) -> BoolArray:
         """Which points are inside: those with a winding number above one half.
@@ -185,11 +185,6 @@ class Surface:
     def largest_component(self) -> Surface:
         """The connected part of largest area."""
         return self.components()[0]
-
-
-def _unit(vectors: Array) -> Array:
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.where(lengths > 0, lengths, 1.0)
 
 
 def component_labels(triangles: IntArray) -> IntArray:

@@ -47,17 +47,17 @@ class AllTets:
         """|L S|^2, and a tiny weight on means, which L does not see."""
         return 2.0 * self.smoothness.energy(unknowns) + float(RIDGE @ unknowns.mean(axis=0) ** 2)
 
-    def step(self, state: State, held: Sequence[Potential], marks: Correspondence, stage: Stage) -> Step:
+    def step(self, state: State, external: Sequence[Potential], marks: Correspondence, stage: Stage) -> Step:
         """Over uniform strains (`fields` is 1) or all."""
-        system = self.system(state, held, marks, stage.weight)
+        system = self.system(state, external, marks, stage.weight)
         return system.uniform() if stage.fields == 1 else system.solve()
 
     def system(
-        self, state: State, held: Sequence[Potential], marks: Correspondence, weight: float
+        self, state: State, external: Sequence[Potential], marks: Correspondence, weight: float
     ) -> GaussNewton:
         """The quadratic model of the objective about a state."""
         loose = LooseMotions(state.holds.targets, state.x).modes(state.x)
-        response = Response(state.body, held, state.x, state.unknowns, loose, self.frame)
+        response = Response(state.body, external, state.x, state.unknowns, loose, self.frame)
         return GaussNewton(self.smoothness, response, self.rows(state, marks, weight), state.unknowns)
 
     def rows(self, state: State, marks: Correspondence, weight: float) -> MarkRows:

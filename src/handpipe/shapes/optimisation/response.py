@@ -40,13 +40,13 @@ class Response:
     def __init__(
         self,
         body: Elastic,
-        held: Sequence[Potential],
+        external: Sequence[Potential],
         x: Array,
         logs: Array,
         loose: Array,
         frame: StrainFrame | None = None,
     ) -> None:
-        """body: with strains exp(logs), logs (m, 6) in a frame, and x (n, 3) its equilibrium with `held`."""
+        """body: with strains exp(logs), logs (m, 6) in a frame; x (n, 3): its equilibrium with `external`."""
         since = logs if frame is None else frame(logs)
         derivative = plasticity.exp_derivative(since)
         if frame is not None:
@@ -54,7 +54,7 @@ class Response:
         self.forces = (body.strain_jacobian(x) @ plasticity.per_tet_operator(derivative)).tocsr()
         self.pulls = self.forces.T.tocsr()
         self.loose = loose
-        self._inverse = _inverse(Sum([body, *held]).hessian(x), loose)
+        self._inverse = _inverse(Sum([body, *external]).hessian(x), loose)
 
     def motion(self, change: Array) -> Array:
         """J d (3n,) of a change d (m, 6) of the log-strains."""

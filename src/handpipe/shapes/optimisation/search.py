@@ -81,14 +81,14 @@ class Search:
         """The equilibrium under strains, from x (n, 3); raises `ConvergenceError` where there is none."""
         body = self.strained(unknowns)
         pins = LooseMotions(holds.targets, x).pins(x)
-        found = equilibrium.solve([body, *self.held(holds)], x, fixed=pins, options=self.options)
+        found = equilibrium.solve([body, *self.external(holds)], x, fixed=pins, options=self.options)
         return State(unknowns, holds, body, found.x, found.record.tangles)
 
     def strained(self, unknowns: Array) -> Elastic:
         """The body under strains."""
         return self.body.with_strains(self.space.plastic(unknowns))
 
-    def held(self, holds: Holds) -> list[Potential]:
+    def external(self, holds: Holds) -> list[Potential]:
         """Potentials that act on the body besides its own elasticity."""
         if len(holds.targets) == 0:
             return [*self.loads]
@@ -133,7 +133,7 @@ class Search:
         self, state: State, marks: Correspondence, stage: Stage, before: float
     ) -> tuple[State, float]:
         """The longest of the steps 1, 1/2, 1/4... that lowers the objective, and its length (0: none)."""
-        step = self.space.step(state, self.held(state.holds), marks, stage)
+        step = self.space.step(state, self.external(state.holds), marks, stage)
         motions = LooseMotions(state.holds.targets, state.x)
         largest = float(np.abs(self.space.logs(step.strains)).max())
         self.hindered = False
@@ -166,13 +166,13 @@ class Search:
         """Record a step, or a remeshing as one; step: objective, length and when it began."""
         objective, length, begun = step
         errors = marks.distances(state.x)
-        held = np.linalg.norm(state.holds.errors(state.x), axis=1)
+        offsets = np.linalg.norm(state.holds.errors(state.x), axis=1)
         found = StepRecord(
             stage=stage,
             objective=objective,
             marker_mean=float(errors.mean()) if len(errors) else 0.0,
             marker_max=float(errors.max(initial=0.0)),
-            attachment_max=float(held.max(initial=0.0)),
+            attachment_max=float(offsets.max(initial=0.0)),
             eigenvalue=float(plasticity.eigenvalues(state.body.strains).min()),
             step=length,
             seconds=time.perf_counter() - begun,

@@ -52,11 +52,11 @@ class SmoothFields:
         near = self.options.strain * float(((unknowns - self.guess) ** 2 @ COUNTS).sum())
         return self.basis.roughness(unknowns, self.options.volume) + near
 
-    def step(self, state: State, held: Sequence[Potential], marks: Correspondence, stage: Stage) -> Step:
+    def step(self, state: State, external: Sequence[Potential], marks: Correspondence, stage: Stage) -> Step:
         """In the first `fields` fields and the motions of loose ends."""
         count = len(self.guess) if stage.fields is None else min(stage.fields, len(self.guess))
         holds, o = state.holds, self.options
-        x_by, targets_by = self._derivatives(state, held, count)
+        x_by, targets_by = self._derivatives(state, external, count)
         rows, residuals = marks.rows(state.x)
         terms = (
             (stage.weight, rows @ x_by, residuals),
@@ -77,7 +77,7 @@ class SmoothFields:
         motion = (x_by @ solution).reshape(-1, 3)
         return Step(change, motion, float(gradient @ solution), ends=solution[strains:], loose=NOTHING)
 
-    def _derivatives(self, state: State, held: Sequence[Potential], count: int) -> tuple[Array, Array]:
+    def _derivatives(self, state: State, external: Sequence[Potential], count: int) -> tuple[Array, Array]:
         """Derivatives of x (3 n, u) and of the holds' targets (3 t, u) by the unknowns.
 
         The unknowns are the coefficients of `count` fields, then motions of loose ends. x follows the strains
@@ -88,13 +88,13 @@ class SmoothFields:
         forces = self.basis.first(count).times((state.body.strain_jacobian(state.x) @ chain).tocsr())
         moved = holds.by_motions()
         pulls = self.options.spring * (holds.wide.T @ moved)
-        x_by = _tangent(state, held).solve(np.hstack([-forces, pulls]))
+        x_by = _tangent(state, external).solve(np.hstack([-forces, pulls]))
         return x_by, np.hstack([np.zeros((len(moved), forces.shape[1])), moved])
 
 
-def _tangent(state: State, held: Sequence[Potential]) -> Any:
+def _tangent(state: State, external: Sequence[Potential]) -> Any:
     matrix = state.body.hessian(state.x)
-    for potential in held:
+    for potential in external:
         matrix = matrix + potential.hessian(state.x)
     try:
         return factorise(matrix.tocsr(), positive=False)

@@ -111,6 +111,6 @@ class StrainSpace(Protocol):
         """Twice the prior's part of the objective."""
         ...
 
-    def step(self, state: State, held: Sequence[Potential], marks: Correspondence, stage: Stage) -> Step:
-        """The Gauss-Newton step of a stage from a state under the `held` potentials and the body's own."""
+    def step(self, state: State, external: Sequence[Potential], marks: Correspondence, stage: Stage) -> Step:
+        """The Gauss-Newton step of a stage from a state under `external` potentials and the body's own."""
         ...

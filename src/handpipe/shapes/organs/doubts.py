@@ -48,10 +48,10 @@ class Doubts:
 
     def heeded(self, given: Given) -> Given:
         """The same without doubtful attachments, and marks with the share of their weight."""
-        held, settings = given.held, replace(given.settings, alpha=self.share * given.settings.alpha)
-        if held is not None and self.attachments.any():
-            held = held.chosen(np.flatnonzero(~self.attachments))
-        return replace(given, held=held, settings=settings)
+        attached, settings = given.attached, replace(given.settings, alpha=self.share * given.settings.alpha)
+        if attached is not None and self.attachments.any():
+            attached = attached.chosen(np.flatnonzero(~self.attachments))
+        return replace(given, attached=attached, settings=settings)
 
     def quality(self) -> Metrics:
         """For people."""
@@ -84,7 +84,7 @@ def examine(given: Given, start: Array) -> Doubts:
     ConvergenceError
         If no equilibrium is found at the start.
     """
-    count = 0 if given.held is None else len(given.held.targets)
+    count = 0 if given.attached is None else len(given.attached.targets)
     doubts = Doubts(np.zeros(count, dtype=bool))
     if count < 2 and len(given.marks) < 2:
         return doubts
@@ -112,7 +112,7 @@ class _Body:
     holds: Holds
     marks: FindMarks
     known: Attached | None
-    held: Attached
+    attached: Attached
 
     @staticmethod
     def measure(given: Given, placed: Array) -> _Body:
@@ -120,7 +120,7 @@ class _Body:
         mesh, carry = coarsened(given.template)
         robust = settings.mark_error if settings.outliers else None
         marks = BoundaryMarks(given.template, given.marks, settings.tangential, robust).thinned(SAMPLE)
-        held = given.held or Attached.nothing(len(placed))
+        attached = given.attached or Attached.nothing(len(placed))
         space = AllTets(mesh.tets, settings)
         return _Body(
             space,
@@ -129,7 +129,7 @@ class _Body:
             Holds.place(Attached.nothing(len(mesh.vertices)), (), mesh.vertices),
             lambda x: marks(carry @ x).carried(carry),
             None if given.known is None else given.known.carried(carry),
-            held.carried(carry),
+            attached.carried(carry),
         )
 
 
@@ -138,23 +138,23 @@ class _Examination:
 
     def __init__(self, given: Given, body: _Body, chosen: IntArray) -> None:
         self.given, self.settings = given, given.settings
-        self.held = body.held.chosen(chosen)
+        self.attached = body.attached.chosen(chosen)
         search, marks, known = body.search, body.marks, body.known
         alpha = given.settings.alpha
-        find = all_points(marks, known, self.held)
+        find = all_points(marks, known, self.attached)
         state = search.begin(body.holds, body.start)
         state = search.run(state, Stage("doubts, uniform", find, alpha, 1, EARLY))
-        self.suspects = np.zeros(len(self.held.targets), dtype=bool)
+        self.suspects = np.zeros(len(self.attached.targets), dtype=bool)
         if len(self.suspects):
-            self.predictions = Predictions.at(body.space, state, marks, known, self.held)
+            self.predictions = Predictions.at(body.space, state, marks, known, self.attached)
             self.suspects = self._suspects()
-            find = all_points(marks, known, self.held.chosen(np.flatnonzero(~self.suspects)))
+            find = all_points(marks, known, self.attached.chosen(np.flatnonzero(~self.suspects)))
         state = search.run(state, Stage("doubts", find, SMOOTH * alpha, None, EARLY))
-        self.predictions = Predictions.at(body.space, state, marks, known, self.held)
+        self.predictions = Predictions.at(body.space, state, marks, known, self.attached)
 
     def _suspects(self) -> BoolArray:
         """Attachments (t,) with large errors, the worst before the others, whose predictions it spoils."""
-        wrong = np.zeros(len(self.held.targets), dtype=bool)
+        wrong = np.zeros(len(self.attached.targets), dtype=bool)
         while (~wrong).sum() > 1:
             left = np.flatnonzero(~wrong)
             errors = np.linalg.norm(self._offsets(left, wrong), axis=1)
@@ -177,7 +177,7 @@ class _Examination:
             others = found.copy()
             others[suspect] = False
             offset = self._offsets(np.array([suspect]), others)[0]
-            room = self._distance(self.held.targets[suspect] - offset, self.held.targets[trusted])
+            room = self._distance(self.attached.targets[suspect] - offset, self.attached.targets[trusted])
             found[suspect] = np.linalg.norm(offset) > max(robust.TUKEY * self._usual(errors), room)
         return found
 
@@ -190,10 +190,10 @@ class _Examination:
     def _usual(self, errors: Array) -> float:
         return max(robust.NORMAL * float(np.median(errors)), self.settings.mark_error)
 
-    def _distance(self, place: Array, held: Array) -> float:
+    def _distance(self, place: Array, attachments: Array) -> float:
         """Of a place from the nearest mark, landmark or attachment (k, 3), in mm."""
         known = [] if self.given.known is None else [self.given.known.targets]
-        points = np.concatenate([held, self.given.marks, *known])
+        points = np.concatenate([attachments, self.given.marks, *known])
         return float(np.linalg.norm(points - place, axis=1).min())
 
     def agreement(self) -> tuple[float, float, float]:

@@ -147,9 +147,9 @@ def fit_organ(
     named = {sources.attachments: attachments, sources.landmarks: landmarks}
     require_sizes(template, points, {name: p for name, p in named.items() if p is not None}, sources)
     attachments, landmarks = loosened(attachments, landmarks)
-    held = None if attachments is None else attachments.attached(template)
+    attached = None if attachments is None else attachments.attached(template)
     known = None if landmarks is None else landmarks.attached(template)
-    given = Given(template, points, held, known, tuple(loads), volume, settings)
+    given = Given(template, points, attached, known, tuple(loads), volume, settings)
     start = _start(given)
     require_reached(template.moved(start), points, settings.outliers, sources)
     if volume is not None:
@@ -170,7 +170,7 @@ def fit_organ(
 
 
 def _start(given: Given) -> Array:
-    pairs = [p for p in (given.known, given.held) if p is not None]
+    pairs = [p for p in (given.known, given.attached) if p is not None]
     return placed(given.template, pairs, OnMesh.of_template(given).marks)
 
 

@@ -34,11 +34,11 @@ class Predictions:
 
     @staticmethod
     def at(
-        space: AllTets, state: State, marks: FindMarks, known: Attached | None, held: Attached | None
+        space: AllTets, state: State, marks: FindMarks, known: Attached | None, attached: Attached | None
     ) -> Predictions:
         """Of all points, about a state of an unconstrained body."""
-        points = all_points(marks, known, held)(state.x)
-        counts = [0 if pairs is None else len(pairs.targets) for pairs in (known, held)]
+        points = all_points(marks, known, attached)(state.x)
+        counts = [0 if pairs is None else len(pairs.targets) for pairs in (known, attached)]
         system = space.system(state, (), points, 1.0)
         return Predictions(system, points.count - sum(counts), counts[0])
 
@@ -62,6 +62,6 @@ class Predictions:
         return np.asarray(np.linalg.solve(blocks, pulls[..., None])[..., 0])
 
 
-def all_points(marks: FindMarks, known: Attached | None, held: Attached | None) -> FindMarks:
+def all_points(marks: FindMarks, known: Attached | None, attached: Attached | None) -> FindMarks:
     """Marks, landmarks, and attachments as landmarks."""
-    return with_landmarks(with_landmarks(marks, known), held)
+    return with_landmarks(with_landmarks(marks, known), attached)

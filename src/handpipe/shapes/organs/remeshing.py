@@ -50,7 +50,7 @@ class Given:
 
     template: TetMesh
     marks: Array
-    held: Attached | None
+    attached: Attached | None
     known: Attached | None
     loads: tuple[Potential, ...]
     image: Volume | None
@@ -76,8 +76,8 @@ class OnMesh:
         self.carry = sp.identity(len(mesh.vertices), format="csr") if carry is None else carry
         loads = given.loads if carry is None else [Carried(p, carry) for p in given.loads]
         settings = given.settings
-        held = (given.held or Attached.nothing(self.carry.shape[0])).carried(self.carry)
-        self.holds = Holds.place(held, (), mesh.vertices)
+        attached = (given.attached or Attached.nothing(self.carry.shape[0])).carried(self.carry)
+        self.holds = Holds.place(attached, (), mesh.vertices)
         self.frame = frame
         self.search = Search(mesh, AllTets(mesh.tets, settings, frame), settings, loads)
         self.search.record = record

@@ -109,7 +109,7 @@ def digest(given: Given) -> str:
 
     x = given.template.vertices
     add(x, given.template.tets, given.marks)
-    for points in (given.held, given.known):
+    for points in (given.attached, given.known):
         _add_points(add, points)
     for load in given.loads:
         add(np.array(load.value(x)), load.gradient(x))

@@ -58,11 +58,11 @@ def plan(given: Given) -> list[Planned]:
     settings = given.settings
     stages: list[Planned] = []
     more = len(given.marks) > 0 or given.image is not None
-    held = np.zeros((0, 3)) if given.held is None else given.held.targets
+    attached = np.zeros((0, 3)) if given.attached is None else given.attached.targets
     known = np.zeros((0, 3)) if given.known is None else given.known.targets
-    if len(held) and (in_space(held) or not (more or len(known))):
+    if len(attached) and (in_space(attached) or not (more or len(known))):
         stages.append(Planned("attachments", "nothing", 1.0, UNIFORM, EARLY))
-    if len(known) and (in_space(np.concatenate([held, known])) or not more):
+    if len(known) and (in_space(np.concatenate([attached, known])) or not more):
         stages += _growing("landmarks", settings.alpha, EARLY, EARLY)
     if len(given.marks):
         stages += _growing("marks", settings.alpha, settings.iterations, settings.iterations)

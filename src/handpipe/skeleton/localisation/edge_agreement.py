@@ -71,7 +71,7 @@ def agreement(image: Volume, probes: Probes, transform: RigidTransform) -> Agree
     return Agreement(float((clear & near).mean()), float(seen.mean()), typical)
 
 
-def onto_edges(image: Volume, body: MovingBones, start: RigidTransform, *, held: bool) -> RigidTransform:
+def onto_edges(image: Volume, body: MovingBones, start: RigidTransform, *, prior: bool) -> RigidTransform:
     """A motion of a body that brings its marrow onto the image's steepest falls.
 
     Parameters
@@ -82,8 +82,8 @@ def onto_edges(image: Volume, body: MovingBones, start: RigidTransform, *, held:
         Bones that move as one.
     start : RigidTransform
         Initial guess.
-    held : bool
-        Whether the start counts, as a joint's prediction does where edges leave a rotation undetermined.
+    prior : bool
+        Whether the start is a prior, as a joint's prediction is where edges leave a rotation undetermined.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def onto_edges(image: Volume, body: MovingBones, start: RigidTransform, *, held:
         common = (weights @ offset) / max(float(weights.sum()), 1e-9)
         middle = transform(body.middle)
         rows = Rows.build(points, outwards, offset - common, middle)
-        if held:
+        if prior:
             rows = Rows.joined([rows, _pull(start, transform, body, float(weights.sum()))])
             weights = np.concatenate([weights, np.ones(6)])
         transform = moved(transform, solve(rows, weights), body.middle)

@@ -123,7 +123,7 @@ class PoseSearch:
         body = self.model.bodies[0]
         found: list[tuple[RigidTransform, float]] = []
         for starts in root_starts(self.evidence, {b: self.model.marrow[b] for b in body.bones}):
-            found += self._best(body, starts, held=False)
+            found += self._best(body, starts, prior=False)
             LOG.info("root: edges agree by %s", np.round(sorted(share for _, share in found)[::-1], 2))
             if max(share for _, share in found) > NO_DOUBT:
                 break
@@ -146,25 +146,25 @@ class PoseSearch:
         """Motions of a joint's child, and their scores from the image, the joint and overlaps."""
         body, parent = self.model.bodies[link.child], guess.motions[link.parent]
         found = []
-        for motion, agrees in self._best(body, link.trials.carried(parent), held=True):
+        for motion, agrees in self._best(body, link.trials.carried(parent), prior=True):
             crowd = max(self.model.bodies_overlap(link.child, motion, n, m) for n, m in guess.motions.items())
             departure = link.departure(parent, motion)
             doubt = 0.5 * (1 - departure.plausible) + TURN * departure.turn
             found.append((motion, agrees - doubt - CROWDED * crowd))
         return found
 
-    def _best(self, body: MovingBones, trials: Motions, *, held: bool) -> list[tuple[RigidTransform, float]]:
+    def _best(self, body: MovingBones, trials: Motions, *, prior: bool) -> list[tuple[RigidTransform, float]]:
         """A few distinct motions on the image's edges, and the shares of the edges that agree, best first.
 
         Where none agrees well more trials are followed: a small bone shows little in the coarse images.
         """
-        found = self._followed(body, trials, CANDIDATES, REFINED, held=held)
+        found = self._followed(body, trials, CANDIDATES, REFINED, prior=prior)
         if found[0][1] < WELL:
-            found = self._followed(body, trials, THOROUGH * CANDIDATES, THOROUGH * REFINED, held=held)
+            found = self._followed(body, trials, THOROUGH * CANDIDATES, THOROUGH * REFINED, prior=prior)
         return found
 
     def _followed(
-        self, body: MovingBones, trials: Motions, candidates: int, refined: int, *, held: bool
+        self, body: MovingBones, trials: Motions, candidates: int, refined: int, *, prior: bool
     ) -> list[tuple[RigidTransform, float]]:
         """The best trials improved, and the best of these brought onto the edges."""
         scores = coarse_contrast(self.evidence, body.probes.first(FEW), trials)
@@ -172,7 +172,7 @@ class PoseSearch:
         motions = improved(self.evidence, body, motions, self.random)
         scores = fine_contrast(self.evidence, body.probes, motions)
         motions = motions[best_distinct(body, motions, scores, refined, SAME)]
-        on_edges = [onto_edges(self.evidence.fine, body, t, held=held) for t in motions.transforms()]
+        on_edges = [onto_edges(self.evidence.fine, body, t, prior=prior) for t in motions.transforms()]
         shares = np.array([agreement(self.evidence.fine, body.probes, t).share for t in on_edges])
         kept = best_distinct(body, Motions.stack(on_edges), shares, REFINED, SAME)
         return [(on_edges[i], float(shares[i])) for i in kept]

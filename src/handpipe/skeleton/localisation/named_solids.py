@@ -195,8 +195,8 @@ class ImageSolids:
         for joint in (joint for ray in self.hand.rays for joint in ray if joint.child in naming.solids):
             pair = joint.parent, joint.child
             first, second = (self.overlapping[naming.solids[bone]] for bone in pair)
-            held = zip(self.solids, first & second, strict=True)
-            wholes = [solid for solid, holds_both in held if holds_both]
+            shared = zip(self.solids, first & second, strict=True)
+            wholes = [solid for solid, holds_both in shared if holds_both]
             scale = placed.similarity.scale
             costs = [self._size_cost(bone, solid, scale) for bone in pair for solid in wholes]
             if falling(min(costs, default=np.inf), *COSTS) >= SURE:

@@ -71,6 +71,6 @@ def _places(evidence: MarrowEvidence, body: MovingBones, trials: Motions) -> lis
     """Distinct motions of a body on the image's edges, those first on which most of its edges agree."""
     few = replace(body, probes=body.probes.first(FEW))
     followed = best_distinct(body, trials, coarse_contrast(evidence, few.probes, trials), TRIALS, APART)
-    found = [onto_edges(evidence.fine, few, t, held=False) for t in trials[followed].transforms()]
+    found = [onto_edges(evidence.fine, few, t, prior=False) for t in trials[followed].transforms()]
     shares = np.array([agreement(evidence.fine, few.probes, t).share for t in found])
     return [found[i] for i in best_distinct(body, Motions.stack(found), shares, GUESSES, SAME)]
