@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--measured", type=Path, default=KEPT, help="JSON of lengths")
     parser.add_argument("--profile", type=Path, default=PROFILE, help="folder of the profile with groups")
     parser.add_argument("--start", type=float, default=COSTS.start, help="s of a worker before each job")
-    parser.add_argument("--notice", type=float, default=COSTS.notice, help="s from a job's end to the next job")
+    parser.add_argument("--notice", type=float, default=COSTS.notice, help="s from a job's end to the next")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON of the figures")
     options = parser.parse_args(arguments)
     costs = Costs(options.start, options.notice)
@@ -41,7 +41,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options.output.parent.mkdir(parents=True, exist_ok=True)
     metrics.write(options.output, found)
     artifacts.write_text(options.output.with_suffix(".md"), table(found, texts))
-    FigureCanvasSVG(picture(found, texts)).print_svg(options.output.with_suffix(".svg"))
+    FigureCanvasSVG(picture(found, texts)).print_svg(
+        options.output.with_suffix(".svg"), metadata={"Date": None}
+    )
     print(table(found, texts))
 
 

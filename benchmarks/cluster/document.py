@@ -13,7 +13,7 @@ SHOWN = (1, 10, 100, 1000)  # workers of the table
 
 
 def table(found: Metrics, texts: Mapping[str, str]) -> str:
-    """By case: jobs, seconds by workers with the gain over one worker, and the share of 1,000 workers' time."""
+    """By case: jobs, and by workers seconds, gain over one worker, and useful share of the workers' time."""
     heads = ["jobs that are submitted", "jobs", *(f"{n:,} worker{'s' * (n > 1)}" for n in SHOWN)]
     lines = [f"| {' | '.join(heads)} |", "| --- " * len(heads) + "|"]
     for case, text in texts.items():

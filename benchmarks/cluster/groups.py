@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -36,17 +37,17 @@ class Groups:
 
 def submissions(work: Work, groups: Groups) -> list[tuple[str, ...]]:
     """Jobs that are submitted together, each job in one submission."""
-    found = [(job,) for job in work.seconds if groups.of_job(job) is None]
+    found: list[tuple[str, ...]] = [(job,) for job in work.seconds if groups.of_job(job) is None]
     for group in dict.fromkeys(groups.of_rule.values()):
         jobs = [job for job in work.seconds if groups.of_job(job) == group]
         parts = _connected(jobs, work.needs)
         count = groups.components.get(group, 1)
-        found += [sum(parts[i : i + count], ()) for i in range(0, len(parts), count)]
+        found += [tuple(chain(*parts[i : i + count])) for i in range(0, len(parts), count)]
     return found
 
 
 def grouped(work: Work, groups: Groups) -> Work:
-    """The submissions as jobs, each with the name of its first job; the jobs of one run one after the other."""
+    """The submissions as jobs, each named by its first job; the jobs of one run one after the other."""
     parts = submissions(work, groups)
     name = {job: part[0] for part in parts for job in part}
     needs = {

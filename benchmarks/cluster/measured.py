@@ -1,7 +1,7 @@
 """`python -m benchmarks.cluster.measured RESULTS`: lengths of jobs and frames of a built hand.
 
-They are kept beside this file, with the commit of the build, so that clusters can be simulated without it. Which job
-needs which is read from the workflow as it is now: it has to have the jobs of that build.
+They are kept beside this file, with the commit of the build, so that clusters can be simulated without it.
+Which job needs which is read from the workflow as it is now: it has to have the jobs of that build.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ KEPT = Path(__file__).with_name("measured.json")
 class Measured:
     """Lengths in s by the clock.
 
-    jobs: of a whole build, by name `{rule}/{wildcards}`; needs: the jobs whose files a job reads, without those
-    that follow from others; loading: of a job of frames before and behind its frames, mean; frames: of chunks of
+    jobs: of a whole build, by name `{rule}/{wildcards}`; needs: the jobs whose files a job reads, without
+    those that follow from others; loading: of a job of frames without its frames, mean; frames: of runs of
     neighbouring frames of the benchmark of trust, by name.
     """
 

@@ -1,4 +1,4 @@
-"""Jobs with measured lengths on a number of workers: when the last one ends, and how early it could end at best."""
+"""Jobs with measured lengths on a number of workers: when the last one ends, and how early it could end."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Work:
     needs: Mapping[str, Set[str]] = field(default_factory=dict)
 
     def order(self) -> list[str]:
-        """Jobs, each behind those that it needs. Raises `graphlib.CycleError` if jobs wait for one another."""
+        """Jobs, each behind those that it needs; `graphlib.CycleError` if jobs wait for one another."""
         return list(TopologicalSorter({job: self.needs.get(job, ()) for job in self.seconds}).static_order())
 
 
@@ -63,7 +63,7 @@ def makespan(work: Work, workers: int, costs: Costs) -> float:
 
 
 def least(work: Work, workers: int, costs: Costs) -> float:
-    """Seconds that no order of the jobs falls below: of the longest chain of needs, and of all work shared."""
+    """Seconds that no order of the jobs falls below: the longest chain of needs, or all work shared."""
     together = sum(work.seconds.values()) + costs.start * len(work.seconds)
     return max(longest_chain(work, costs), together / workers)
 

@@ -1,4 +1,4 @@
-"""A Slurm cluster of one node that is this machine: munged, slurmctld and slurmd of the system, in a temporary folder.
+"""A Slurm cluster of one node, this machine: munged, slurmctld and slurmd in a temporary folder.
 
 The daemons are those of Debian's packages munge, slurmctld, slurmd and slurm-client. They run as the user who
 tests, in the foreground, on free ports, without accounting and without control groups.
@@ -17,6 +17,7 @@ from getpass import getuser
 from pathlib import Path
 
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel")
+MUNGE_FILES = ("key-file", "socket", "pid-file", "seed-file")
 SYSTEM = os.pathsep.join([os.environ.get("PATH", ""), "/usr/sbin", "/sbin"])  # where Debian puts daemons
 CONFIGURATION = """\
 ClusterName=one
@@ -64,14 +65,18 @@ class Node:
     def ask(self, *command: str) -> str:
         """What a client says; empty if it fails."""
         done = subprocess.run(
-            command, env={**os.environ, **self.environment}, capture_output=True, encoding="utf-8", check=False
+            command,
+            env={**os.environ, **self.environment},
+            capture_output=True,
+            encoding="utf-8",
+            check=False,
         )
         return done.stdout if done.returncode == 0 else ""
 
     def submissions(self) -> dict[str, str]:
         """State of every job that was submitted, by its number."""
         lines = self.ask("squeue", "--noheader", "--states=all", "--format=%i %T").splitlines()
-        return {number: state for number, state in map(str.split, lines)}
+        return dict(map(str.split, lines))
 
 
 def write_srun(folder: Path) -> None:
@@ -118,7 +123,7 @@ def daemon(folder: Path, *command: str) -> Iterator[None]:
 @contextmanager
 def slurm_node(cpus: int) -> Iterator[Node]:
     """A node that runs `cpus` jobs of one thread side by side; its jobs are cancelled at the end."""
-    with tempfile.TemporaryDirectory(prefix="slurm-") as name, ExitStack() as stack:  # short: sockets are in it
+    with tempfile.TemporaryDirectory(prefix="slurm-") as name, ExitStack() as stack:
         folder, node = Path(name), Node(Path(name))
         for part in ("state", "spool"):
             (folder / part).mkdir()
@@ -126,12 +131,16 @@ def slurm_node(cpus: int) -> Iterator[Node]:
         key.write_bytes(os.urandom(128))
         key.chmod(0o400)
         text = CONFIGURATION.format(
-            folder=folder, host=socket.gethostname().split(".")[0], user=getuser(), cpus=cpus, ports=free_ports(2)
+            folder=folder,
+            host=socket.gethostname().split(".")[0],
+            user=getuser(),
+            cpus=cpus,
+            ports=free_ports(2),
         )
         (folder / "slurm.conf").write_text(text, encoding="utf-8")
         write_srun(folder)
-        munge = {"key-file": key, "socket": "munge.socket", "pid-file": "munge.pid", "seed-file": "munge.seed"}
-        options = [f"--{option}={folder / file}" for option, file in munge.items()]
+        files = {option: f"munge.{option.split('-')[0]}" for option in MUNGE_FILES}
+        options = [f"--{option}={folder / file}" for option, file in files.items()]
         stack.enter_context(daemon(folder, "munged", "--foreground", "--force", *options))
         wait_for((folder / "munge.socket").exists, 10, "munged")
         for each in ("slurmctld", "slurmd"):

@@ -1,4 +1,4 @@
-"""A sequence on a cluster: Slurm runs it by `profiles/slurm`, and the chunk of a killed worker is simulated again."""
+"""A sequence on a cluster: Slurm runs it by `profiles/slurm`; a killed worker costs one more job."""
 
 import contextlib
 import os
@@ -61,7 +61,7 @@ def node() -> Iterator[Node]:
 
 
 def write_sequence(folder: Path) -> None:
-    """The small subject's rig, a scene of its bones in three chunks, and a frame that waits, in a working copy."""
+    """A rig of the small subject, a scene of its bones in three chunks, and a frame that waits."""
     (folder / "results/small").mkdir(parents=True)
     with contextlib.chdir(folder):
         hinge_rig().save("results/small/rig.h5")
