@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,10 +26,11 @@ class JobName(NamedTuple):
 @dataclass(frozen=True)
 class JobPlan:
     """compared: what Snakemake compares with the last run, its parameters and input files, by job;
-    needs: the jobs of which a job takes files."""
+    needs: the jobs of which a job takes files; costs: benchmark files of jobs that have one."""
 
     compared: Mapping[JobName, tuple[object, ...]]
     needs: Mapping[JobName, frozenset[JobName]]
+    costs: Mapping[JobName, Path] = field(default_factory=dict)
 
     def rules(self) -> set[str]:
         return {job.rule for job in self.compared}
@@ -69,4 +70,5 @@ def plan(folder: Path, targets: Sequence[str], config: Mapping[str, Any] | None 
         return JobPlan(
             {name: (*kept._params(job), None, *kept._input(job)) for job, name in names.items()},
             {name: frozenset(names[d] for d in dag.dependencies[job]) for job, name in names.items()},
+            {name: Path(job.benchmark) for job, name in names.items() if job.benchmark},
         )

@@ -348,3 +348,29 @@ rule benchmark_fidelity:
         "speed of the chain against its error: picture and table"
     script:
         "../scripts/benchmark.py"
+
+
+# Of lengths that were measured before, kept in benchmarks/cluster; nothing is built.
+rule benchmark_cluster:
+    input:
+        measured="benchmarks/cluster/measured.json",
+        profile="profiles/slurm/config.yaml",
+    output:
+        paths.benchmark_of("cluster.json"),
+        paths.benchmark_of("cluster.md"),
+        paths.benchmark_of("cluster.svg"),
+    log:
+        paths.benchmark_of("logs/benchmark_cluster.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_cluster.tsv")
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        name="cluster",
+        arguments=lambda w, input: ["--measured", input.measured],
+    message:
+        "the jobs of the hand and of sequences on 1 to 1,000 workers, simulated"
+    script:
+        "../scripts/benchmark.py"

@@ -219,7 +219,7 @@ def deck(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="input deck to be written, .inp")],
 ) -> None:
     """Write a muscle, a ligament or the fat of a frame as an input deck of Abaqus and CalculiX."""
-    exports.deck(subject, load_dataset(_dataset_file(subject)), scene, frame, body, file)
+    exports.deck(subject, _dataset(_dataset_file(subject)), scene, frame, body, file)
     print(file)
 
 
