@@ -11,13 +11,13 @@ from benchmarks.layered.case import Case, Check, Outcome, Solved
 from benchmarks.layered.cases import CASES, input_errors
 from benchmarks.layered.judging import REFUSED, RIGHT, WRONG, judged, wrong_in
 from benchmarks.layered.measures import Measured
+from tests.benchmarks.layered_limb import limb
+from tests.fem.bodies import box
 
 from handpipe.core import metrics
 from handpipe.core.errors import ConvergenceError
 from handpipe.fem.elements.materials import Material
 from handpipe.fem.potentials.elastic import Elastic
-
-from .layered_limb import limb
 
 # Rows that the limb has a test of; the finger has more: a truth, strains of examples, a flesh.
 RESULTS = (
@@ -77,8 +77,6 @@ def test_a_frame_that_is_not_at_rest_is_wrong(subject):
 
 def test_forces_of_the_judge_are_derivatives_of_the_energy():
     """Against the library's tets, which have tests of their own, under plastic strains and weights."""
-    from tests.fem.bodies import box
-
     rng = np.random.default_rng(1)
     rest, tets = box((2.0, 1.0, 1.0), (2, 1, 1))
     strains = np.array([1.1, 0.02, 0.0, 0.9, 0.01, 1.05]) + 0.02 * rng.normal(size=(len(tets), 6))
