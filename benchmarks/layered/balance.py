@@ -106,7 +106,8 @@ def _matrices(strains: Array) -> Array:
 
 def of_tissue(layer: TissueLayer, frame: Frame, shapes: Mapping[str, Shapes]) -> Unbalance:
     """Of the fat or the one soft tissue in a frame."""
-    tissue, x = layer.tissue, shapes[layer.name][layer.name + "_mesh"].vertices
+    tissue, mesh = layer.tissue, shapes[layer.name][layer.name + "_mesh"]
+    x, settled = mesh.vertices, not mesh.figures.get("unsettled", 0.0)
     pushed: BoolArray = np.zeros(len(x), dtype=np.bool_)
     springs = []
     for potential in tissue.constraints(shapes, layer.rigid(frame.bones), x):
@@ -115,7 +116,8 @@ def of_tissue(layer: TissueLayer, frame: Frame, shapes: Mapping[str, Shapes]) ->
             continue
         assert isinstance(potential, Sliding | SurfaceSliding)  # contact is one-sided sliding
         at = potential.points(x)
-        rows = potential.heights(at) < TOUCH if isinstance(potential, Contact) else np.full(len(at), True)
+        touch = TOUCH if settled else np.inf  # unsettled: planes of the frame are not those of here
+        rows = potential.heights(at) < touch if isinstance(potential, Contact) else np.full(len(at), True)
         pushed |= abs(potential.operator).T @ rows > 0
     given = layer.elastic_bodies(frame.bones)[layer.name + "_mesh"]
     return unbalance(_body(given, springs, pushed), x)

@@ -119,7 +119,6 @@ CASES = [
         "start-neighbour", "plain, from a pose 5 % more bent", _started(_of_pose(PLAIN + 0.05))
     ),
     Case("start-half", "plain, from a pose half as bent", _started(_of_pose(0.5 * PLAIN))),
-    Case("start-neutral", "plain, from the neutral shape", _started(_of_pose(0.0))),
     Case(
         "start-bones",
         "plain, from the blend of the bones",
