@@ -1,8 +1,9 @@
-"""`python -m benchmarks.layered.document`: renew the tables of docs/hard-cases-simulation.md from the rows."""
+"""`python -m benchmarks.layered.document`: renew the tables of docs/hard-cases-simulation.md."""
 
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,6 +17,7 @@ HEADS = (
     "skin change, mean / largest (mm)", "seconds",
 )  # fmt: skip
 WRONG = "WRONG"
+TEMPORARY = re.compile(r"\S*/(?=(?:damaged|broken|frames)\.)")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -57,8 +59,9 @@ def table(rows: Sequence[dict[str, str]]) -> str:
 def cells(row: dict[str, str]) -> list[str]:
     """A row as text."""
     result = f"**{WRONG}**: {row['faults']}" if row["verdict"] == WRONG else row["verdict"]
-    if row["said"]:
-        result += f" ({row['said']})"
+    if row["said"]:  # without folders of damaged files, which are temporary
+        said = TEMPORARY.sub("", row["said"])
+        result += f" ({said})"
     change = f"{row['skin_mean']} / {row['skin_max']}" if row["skin_mean"] else ""
     return [
         f"`{row['case']}`: {row['what']}",

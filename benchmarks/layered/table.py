@@ -28,7 +28,7 @@ COLUMNS = (
 
 
 def run_cases(subject: Subject, file: Path, only: Sequence[str] = ()) -> Metrics:
-    """Rows of all cases, or of some in place of those that the file has; each is kept as soon as it is made."""
+    """Rows of all cases, or of some in place of those in the file; each is kept as soon as it is made."""
     rows = read(file) if only else {}
     for name in only or CASES:
         rows[name] = cells(judged(CASES[name], subject))

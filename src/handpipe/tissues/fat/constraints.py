@@ -55,7 +55,7 @@ class InnerPoints:
         return points
 
     def surfaces(self, below: Mapping[str, Shapes]) -> list[Surface]:
-        """The posed bodies, in the order of `bodies`; `InputError` for one that is not in the layers below."""
+        """The posed bodies, in the order of `bodies`; `InputError` for one that is not below."""
         shapes = []
         for layer, body in zip(self.layers, self.bodies, strict=True):
             if body not in below.get(layer, {}):
