@@ -76,9 +76,7 @@ def _write_inner(files: dict[str, list[Path]], bones: dict[str, Surface]) -> Non
     Fascia.around("muscle_fascia", around, of_muscles, surfaces, cloth).save(files["muscle_fascia"][0], [])
 
 
-def _write_outer(
-    files: dict[str, list[Path]], bones: dict[str, Surface], below: dict[str, Shapes]
-) -> None:
+def _write_outer(files: dict[str, list[Path]], bones: dict[str, Surface], below: dict[str, Shapes]) -> None:
     shapes = [s for n in under_fat() for s in below[n].values() if s.cells.shape[1] == 3]
     inner = inner_surface([Surface(s.vertices, s.cells) for s in shapes], 0.8, 1.0)
     fat = _tissue(below, under_fat(), inner, bones, 1.0)

@@ -27,7 +27,6 @@ RESULTS = (
     "hyperextended",
     "elsewhere",
     "start-neighbour",
-    "start-half",
     "duplicate",
     "near-duplicate",
     "no-fat",

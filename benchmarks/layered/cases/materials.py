@@ -21,8 +21,8 @@ from handpipe.fem.potentials import Elastic
 from handpipe.tissues.fascia.layer import FasciaLayer
 from handpipe.tissues.fat.layer import TissueLayer
 from handpipe.tissues.muscles import MuscleLayer
-from handpipe.tissues.tendons.layer import TendonLayer
 from handpipe.tissues.tendons.fitting.motion import Bones
+from handpipe.tissues.tendons.layer import TendonLayer
 from handpipe.tissues.tendons.rods.energies import Hooks, RodEnergy
 from handpipe.tissues.tendons.tendon import Tendon
 

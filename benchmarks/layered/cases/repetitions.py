@@ -115,9 +115,7 @@ def _elsewhere(subject: Subject) -> Outcome:
 
 
 CASES = [
-    Case(
-        "start-neighbour", "plain, from a pose 5 % more bent", _started(_of_pose(PLAIN + 0.05))
-    ),
+    Case("start-neighbour", "plain, from a pose 5 % more bent", _started(_of_pose(PLAIN + 0.05))),
     Case("start-half", "plain, from a pose half as bent", _started(_of_pose(0.5 * PLAIN))),
     Case(
         "start-bones",
