@@ -5,8 +5,9 @@ import logging
 import numpy as np
 import pytest
 
-from handpipe.core.errors import ConvergenceError
+from handpipe.core.errors import ConvergenceError, InputError
 from handpipe.core.layers import Frame, Shape
+from handpipe.core.rigid import RigidTransform
 from handpipe.hand.simulation import Failure, simulate, simulate_frame
 
 
@@ -43,6 +44,24 @@ def test_each_layer_sees_what_it_needs_and_nothing_else():
     assert (bones.saw, muscles.saw, fat.saw) == ([set()], [{"bones"}], [{"muscles"}])
     heights = [shapes[n]["body"].vertices[0, 0] for n in shapes]
     assert heights == [1.5, 3.0, 4.5]
+
+
+@pytest.mark.parametrize(
+    ("frame", "named"),
+    [
+        (Frame("bad", {"lift": float("nan")}, {}), "frame bad: lift: is not a finite number"),
+        (Frame("bad", {"lift": 0.0}, {"b": RigidTransform(np.eye(3), np.full(3, np.inf))}), "not finite"),
+        (Frame("bad", {"lift": 0.0}, {"b": RigidTransform(1.1 * np.eye(3), np.zeros(3))}), "not a rotation"),
+        (Frame("bad", {"lift": 0.0}, {"b": RigidTransform(-np.eye(3), np.zeros(3))}), "not a rotation"),
+    ],
+)
+def test_a_frame_that_is_no_pose_is_refused_by_name(frame, named):
+    layer = _Shifted("bones", ())
+    with pytest.raises(InputError, match=named):
+        simulate_frame(frame, [layer])
+    assert layer.saw == []
+    [failure] = simulate([frame], [layer]).failures
+    assert failure.frame == "bad" and named in failure.reason
 
 
 def test_a_layer_that_the_subject_lacks_is_no_obstacle():

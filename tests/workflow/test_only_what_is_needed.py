@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from benchmarks.layered.__main__ import PARTS as LAYERED_PARTS
 from benchmarks.trust.__main__ import PARTS
 from benchmarks.trust.job_plans import JobPlan, plan
 from benchmarks.trust.poses import CHUNKS
@@ -127,6 +128,11 @@ def test_benchmark_of_trust_has_every_part(nothing_built: Path) -> None:
     counts = planned(nothing_built, "benchmark_trust")
     assert (counts["benchmark_trust_part"], counts["benchmark_trust"]) == (len(PARTS), 1)
     assert counts["benchmark_trust_frames"] == len(CHUNKS)
+
+
+def test_benchmark_of_layers_has_every_part(nothing_built: Path) -> None:
+    counts = planned(nothing_built, "benchmark_layered")
+    assert (counts["benchmark_layered_part"], counts["benchmark_layered"]) == (len(LAYERED_PARTS), 1)
 
 
 def test_rig_needs_no_tissue(nothing_built: Path) -> None:

@@ -350,6 +350,56 @@ rule benchmark_fidelity:
         "../scripts/benchmark.py"
 
 
+LAYERED = ["cases", "random"]
+
+
+rule benchmark_layered_part:
+    input:
+        expand(paths.metrics_of("skin"), subject="phantom-finger"),
+    output:
+        paths.benchmark_of("layered/{part}.json"),
+        paths.benchmark_of("layered/{part}.csv"),
+    log:
+        paths.benchmark_of("logs/benchmark_layered_part/{part}.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_layered_part/{part}.tsv")
+    wildcard_constraints:
+        part="|".join(LAYERED),
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=120,
+    params:
+        name="layered",
+        arguments=lambda w: [w.part],
+    message:
+        "hard cases of the layered simulation: {wildcards.part}"
+    script:
+        "../scripts/benchmark.py"
+
+
+rule benchmark_layered:
+    input:
+        expand(paths.benchmark_of("layered/{part}.json"), part=LAYERED),
+    output:
+        paths.benchmark_of("layered.json"),
+    log:
+        paths.benchmark_of("logs/benchmark_layered.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_layered.tsv")
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        name="layered",
+        arguments=lambda w, input: ["merge", *input],
+    message:
+        "hard cases of the layered simulation: all figures"
+    script:
+        "../scripts/benchmark.py"
+
+
 # Of lengths that were measured before, kept in benchmarks/cluster; nothing is built.
 rule benchmark_cluster:
     input:

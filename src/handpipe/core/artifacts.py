@@ -273,7 +273,7 @@ def _write_group(group: h5py.Group, data: Mapping[str, Any]) -> None:
             group.create_dataset(key, data=array, track_times=False)
 
 
-def read(path: str | Path, kind: str) -> dict[str, Any]:
+def read(path: str | Path, kind: str, *, finite: bool = False) -> dict[str, Any]:
     """Read an artifact of the given kind.
 
     Parameters
@@ -282,6 +282,8 @@ def read(path: str | Path, kind: str) -> dict[str, Any]:
         File to read.
     kind : str
         What the artifact must be, as `write` was told.
+    finite : bool
+        Whether NaN or infinity in any of its numbers is an error.
 
     Returns
     -------
@@ -291,7 +293,8 @@ def read(path: str | Path, kind: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        Where the file is missing, truncated or changed, of another kind or of another schema.
+        Where the file is missing, truncated or changed, of another kind or of another schema, or has a number
+        that is not finite and must be.
     """
     if not Path(path).exists():
         raise InputError(path, "file", "does not exist", "Run the rule that makes it")
@@ -312,7 +315,17 @@ def read(path: str | Path, kind: str) -> dict[str, Any]:
         raise InputError(path, "content", f"cannot be read as HDF5 ({error})", REBUILD) from error
     if _data_hash(data) != known:
         raise InputError(path, "content", "is not what was written: its hash differs", REBUILD)
+    if finite:
+        _require_finite(path, data)
     return data
+
+
+def _require_finite(path: str | Path, data: Mapping[str, Any]) -> None:
+    for key, value in _leaves(data):
+        array = np.asarray(value)
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            count = int((~np.isfinite(array)).sum())
+            raise InputError(path, key, f"{count} of {array.size} numbers are NaN or infinite", REBUILD)
 
 
 def _read_group(group: h5py.Group) -> dict[str, Any]:

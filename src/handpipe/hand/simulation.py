@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from handpipe.core import Frame, HandpipeError, Layer, Shapes, organs
+import numpy as np
+
+from handpipe.core import Frame, HandpipeError, InputError, Layer, Shapes, organs
 
 log = logging.getLogger(__name__)
+RIGID = 1e-6  # by which R^T R may differ from the identity
 SimulatedFrame = tuple[Frame, Mapping[str, Shapes]]  # with the shapes by layer and body
 
 
@@ -75,6 +79,8 @@ def simulate_frame(
     ------
     ConvergenceError
         From the layer that finds no equilibrium.
+    InputError
+        For a frame whose angles are not finite, or whose bones' transforms are no rigid motions.
 
     References
     ----------
@@ -147,9 +153,24 @@ def _solve(frame: Frame, layer: Layer, shapes: dict[str, Shapes]) -> None:
     """Add a layer's shapes to those of the layers below it, unless they are known."""
     if layer.name in shapes:
         return
+    _require_rigid(frame)
     start = time.perf_counter()
     shapes[layer.name] = layer.solve(frame, {name: shapes[name] for name in layer.needs if name in shapes})
     log.info("frame %s: %s in %.1f s", frame.name, layer.name, time.perf_counter() - start)
+
+
+def _require_rigid(frame: Frame) -> None:
+    """Raise `InputError` for an angle that is not finite, or a bone whose transform is no rigid motion."""
+    source, remedy = f"frame {frame.name}", "Give finite angles, and transforms of Rig.bone_transforms"
+    for name, angle in frame.angles.items():
+        if not math.isfinite(angle):
+            raise InputError(source, name, "is not a finite number", remedy)
+    for name, bone in frame.bones.items():
+        if not (np.isfinite(bone.rotation).all() and np.isfinite(bone.translation).all()):
+            raise InputError(source, f"bone {name}", "its transform is not finite", remedy)
+        stretch = np.abs(bone.rotation.T @ bone.rotation - np.eye(3)).max()
+        if stretch > RIGID or np.linalg.det(bone.rotation) < 0:
+            raise InputError(source, f"bone {name}", "its matrix is not a rotation", remedy)
 
 
 def _organs(shapes: Mapping[str, Shapes]) -> dict[str, Shapes]:

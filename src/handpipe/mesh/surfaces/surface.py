@@ -46,6 +46,31 @@ class Surface:
             self, "triangles", np.ascontiguousarray(self.triangles, dtype=np.int64).reshape(-1, 3)
         )
 
+    def checked(self, source: str | Path) -> Surface:
+        """The surface itself, if it is valid.
+
+        Parameters
+        ----------
+        source : path
+            File or origin that an error names.
+
+        Returns
+        -------
+        Surface
+
+        Raises
+        ------
+        InputError
+            Where a coordinate is not finite, there are no triangles, or one names a vertex that is missing.
+        """
+        if not np.isfinite(self.vertices).all():
+            raise InputError(source, "vertices", "NaN or infinite coordinates", "Make the surface again")
+        cells = self.triangles
+        if len(cells) == 0 or cells.min() < 0 or cells.max() >= len(self.vertices):
+            problem = "none, or they name vertices that do not exist"
+            raise InputError(source, "triangles", problem, "Make the surface again")
+        return self
+
     def _area_vectors(self) -> Array:
         a, b, c = np.moveaxis(self.vertices[self.triangles], 1, 0)
         return 0.5 * np.cross(b - a, c - a)

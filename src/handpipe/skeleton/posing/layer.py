@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import LAYERS, Array, Frame, IntArray, Region, Shape, Shapes
+from handpipe.core import LAYERS, Array, Frame, InputError, IntArray, Region, Shape, Shapes
 from handpipe.mesh.surfaces import Distance, Surface, about
 
 SAME = 0.01  # mm beyond the nearest bone within which a vertex is of the region
@@ -85,7 +85,16 @@ class BoneLayer:
         -------
         Shapes
             Neutral and moved vertices (mm) by bone, with the region of each vertex.
+
+        Raises
+        ------
+        InputError
+            For a bone of which the frame has no transform.
         """
+        for name in self.bones:
+            if name not in frame.bones:
+                source, remedy = f"frame {frame.name}", "Give the transform of every bone of the rig"
+                raise InputError(source, f"bone {name}", "has no transform", remedy)
         return {
             name: Shape(
                 s.vertices, frame.bones[name](s.vertices), s.triangles, {"region": self.regions[name]}

@@ -140,9 +140,15 @@ class Fascia:
 
     @staticmethod
     def load(path: str | Path) -> Fascia:
-        """Read what `save` wrote."""
-        d = artifacts.read(path, "fascia")
-        surface = Surface(d["surface"]["vertices"], d["surface"]["triangles"])
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            Where the file is of another kind, or its surface is not valid.
+        """
+        d = artifacts.read(path, "fascia", finite=True)
+        surface = Surface(d["surface"]["vertices"], d["surface"]["triangles"]).checked(path)
         settings = ClothSettings(**{k: float(v) for k, v in d["settings"].items()})
         return Fascia(
             str(d["name"]), surface, d["regions"], d["owners"], d["tied"], tuple(d["bodies"]), settings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from handpipe.core import LAYERS, Frame, Shape, Shapes
+from handpipe.core import LAYERS, Frame, InputError, Shape, Shapes
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import blend, bone_weights
 from handpipe.tissues.fascia.fascia import Fascia
@@ -26,9 +26,11 @@ class FasciaLayer:
         ------
         ConvergenceError
             Where there is no equilibrium.
+        InputError
+            Where a body that the fascia was built on is not in the layers below.
         """
         fascia = self.fascia
-        bodies = {name: below[self.over][name] for name in fascia.bodies}
+        bodies = {name: self._body(below, name) for name in fascia.bodies}
         rest = {n: Surface(s.rest, s.cells) for n, s in bodies.items()}
         posed = {n: rest[n].moved(s.vertices) for n, s in bodies.items()}
         bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
@@ -37,6 +39,12 @@ class FasciaLayer:
         vertices = fascia.solve(rest, posed, start)
         fields = {"region": fascia.regions}
         return {self.name: Shape(fascia.surface.vertices, vertices, fascia.surface.triangles, fields)}
+
+    def _body(self, below: Mapping[str, Shapes], name: str) -> Shape:
+        if name not in below.get(self.over, {}):
+            problem = f"{name} is missing, but the layer {self.name} was built on it"
+            raise InputError("layers", self.over, problem, "Simulate it, or build the layer without it")
+        return below[self.over][name]
 
 
 def load_bone_fascia(files: Sequence[Path], _: Mapping[str, Surface]) -> FasciaLayer:

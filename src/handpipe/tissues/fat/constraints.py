@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from handpipe.core import Array, BoolArray, IntArray, Region, Shapes
+from handpipe.core import Array, BoolArray, InputError, IntArray, Region, Shapes
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import mass_lumped
 
@@ -60,8 +60,13 @@ class InnerPoints:
         return points
 
     def surfaces(self, below: Mapping[str, Shapes]) -> list[Surface]:
-        """The posed bodies, in the order of `bodies`."""
-        shapes = [below[layer][body] for layer, body in zip(self.layers, self.bodies, strict=True)]
+        """The posed bodies, in the order of `bodies`; `InputError` for one that is not below."""
+        shapes = []
+        for layer, body in zip(self.layers, self.bodies, strict=True):
+            if body not in below.get(layer, {}):
+                problem = f"{body} is missing, but the tissue was built on it"
+                raise InputError("layers", layer, problem, "Simulate it, or build the tissue without it")
+            shapes.append(below[layer][body])
         return [Surface(s.vertices, s.cells) for s in shapes]
 
     def to_group(self) -> dict[str, Any]:

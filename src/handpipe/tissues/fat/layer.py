@@ -9,10 +9,21 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import LAYERS, Array, Frame, RigidTransform, Shape, Shapes, artifacts, vertices_of
+from handpipe.core import (
+    LAYERS,
+    Array,
+    Frame,
+    InputError,
+    RigidTransform,
+    Shape,
+    Shapes,
+    artifacts,
+    vertices_of,
+)
 from handpipe.fem.elements import plasticity
 from handpipe.fem.potentials import Elastic
 from handpipe.mesh.surfaces import Surface
+from handpipe.mesh.tets import TetMesh
 from handpipe.skeleton.posing import LocalPoseSpaces
 from handpipe.tissues.fat.nails import from_vector
 from handpipe.tissues.fat.tissue import Tissue
@@ -47,6 +58,16 @@ class FatStrains:
         """The same nails on fat without plastic strains (model m1 of Zheng 2022 Table 4)."""
         return replace(self, log_strains=np.zeros_like(self.log_strains), shifts=None)
 
+    def require_mesh(self, mesh: TetMesh, source: str | Path) -> None:
+        """Raise `InputError`, which names `source`, where these are not strains of a mesh."""
+        found = [("log_strains", self.log_strains.shape[1], len(mesh.tets), "tets")]
+        if self.shifts is not None:
+            found.append(("shifts", self.shifts.shape[1], len(mesh.vertices), "vertices"))
+        for name, count, wanted, of in found:
+            if count != wanted:
+                problem = f"are of {count} {of}, but the fat's mesh has {wanted}"
+                raise InputError(source, name, problem, artifacts.REBUILD)
+
     def save(self, path: str | Path, inputs: Sequence[str | Path]) -> None:
         """Write as an artifact of kind "fat_strains"; nails are rotation vectors (rad) and shifts (mm)."""
         data = {"spaces": self.spaces.to_group(), "log_strains": self.log_strains, "nails": dict(self.nails)}
@@ -64,9 +85,9 @@ class FatStrains:
         Raises
         ------
         InputError
-            Where the file is of another kind.
+            Where the file is of another kind, or a number in it is not finite.
         """
-        d = artifacts.read(path, "fat_strains")
+        d = artifacts.read(path, "fat_strains", finite=True)
         spaces = LocalPoseSpaces.from_group(d["spaces"])
         return FatStrains(spaces, d["log_strains"], d["nails"], d.get("shifts"))
 
@@ -189,9 +210,16 @@ def load_fat(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:
     -------
     TissueLayer
         The layer "fat".
+
+    Raises
+    ------
+    InputError
+        For an artifact that is not valid, and for strains of another mesh.
     """
     mesh, strains = files
-    return TissueLayer("fat", Tissue.load(mesh), FatStrains.load(strains))
+    tissue, known = Tissue.load(mesh), FatStrains.load(strains)
+    known.require_mesh(tissue.mesh, strains)
+    return TissueLayer("fat", tissue, known)
 
 
 def load_skin(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:

@@ -426,13 +426,13 @@ class Tissue:
         Raises
         ------
         InputError
-            Where the file is not a tissue.
+            Where the file is not a tissue, or a mesh or number in it is not valid.
         """
-        d = artifacts.read(path, "tissue")
+        d = artifacts.read(path, "tissue", finite=True)
         return Tissue(
             mesh=TetMesh(d["mesh"]["vertices"], d["mesh"]["tets"]).checked(path),
             occupancy=d["occupancy"],
-            skin=Surface(d["skin"]["vertices"], d["skin"]["triangles"]),
+            skin=Surface(d["skin"]["vertices"], d["skin"]["triangles"]).checked(path),
             inner=InnerPoints.from_group(d["inner"]),
             rigid={name: Rigid(str(part["bone"]), part["vertices"]) for name, part in d["rigid"].items()},
             bones=tuple(d["bones"]),

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy import sparse
 
-from handpipe.core import Array, BoolArray, IntArray, RigidTransform, Shape, artifacts
+from handpipe.core import Array, BoolArray, InputError, IntArray, RigidTransform, Shape, artifacts
 from handpipe.fem.elements import plasticity
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import Interpolation, PoseSpace
@@ -243,9 +243,9 @@ class Muscle:
         Raises
         ------
         InputError
-            Where the file is of another kind.
+            Where the file is of another kind, or a mesh or number in it is not valid.
         """
-        data = artifacts.read(path, KIND)
+        data = artifacts.read(path, KIND, finite=True)
         known = data["examples"]
         names = [str(n) for n in known["bones"]]
         bones = [
@@ -254,5 +254,10 @@ class Muscle:
         ]
         body, space = SoftBody.from_group(data["body"]), PoseSpace.from_group(data["space"])
         body = replace(body, attachments={n: body.attachments[n] for n in names})
+        body.surface.checked(path)
+        body.mesh.checked(path)
+        if data["logs"].shape[1] != len(body.mesh.tets):
+            problem = f"are of {data['logs'].shape[1]} tets, but the muscle has {len(body.mesh.tets)}"
+            raise InputError(path, "logs", problem, artifacts.REBUILD)
         bed = Bed.from_group(data["bed"]) if "bed" in data else None
         return Muscle(str(data["name"]), body, space, data["logs"], known["vertices"], tuple(bones), bed)

@@ -151,9 +151,9 @@ class Tendon:
         Raises
         ------
         InputError
-            Where the file is of another kind.
+            Where the file is of another kind, or a number in it is not finite.
         """
-        data = artifacts.read(path, "tendon")
+        data = artifacts.read(path, "tendon", finite=True)
         bones = tuple(str(b) for b in data["bones"])
         rod, tube, hooks = data["rod"], data["tube"], data["hooks"]
         rest = RestTendon(rod["x"], Tube(**tube), rod["normal"], bones, rod["skinning"])

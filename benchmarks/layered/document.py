@@ -1,0 +1,80 @@
+"""`python -m benchmarks.layered.document`: renew the tables of docs/hard-cases-simulation.md."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from handpipe.core import write_text
+
+ROOT = Path(__file__).parents[2]
+DOCUMENT = ROOT / "docs" / "hard-cases-simulation.md"
+COMMAND = "python -m benchmarks.layered.document"
+HEADS = (
+    "case", "result", "checked against", "inverted", "least det F", "force left", "fat in bodies (mm)",
+    "skin change, mean / largest (mm)", "seconds",
+)  # fmt: skip
+WRONG = "WRONG"
+TEMPORARY = re.compile(r"\S*/(?=(?:damaged|broken|frames)\.)")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Write the tables of the parts that were measured."""
+    parser = argparse.ArgumentParser(prog="benchmarks.layered.document", description=__doc__)
+    parser.add_argument("--results", type=Path, default=Path("results"), help="folder of built subjects")
+    parser.add_argument("--document", type=Path, default=DOCUMENT, help="page whose tables are renewed")
+    options = parser.parse_args(arguments)
+    from benchmarks.layered.table import read
+
+    text = options.document.read_text(encoding="utf-8")
+    for part in ("cases", "random"):
+        rows = read(options.results / "benchmarks" / "layered" / f"{part}.csv")
+        if rows:
+            text = between(text, part, table(list(rows.values())))
+    write_text(options.document, text)
+
+
+def between(text: str, part: str, content: str) -> str:
+    """The text with other content between the markers of a part."""
+    begin, end = f"<!-- {part}: {COMMAND} -->", f"<!-- end of {part} -->"
+    before, found, rest = text.partition(begin)
+    _, closed, after = rest.partition(end)
+    if not found or not closed:
+        raise ValueError(f"the document lacks the markers {begin} and {end}")
+    return f"{before}{begin}\n\n{content}\n\n{end}{after}"
+
+
+def table(rows: Sequence[dict[str, str]]) -> str:
+    """The rows as a Markdown table, with how many there are of each verdict."""
+    verdicts = [row["verdict"] for row in rows]
+    counts = ", ".join(f"{verdicts.count(v)} {v}" for v in dict.fromkeys(sorted(verdicts, reverse=True)))
+    lines = [f"{len(rows)} rows: {counts}.", "", "| " + " | ".join(HEADS) + " |"]
+    lines.append("|" + " --- |" * len(HEADS))
+    lines += ["| " + " | ".join(c.replace("|", "/") for c in cells(row)) + " |" for row in rows]
+    return "\n".join(lines)
+
+
+def cells(row: dict[str, str]) -> list[str]:
+    """A row as text."""
+    result = f"**{WRONG}**: {row['faults']}" if row["verdict"] == WRONG else row["verdict"]
+    if row["said"]:  # without folders of damaged files, which are temporary
+        said = TEMPORARY.sub("", row["said"])
+        result += f" ({said})"
+    change = f"{row['skin_mean']} / {row['skin_max']}" if row["skin_mean"] else ""
+    return [
+        f"`{row['case']}`: {row['what']}",
+        result,
+        row["checks"],
+        row["inverted"] if row["least_det"] else "",
+        row["least_det"],
+        row["unbalanced"],
+        row["fat_in_bodies"],
+        change,
+        f"{float(row['seconds']):.1f}",
+    ]
+
+
+if __name__ == "__main__":
+    main()
