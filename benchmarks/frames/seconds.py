@@ -1,7 +1,7 @@
 """`python -m benchmarks.frames.seconds`: processor seconds of a scene's frames by layer, in one process.
 
-Frames are simulated in their order and then backwards: the first one compiles kernels and builds what is kept,
-the others cost what each further frame of a chunk costs. The same frame must come out the same both times.
+Frames are simulated in their order and then backwards. The first one compiles kernels and builds what is
+kept; the others cost what each further frame of a chunk costs. The same frame must come out the same twice.
 """
 
 from __future__ import annotations

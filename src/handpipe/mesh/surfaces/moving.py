@@ -48,9 +48,7 @@ class RigidDistance(Distance):
         """Depths (n,) in mm of points (n, 3) inside the surface, which may cut itself; 0 outside."""
         return self._rest.depths(self._back(_rows(points)))
 
-    def _forth(
-        self, found: tuple[Array, IntArray, Array, Array]
-    ) -> tuple[Array, IntArray, Array, Array]:
+    def _forth(self, found: tuple[Array, IntArray, Array, Array]) -> tuple[Array, IntArray, Array, Array]:
         """Places and normals of the rest shape, moved."""
         distances, triangles, closest, normals = found
         return distances, triangles, self._motion(closest), normals @ self._motion.rotation.T
