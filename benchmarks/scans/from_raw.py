@@ -104,7 +104,7 @@ class Build:
         """A motion of its own in the truth's frame, also where that is its mirror image."""
         own = np.eye(4)
         own[:3, :3], own[:3, 3] = motion.rotation, motion.translation
-        found = np.linalg.solve(self.placed, own @ self.placed)
+        found: Array = np.linalg.solve(self.placed, own @ self.placed).astype(np.float64)
         return RigidTransform(found[:3, :3], found[:3, 3])
 
     def rig(self) -> Rig:

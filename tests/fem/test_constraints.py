@@ -67,6 +67,17 @@ def test_moved_constraints_share_their_pattern():
     assert np.shares_memory(matrices[0].indices, matrices[1].indices)
 
 
+def test_a_constant_hessian_is_kept_and_belongs_to_its_planes():
+    origins, up = VERTICES[LOWEST], np.tile([0.0, 0.0, 1.0], (LOWEST.sum(), 1))
+    planes = Sliding(EVERY[LOWEST], origins, up, 200.0)
+    kept = planes.hessian(VERTICES)
+    assert planes.hessian(VERTICES + 1.0, True) is kept
+    across = np.roll(up, 1, axis=1)
+    moved, anew = planes.moved(origins, across), Sliding(EVERY[LOWEST], origins, across, 200.0)
+    np.testing.assert_array_equal(moved.hessian(VERTICES).toarray(), anew.hessian(VERTICES).toarray())
+    assert abs(moved.hessian(VERTICES) - kept).max() > 100
+
+
 def test_points_slide_around_a_bone_that_turns_beneath_them():
     bone, sides = sphere(1.0, 3)
     ring = bone[np.abs(bone[:, 2]) < 0.3]

@@ -20,14 +20,14 @@ def _directions(count, seed=0):
 @pytest.mark.parametrize("radius", [2.5, 2.0, 1.0])
 def test_places_are_closest_places_on_a_sphere(radius):
     sides = _directions(50)
-    places, normals = touching_planes(radius * sides, sides, np.zeros(50, int), [AT_BALL])
+    places, normals = touching_planes(radius * sides, sides, np.zeros(50, int), {0: AT_BALL})
     np.testing.assert_allclose(places, 2.0 * sides, atol=0.04)
     assert np.einsum("ni,ni->n", normals, sides).min() > 0.99
 
 
 def test_a_point_beyond_the_middle_comes_out_on_its_own_side():
     sides = _directions(50)
-    places, normals = touching_planes(-1.0 * sides, sides, np.zeros(50, int), [AT_BALL])
+    places, normals = touching_planes(-1.0 * sides, sides, np.zeros(50, int), {0: AT_BALL})
     assert np.einsum("ni,ni->n", normals, sides).min() > 0.5
     assert np.einsum("ni,ni->n", places, sides).min() > 1.5
 
@@ -37,12 +37,12 @@ def test_bodies_are_told_apart():
     sides = _directions(40)
     body = np.arange(40) % 2
     centres = np.array([[0.0, 0, 0], [10.0, 0, 0]])[body]
-    places, _ = touching_planes(centres + 1.5 * sides, sides, body, [AT_BALL, Distance(other)])
+    places, _ = touching_planes(centres + 1.5 * sides, sides, body, {0: AT_BALL, 1: Distance(other)})
     np.testing.assert_allclose(places, centres + 2.0 * sides, atol=0.04)
 
 
 def test_a_point_that_finds_no_way_out_is_left_free():
     point, side = np.array([[10.0, 1.0, 10.0]]), np.array([[0.0, 0.8, 0.6]])
-    places, normals = touching_planes(point, side, np.zeros(1, int), [Distance(box((20.0, 20.0, 20.0)))])
+    places, normals = touching_planes(point, side, np.zeros(1, int), {0: Distance(box((20.0, 20.0, 20.0)))})
     np.testing.assert_array_equal(places, point)
     np.testing.assert_array_equal(normals, side)

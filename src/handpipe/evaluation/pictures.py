@@ -66,8 +66,8 @@ def bodies(
         look = tissue(layer, body)
         if look == "skin":
             if skin_opacity is not None:
-                rgb = surface_colours(look, shape) if skin_opacity == 1 else None
-                rgb = colour(look) if rgb is None else rgb
+                several = surface_colours(look, shape) if skin_opacity == 1 else None
+                rgb = colour(look) if several is None else several
                 surface = body_surface(shape)
                 drawn.append(Drawable(surface, rgb, skin_opacity, cap=colour("fat"), scattering=True))
         elif opacity(look) == 1:

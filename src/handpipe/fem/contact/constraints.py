@@ -46,6 +46,8 @@ class Attachment(PointPotential):
     Wang 2021 Eq. F.3.
     """
 
+    quadratic = True
+
     def __init__(self, operator: Operator, targets: Array, stiffness: ArrayLike) -> None:
         super().__init__(operator)
         self.targets = _vectors(targets, self.count, "targets")
@@ -94,6 +96,8 @@ class Sliding(PointPotential):
     Zheng 2022 §6.
     """
 
+    quadratic = True
+
     def __init__(self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike) -> None:
         super().__init__(operator)
         self.origins = _vectors(points, self.count, "points")
@@ -105,6 +109,7 @@ class Sliding(PointPotential):
         other = _twin(self)
         other.origins = _vectors(points, self.count, "points")
         other.normals = _unit_normals(_vectors(normals, self.count, "normals"))
+        other._hessian = None
         return other
 
     def heights(self, points: Array) -> Array:
@@ -151,6 +156,7 @@ class Contact(Sliding):
     """
 
     one_sided = True
+    quadratic = False
 
     def __init__(
         self, operator: Operator, points: Array, normals: Array, stiffness: ArrayLike, onset: float = 0.05
@@ -264,8 +270,8 @@ class SurfaceContact(PointPotential):
 
     def _far(self, points: Array) -> tuple[Array, Array, Array]:
         """Lower bounds of the distances of points (k, 3) by the surface's box, with zero derivatives."""
-        vertices = self.distance.surface.vertices
-        beyond = np.maximum(np.maximum(vertices.min(axis=0) - points, points - vertices.max(axis=0)), 0.0)
+        low, high = self.distance.surface.box
+        beyond = np.maximum(np.maximum(low - points, points - high), 0.0)
         return np.linalg.norm(beyond, axis=1), np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
 
     def _near(self, points: Array) -> tuple[Array, Array, Array]:

@@ -22,10 +22,13 @@ class PointPotential:
         W, which takes vertex positions (n, 3) to points (k, 3).
     """
 
+    quadratic = False  # whether the Hessian does not depend on x
+
     def __init__(self, operator: sp.spmatrix | sp.sparray) -> None:
         self.operator = sp.csr_matrix(operator)
         self.operator.sum_duplicates()
         self._pattern: Pattern | None = None
+        self._hessian: sp.csr_matrix | None = None  # of a quadratic energy
 
     def energies(self, points: Array) -> Array:
         """Energy (k,) of each point."""
@@ -74,7 +77,17 @@ class PointPotential:
         return np.bincount(self.operator.indices, minlength=self.operator.shape[1]) > 0
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
-        """Second derivative (3n, 3n) in mN/mm; with `project`, of projected `stiffnesses`."""
+        """Second derivative (3n, 3n) in mN/mm; with `project`, of projected `stiffnesses`.
+
+        That of a quadratic energy is the same matrix at each call.
+        """
+        if not self.quadratic:
+            return self._assembled(x, project)
+        if self._hessian is None:
+            self._hessian = self._assembled(x, project)
+        return self._hessian
+
+    def _assembled(self, x: Array, project: bool) -> sp.csr_matrix:
         w, pattern = self.operator, self.pattern
         data = pattern.data()
         blocks = np.ascontiguousarray(self.stiffnesses(self.points(x), project))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import trimesh
@@ -82,14 +83,19 @@ def _candidates(surface: Surface, rest: Surface, reach: Array, normals: Array) -
     corners = surface.vertices[surface.triangles]
     centres = corners.mean(axis=1)
     radius = np.linalg.norm(corners - centres[:, None], axis=2).max()
-    found = cKDTree(centres).query_ball_point(surface.vertices, reach + radius)
-    counts = np.fromiter((len(f) for f in found), dtype=np.int64, count=len(found))
-    vertices = np.repeat(np.arange(len(found)), counts)
-    triangles = np.concatenate([np.asarray(f, dtype=np.int64) for f in found])
+    asked = np.flatnonzero(reach > 0)
+    found = cKDTree(centres).query_ball_point(
+        surface.vertices[asked], reach[asked] + radius, return_sorted=False
+    )
+    counts = np.fromiter(map(len, found), dtype=np.int64, count=len(found))
+    vertices = np.repeat(asked, counts)
+    triangles = np.fromiter(chain.from_iterable(found), dtype=np.int64, count=len(vertices))
     facing = np.einsum("ni,ni->n", normals[vertices], surface.triangle_normals()[triangles]) < FACING
     away = rest.vertices[vertices] - rest.vertices[rest.triangles].mean(axis=1)[triangles]
     chosen = facing & (np.linalg.norm(away, axis=1) > 3 * rest.edge_lengths().mean())
-    return vertices[chosen], triangles[chosen]
+    vertices, triangles = vertices[chosen], triangles[chosen]
+    order = np.lexsort((triangles, vertices))
+    return vertices[order], triangles[order]
 
 
 def _at(surface: Surface, vertices: IntArray, triangles: IntArray, places: Array) -> SelfContact:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     )
     from handpipe.mesh.surfaces.distance import ON_EDGE, Distance, about, sample_points
     from handpipe.mesh.surfaces.hull import convex_hull
+    from handpipe.mesh.surfaces.moving import BodyDistances, same_values
     from handpipe.mesh.surfaces.planes import astray, touching_planes
     from handpipe.mesh.surfaces.scan import read_scan
     from handpipe.mesh.surfaces.smoothing import averaging, taubin
@@ -36,6 +37,7 @@ __all__ = [
     "ON_EDGE",
     "Anchors",
     "Biharmonic",
+    "BodyDistances",
     "Distance",
     "Surface",
     "about",
@@ -55,6 +57,7 @@ __all__ = [
     "read_scan",
     "read_surface",
     "resample",
+    "same_values",
     "sample_points",
     "tangents",
     "taubin",

@@ -128,16 +128,14 @@ def about(points: Array, surface: Surface, near: float) -> IntArray:
     array (k,) of int
         Indices of the points in the box, sorted.
     """
-    low, high = surface.vertices.min(axis=0) - near, surface.vertices.max(axis=0) + near
+    low, high = surface.box
+    low, high = low - near, high + near
     return np.flatnonzero(((points > low) & (points < high)).all(axis=1))
 
 
 def _pseudonormals(surface: Surface) -> tuple[Array, Array, Array]:
     """Normals of triangles (k, 3), of their edges from corner i to i + 1 (k, 3, 3), of vertices (n, 3)."""
-    triangles, normals = surface.triangles, surface.triangle_normals()
-    first, second = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
-    keys = np.minimum(first, second) * len(surface.vertices) + np.maximum(first, second)
-    _, edge = np.unique(keys, return_inverse=True)
+    normals, edge = surface.triangle_normals(), surface.edge_numbers()
     sums = sums_at(edge, np.repeat(normals, 3, axis=0), int(edge.max()) + 1)
     return normals, sums[edge].reshape(-1, 3, 3), surface.vertex_normals()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -14,7 +14,7 @@ LIFTS = (0.5, 1.0, 2.0, 4.0)  # mm from a point inside a body towards its own si
 
 
 def touching_planes(
-    points: Array, sides: Array, body: IntArray, bodies: Sequence[Distance]
+    points: Array, sides: Array, body: IntArray, bodies: Mapping[int, Distance]
 ) -> tuple[Array, Array]:
     """The plane on which each point touches its own body.
 
@@ -30,8 +30,8 @@ def touching_planes(
         Unit vectors out of the body on the side where each point belongs.
     body : array (k,) of int
         Index into `bodies` of each point's own body.
-    bodies : sequence of Distance
-        Distances to the surfaces of the bodies.
+    bodies : mapping of int to Distance
+        Distances to the surfaces of the bodies, by index.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def touching_planes(
         Unit normals of the planes, out of the body; the point's own side where the search finds none.
     """
     places, normals = np.empty_like(points), np.empty_like(points)
-    for index, distance in enumerate(bodies):
+    for index, distance in bodies.items():
         mine = body == index
         if mine.any():
             places[mine], normals[mine] = _own_planes(distance, points[mine], sides[mine])

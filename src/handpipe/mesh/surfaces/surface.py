@@ -126,6 +126,11 @@ class Surface:
         """
         return unit_vectors(feet @ self.vertex_normals())
 
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Least and largest coordinates (3,) in mm of the vertices."""
+        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
     def contains(self, points: Array) -> BoolArray:
         """Which points are inside: those with a winding number above one half.
 
@@ -186,9 +191,25 @@ class Surface:
             return False
         return len(np.unique(directed, axis=0)) == len(directed)
 
+    def edge_numbers(self) -> IntArray:
+        """For each triangle's edge from corner i to i + 1 (3 k,), the number of its undirected edge."""
+        if "edges" not in self._of_triangles:
+            first = self.triangles.reshape(-1)
+            second = np.roll(self.triangles, -1, axis=1).reshape(-1)
+            keys = np.minimum(first, second) * len(self.vertices) + np.maximum(first, second)
+            self._of_triangles["edges"] = np.unique(keys, return_inverse=True)[1].reshape(-1)
+        return self._of_triangles["edges"]
+
+    @cached_property
+    def _of_triangles(self) -> dict[str, IntArray]:
+        """What was computed of the triangles alone, which moved surfaces share."""
+        return {}
+
     def moved(self, vertices: Array) -> Surface:
         """The same triangles on other vertices (n, 3)."""
-        return Surface(vertices, self.triangles)
+        other = Surface(vertices, self.triangles)
+        other.__dict__["_of_triangles"] = self._of_triangles
+        return other
 
     def flipped(self) -> Surface:
         """The same surface facing the other way."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from handpipe.fem.elements import Material
 from handpipe.fem.potentials import Membrane, Potential
 from handpipe.fem.solver import Options, equilibrium
 from handpipe.mesh.contact import distance_to
-from handpipe.mesh.surfaces import Anchors, Distance, Surface
+from handpipe.mesh.surfaces import Anchors, BodyDistances, Distance, Surface, same_values
 from handpipe.mesh.tets import mass_lumped
 from handpipe.tissues.fascia.regions import slender
 
@@ -98,9 +99,25 @@ class Fascia:
         for index, body in enumerate(self.bodies):
             mine = self.owners == index
             if mine.any():
-                anchors = Anchors.attach(self.surface.vertices[mine], rest[body])
-                points[mine] = anchors(posed[body].vertices)
+                points[mine] = self._anchored(body, mine, rest[body])(posed[body].vertices)
         return points
+
+    def _anchored(self, body: str, mine: BoolArray, rest: Surface) -> Anchors:
+        """Vertices `mine` (n,) anchored on a body at rest; the anchors are kept for the next pose."""
+        known = self._anchors.get(body)
+        if known is None or not same_values(known[0], rest.vertices):
+            known = rest.vertices, Anchors.attach(self.surface.vertices[mine], rest)
+            self._anchors[body] = known
+        return known[1]
+
+    @cached_property
+    def _anchors(self) -> dict[str, tuple[Array, Anchors]]:
+        """Anchors by body, with the neutral vertices of the body that they belong to."""
+        return {}
+
+    @cached_property
+    def _distances(self) -> BodyDistances:
+        return BodyDistances(distance_to)
 
     def solve(self, rest: Mapping[str, Surface], posed: Mapping[str, Surface], start: Array) -> Array:
         """Equilibrium (n, 3) of the shrunk cloth over posed bodies, from a start (n, 3)."""
@@ -115,10 +132,12 @@ class Fascia:
             Membrane(drawn.vertices, drawn.triangles, material, THICKNESS, settings.shrink),
         ]
         for index, body in enumerate(self.bodies):
-            distance, slides = distance_to(posed[body]), sliding & (self.owners == index)
+            distance = self._distances.to(body, rest[body].vertices, posed[body])
+            slides = sliding & (self.owners == index)
             touches = ~fixed & ~slides
             potentials.append(SurfaceContact(identity[touches], distance, stiffness[touches]))
-            potentials.append(SurfaceSliding(identity[slides], distance, stiffness[slides]))
+            if slides.any():
+                potentials.append(SurfaceSliding(identity[slides], distance, stiffness[slides]))
         start = np.where((fixed | sliding)[:, None], carried, start)
         # A vertex may rest on an edge between facets, where the force jumps: residuals cannot vanish there.
         options = Options(displacement_tolerance=STILL, force_tolerance=LOOSE, name=self.name)

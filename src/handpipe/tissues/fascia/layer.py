@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from handpipe.core import LAYERS, Frame, InputError, Shape, Shapes
-from handpipe.mesh.surfaces import Surface
+from handpipe.core import LAYERS, Array, Frame, InputError, Shape, Shapes
+from handpipe.mesh.surfaces import Surface, same_values
 from handpipe.skeleton.posing import blend, bone_weights
 from handpipe.tissues.fascia.fascia import Fascia
 
@@ -18,6 +18,7 @@ class FasciaLayer:
         self.fascia, self.over = fascia, over
         self.name = fascia.name
         self.needs = LAYERS[self.name].needs
+        self._weights: tuple[dict[str, Surface], Array] | None = None
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """The cloth at equilibrium.
@@ -34,8 +35,7 @@ class FasciaLayer:
         rest = {n: Surface(s.rest, s.cells) for n, s in bodies.items()}
         posed = {n: rest[n].moved(s.vertices) for n, s in bodies.items()}
         bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
-        weights = bone_weights(fascia.surface.vertices, bones)
-        start = blend(fascia.surface.vertices, weights, {n: frame.bones[n] for n in bones})
+        start = blend(fascia.surface.vertices, self._bone_weights(bones), {n: frame.bones[n] for n in bones})
         vertices = fascia.solve(rest, posed, start)
         fields = {"region": fascia.regions}
         return {self.name: Shape(fascia.surface.vertices, vertices, fascia.surface.triangles, fields)}
@@ -45,6 +45,17 @@ class FasciaLayer:
             problem = f"{name} is missing, but the layer {self.name} was built on it"
             raise InputError("layers", self.over, problem, "Simulate it, or build the layer without it")
         return below[self.over][name]
+
+    def _bone_weights(self, bones: Mapping[str, Surface]) -> Array:
+        """Weights (n, n_bones) of neutral bones at the cloth's vertices, kept for the next frame."""
+        known = self._weights
+        if (
+            known is None
+            or [*known[0]] != [*bones]
+            or not all(same_values(known[0][name].vertices, bone.vertices) for name, bone in bones.items())
+        ):
+            known = self._weights = dict(bones), bone_weights(self.fascia.surface.vertices, bones)
+        return known[1]
 
 
 def load_bone_fascia(files: Sequence[Path], _: Mapping[str, Surface]) -> FasciaLayer:

@@ -18,7 +18,7 @@ from handpipe.fem.elements import Material, Validity, polar
 from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Elastic, Potential
 from handpipe.fem.solver import Limits, Options, Settled, equilibrium, root_mean_square, settle
-from handpipe.mesh.surfaces import Distance, Surface, astray, touching_planes
+from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, astray, touching_planes
 from handpipe.mesh.tets import Embedding, TetMesh, gradient_operator, mass_lumped
 from handpipe.skeleton.posing import blend, blended
 from handpipe.tissues.fat.constraints import InnerPoints
@@ -143,20 +143,37 @@ class Tissue:
         turns, translation = blended(self.weights, {b: bones[b] for b in self.bones})
         return turns.inv().apply(x - translation) - self.mesh.vertices
 
-    def sides(self, x: Array) -> Array:
-        """Neutral outward normals (k, 3) of the bodies at inner points, turned as the tissue of x (n, 3) is.
+    @cached_property
+    def _skin_areas(self) -> Array:
+        """Neutral area (k,) in mm^2 that belongs to each skin vertex."""
+        return mass_lumped(self.skin.vertices, self.skin.triangles)
+
+    @cached_property
+    def _gradients(self) -> sparse.csr_matrix:
+        """Matrix (9 m, 3 n) from positions to deformation gradients."""
+        return gradient_operator(self.mesh.vertices, self.mesh.tets)
+
+    @cached_property
+    def _around(self) -> sparse.csr_matrix:
+        """Matrix (n, m) that sums over the tets around each vertex, by their volumes."""
+        tets = self.mesh.tets
+        corners = np.repeat(np.arange(len(tets)), 4)
+        return sparse.csr_matrix(
+            (np.repeat(self.mesh.volumes(), 4), (tets.ravel(), corners)),
+            shape=(len(self.mesh.vertices), len(tets)),
+        )
+
+    def sides(self, x: Array, ids: IntArray) -> Array:
+        """Neutral outward normals (c, 3) of the bodies at some inner points, turned as the tissue is.
+
+        ids: indices (c,) of the points; the tissue has its vertices at x (n, 3).
 
         Rotations come from deformation gradients averaged around each vertex: no single crushed tet upsets
         them.
         """
-        mesh = self.mesh
-        gradients = (gradient_operator(mesh.vertices, mesh.tets) @ x.ravel()).reshape(-1, 9)
-        corners = np.repeat(np.arange(len(mesh.tets)), 4)
-        around = sparse.csr_matrix(
-            (np.repeat(mesh.volumes(), 4), (mesh.tets.ravel(), corners)), shape=(len(x), len(mesh.tets))
-        )
-        rotations, _ = polar((self.inner_matrix @ (around @ gradients)).reshape(-1, 3, 3))
-        return np.einsum("nij,nj->ni", rotations, self.inner.normal)
+        gradients = (self._gradients @ x.ravel()).reshape(-1, 9)
+        rotations, _ = polar((self.inner_matrix[ids] @ (self._around @ gradients)).reshape(-1, 3, 3))
+        return np.einsum("nij,nj->ni", rotations, self.inner.normal[ids])
 
     def constraints(
         self,
@@ -181,8 +198,10 @@ class Tissue:
         """
         inner, matrix, stiffness = self.inner, self.inner_matrix, unit * self.inner.area
         fixed, sliding = inner.region == Region.fixed, inner.region == Region.sliding
-        touching = self._touching
-        points, sides, bodies = matrix @ x, self.sides(x), [Distance(s) for s in inner.surfaces(below)]
+        touching, points, sides = self._touching, matrix @ x, np.zeros_like(inner.normal)
+        loose = np.flatnonzero(~fixed)
+        sides[loose] = self.sides(x, loose)
+        bodies = self._distances(below, inner.body[loose])
 
         def planes(ids: IntArray) -> tuple[Array, Array]:
             return touching_planes(points[ids], sides[ids], inner.body[ids], bodies)
@@ -193,17 +212,17 @@ class Tissue:
         ]
         for body in np.unique(inner.body[sliding]):
             ids = np.flatnonzero(sliding & (inner.body == body))
-            signed, _, _, facing = bodies[body].signed(points[ids])
+            signed, _, _, facing = bodies[int(body)].signed(points[ids])
             lost = astray(signed, facing, sides[ids])
             on, off = ids[~lost], ids[lost]
-            potentials.append(SurfaceSliding(matrix[on], bodies[body], stiffness[on]))
+            potentials.append(SurfaceSliding(matrix[on], bodies[int(body)], stiffness[on]))
             potentials.append(Sliding(matrix[off], *planes(off), stiffness[off]))
         return potentials
 
     def _on_skin(self, rigid: Mapping[str, RigidTransform], x: Array, unit: float) -> list[Potential]:
         """Attachments of nails and the cut end to their bones, and the skin's self-contact if it is on."""
         skin, matrix = self.skin, self.skin_matrix
-        stiffness = unit * mass_lumped(skin.vertices, skin.triangles)
+        stiffness = unit * self._skin_areas
         parts: list[Potential] = [
             Attachment(
                 matrix[part.vertices], rigid[name](skin.vertices[part.vertices]), stiffness[part.vertices]
@@ -214,7 +233,21 @@ class Tissue:
             return parts
         return [*parts, *skin_on_skin(skin, skin.moved(matrix @ x), matrix, stiffness)]
 
-    @property
+    @cached_property
+    def _kept(self) -> BodyDistances:
+        return BodyDistances()
+
+    def _distances(self, below: Mapping[str, Shapes], chosen: IntArray) -> dict[int, Distance]:
+        """Distances to those of the inner points' bodies that have an index in `chosen`, by index."""
+        inner, found = self.inner, {}
+        for index in np.unique(chosen):
+            layer, body = inner.layers[index], inner.bodies[index]
+            shape = below[layer][body]
+            surface = Surface(shape.vertices, shape.cells)
+            found[int(index)] = self._kept.to(f"{layer}/{body}", shape.rest, surface)
+        return found
+
+    @cached_property
     def _touching(self) -> IntArray:
         """Inner points that are in contact."""
         fixed, sliding = self.inner.region == Region.fixed, self.inner.region == Region.sliding
@@ -251,15 +284,23 @@ class Tissue:
 
     def overlap(self, x: Array) -> float:
         """Depth in mm, at most, of the skin in itself with the tissue at x (n, 3)."""
-        return overlap(self.skin, self.skin.moved(self.skin_matrix @ x))
+        known = self._overlaps.get("last")
+        if known is None or not np.array_equal(known[0], x):
+            known = x.copy(), overlap(self.skin, self.skin.moved(self.skin_matrix @ x))
+            self._overlaps["last"] = known
+        return known[1]
+
+    @cached_property
+    def _overlaps(self) -> dict[str, tuple[Array, float]]:
+        """The last positions for which `overlap` was asked, and its answer: it is asked more than once."""
+        return {}
 
     def inner_overlap(self, below: Mapping[str, Shapes], x: Array) -> float:
         """Depth in mm, at most, of the tissue's inner points in their bodies, with the tissue at x (n, 3)."""
         points, deepest = self.inner_matrix @ x, 0.0
-        for index, surface in enumerate(self.inner.surfaces(below)):
+        for index, distance in self._distances(below, self.inner.body).items():
             mine = points[self.inner.body == index]
-            if len(mine):
-                deepest = max(deepest, -float(Distance(surface).signed(mine)[0].min()))
+            deepest = max(deepest, -float(distance.signed(mine)[0].min()))
         return deepest
 
     def opened(

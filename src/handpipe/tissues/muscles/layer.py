@@ -21,7 +21,7 @@ from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Elastic, Potential
 from handpipe.fem.solver import Limits, Settled, equilibrium, settle
 from handpipe.mesh.contact import cuts_itself
-from handpipe.mesh.surfaces import Distance, Surface, about, each_moved
+from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, about, each_moved
 from handpipe.mesh.tets import mass_lumped
 from handpipe.shapes.optimisation import MUSCLE
 from handpipe.tissues.muscles.muscle import Muscle
@@ -108,6 +108,7 @@ class MuscleLayer:
         anchors = [self._lifted(m.anchors, i) for i, m in enumerate(self.muscles)]
         self.anchors = sparse.vstack(anchors, format="csr")  # and to the points attached to bones
         neutral = {m.name: m.body.surface for m in self.muscles}
+        self._to_bones = BodyDistances()
         self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
 
     def _lifted(self, own: sparse.csr_matrix, index: int) -> sparse.csr_matrix:
@@ -135,7 +136,7 @@ class MuscleLayer:
         constraints = [self._attachments(frame.bones), *self._bed(x)]
         posed = each_moved(bones, frame.bones)
         if self.contact:
-            settled = self._in_contact([elastic, *constraints], x, posed, frame.name)
+            settled = self._in_contact([elastic, *constraints], x, bones, posed, frame.name)
             return self._shapes(frame.name, settled, strains, posed, settled.figures)
         found = self._equilibrium([elastic, *constraints], x, frame.name)
         alone = Settled(found.x, 0, 0.0, solver=found.record.figures)
@@ -193,10 +194,15 @@ class MuscleLayer:
         return [Attachment(self.free_points, self.free_points @ places, stiffness)]
 
     def _in_contact(
-        self, free: list[Potential], x: Array, bones: Mapping[str, Surface], frame: str
+        self,
+        free: list[Potential],
+        x: Array,
+        rest: Mapping[str, Surface],
+        bones: Mapping[str, Surface],
+        frame: str,
     ) -> Settled:
         """Equilibria with the neighbours' contact planes renewed until the shapes have settled."""
-        obstacles = [Distance(bone) for bone in bones.values()]
+        obstacles = [self._to_bones.to(name, rest[name].vertices, bone) for name, bone in bones.items()]
         records: list[Record] = []
 
         def in_place(x: Array) -> Array:

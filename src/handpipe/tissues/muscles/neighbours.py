@@ -69,6 +69,9 @@ def pairs(a: Surface, b: Distance, near: float) -> SurfacePairs:
     that slides from one facet to the next oscillates without end.
     """
     ids, other = about(a.vertices, b.surface, near), b.surface
+    if len(ids) == 0:
+        nothing = sparse.csr_matrix((0, len(other.vertices)))
+        return SurfacePairs(ids, nothing, np.zeros((0, 3)), np.zeros(0), np.zeros(0))
     gap, triangles, closest, normals = b.signed(a.vertices[ids])
     astray = (gap < 0) & (np.einsum("ni,ni->n", a.vertex_normals()[ids], normals) > 0)
     chosen = np.flatnonzero((gap < near) & ~astray)
