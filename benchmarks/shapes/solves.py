@@ -23,7 +23,7 @@ from benchmarks.fem.machine import Figures, figure
 from benchmarks.shapes.bodies import muscle, scattered
 from handpipe.core import Array
 from handpipe.mesh.tets import TetMesh
-from handpipe.shapes.observations.holds import Holds
+from handpipe.shapes.observations.attachment_targets import AttachmentTargets
 from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
 from handpipe.shapes.optimisation.all_tets import AllTets
 from handpipe.shapes.optimisation.gauss_newton import RIDGE, GaussNewton
@@ -68,10 +68,10 @@ def model(edge: float, rows: int) -> GaussNewton:
     settings = OrganSettings()
     space = AllTets(mesh.tets, settings)
     search = Search(mesh, space, settings)
-    state = search.begin(Holds.place(attached.attached(mesh), (), mesh.vertices), mesh.vertices)
+    state = search.begin(AttachmentTargets.place(attached.attached(mesh), (), mesh.vertices), mesh.vertices)
     count = max(rows // 3 - len(attached.points), 1)
     marks = BoundaryMarks(mesh, scattered(wanted.boundary(), count), settings.tangential)
-    return space.system(state, search.external(state.holds), marks(state.x), settings.alpha)
+    return space.system(state, search.external(state.attachments), marks(state.x), settings.alpha)
 
 
 def plain(system: GaussNewton, reactions: Array, exact: Array, limit: float) -> tuple[float, float, int]:

@@ -5,7 +5,7 @@ import pytest
 from tests.tissues.muscles.shapes import box
 
 from handpipe.shapes.observations.attached import Attached
-from handpipe.shapes.observations.holds import Holds
+from handpipe.shapes.observations.attachment_targets import AttachmentTargets
 from handpipe.shapes.observations.marks import BoundaryMarks, Pairs
 from handpipe.shapes.optimisation.all_tets import AllTets
 from handpipe.shapes.optimisation.search import Search
@@ -35,7 +35,7 @@ def test_errors_are_those_of_a_model_without_the_point() -> None:
     attached = Pairs(OUTER[:6], grown(OUTER[:6])).attached(MESH)
     marks = BoundaryMarks(MESH, grown(OUTER[6:]), 0.1)
     space = AllTets(MESH.tets, OrganSettings())
-    free = Holds.place(Attached.nothing(len(MESH.vertices)), (), MESH.vertices)
+    free = AttachmentTargets.place(Attached.nothing(len(MESH.vertices)), (), MESH.vertices)
     state = Search(MESH, space, OrganSettings()).begin(free, MESH.vertices)
     predictions = Predictions.at(space, state, marks, None, attached)
     found = predictions.errors(predictions.attachments, predictions.points, 0.5)

@@ -12,8 +12,8 @@ from handpipe.fem.potentials.elastic import Elastic
 from handpipe.fem.solver import equilibrium
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.shapes.observations.attached import Attached
+from handpipe.shapes.observations.attachment_targets import AttachmentTargets
 from handpipe.shapes.observations.correspondence import Correspondence, Markers
-from handpipe.shapes.observations.holds import Holds
 from handpipe.shapes.observations.rigid_motions import LooseMotions
 from handpipe.shapes.optimisation.fit import EmbeddedSurface, KnownPoints, fit_shape
 from handpipe.shapes.optimisation.search import Search
@@ -84,11 +84,13 @@ def test_predicted_motion_agrees_with_a_small_step(loose):
     space = SmoothFields(mesh, truth, options)
     search = Search(mesh, space, options)
     marks = Correspondence(sparse.identity(len(truth), format="csr"), truth, None)
-    state = search.at(space.guess, Holds.place(attached, ends, mesh.vertices), truth)
-    found = space.step(state, search.external(state.holds), marks, Stage("marks", lambda x: marks, 0.1, 4, 1))
+    state = search.at(space.guess, AttachmentTargets.place(attached, ends, mesh.vertices), truth)
+    found = space.step(
+        state, search.external(state.attachments), marks, Stage("marks", lambda x: marks, 0.1, 4, 1)
+    )
     assert len(found.ends) == 6 * len(ends)
     size = 1e-3
-    trial = search.taken(state, found, size, LooseMotions(state.holds.targets, state.x))
+    trial = search.taken(state, found, size, LooseMotions(state.attachments.targets, state.x))
     motion = (trial.x - state.x) / size
     assert motion == pytest.approx(found.motion, rel=0.02, abs=0.02 * np.abs(found.motion).max())
     change = search.objective(trial, marks, 0.1) - search.objective(state, marks, 0.1)

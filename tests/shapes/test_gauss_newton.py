@@ -9,8 +9,8 @@ from handpipe.core.errors import InputError
 from handpipe.fem.elements import plasticity
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.shapes.observations.attached import Attached
+from handpipe.shapes.observations.attachment_targets import AttachmentTargets
 from handpipe.shapes.observations.correspondence import Correspondence
-from handpipe.shapes.observations.holds import Holds
 from handpipe.shapes.observations.rigid_motions import LooseMotions
 from handpipe.shapes.optimisation.all_tets import AllTets
 from handpipe.shapes.optimisation.gauss_newton import RIDGE, GaussNewton
@@ -34,7 +34,7 @@ def search(attached: str) -> tuple[Search, AllTets, State, Correspondence]:
     settings = OrganSettings(beta=2.0)
     space = AllTets(MESH.tets, settings)
     found = Search(MESH, space, settings)
-    holds = Holds.place(Attached.vertices(ids, x[ids], len(x)), (), x)
+    attachments = AttachmentTargets.place(Attached.vertices(ids, x[ids], len(x)), (), x)
     rng = np.random.default_rng(1)
     middles = x[MESH.tets].mean(axis=1)
     logs = 0.01 * middles @ rng.standard_normal((3, 6))
@@ -43,12 +43,12 @@ def search(attached: str) -> tuple[Search, AllTets, State, Correspondence]:
         (np.ones(len(outer)), outer, np.arange(len(outer) + 1)), shape=(len(outer), len(x))
     )
     marks = Correspondence(matrix, 1.1 * x[outer] + 0.3 * rng.standard_normal((len(outer), 3)), None)
-    return found, space, found.at(logs, holds, x), marks
+    return found, space, found.at(logs, attachments, x), marks
 
 
 def system(attached: str) -> tuple[Search, State, Correspondence, GaussNewton]:
     found, space, state, marks = search(attached)
-    return found, state, marks, space.system(state, found.external(state.holds), marks, 1.0)
+    return found, state, marks, space.system(state, found.external(state.attachments), marks, 1.0)
 
 
 def dense(system: GaussNewton) -> tuple[np.ndarray, np.ndarray]:
@@ -82,11 +82,11 @@ def test_all_solvers_give_the_step_of_the_dense_system(attached: str) -> None:
 def test_motion_and_slope_are_those_of_a_small_step(attached: str) -> None:
     found, state, marks, model = system(attached)
     step = model.by_rows()
-    motions = LooseMotions(state.holds.targets, state.x)
+    motions = LooseMotions(state.attachments.targets, state.x)
     assert motions.count == {"end": 0, "edge": 1, "nothing": 6}[attached]
     size = 1e-3
     moved = state.x + size * step.motion
-    trial = found.at(state.unknowns + size * step.strains, state.holds, moved)
+    trial = found.at(state.unknowns + size * step.strains, state.attachments, moved)
     assert np.abs(trial.x - moved).max() < 0.02 * np.abs(trial.x - state.x).max()
     change = found.objective(trial, marks, 1.0) - found.objective(state, marks, 1.0)
     assert change / size == pytest.approx(step.slope, rel=0.02)
@@ -112,7 +112,7 @@ def test_uniform_growth_of_a_free_body_is_found_in_a_few_steps() -> None:
     found = Search(MESH, AllTets(MESH.tets, settings), settings)
     grown = MESH.vertices @ np.diag([1.4, 0.8, 1.2]) + [3.0, -2.0, 1.0]
     marks = Correspondence(sp.identity(len(grown), format="csr"), grown, None)
-    free = Holds.place(Attached.nothing(len(grown)), (), MESH.vertices)
+    free = AttachmentTargets.place(Attached.nothing(len(grown)), (), MESH.vertices)
     state = found.run(found.begin(free, MESH.vertices), Stage("marks", lambda x: marks, 1.0, 1, 10))
     assert state.x == pytest.approx(grown, abs=1e-3)
     expected = np.tile([1.4, 0, 0, 0.8, 0, 1.2], (len(MESH.tets), 1))

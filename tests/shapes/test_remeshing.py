@@ -106,7 +106,7 @@ def hanging() -> tuple[OnMesh, State]:
     place = mesh.vertices[mesh.tets].mean(axis=1) / 10.0
     logs = np.zeros((len(mesh.tets), 6))
     logs[:, 0], logs[:, 3], logs[:, 5] = 1.3, -0.3 * place[:, 0], -0.6 + 0.3 * place[:, 1]
-    return task, task.search.at(logs, task.holds, mesh.vertices * [3.6, 1.0, 0.6])
+    return task, task.search.at(logs, task.attachments, mesh.vertices * [3.6, 1.0, 0.6])
 
 
 @cache
@@ -117,15 +117,15 @@ def meshed_anew() -> tuple[OnMesh, State]:
 def test_new_tets_keep_the_shape_under_load() -> None:
     task, state = hanging()
     alone = OnMesh.of_template(replace(task.given, loads=()))
-    unloaded = alone.search.at(state.unknowns, alone.holds, state.x)
+    unloaded = alone.search.at(state.unknowns, alone.attachments, state.x)
     bent = np.abs(state.x - unloaded.x).max()
     assert bent > 2.0
     new, after = meshed_anew()
     assert len(new.mesh.tets) != len(task.mesh.tets)
     assert new.mesh.smallest_dihedral() > 1.5 * task.mesh.moved(state.x).smallest_dihedral()
     assert np.abs(after.x - new.mesh.vertices).max() < 0.1 * bent
-    attached = np.abs(new.holds.errors(after.x)).max()
-    assert attached < 2 * np.abs(task.holds.errors(state.x)).max() + 0.01
+    attached = np.abs(new.attachments.errors(after.x)).max()
+    assert attached < 2 * np.abs(task.attachments.errors(state.x)).max() + 0.01
 
 
 def test_smoothed_strains_go_on_where_tets_are_replaced() -> None:
@@ -161,9 +161,9 @@ def test_steps_over_replaced_tets_follow_the_objective() -> None:
     targets = after.x + 0.3 * rng.standard_normal(after.x.shape)
     marks = Correspondence(sp.identity(len(after.x), format="csr"), targets, None)
     search, stage = new.search, Stage("marks", lambda x: marks, 1.0, None, 1)
-    step = search.space.step(after, search.external(after.holds), marks, stage)
+    step = search.space.step(after, search.external(after.attachments), marks, stage)
     size = 1e-4
-    trial = search.at(after.unknowns + size * step.strains, after.holds, after.x + size * step.motion)
+    trial = search.at(after.unknowns + size * step.strains, after.attachments, after.x + size * step.motion)
     change = search.objective(trial, marks, 1.0) - search.objective(after, marks, 1.0)
     assert change / size == pytest.approx(step.slope, rel=0.02)
 

@@ -86,7 +86,7 @@ def written(path: Path) -> tuple[Given, FitPosition]:
     """A position in a file."""
     given = Given(MESH, LONG, None, None, (), None, OrganSettings())
     task = OnMesh.of_template(given)
-    state = task.search.at(np.full((len(MESH.tets), 6), 0.01), task.holds, MESH.vertices)
+    state = task.search.at(np.full((len(MESH.tets), 6), 0.01), task.attachments, MESH.vertices)
     position = FitPosition(task, state, 2, 0, 1)
     FitCheckpoint(path, given).write(position)
     return given, position

@@ -190,14 +190,14 @@ def _labelled(dataset: Dataset, pose: str) -> list[str]:
 
 def _check_labels(dataset: Dataset, pose: str, path: Path, volume: Callable[[], Volume]) -> None:
     """Raise `InputError` for bones and muscles that cannot be used, that have scribbles, or lack seeds."""
-    held = _labelled(dataset, pose)
+    present = _labelled(dataset, pose)
     labelled_bones(path, dataset, pose, volume())
     labelled_muscles(path, dataset)
-    for bone in (bone for bone in dataset.poses[pose].scribbles if bone in held):
+    for bone in (bone for bone in dataset.poses[pose].scribbles if bone in present):
         problem = f"holds {bone}, which has scribbles, too"
         raise InputError(path, f"poses.{pose}.scribbles", problem, "Remove one of them")
     if dataset.poses[pose].seeds is None:
-        missing = [bone for bone in dataset.bones if bone not in held]
+        missing = [bone for bone in dataset.bones if bone not in present]
         require_seeds(dataset.name, dataset, {pose: missing})
 
 

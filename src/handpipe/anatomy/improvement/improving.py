@@ -49,8 +49,8 @@ def improve(
     x = smooth_borders(
         labelled.mesh.vertices, tets, labels, sweeps=sweeps, floor=float(np.sin(np.radians(FLOOR)))
     )
-    held = np.zeros(len(x), dtype=bool)
-    held[fixed] = True
+    fixed_mask = np.zeros(len(x), dtype=bool)
+    fixed_mask[fixed] = True
     bound = float(np.sin(np.radians(target)))
     fewest, stale = len(tets) + 1, 0
     for number in range(rounds):
@@ -60,7 +60,7 @@ def improve(
         fewest, stale = min(bad, fewest), 0 if bad < fewest else stale + 1
         if bad == 0 or stale > STALE:
             break
-        tets, labels, changes = _round(x, tets, labels, held, bound)
+        tets, labels, changes = _round(x, tets, labels, fixed_mask, bound)
         if changes == 0:
             break
     order = np.concatenate([fixed, np.setdiff1d(np.unique(tets), fixed)])
@@ -70,15 +70,15 @@ def improve(
 
 
 def _round(
-    x: Array, tets: IntArray, labels: IntArray, held: BoolArray, bound: float
+    x: Array, tets: IntArray, labels: IntArray, fixed_mask: BoolArray, bound: float
 ) -> tuple[IntArray, IntArray, int]:
     """One pass of each operation; x changes in place."""
     stars = Stars.build(tets, len(x))
     faces = Faces.classify(tets, labels)
     listed = _worst_first(x, tets, bound)
-    changes = improve_vertices(x, tets, stars, faces.free_directions(x), np.unique(tets[listed]), held)
+    changes = improve_vertices(x, tets, stars, faces.free_directions(x), np.unique(tets[listed]), fixed_mask)
     regions = regions_at_vertices(tets, labels, faces.corners[faces.outer], len(x))
-    collapses = collapse_bad(x, tets, labels, regions, held, _worst_first(x, tets, bound), stars)
+    collapses = collapse_bad(x, tets, labels, regions, fixed_mask, _worst_first(x, tets, bound), stars)
     tets, labels = _present(tets, labels)
     tets, labels, flips = flip_bad(x, tets, labels, _worst_first(x, tets, bound), Stars.build(tets, len(x)))
     tets, labels = _present(tets, labels)

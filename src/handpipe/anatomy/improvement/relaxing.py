@@ -75,20 +75,20 @@ class Faces:
 
 
 def improve_vertices(
-    x: Array, tets: IntArray, stars: Stars, free: Array, chosen: IntArray, held: BoolArray
+    x: Array, tets: IntArray, stars: Stars, free: Array, chosen: IntArray, fixed_mask: BoolArray
 ) -> int:
     """Move the chosen vertices, in place, to where the worst of their tets is best; returns how many moved.
 
-    Trial moves are projected by `free` (n, 3, 3); the vertices marked in `held` (n,) stay.
+    Trial moves are projected by `free` (n, 3, 3); the vertices marked in `fixed_mask` (n,) stay.
     """
-    return int(_improve(x, tets, stars, free, chosen, held))
+    return int(_improve(x, tets, stars, free, chosen, fixed_mask))
 
 
 @njit(cache=True)
-def _improve(x, tets, stars, free, chosen, held):  # type: ignore[no-untyped-def]
+def _improve(x, tets, stars, free, chosen, fixed_mask):  # type: ignore[no-untyped-def]
     moved = 0
     for v in chosen:
-        if held[v] or np.abs(free[v]).max() < STUCK:
+        if fixed_mask[v] or np.abs(free[v]).max() < STUCK:
             continue
         best, shortest = _star_value(v, x, tets, stars)
         first = best

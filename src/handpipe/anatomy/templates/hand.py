@@ -215,10 +215,10 @@ def _organ(tissue: TissueMesh, name: str, bones: Mapping[str, Distance]) -> Temp
     triangles, outside = mesh.boundary().triangles, mesh.boundary_vertices()
     surface = Surface(mesh.vertices, triangles).compact()
     ends = np.concatenate([tissue.origins[name], tissue.insertions[name]])
-    held = np.flatnonzero(np.isin(used[outside], ends))
+    attached = np.flatnonzero(np.isin(used[outside], ends))
     attachments = {}
     for bone, distance in bones.items():
-        near = held[distance.closest(surface.vertices[held])[0] < TOUCHING]
+        near = attached[distance.closest(surface.vertices[attached])[0] < TOUCHING]
         if len(near):
             attachments[bone] = near
     fibres = tissue.fibres[tissue.labels == tissue.names.index(name)]

@@ -71,8 +71,8 @@ def _require_sound(path: Path, declared: int) -> None:
         while inflated <= declared + BLOCK and (block := stream.read(BLOCK)):
             inflated += len(block)
     if not declared <= inflated <= declared + BLOCK:
-        held = "more" if inflated > declared else f"{inflated:,}"
-        problem = f"the header declares {declared:,} bytes, the file holds {held}"
+        size = "more" if inflated > declared else f"{inflated:,}"
+        problem = f"the header declares {declared:,} bytes, the file holds {size}"
         raise InputError(path, "size", problem, EXPORT)
 
 

@@ -55,9 +55,9 @@ def _one_part(share: BoneShare, strokes: BoolArray, taken: BoolArray) -> BoneSha
     """The part that holds most of the strokes, without threads of a voxel, its holes filled."""
     claimed = share.claimed
     parts, _ = ndimage.label(ndimage.binary_opening(claimed) | (claimed & strokes))
-    held = np.bincount(parts[strokes], minlength=2)
-    held[0] = 0
-    kept = parts == max(int(held.argmax()), 1)
+    counts = np.bincount(parts[strokes], minlength=2)
+    counts[0] = 0
+    kept = parts == max(int(counts.argmax()), 1)
     whole = ndimage.binary_fill_holes(kept) & (claimed | ~taken)
     wrong = whole != claimed  # of the other side than the smoothed share says
     return BoneShare(share.label, share.region, np.where(wrong, 1 - share.values, share.values))

@@ -145,22 +145,22 @@ def labelled_names(path: str | Path, bones: Mapping[str, int], names: Collection
     """
     path = Path(path)
     if is_segmentation(path) and path.exists():
-        held = [*_numbered(segment_names(path))]
+        present = [*_numbered(segment_names(path))]
     else:
-        held = [*read_label_map(path, bones).numbers]
-    require_known(path, held, names)
-    folded = {name.casefold() for name in held}
+        present = [*read_label_map(path, bones).numbers]
+    require_known(path, present, names)
+    folded = {name.casefold() for name in present}
     return [name for name in names if name.casefold() in folded]
 
 
-def require_known(source: str | Path, held: Collection[str], names: Collection[str]) -> None:
+def require_known(source: str | Path, present: Collection[str], names: Collection[str]) -> None:
     """Check that a label map holds no other names than those of a dataset.
 
     Parameters
     ----------
     source : str or Path
         The label map, for messages.
-    held : collection of str
+    present : collection of str
         The names that it holds.
     names : collection of str
         Names of bones and muscles.
@@ -171,8 +171,8 @@ def require_known(source: str | Path, held: Collection[str], names: Collection[s
         For other names; it lists the names that are like them.
     """
     folded = {name.casefold(): name for name in names}
-    unknown = [name for name in held if name.casefold() not in folded]
-    if held and not unknown:
+    unknown = [name for name in present if name.casefold() not in folded]
+    if present and not unknown:
         return
     if not unknown:
         raise InputError(source, "names", "holds no bone or muscle", f"Name its labels {_listed(names)}")

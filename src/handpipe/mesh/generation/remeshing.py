@@ -76,27 +76,27 @@ def remesh_free(
         Where the surface is open.
     """
     require_closed(surface, "remeshing")
-    x, corner, twin, out, held = _half_edges(surface, fixed)
-    n_vertices, n_faces = len(held), len(corner) // 3
+    x, corner, twin, out, fixed_mask = _half_edges(surface, fixed)
+    n_vertices, n_faces = len(fixed_mask), len(corner) // 3
     halvings = max(0, int(np.ceil(np.log2(surface.edge_lengths().max() / edge_length))))
     for _ in range(iterations + halvings):
         needed = _splits(x, corner, edge_length)
-        x, out, held = (_grown(array, n_vertices + needed) for array in (x, out, held))
+        x, out, fixed_mask = (_grown(array, n_vertices + needed) for array in (x, out, fixed_mask))
         corner, twin = (_grown(array, 3 * n_faces + 6 * needed) for array in (corner, twin))
         corner[3 * n_faces :] = -1
         edges = halfedges.HalfEdges(corner, twin, out)
-        n_vertices, n_faces = halfedges.split_long(x, edges, held, edge_length, n_vertices, n_faces)
-        halfedges.collapse_short(x, edges, held, edge_length, n_faces)
+        n_vertices, n_faces = halfedges.split_long(x, edges, fixed_mask, edge_length, n_vertices, n_faces)
+        halfedges.collapse_short(x, edges, fixed_mask, edge_length, n_faces)
         for _ in range(5):
-            if halfedges.flip_to_delaunay(x, edges, held, n_faces) == 0:
+            if halfedges.flip_to_delaunay(x, edges, fixed_mask, n_faces) == 0:
                 break
-        x, corner, twin, out, held = _squeezed(x, corner, twin, held, n_vertices, n_faces)
+        x, corner, twin, out, fixed_mask = _squeezed(x, corner, twin, fixed_mask, n_vertices, n_faces)
         n_vertices, n_faces = len(x), len(corner) // 3
-        x = _relaxed(x, corner.reshape(-1, 3), held, project)
+        x = _relaxed(x, corner.reshape(-1, 3), fixed_mask, project)
     edges = halfedges.HalfEdges(corner, twin, out)
     for _ in range(5):
-        halfedges.flip_to_delaunay(x, edges, held, n_faces)
-        x = _relaxed(x, corner.reshape(-1, 3), held, project)
+        halfedges.flip_to_delaunay(x, edges, fixed_mask, n_faces)
+        x = _relaxed(x, corner.reshape(-1, 3), fixed_mask, project)
     return Surface(x, corner.reshape(-1, 3))
 
 
@@ -154,7 +154,7 @@ def _grown(array: NDArray, size: int) -> NDArray:
     return np.concatenate([array, more])
 
 
-def _squeezed(x, corner, twin, held, n_vertices, n_faces):  # type: ignore[no-untyped-def]
+def _squeezed(x, corner, twin, fixed_mask, n_vertices, n_faces):  # type: ignore[no-untyped-def]
     """The half-edge arrays without removed triangles and vertices, in the same order."""
     alive = corner[: 3 * n_faces] >= 0
     place = np.cumsum(alive) - 1
@@ -163,13 +163,13 @@ def _squeezed(x, corner, twin, held, n_vertices, n_faces):  # type: ignore[no-un
     corner = corner.reshape(-1)
     out = np.empty(len(used), dtype=np.int64)
     out[corner] = np.arange(len(corner))
-    return x[used], corner, twin, out, held[used]
+    return x[used], corner, twin, out, fixed_mask[used]
 
 
-def _relaxed(x: Array, triangles: IntArray, held: BoolArray, project: Project) -> Array:
+def _relaxed(x: Array, triangles: IntArray, fixed_mask: BoolArray, project: Project) -> Array:
     moved = _tangential(x, triangles)
-    moved[held] = x[held]
-    free = ~held
+    moved[fixed_mask] = x[fixed_mask]
+    free = ~fixed_mask
     moved[free] = project(moved[free])
     return moved
 

@@ -56,15 +56,17 @@ class AllTets:
         self, state: State, external: Sequence[Potential], marks: Correspondence, weight: float
     ) -> GaussNewton:
         """The quadratic model of the objective about a state."""
-        loose = LooseMotions(state.holds.targets, state.x).modes(state.x)
+        loose = LooseMotions(state.attachments.targets, state.x).modes(state.x)
         response = Response(state.body, external, state.x, state.unknowns, loose, self.frame)
         return GaussNewton(self.smoothness, response, self.rows(state, marks, weight), state.unknowns)
 
     def rows(self, state: State, marks: Correspondence, weight: float) -> MarkRows:
         """Weighted residuals of marks and attachments."""
         matrix, residuals = marks.rows(state.x)
-        of_marks, of_holds = np.sqrt(weight), np.sqrt(self.settings.beta)
+        of_marks, of_attachments = np.sqrt(weight), np.sqrt(self.settings.beta)
         return MarkRows(
-            sp.vstack([of_marks * matrix, of_holds * state.holds.wide], format="csr"),
-            np.concatenate([of_marks * residuals, of_holds * state.holds.errors(state.x).ravel()]),
+            sp.vstack([of_marks * matrix, of_attachments * state.attachments.wide], format="csr"),
+            np.concatenate(
+                [of_marks * residuals, of_attachments * state.attachments.errors(state.x).ravel()]
+            ),
         )

@@ -16,8 +16,8 @@ from handpipe.core import Array, artifacts
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
 from handpipe.shapes.observations.attached import Attached
+from handpipe.shapes.observations.attachment_targets import AttachmentTargets
 from handpipe.shapes.observations.correspondence import Correspondence, Markers
-from handpipe.shapes.observations.holds import Holds
 from handpipe.shapes.optimisation.search import Search, StepRecord
 from handpipe.shapes.optimisation.settings import ShapeOptions
 from handpipe.shapes.optimisation.smooth_fields import SmoothFields
@@ -134,7 +134,7 @@ def fit_shape(
     x = mesh.vertices if start is None else start
     space = SmoothFields(mesh, x, options)
     search = Search(mesh, space, options, name="shape from plastic strains")
-    state = search.at(space.guess, Holds.place(known.attached, known.loose, x), x)
+    state = search.at(space.guess, AttachmentTargets.place(known.attached, known.loose, x), x)
     nothing = Correspondence.none(len(mesh.vertices))
     landmarks = nothing
     if known.landmarks is not None:

@@ -24,8 +24,8 @@ from handpipe.fem.elements import plasticity
 from handpipe.fem.potentials import Elastic, Potential
 from handpipe.fem.solver import equilibrium
 from handpipe.mesh.tets import TetMesh
+from handpipe.shapes.observations.attachment_targets import AttachmentTargets
 from handpipe.shapes.observations.correspondence import Correspondence
-from handpipe.shapes.observations.holds import Holds
 from handpipe.shapes.observations.rigid_motions import LooseMotions
 from handpipe.shapes.optimisation.settings import SearchSettings
 from handpipe.shapes.optimisation.strain_space import Stage, State, Step, StrainSpace
@@ -73,32 +73,32 @@ class Search:
         self.record: list[StepRecord] = []
         self.hindered = self.near = False
 
-    def begin(self, holds: Holds, start: Array) -> State:
+    def begin(self, attachments: AttachmentTargets, start: Array) -> State:
         """The equilibrium without strains, from a shape (n, 3) near it."""
-        return self.at(self.space.zero(), holds, start)
+        return self.at(self.space.zero(), attachments, start)
 
-    def at(self, unknowns: Array, holds: Holds, x: Array) -> State:
+    def at(self, unknowns: Array, attachments: AttachmentTargets, x: Array) -> State:
         """The equilibrium under strains, from x (n, 3); raises `ConvergenceError` where there is none."""
         body = self.strained(unknowns)
-        pins = LooseMotions(holds.targets, x).pins(x)
-        found = equilibrium.solve([body, *self.external(holds)], x, fixed=pins, options=self.options)
-        return State(unknowns, holds, body, found.x, found.record.tangles)
+        pins = LooseMotions(attachments.targets, x).pins(x)
+        found = equilibrium.solve([body, *self.external(attachments)], x, fixed=pins, options=self.options)
+        return State(unknowns, attachments, body, found.x, found.record.tangles)
 
     def strained(self, unknowns: Array) -> Elastic:
         """The body under strains."""
         return self.body.with_strains(self.space.plastic(unknowns))
 
-    def external(self, holds: Holds) -> list[Potential]:
+    def external(self, attachments: AttachmentTargets) -> list[Potential]:
         """Potentials that act on the body besides its own elasticity."""
-        if len(holds.targets) == 0:
+        if len(attachments.targets) == 0:
             return [*self.loads]
-        return [*self.loads, Attachment(holds.matrix, holds.targets, self.settings.spring)]
+        return [*self.loads, Attachment(attachments.matrix, attachments.targets, self.settings.spring)]
 
     def objective(self, state: State, marks: Correspondence, weight: float) -> float:
         """The objective: Wang 2021 Eq. 5.3 times a half."""
         fit = weight * marks.energy(state.x)
-        hold = self.settings.beta * float((state.holds.errors(state.x) ** 2).sum())
-        hold += self.settings.loose * float((state.holds.departures() ** 2).sum())
+        hold = self.settings.beta * float((state.attachments.errors(state.x) ** 2).sum())
+        hold += self.settings.loose * float((state.attachments.departures() ** 2).sum())
         return 0.5 * (self.space.prior(state.unknowns) + fit + hold)
 
     def run(self, state: State, stage: Stage) -> State:
@@ -133,8 +133,8 @@ class Search:
         self, state: State, marks: Correspondence, stage: Stage, before: float
     ) -> tuple[State, float]:
         """The longest of the steps 1, 1/2, 1/4... that lowers the objective, and its length (0: none)."""
-        step = self.space.step(state, self.external(state.holds), marks, stage)
-        motions = LooseMotions(state.holds.targets, state.x)
+        step = self.space.step(state, self.external(state.attachments), marks, stage)
+        motions = LooseMotions(state.attachments.targets, state.x)
         largest = float(np.abs(self.space.logs(step.strains)).max())
         self.hindered = False
         for length in _lengths(LARGEST / max(largest, LARGEST)):
@@ -159,14 +159,14 @@ class Search:
         if motions.count:
             deform = step.motion - (motions.modes(state.x) @ step.loose).reshape(-1, 3)
             predicted = motions.transform(length * step.loose)(state.x + length * deform)
-        holds = state.holds.moved(length * step.ends)
-        return self.at(state.unknowns + length * step.strains, holds, predicted)
+        attachments = state.attachments.moved(length * step.ends)
+        return self.at(state.unknowns + length * step.strains, attachments, predicted)
 
     def note(self, state: State, stage: str, marks: Correspondence, step: tuple[float, float, float]) -> None:
         """Record a step, or a remeshing as one; step: objective, length and when it began."""
         objective, length, begun = step
         errors = marks.distances(state.x)
-        offsets = np.linalg.norm(state.holds.errors(state.x), axis=1)
+        offsets = np.linalg.norm(state.attachments.errors(state.x), axis=1)
         found = StepRecord(
             stage=stage,
             objective=objective,

@@ -55,13 +55,13 @@ class SmoothFields:
     def step(self, state: State, external: Sequence[Potential], marks: Correspondence, stage: Stage) -> Step:
         """In the first `fields` fields and the motions of loose ends."""
         count = len(self.guess) if stage.fields is None else min(stage.fields, len(self.guess))
-        holds, o = state.holds, self.options
+        attachments, o = state.attachments, self.options
         x_by, targets_by = self._derivatives(state, external, count)
         rows, residuals = marks.rows(state.x)
         terms = (
             (stage.weight, rows @ x_by, residuals),
-            (o.beta, holds.wide @ x_by - targets_by, holds.errors(state.x).ravel()),
-            (o.loose, targets_by, holds.departures().ravel()),
+            (o.beta, attachments.wide @ x_by - targets_by, attachments.errors(state.x).ravel()),
+            (o.loose, targets_by, attachments.departures().ravel()),
         )
         gradient = np.sum([weight * (by.T @ error) for weight, by, error in terms], axis=0)
         hessian = np.sum([weight * (by.T @ by) for weight, by, _ in terms], axis=0)
@@ -78,16 +78,16 @@ class SmoothFields:
         return Step(change, motion, float(gradient @ solution), ends=solution[strains:], loose=NOTHING)
 
     def _derivatives(self, state: State, external: Sequence[Potential], count: int) -> tuple[Array, Array]:
-        """Derivatives of x (3 n, u) and of the holds' targets (3 t, u) by the unknowns.
+        """Derivatives of x (3 n, u) and of the attachments' targets (3 t, u) by the unknowns.
 
         The unknowns are the coefficients of `count` fields, then motions of loose ends. x follows the strains
         by J = -K^-1 d(gradient)/dS (Wang 2021 Eq. 5.10), and loose ends by their springs.
         """
-        holds = state.holds
+        attachments = state.attachments
         chain = plasticity.per_tet_operator(plasticity.exp_derivative(self.basis(state.unknowns)))
         forces = self.basis.first(count).times((state.body.strain_jacobian(state.x) @ chain).tocsr())
-        moved = holds.by_motions()
-        pulls = self.options.spring * (holds.wide.T @ moved)
+        moved = attachments.by_motions()
+        pulls = self.options.spring * (attachments.wide.T @ moved)
         x_by = _tangent(state, external).solve(np.hstack([-forces, pulls]))
         return x_by, np.hstack([np.zeros((len(moved), forces.shape[1])), moved])
 

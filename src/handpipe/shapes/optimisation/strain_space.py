@@ -15,8 +15,8 @@ import numpy as np
 
 from handpipe.core import Array
 from handpipe.fem.potentials import Elastic, Potential
+from handpipe.shapes.observations.attachment_targets import AttachmentTargets
 from handpipe.shapes.observations.correspondence import Correspondence
-from handpipe.shapes.observations.holds import Holds
 
 FindMarks = Callable[[Array], Correspondence]
 
@@ -29,7 +29,7 @@ class State:
     ----------
     unknowns : (k, 6)
         Unknowns of a strain space.
-    holds : Holds
+    attachments : AttachmentTargets
         Attached points and loose ends of the body.
     body : Elastic
         The body under the strains.
@@ -40,7 +40,7 @@ class State:
     """
 
     unknowns: Array
-    holds: Holds
+    attachments: AttachmentTargets
     body: Elastic
     x: Array
     tangles: int

@@ -13,7 +13,7 @@ import numpy as np
 
 from handpipe.core import Array, BoolArray, IntArray, Metrics, RigidTransform, robust
 from handpipe.shapes.observations.attached import Attached
-from handpipe.shapes.observations.holds import Holds
+from handpipe.shapes.observations.attachment_targets import AttachmentTargets
 from handpipe.shapes.observations.marks import BoundaryMarks
 from handpipe.shapes.optimisation.all_tets import AllTets
 from handpipe.shapes.optimisation.search import Search
@@ -109,7 +109,7 @@ class _Body:
     space: AllTets
     search: Search
     start: Array
-    holds: Holds
+    attachments: AttachmentTargets
     marks: FindMarks
     known: Attached | None
     attached: Attached
@@ -126,7 +126,7 @@ class _Body:
             space,
             Search(mesh, space, settings),
             RigidTransform.fit(given.template.vertices, placed)(mesh.vertices),
-            Holds.place(Attached.nothing(len(mesh.vertices)), (), mesh.vertices),
+            AttachmentTargets.place(Attached.nothing(len(mesh.vertices)), (), mesh.vertices),
             lambda x: marks(carry @ x).carried(carry),
             None if given.known is None else given.known.carried(carry),
             attached.carried(carry),
@@ -142,7 +142,7 @@ class _Examination:
         search, marks, known = body.search, body.marks, body.known
         alpha = given.settings.alpha
         find = all_points(marks, known, self.attached)
-        state = search.begin(body.holds, body.start)
+        state = search.begin(body.attachments, body.start)
         state = search.run(state, Stage("doubts, uniform", find, alpha, 1, EARLY))
         self.suspects = np.zeros(len(self.attached.targets), dtype=bool)
         if len(self.suspects):

@@ -162,7 +162,7 @@ def fit_organ(
     file = None if checkpoint is None else FitCheckpoint(checkpoint, given)
     position = None if file is None else file.read()
     if position is None:
-        position = FitPosition(task, task.search.begin(task.holds, start))
+        position = FitPosition(task, task.search.begin(task.attachments, start))
     position = follow(position, plan(given), lambda p: None if file is None else file.write(p))
     if file is not None:
         file.done()
@@ -225,7 +225,7 @@ def _quality(task: OnMesh, state: State, kept: BoolArray, before: Array) -> Metr
         edges = task.image(state.x)
         found |= _errors("image_marks", edges.distances(state.x))
         found["image_marks"] = (float(edges.count), "1")
-    for name, pairs in (("attachments", task.holds), ("landmarks", task.known)):
+    for name, pairs in (("attachments", task.attachments), ("landmarks", task.known)):
         if pairs is not None and len(pairs.targets):
             found |= _errors(name, np.linalg.norm(pairs.errors(state.x), axis=1))
     return found

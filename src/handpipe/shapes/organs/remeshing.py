@@ -22,9 +22,9 @@ from handpipe.imaging.volumes import Volume
 from handpipe.mesh.generation import remesh, tetrahedralise
 from handpipe.mesh.tets import Embedding, TetMesh
 from handpipe.shapes.observations.attached import Attached
+from handpipe.shapes.observations.attachment_targets import AttachmentTargets
 from handpipe.shapes.observations.carried import Carried
 from handpipe.shapes.observations.correspondence import Correspondence
-from handpipe.shapes.observations.holds import Holds
 from handpipe.shapes.observations.image_marks import ImageMarks
 from handpipe.shapes.observations.marks import BoundaryMarks, with_landmarks
 from handpipe.shapes.optimisation.all_tets import AllTets
@@ -77,7 +77,7 @@ class OnMesh:
         loads = given.loads if carry is None else [Carried(p, carry) for p in given.loads]
         settings = given.settings
         attached = (given.attached or Attached.nothing(self.carry.shape[0])).carried(self.carry)
-        self.holds = Holds.place(attached, (), mesh.vertices)
+        self.attachments = AttachmentTargets.place(attached, (), mesh.vertices)
         self.frame = frame
         self.search = Search(mesh, AllTets(mesh.tets, settings, frame), settings, loads)
         self.search.record = record
@@ -128,7 +128,7 @@ def remeshed(task: OnMesh, state: State) -> tuple[OnMesh, State]:
     since, total, rotations = _carried_fields(task, state, mesh)
     frame = StrainFrame.align(rotations, total, since)
     new = OnMesh(task.given, mesh, carry, frame, task.search.record)
-    return new, _kept(new, new.search.at(total, new.holds, mesh.vertices))
+    return new, _kept(new, new.search.at(total, new.attachments, mesh.vertices))
 
 
 def _kept(task: OnMesh, state: State) -> State:

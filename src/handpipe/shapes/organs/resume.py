@@ -85,7 +85,7 @@ class FitCheckpoint:
         meshed = None if frame is None else carry
         task = OnMesh(self.given, mesh, meshed, frame, record)
         body = task.search.strained(content["logs"])
-        state = State(content["logs"], task.holds, body, content["x"], int(content["tangles"]))
+        state = State(content["logs"], task.attachments, body, content["x"], int(content["tangles"]))
         return FitPosition(task, state, *(int(content[n]) for n in ("stage", "first", "meshings")))
 
 

@@ -119,12 +119,12 @@ def fit_residual(angles: Array, samples: Array, weights: Array | None = None) ->
     fits = [fit_ridge(angles, samples, *choice, weights=counts) for choice in choices]
     mixture = np.zeros(len(choices))
     if len(samples) > 1:
-        held = [np.arange(len(samples)) != i for i in range(len(samples))]
+        others = [np.arange(len(samples)) != i for i in range(len(samples))]
         predictions = [
             np.concatenate(
                 [
                     fit_ridge(angles[rest], samples[rest], *choice, weights=counts[rest])(angles[~rest])
-                    for rest in held
+                    for rest in others
                 ]
             )
             for choice in choices

@@ -143,10 +143,10 @@ class CoupledBody:
     @property
     def fixed(self) -> BoolArray:
         """Mask (3n,) of the degrees of freedom of nodes on bones, which are fixed."""
-        held = np.zeros(len(self.rest), dtype=bool)
+        constrained = np.zeros(len(self.rest), dtype=bool)
         for nodes in self.on_bones.values():
-            held[nodes] = True
-        return np.repeat(held, 3)
+            constrained[nodes] = True
+        return np.repeat(constrained, 3)
 
     @property
     def coarse(self) -> sp.csr_matrix | None:

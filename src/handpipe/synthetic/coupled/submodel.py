@@ -65,7 +65,7 @@ def refinement_error(
     part, used = cut_out(anatomy, chosen)
     coarse, fine = (CoupledBody(part, materials, order=1), CoupledBody(part, materials, order=2))
     carried = cast(RigidTransform, _Carried(coarse.elements, x[used]))
-    held = CoupledPose({**pose.bones, CUT: carried}, pose.tensions)
-    start = coarse.prescribed(held, x[used])
-    found = solve(coarse.potentials(held), start, fixed=coarse.fixed, options=options).x
-    return difference(coarse, found, fine, solved_from(coarse, found, fine, held, options))
+    carried_pose = CoupledPose({**pose.bones, CUT: carried}, pose.tensions)
+    start = coarse.prescribed(carried_pose, x[used])
+    found = solve(coarse.potentials(carried_pose), start, fixed=coarse.fixed, options=options).x
+    return difference(coarse, found, fine, solved_from(coarse, found, fine, carried_pose, options))

@@ -128,14 +128,14 @@ def _organ(tissue: TissueMesh, name: str, solid: OrganSolid, bones: Mapping[str,
     surface = mesh.boundary().compact()
     attachments: dict[str, list[IntArray]] = {}
     for chosen, on in ((tissue.origins[name], solid.origin), (tissue.insertions[name], solid.insertion)):
-        held = np.flatnonzero(np.isin(used[outside], chosen))
-        if len(on) == 0 or len(held) == 0:
+        attached = np.flatnonzero(np.isin(used[outside], chosen))
+        if len(on) == 0 or len(attached) == 0:
             continue
-        distances = [Distance(bones[bone]).closest(surface.vertices[held])[0] for bone in on]
+        distances = [Distance(bones[bone]).closest(surface.vertices[attached])[0] for bone in on]
         nearest = np.argmin(distances, axis=0)
         for number, bone in enumerate(on):
             if (nearest == number).any():
-                attachments.setdefault(bone, []).append(held[nearest == number])
+                attachments.setdefault(bone, []).append(attached[nearest == number])
     fibres = tissue.fibres[tissue.labels == tissue.names.index(name)]
     joined = {bone: np.unique(np.concatenate(ids)) for bone, ids in attachments.items()}
     return TemplateMuscle(surface, joined, mesh=mesh, fibres=fibres)

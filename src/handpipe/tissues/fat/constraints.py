@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from handpipe.core import Array, BoolArray, InputError, IntArray, Region, Shapes
+from handpipe.core import Array, BoolArray, InputError, IntArray, Region, Shape, Shapes
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import mass_lumped
 
@@ -59,14 +59,17 @@ class InnerPoints:
             points[mine] = surface.vertices[self.vertex[mine]]
         return points
 
+    def shape(self, below: Mapping[str, Shapes], index: int) -> Shape:
+        """The posed body of an index; `InputError` if it is not below."""
+        layer, body = self.layers[index], self.bodies[index]
+        if body not in below.get(layer, {}):
+            problem = f"{body} is missing, but the tissue was built on it"
+            raise InputError("layers", layer, problem, "Simulate it, or build the tissue without it")
+        return below[layer][body]
+
     def surfaces(self, below: Mapping[str, Shapes]) -> list[Surface]:
         """The posed bodies, in the order of `bodies`; `InputError` for one that is not below."""
-        shapes = []
-        for layer, body in zip(self.layers, self.bodies, strict=True):
-            if body not in below.get(layer, {}):
-                problem = f"{body} is missing, but the tissue was built on it"
-                raise InputError("layers", layer, problem, "Simulate it, or build the tissue without it")
-            shapes.append(below[layer][body])
+        shapes = [self.shape(below, index) for index in range(len(self.bodies))]
         return [Surface(s.vertices, s.cells) for s in shapes]
 
     def to_group(self) -> dict[str, Any]:

@@ -241,10 +241,9 @@ class Tissue:
         """Distances to those of the inner points' bodies that have an index in `chosen`, by index."""
         inner, found = self.inner, {}
         for index in np.unique(chosen):
-            layer, body = inner.layers[index], inner.bodies[index]
-            shape = below[layer][body]
-            surface = Surface(shape.vertices, shape.cells)
-            found[int(index)] = self._kept.to(f"{layer}/{body}", shape.rest, surface)
+            shape = inner.shape(below, int(index))
+            name = f"{inner.layers[index]}/{inner.bodies[index]}"
+            found[int(index)] = self._kept.to(name, shape.rest, Surface(shape.vertices, shape.cells))
         return found
 
     @cached_property

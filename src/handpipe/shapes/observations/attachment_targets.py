@@ -15,7 +15,7 @@ from handpipe.shapes.observations.attached import Attached
 
 
 @dataclass(frozen=True)
-class Holds:
+class AttachmentTargets:
     """Points of a tet mesh that are attached, or that belong to loose ends.
 
     Attributes
@@ -36,13 +36,13 @@ class Holds:
     ends: tuple[IntArray, ...]
 
     @staticmethod
-    def place(attached: Attached, loose: Sequence[sparse.csr_matrix], x: Array) -> Holds:
+    def place(attached: Attached, loose: Sequence[sparse.csr_matrix], x: Array) -> AttachmentTargets:
         """Attached points, and loose ends by their matrices (t_i, n), at places of x (n, 3)."""
         matrix = sparse.vstack([attached.matrix, *loose], format="csr")
         targets = np.concatenate([attached.targets, *(end @ x for end in loose)])
         starts = np.cumsum([len(attached.targets), *(end.shape[0] for end in loose)])
         ends = tuple(np.arange(a, b) for a, b in zip(starts[:-1], starts[1:], strict=True))
-        return Holds(matrix, targets, targets, ends)
+        return AttachmentTargets(matrix, targets, targets, ends)
 
     @cached_property
     def wide(self) -> sparse.csr_matrix:
@@ -67,7 +67,7 @@ class Holds:
             columns[end, :, 6 * number + 3 : 6 * number + 6] = np.eye(3)
         return columns.reshape(3 * len(self.targets), columns.shape[2])
 
-    def moved(self, motions: Array) -> Holds:
+    def moved(self, motions: Array) -> AttachmentTargets:
         """Loose ends turned and shifted by motions (6 k,)."""
         targets = self.targets.copy()
         for end, motion in zip(self.ends, motions.reshape(-1, 6), strict=True):
