@@ -10,8 +10,10 @@ from matplotlib.figure import Figure
 
 from benchmarks.bones.hard_cases import Pair, Row, table
 from benchmarks.bones.speed_against_error import SWEPT, Point
+from benchmarks.marked_parts import between
 from handpipe.core import atomic, write_text
 
+COMMAND = "python -m benchmarks.bones"
 UNITS = {"voxel size": "mm", "tolerance": "of the probability"} | {
     name: unit for name, (unit, _) in SWEPT.items()
 }
@@ -21,21 +23,11 @@ def write(rows: Sequence[Row], points: Sequence[Point], document: Path, picture:
     """Renew what has been measured, between its markers; the rest of the document stays."""
     text = document.read_text(encoding="utf-8")
     if rows:
-        text = between(text, "hard_cases", f"{table(rows)}\n\n{words(rows)}")
+        text = between(text, "hard_cases", COMMAND, f"{table(rows)}\n\n{words(rows)}")
     if points:
-        text = between(text, "speed_against_error", speed_table(points))
+        text = between(text, "speed_against_error", COMMAND, speed_table(points))
         draw(points, picture)
     write_text(document, text)
-
-
-def between(text: str, part: str, content: str) -> str:
-    """The text with other content between the markers of a part."""
-    begin, end = f"<!-- {part}: python -m benchmarks.bones -->", f"<!-- end of {part} -->"
-    before, found, rest = text.partition(begin)
-    _, closed, after = rest.partition(end)
-    if not found or not closed:
-        raise ValueError(f"the document lacks the markers {begin} and {end}")
-    return f"{before}{begin}\n\n{content}\n\n{end}{after}"
 
 
 def words(rows: Sequence[Row]) -> str:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.marked_parts import between
 from handpipe.core import write_text
 
 ROOT = Path(__file__).parents[2]
@@ -32,18 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for part in ("cases", "random"):
         rows = read(options.results / "benchmarks" / "layered" / f"{part}.csv")
         if rows:
-            text = between(text, part, table(list(rows.values())))
+            text = between(text, part, COMMAND, table(list(rows.values())))
     write_text(options.document, text)
-
-
-def between(text: str, part: str, content: str) -> str:
-    """The text with other content between the markers of a part."""
-    begin, end = f"<!-- {part}: {COMMAND} -->", f"<!-- end of {part} -->"
-    before, found, rest = text.partition(begin)
-    _, closed, after = rest.partition(end)
-    if not found or not closed:
-        raise ValueError(f"the document lacks the markers {begin} and {end}")
-    return f"{before}{begin}\n\n{content}\n\n{end}{after}"
 
 
 def table(rows: Sequence[dict[str, str]]) -> str:

@@ -24,7 +24,7 @@ import numpy as np
 
 from handpipe.core import Array, Metrics, RigidTransform, metrics
 from handpipe.core.configuration import Dataset, Role, load_dataset
-from handpipe.develop.raw_scans import place
+from handpipe.develop.raw_scans import scanner_transform
 from handpipe.skeleton.bones import read_registrations
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.poses import flesh_in_poses
@@ -90,21 +90,21 @@ class Build:
 
     folder: Path
     dataset: Dataset
-    placed: Array = field(default_factory=lambda: np.eye(4))
+    transform: Array = field(default_factory=lambda: np.eye(4))
 
     def from_truth(self, points: Array) -> Array:
         """Points (n, 3) of the truth in its own frame."""
-        return np.asarray(points @ self.placed[:3, :3].T + self.placed[:3, 3])
+        return np.asarray(points @ self.transform[:3, :3].T + self.transform[:3, 3])
 
     def to_truth(self, points: Array) -> Array:
         """Points (n, 3) of its own in the truth's frame."""
-        return np.asarray(np.linalg.solve(self.placed[:3, :3], (points - self.placed[:3, 3]).T).T)
+        return np.asarray(np.linalg.solve(self.transform[:3, :3], (points - self.transform[:3, 3]).T).T)
 
     def motion_in_truth(self, motion: RigidTransform) -> RigidTransform:
         """A motion of its own in the truth's frame, also where that is its mirror image."""
         own = np.eye(4)
         own[:3, :3], own[:3, 3] = motion.rotation, motion.translation
-        found: Array = np.linalg.solve(self.placed, own @ self.placed).astype(np.float64)
+        found: Array = np.linalg.solve(self.transform, own @ self.transform).astype(np.float64)
         return RigidTransform(found[:3, :3], found[:3, 3])
 
     def rig(self) -> Rig:
@@ -129,7 +129,7 @@ def compared(case: Case, results: Path) -> Metrics:
     scene = ["--configfile", case.overlay, "--scene", case.name]
     run(folder, "handpipe.cli", "build", case.name, *scene, "--cores", "1")
     dataset = load_dataset(folder / f"config/datasets/{case.name}.yaml")
-    own = Build(folder / "results" / case.name, dataset, place(mirrored=case.mirrored))
+    own = Build(folder / "results" / case.name, dataset, scanner_transform(mirrored=case.mirrored))
     found = ratios(Build(results.resolve() / case.plain, plain), own)
     typed = [word for word in case.typed(heldout) if not word.startswith("--")]
     return {"typed_values": (float(len(typed)), "1")} | found

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 from benchmarks.bones.cases import CASES
-from benchmarks.bones.document import between
 from benchmarks.bones.hard_cases import Row, cells, judge
 from benchmarks.bones.outcome import BoneErrors, Outcome
+from benchmarks.marked_parts import between
 
 CASE = CASES["five-poses"]
 POSES = ("neutral", "fist", "hook", "spread")
@@ -80,7 +80,7 @@ def test_failures_are_shown() -> None:
 
 def test_a_document_keeps_what_is_outside_the_markers() -> None:
     text = "a\n<!-- part: python -m benchmarks.bones -->\nold\n<!-- end of part -->\nb"
-    new = between(text, "part", "new")
+    new = between(text, "part", "python -m benchmarks.bones", "new")
     assert new.startswith("a\n") and new.endswith("\nb") and "new" in new and "old" not in new
     with pytest.raises(ValueError, match="markers"):
-        between(text, "other", "new")
+        between(text, "other", "python -m benchmarks.bones", "new")

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.core import RigidTransform, artifacts
 from handpipe.core.configuration import load_dataset
-from handpipe.develop.raw_scans import place
+from handpipe.develop.raw_scans import scanner_transform
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.bones import write_registrations
 from handpipe.skeleton.bones.registration_result import Registration
@@ -37,8 +37,8 @@ class Known(Build):
 
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_errors_do_not_depend_on_the_frame_of_the_build(tmp_path: Path, mirrored: bool) -> None:
-    placed = place(mirrored=mirrored)
-    linear, shift = placed[:3, :3], placed[:3, 3]
+    transform = scanner_transform(mirrored=mirrored)
+    linear, shift = transform[:3, :3], transform[:3, 3]
     true = motion([10.0, -30.0, 5.0], [3.0, 40.0, -8.0])
     data = {"bones": {"distal2": {"rotation": true.rotation, "translation": true.translation}}}
     artifacts.write(tmp_path / "hook.h5", data, kind="truth", inputs=[])
@@ -46,7 +46,7 @@ def test_errors_do_not_depend_on_the_frame_of_the_build(tmp_path: Path, mirrored
     middle = ball.vertices.mean(axis=0)
     off = RigidTransform.about(middle, motion([0.0, 2.0, 0.0], [0, 0, 0]).rotation)
     seen = motion([0, 0, 0], [0.3, 0.0, 0.4]) @ true @ off
-    turned = linear @ seen.rotation @ np.linalg.inv(linear)  # x = placed(seen(placed^-1(x)))
+    turned = linear @ seen.rotation @ np.linalg.inv(linear)  # x = transform(seen(transform^-1(x)))
     found = RigidTransform(turned, linear @ seen.translation + shift - turned @ shift)
     rig = SimpleNamespace(
         surfaces={"distal2": Surface(ball.vertices @ linear.T + shift, ball.faces)},
@@ -54,7 +54,7 @@ def test_errors_do_not_depend_on_the_frame_of_the_build(tmp_path: Path, mirrored
         bone_transforms=lambda angles, root: {"distal2": found},
     )
     dataset = load_dataset(CHECKOUT / "config/datasets/phantom-finger.yaml")
-    own, truth = Known(tmp_path, dataset, placed, rig), Truth(dataset, tmp_path)
+    own, truth = Known(tmp_path, dataset, transform, rig), Truth(dataset, tmp_path)
     registered = Registration(found, 0.1, np.eye(6))
     write_registrations(tmp_path / "registration/hook.h5", {"distal2": registered}, [])
     for off in (bones_off, registered_off):
@@ -72,7 +72,7 @@ def test_the_largest_ratio_is_named_for_itself(tmp_path: Path, monkeypatch: pyte
     }
     monkeypatch.setattr(from_raw, "errors", lambda build, truth: known[build.folder.name])
     dataset = load_dataset(CHECKOUT / "config/datasets/phantom-finger.yaml")
-    found = ratios(Build(tmp_path / "plain", dataset), Build(tmp_path / "own", dataset, place()))
+    found = ratios(Build(tmp_path / "plain", dataset), Build(tmp_path / "own", dataset, scanner_transform()))
     assert found["figures_ratio_max"][0] == pytest.approx(1.25)
     assert found["ratio_turn"][0] == pytest.approx(0.8) and found["raw_skin"] == (0.05, "mm")
 

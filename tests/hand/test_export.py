@@ -252,6 +252,18 @@ def test_nails_have_their_own_colour_in_glb(tmp_path: Path):
     assert factor[:3] == [1, 1, 1]  # colours of vertices multiply it
 
 
+def test_a_skin_without_nails_beside_one_with_nails_has_the_tissues_colour(tmp_path: Path):
+    frame, shapes = simulated(1)[0]
+    plain = shapes["bones"]["distal2"]
+    nails = replace(plain, fields={"nail": np.ones(len(plain.rest), np.uint8)})
+    export.write_glb(tmp_path / "hand.glb", [(frame, {"m0": {"skin": nails}, "m1": {"skin": plain}})])
+    document = pygltflib.GLTF2().load(str(tmp_path / "hand.glb"))
+    [without] = document.meshes[1].primitives
+    assert document.meshes[1].name == "m1/skin" and without.attributes.COLOR_0 is None
+    factor = document.materials[without.material].pbrMetallicRoughness.baseColorFactor
+    np.testing.assert_allclose(factor[:3], np.power(appearance.colour("skin"), 2.2), rtol=1e-6)
+
+
 def test_what_is_shown_leaves_out_the_fat_beneath_a_skin():
     ball = Shape(CUBE, CUBE, TETS)
     layers = {"bones": {"distal2": ball}, "fat": {"skin": ball, "fat_tets": ball}}

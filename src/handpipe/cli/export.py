@@ -82,10 +82,7 @@ def deck(subject: str, dataset: Dataset, scene: str, frame: str, body: str, path
     chunks = _chunks(folder)
     if not chunks:
         raise InputError(folder, "frames", "nothing is simulated yet", f"Run: handpipe build {subject}")
-    names = [found.name for found, _ in _frames(chunks)]
-    if frame not in names:
-        raise InputError(folder, frame, "is no frame", f"Name one of {', '.join(names)}")
-    found, layers = next(each for each in _frames(chunks) if each[0].name == frame)
+    found, layers = _frame(chunks, folder, frame)
     owners = {
         name.removesuffix("_mesh"): layer
         for layer, bodies in layers.items()
@@ -117,6 +114,16 @@ def _frames(chunks: list[Path]) -> Iterator[SimulatedFrame]:
     """The frames one after another: a long scene does not fit into memory."""
     for chunk in chunks:
         yield from read_frames(chunk)
+
+
+def _frame(chunks: list[Path], folder: Path, name: str) -> SimulatedFrame:
+    """A frame by its name; `InputError`, which names the scene's folder, where there is none."""
+    names = []
+    for frame in _frames(chunks):
+        if frame[0].name == name:
+            return frame
+        names.append(frame[0].name)
+    raise InputError(folder, name, "is no frame", f"Name one of {', '.join(names)}")
 
 
 def _scenes_as_usd(subject: str, folder: Path) -> Iterator[Path]:

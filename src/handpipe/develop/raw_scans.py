@@ -49,31 +49,33 @@ def _write(options: argparse.Namespace) -> None:
     dataset = load_dataset(f"config/datasets/{options.subject}.yaml")
     if options.folder.exists():
         raise InputError(options.folder, "folder", "exists already", "Name another one")
-    placed = place(mirrored=options.mirrored)
+    to_scanner = scanner_transform(mirrored=options.mirrored)
     for number, name in enumerate(options.poses or dataset.poses, 1):
         pose = dataset.poses[name]
-        volume = moved(read_volume(dataset.path(pose.volume)), placed)
+        volume = moved(read_volume(dataset.path(pose.volume)), to_scanner)
         write_dicom(options.folder / f"{name} MR", volume, number)
         if pose.scan is not None:
             scan = read_surface(dataset.path(pose.scan))
-            write_surface(options.folder / f"{name} skin.stl", moved_surface(scan, placed))
+            write_surface(options.folder / f"{name} skin.stl", moved_surface(scan, to_scanner))
         print(options.folder / f"{name} MR")
     if options.strokes:
-        _write_strokes(options.folder, dataset, placed)
+        _write_strokes(options.folder, dataset, to_scanner)
 
 
-def _write_strokes(folder: Path, dataset: Dataset, placed: Array) -> None:
+def _write_strokes(folder: Path, dataset: Dataset, to_scanner: Array) -> None:
     pose = dataset.poses[dataset.neutral]
     if pose.seeds is None:
         raise InputError(dataset.neutral, "seeds", "there are none", "Leave out --strokes")
     volume = read_volume(dataset.path(pose.volume))
     labels = read_labels(dataset.path(pose.seeds), volume, dataset.labels)
     path = folder / f"{dataset.neutral}-seeds.seg.nrrd"
-    write_segments(path, labels, moved(volume, placed).affine, dataset.labels | {"background": BACKGROUND})
+    write_segments(
+        path, labels, moved(volume, to_scanner).affine, dataset.labels | {"background": BACKGROUND}
+    )
     print(path)
 
 
-def place(*, mirrored: bool = False) -> Array:
+def scanner_transform(*, mirrored: bool = False) -> Array:
     """Where the scans lie.
 
     Parameters
@@ -91,14 +93,14 @@ def place(*, mirrored: bool = False) -> Array:
     return tilt @ MIRROR if mirrored else tilt
 
 
-def moved(volume: Volume, placed: Array) -> Volume:
+def moved(volume: Volume, to_scanner: Array) -> Volume:
     """The volume with its grid moved; voxels keep their values.
 
     Parameters
     ----------
     volume : Volume
         Any.
-    placed : array (4, 4)
+    to_scanner : array (4, 4)
         From the volume's frame to the new one, in mm; it may be a reflection.
 
     Returns
@@ -106,17 +108,17 @@ def moved(volume: Volume, placed: Array) -> Volume:
     Volume
         With another affine.
     """
-    return Volume(volume.values, placed @ volume.affine)
+    return Volume(volume.values, to_scanner @ volume.affine)
 
 
-def moved_surface(surface: Surface, placed: Array) -> Surface:
+def moved_surface(surface: Surface, to_scanner: Array) -> Surface:
     """The surface in the new frame, its triangles outward also after a reflection.
 
     Parameters
     ----------
     surface : Surface
         Any, in mm.
-    placed : array (4, 4)
+    to_scanner : array (4, 4)
         As in `moved`.
 
     Returns
@@ -124,8 +126,8 @@ def moved_surface(surface: Surface, placed: Array) -> Surface:
     Surface
         With other vertices.
     """
-    reflected = np.linalg.det(placed[:3, :3]) < 0
-    vertices = surface.vertices @ placed[:3, :3].T + placed[:3, 3]
+    reflected = np.linalg.det(to_scanner[:3, :3]) < 0
+    vertices = surface.vertices @ to_scanner[:3, :3].T + to_scanner[:3, 3]
     return Surface(vertices, (surface.flipped() if reflected else surface).triangles)
 
 

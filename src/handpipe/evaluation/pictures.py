@@ -66,8 +66,8 @@ def bodies(
         look = tissue(layer, body)
         if look == "skin":
             if skin_opacity is not None:
-                several = surface_colours(look, shape) if skin_opacity == 1 else None
-                rgb = colour(look) if several is None else several
+                vertex_rgb = surface_colours(look, shape) if skin_opacity == 1 else None
+                rgb = colour(look) if vertex_rgb is None else vertex_rgb
                 surface = body_surface(shape)
                 drawn.append(Drawable(surface, rgb, skin_opacity, cap=colour("fat"), scattering=True))
         elif opacity(look) == 1:

@@ -6,12 +6,10 @@ import logging
 
 import numpy as np
 from numba import njit
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from handpipe.anatomy.improvement.stars import Stars
 from handpipe.core import Array, BoolArray, IntArray
-from handpipe.mesh.tets import EDGES, FACES, TetMesh, tet_neighbours
+from handpipe.mesh.tets import EDGES, FACES, TetMesh, tet_neighbours, tet_pieces
 
 log = logging.getLogger(__name__)
 
@@ -64,8 +62,7 @@ def label_parts(labels: IntArray, pairs: IntArray) -> IntArray:
     A part is a set of tets of one label that are connected by faces; `pairs` are those of `tet_neighbours`.
     """
     same = pairs[labels[pairs[:, 0]] == labels[pairs[:, 1]]]
-    graph = sparse.coo_matrix((np.ones(len(same)), same.T), shape=(len(labels), len(labels)))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    return tet_pieces(len(labels), same)
 
 
 def _given_away(labels: IntArray, given: BoolArray, pairs: IntArray, area: Array) -> IntArray:

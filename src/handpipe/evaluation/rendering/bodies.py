@@ -20,11 +20,12 @@ from handpipe.mesh.surfaces import Surface
 AMBIENT, DIFFUSE, SPECULAR, GLOSS = 0.30, 0.80, 0.12, 20.0  # shares of light; exponent of the highlight
 LIT = "//VTK::Light::Impl"  # where VTK puts the code of its lights in a shader
 # Light enters the skin and leaves it millimetres away, red farthest: that brightens the rim of the shade.
+BLEED = (0.16, 0.045, 0.02)  # red, green and blue added there, of the colour of the body
 RIM, SPREAD = 0.05, 0.35  # cosine to the key light in the middle of that rim; cosines to where it has faded
 SCATTERED = f"""
   float towards = dot(normalVCVSOutput, normalize(vec3{LIGHTS[0][0]}));
   float rim = exp(-pow((towards - {RIM}) / {SPREAD}, 2.0));
-  gl_FragData[0].rgb += rim * vec3(0.16, 0.045, 0.02) * diffuseColor;
+  gl_FragData[0].rgb += rim * vec3{BLEED} * diffuseColor;
 """
 CAP_STEP = 1e-3  # mm between the caps of bodies that lie in one another, so that the first one is in front
 

@@ -112,8 +112,8 @@ def _views(
 
 def _body(layer: str, body: str, faces: IntArray, integers: Array, rgb: Array | None) -> dict[str, Any]:
     look = tissue(layer, body)
-    several = {} if rgb is None else {"colours": _base64(np.round(255 * rgb).astype("u1"))}
-    return several | {
+    colours = {} if rgb is None else {"colours": _base64(np.round(255 * rgb).astype("u1"))}
+    return colours | {
         "name": body,
         "layer": _layer(layer, body),
         "colour": colour(look),

@@ -214,7 +214,7 @@ class GlbWriter:
         self.document.scenes, self.document.scene = [gltf.Scene(nodes=[])], 0
         self.document.animations = [gltf.Animation(name="frames", channels=[], samplers=[])]
         self.blob = bytearray()
-        self.materials: dict[str, int] = {}
+        self.materials: dict[tuple[str, bool], int] = {}
         count = len(names)
         self.times = self.accessor(np.arange(count, dtype=np.float32)[:, None] / np.float32(fps), bounds=True)
         self.weights = self.accessor(np.eye(count, dtype=np.float32).reshape(-1, 1))
@@ -273,16 +273,16 @@ class GlbWriter:
 
     def material(self, look: str, *, white: bool = False) -> int:
         """The material of a tissue, made once; white under the colours of vertices, which multiply it."""
-        if look not in self.materials:
+        if (look, white) not in self.materials:
             linear = [1.0] * 3 if white else [c**GAMMA for c in colour(look)]
             surface = gltf.PbrMetallicRoughness(
                 baseColorFactor=[*linear, opacity(look)], metallicFactor=0.0, roughnessFactor=0.6
             )
             material = gltf.Material(name=look, pbrMetallicRoughness=surface, doubleSided=True)
             material.alphaMode = gltf.BLEND if opacity(look) < 1 else gltf.OPAQUE
-            self.materials[look] = len(self.document.materials)
+            self.materials[look, white] = len(self.document.materials)
             self.document.materials.append(material)
-        return self.materials[look]
+        return self.materials[look, white]
 
     def accessor(self, values: NDArray, target: int | None = None, *, bounds: bool = False) -> int:
         """Append an array (n, 1, 3, 4 or 16) of float32, uint32 or uint16; return its accessor."""

@@ -126,24 +126,24 @@ def tet_neighbours(tets: IntArray) -> IntArray:
     return np.stack([order[:-1][same], order[1:][same]], axis=1) // 4
 
 
-def tet_pieces(tets: IntArray) -> IntArray:
-    """Pieces that tets form, which hang together by faces.
+def tet_pieces(count: int, pairs: IntArray) -> IntArray:
+    """Pieces that tets form, which are connected by faces.
 
     Pieces that share an edge or a vertex alone turn about it as about a hinge, without resistance.
 
     Parameters
     ----------
-    tets : array (m, 4) of int
-        Vertices of each tet.
+    count : int
+        Number m of tets.
+    pairs : array (p, 2) of int
+        Pairs of `tet_neighbours`, all or some.
 
     Returns
     -------
     array (m,) of int
         Number of each tet's piece, from 0.
     """
-    m = len(tets)
-    pairs = tet_neighbours(tets)
-    graph = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(m, m))
+    graph = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from handpipe.core import Array, BoolArray, InputError
 from handpipe.mesh.generation import remesh, tetrahedralise, union_surface
 from handpipe.mesh.surfaces import Distance, Surface
-from handpipe.mesh.tets import TetMesh, nearest_tets, tet_pieces
+from handpipe.mesh.tets import TetMesh, nearest_tets, tet_neighbours, tet_pieces
 from handpipe.tissues.fat.constraints import InnerPoints
 
 log = logging.getLogger(__name__)
@@ -54,10 +54,10 @@ def tissue_mesh(skin: Surface, inner: Surface, edge: float) -> tuple[TetMesh, Ar
 def without_pockets(
     mesh: TetMesh, share: Array, skin: Surface, points: InnerPoints
 ) -> tuple[TetMesh, Array, InnerPoints]:
-    """The largest piece of a tissue that hangs together by faces, and the inner points in it.
+    """The largest piece of a tissue that is connected by faces, and the inner points in it.
 
-    Other pieces lie in pockets between inner bodies. They share an edge, a vertex or nothing with the tissue:
-    nothing holds them, and Newton's method finds steps of kilometres.
+    Other pieces lie in pockets between inner bodies. They share an edge, a vertex or nothing with the tissue,
+    and turn without resistance: the tangent stiffness is singular, and Newton directions have any length.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def without_pockets(
     InputError
         If the skin touches another piece, or the other pieces are more than 1 % of the tissue.
     """
-    piece = tet_pieces(mesh.tets)
+    piece = tet_pieces(len(mesh.tets), tet_neighbours(mesh.tets))
     tissue = share * mesh.volumes()
     volumes = np.bincount(piece, weights=tissue)
     if len(volumes) == 1:
@@ -97,9 +97,10 @@ def without_pockets(
         problem = (
             f"tetrahedra are in {len(volumes)} pieces that share no face, {100 * lost:.2g} % of the tissue "
         )
-        problem += f"is not in the largest; there is some near {tuple(where.tolist())} mm"
+        problem += f"is not in the largest; another piece is near {tuple(where.tolist())} mm"
         raise InputError("config", "edges", problem, "Give a smaller edge for fat, or look at the skin there")
-    log.info("%d tets, %.2g %% of the tissue, in pockets left out", np.count_nonzero(~keep), 100 * lost)
+    text = "left out %d tets in pockets, %.2g %% of the tissue (limit %.2g %%)"
+    log.info(text, np.count_nonzero(~keep), 100 * lost, 100 * MOST_LOST)
     return _part(mesh, keep), share[keep], points.chosen(keep[nearest_tets(points.rest, mesh)])
 
 

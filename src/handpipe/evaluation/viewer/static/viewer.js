@@ -23,8 +23,8 @@ class Body {
     this.geometry = new THREE.BufferGeometry();
     this.geometry.setAttribute("position", this.positions);
     this.geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(bytes(data.triangles)), 1));
-    const several = data.colours !== undefined; // of vertices: nails on the skin
-    if (several) {
+    const byVertex = data.colours !== undefined; // of vertices: nails on the skin
+    if (byVertex) {
       const srgb = new Uint8Array(bytes(data.colours)), colour = new THREE.Color();
       const linear = new Float32Array(srgb.length);
       for (let i = 0; i < srgb.length; i += 3) {
@@ -33,8 +33,8 @@ class Body {
       this.geometry.setAttribute("color", new THREE.BufferAttribute(linear, 3));
     }
     const material = new THREE.MeshStandardMaterial({
-      color: several ? 0xffffff : new THREE.Color().setRGB(...data.colour, THREE.SRGBColorSpace),
-      vertexColors: several, roughness: 0.6, side: THREE.DoubleSide, transparent: !this.opaque, opacity: data.opacity,
+      color: byVertex ? 0xffffff : new THREE.Color().setRGB(...data.colour, THREE.SRGBColorSpace),
+      vertexColors: byVertex, roughness: 0.6, side: THREE.DoubleSide, transparent: !this.opaque, opacity: data.opacity,
     });
     this.mesh = new THREE.Mesh(this.geometry, material);
     this.mesh.userData.body = this;
