@@ -604,6 +604,14 @@ def scene_chunks(wildcards):
     return expand(paths.SCENE_CHUNK, **wildcards, chunk=numbers)
 
 
+def scene_equilibria(wildcards):
+    """What other equilibria the frames have, where the scene asks for it."""
+    if not scene(wildcards.scene).equilibria:
+        return []
+    numbers = chunks(wildcards.subject, wildcards.scene)
+    return expand(paths.SCENE_EQUILIBRIA, **wildcards, chunk=numbers)
+
+
 def chunks_of_scenes(wildcards):
     """The frames of all scenes of a subject."""
     subject = wildcards.subject
