@@ -67,7 +67,12 @@ def test_keyframes_through_both_stages(tmp_path, rig):
     write_frames(chunks[1], frames[2:])
     others = [tmp_path / f"equilibria-{number}.json" for number in (0, 1)]
     plain = {"starts": 1, "starts_without_result": 0, "other_equilibria": 0}
-    away = {"other_equilibria": 1, "other_start": "blend of the bones", "other_energy": 1.1, "other_skin_max": 2.5}
+    away = {
+        "other_equilibria": 1,
+        "other_start": "blend of the bones",
+        "other_energy": 1.1,
+        "other_skin_max": 2.5,
+    }
     for path, row in zip(others, ({"frame": "open"} | plain, {"frame": "bent"} | plain | away), strict=True):
         path.write_text(json.dumps({"frames": [row]}))
     inputs = evaluate_frames.Inputs(tmp_path / "rig.h5", made.angles, made.table, others, chunks)

@@ -40,7 +40,14 @@ def built(built_small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (scenes / "seen.csv").write_text("frame,hinge_flexion [deg]\nrest,0\nbent,15\n")
     (scenes / "seen.yaml").write_text(SCENE)
     (folder / "watched").mkdir()
-    arguments = ("-j2", "simulation", f"results/small/{TABLE}", "--config", "subjects=[small]", "scenes=[seen]")
+    arguments = (
+        "-j2",
+        "simulation",
+        f"results/small/{TABLE}",
+        "--config",
+        "subjects=[small]",
+        "scenes=[seen]",
+    )
     process = run(folder, *arguments, environment=watching(folder / "watched"))
     assert process.returncode == 0, process.stdout[-5000:]
     return folder

@@ -223,7 +223,9 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
         yield "the shape jumps from the frame before", f"{where}, {_number(row, 'joint_motion'):.1f} deg"
     if _positive(row, "other_equilibria"):
         energy = f"with {_number(row, 'other_energy'):.3f} of the elastic energy"
-        where = f"skin up to {_number(row, 'other_skin_max'):.2f} mm away from the {row['other_start']}, {energy}"
+        where = (
+            f"skin up to {_number(row, 'other_skin_max'):.2f} mm away from the {row['other_start']}, {energy}"
+        )
         yield "other starts lead to other equilibria; the one from the examples' shapes is taken", where
     if _positive(row, "target_distance", REACHED):
         yield "targets are not reached", f"{_number(row, 'target_distance'):.1f} mm are left"

@@ -1,4 +1,4 @@
-"""Other starts: one that leads to the frame's own shape, one that leads away from it, and one without result."""
+"""Other starts that lead to the same shape of the frame, away from it, or to no result."""
 
 from dataclasses import replace
 

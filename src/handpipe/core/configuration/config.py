@@ -529,7 +529,8 @@ class Scene(Model):
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
     )
     equilibria: bool = Field(
-        False, description="look for other equilibria of each frame, from other starts; doubles the time of fat"
+        False,
+        description="look for other equilibria of each frame, from other starts; doubles the time of fat",
     )
     movie: bool = Field(False, description="draw the frames as movies, too; with `images` also the volumes")
     images: bool = Field(False, description="move the neutral image with the frames, and into scanned poses")

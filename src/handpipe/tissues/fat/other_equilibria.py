@@ -94,7 +94,9 @@ def _restarted(
     share = elastic.value(found.x) / elastic.value(before)
     restart = Restart(name, float(apart.mean()), float(apart.max()), float(share), found.rests)
     if restart.other:
-        text = "%s of %s: another equilibrium from the %s: skin up to %.2f mm away, energy %.3f of the frame's"
+        text = (
+            "%s of %s: another equilibrium from the %s: skin up to %.2f mm away, energy %.3f of the frame's"
+        )
         log.warning(text, layer.name, frame.name, name, restart.largest, restart.energy)
     return restart
 

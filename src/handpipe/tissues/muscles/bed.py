@@ -34,7 +34,7 @@ class Bed:
 
     @staticmethod
     def fit(vertices: Array, flesh: Sequence[Shape], motions: Sequence[RigidTransform]) -> Bed:
-        """From the mesh vertices (N, n, 3), the flesh and the bone's motions in the examples, neutral first."""
+        """From the mesh vertices (N, n, 3), the flesh and the bone's motions in the examples."""
         embedding = Embedding.embed(vertices[0], TetMesh(flesh[0].rest, flesh[0].cells))
         known = zip(vertices, flesh, motions, strict=True)
         return Bed(embedding, np.stack([(x - embedding(f.vertices)) @ m.rotation for x, f, m in known]))
