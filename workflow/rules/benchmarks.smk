@@ -2,6 +2,41 @@
 
 SEEDED = "config/datasets/phantom-hand-seeded.yaml"
 BENCHMARK_POSES = ["neutral", "fist"]  # of the walkers' regions
+ALIGNED = [
+    "neutral",
+    "bow",
+    "fist",
+    "spread",
+    "curl",
+    "half",
+]  # of the finger, for scans in a frame of their own
+
+
+def as_built(subject, name):
+    """What a benchmark reads of a built subject to simulate the layers of a scene."""
+    data, file = (
+        checked(load_dataset, dataset_file(subject)),
+        f"config/scenes/{name}.yaml",
+    )
+    layers = artifacts_of(checked(load_scene, file).needed, data)
+    built = [paths.RIG, *(f"{paths.SUBJECT}/{path}" for path in layers)]
+    return [dataset_file(subject), file, *expand(built, subject=subject)]
+
+
+def compared_with_truth(subject):
+    """What a benchmark reads of a built subject to compare it, and its raw scans, with the truth."""
+    data = checked(load_dataset, dataset_file(subject))
+    of_poses = [
+        *(paths.DATA_VOLUME, paths.DATA_SCAN, paths.TRUTH, paths.TRUE_BONES),
+        *(paths.TRUE_MARROW, paths.REGISTRATION),
+    ]
+    if data.fleshed:
+        of_poses.append(paths.POSE_FLESH)
+    files = [*of_poses, paths.RIG, paths.HOOKS, paths.metrics_of("skin")]
+    return [
+        dataset_file(subject),
+        *expand(files, subject=subject, pose=data.poses, tendon=data.tendons),
+    ]
 
 
 rule benchmark_fem:
@@ -138,16 +173,20 @@ SCANS = {  # parts of the benchmark of scans, modules of benchmarks.scans: what 
     "foot": [],
     "knee": [],
     "skin": [],
-    "alignment": expand(paths.metrics_of("rig"), subject="phantom-finger"),
+    "alignment": expand(
+        [paths.metrics_of("rig"), paths.RIG, paths.DATA_VOLUME],
+        subject="phantom-finger",
+        pose=ALIGNED,
+    ),
     "effects": [],
     "chain": [],
-    "from_raw": expand(paths.metrics_of("skin"), subject="phantom-finger"),
+    "from_raw": lambda w: compared_with_truth("phantom-finger"),
 }
 
 
 rule benchmark_scans_part:
     input:
-        lambda w: SCANS[w.part],
+        lambda w: SCANS[w.part](w) if callable(SCANS[w.part]) else SCANS[w.part],
     output:
         paths.benchmark_of("scans/{part}.json"),
     log:
@@ -191,6 +230,7 @@ rule benchmark_scans:
         "../scripts/benchmark.py"
 
 
+TRUSTED = "phantom-hand-preview"
 FRAMES = paths.benchmark_of("trust/frames/{chunk}.npz")
 CHUNKS = [  # of frames, as benchmarks/trust/poses.py numbers them
     f"{kind}{i}"
@@ -199,8 +239,20 @@ CHUNKS = [  # of frames, as benchmarks/trust/poses.py numbers them
 ]
 TRUST = {  # parts of the benchmark of trust: what each needs to be built
     "solver": [],
-    "frames": expand(FRAMES, chunk=CHUNKS),
-    "seeds": expand(paths.metrics_of("segmentation"), subject="phantom-hand-preview"),
+    "frames": [
+        *expand(FRAMES, chunk=CHUNKS),
+        dataset_file(TRUSTED),
+        *expand(paths.RIG, subject=TRUSTED),
+    ],
+    "seeds": [
+        dataset_file(TRUSTED),
+        *expand(paths.metrics_of("segmentation"), subject=TRUSTED),
+        *expand(
+            [paths.DATA_VOLUME, paths.TRUE_BONES, paths.TRUE_MARROW],
+            subject=TRUSTED,
+            pose="neutral",
+        ),
+    ],
     "readers": [],
     "stale": [],
     "kills": [],
@@ -209,7 +261,8 @@ TRUST = {  # parts of the benchmark of trust: what each needs to be built
 
 rule benchmark_trust_frames:
     input:
-        expand(paths.metrics_of("skin"), subject="phantom-hand-preview"),
+        expand(paths.metrics_of("skin"), subject=TRUSTED),
+        lambda w: as_built(TRUSTED, "hand-preview"),
     output:
         FRAMES,
     log:
@@ -356,6 +409,7 @@ LAYERED = ["cases", "random"]
 rule benchmark_layered_part:
     input:
         expand(paths.metrics_of("skin"), subject="phantom-finger"),
+        lambda w: as_built("phantom-finger", "flexion"),
     output:
         paths.benchmark_of("layered/{part}.json"),
         paths.benchmark_of("layered/{part}.csv"),
