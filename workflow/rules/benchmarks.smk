@@ -60,6 +60,8 @@ rule benchmark_fem:
 
 
 rule benchmark_bones:
+    input:
+        dataset_file("phantom-hand"),
     output:
         paths.benchmark_of("bones.json"),
     log:
@@ -170,16 +172,19 @@ rule benchmark_anatomy:
 
 
 SCANS = {  # parts of the benchmark of scans, modules of benchmarks.scans: what each needs to be built
-    "foot": [],
-    "knee": [],
-    "skin": [],
+    "foot": ["tests/data/foot-strokes.json"],
+    "knee": [
+        dataset_file("knee"),
+        *expand("tests/data/knee/strokes-{n}.json", n=["first", "second"]),
+    ],
+    "skin": [dataset_file("phantom-finger")],
     "alignment": expand(
         [paths.metrics_of("rig"), paths.RIG, paths.DATA_VOLUME],
         subject="phantom-finger",
         pose=ALIGNED,
     ),
     "effects": [],
-    "chain": [],
+    "chain": [dataset_file("phantom-finger")],
     "from_raw": lambda w: compared_with_truth("phantom-finger"),
 }
 
