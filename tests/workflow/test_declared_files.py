@@ -36,7 +36,9 @@ from .small_subject import (
 from .thin_hand import thin_hand, thin_out
 
 RULES = sorted((CHECKOUT / "workflow" / "rules").glob("*.smk"))
-NOT_WATCHED = {"zanatomy_hand": "two minutes: tests/synthetic/test_zanatomy_hand.py watches its stage"}
+NOT_WATCHED = {
+    "zanatomy_hand": "90 s, with data of others: tests/synthetic/test_zanatomy_hand.py watches its stage"
+}
 AIR = 4  # voxels around the small subject's image
 WIDE = AFFINE + np.pad(np.full((3, 1), -AIR * SPACING), ((0, 1), (3, 0)))
 ECHOES = (3.45, 4.60, 5.75)  # ms
