@@ -109,6 +109,7 @@ METRICS = f"{SUBJECT}/metrics/{{stage}}.json"
 TABLE = f"{SUBJECT}/tables/{{stage}}.json"
 SKIN_ARRAY = f"{SUBJECT}/tables/skin.nc"
 REPORT = f"{SUBJECT}/report.html"
+PICTURES = f"{SUBJECT}/pictures"
 COMPLETE = f"{SUBJECT}/complete.json"
 
 # What Snakemake measured of the jobs.
