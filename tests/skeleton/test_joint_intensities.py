@@ -75,7 +75,9 @@ def by_surfaces():
     found = {}
     for (name, across), roll in zip(ACROSS.items(), (1.5, -1.2, 1.0), strict=True):
         rotation = Rotation.from_rotvec([np.radians(roll), 0, 0]).as_matrix()
-        off = RigidTransform(np.eye(3), [0, 0.2, 0]) @ RigidTransform.about(np.array([0, across, 0]), rotation)
+        off = RigidTransform(np.eye(3), [0, 0.2, 0]) @ RigidTransform.about(
+            np.array([0, across, 0]), rotation
+        )
         found[name] = Registration(MOTION @ off, 0.1, turned @ deviations @ turned.T)
     return found
 
