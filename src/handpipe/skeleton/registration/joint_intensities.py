@@ -152,8 +152,8 @@ def place_together(
     Returns
     -------
     dict of str to tuple of RigidTransform and array (6, 6)
-        Transforms of these bones, and their covariances in rad and mm; None where the likelihood has no top, or the
-        images have nothing in common.
+        Transforms of these bones, and their covariances in rad and mm; None where the
+        likelihood has no top, or the images have nothing in common.
     """
     placed = dict(starts)
     relation = _relation(regions, placed)
