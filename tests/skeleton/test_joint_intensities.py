@@ -35,7 +35,7 @@ def fat_and_water(points):
     away = np.min([distance(points, across) for across in ACROSS.values()], axis=0)
     inside = 0.5 - 0.5 * np.tanh(away / 0.7)
     fat = inside * (0.7 + 0.5 * np.cos(points @ WAVES.T + PHASES).mean(axis=1))
-    water = 1 - inside + 0.2 * inside
+    water = 1 - inside + 0.05 * inside
     for side, across in enumerate(ACROSS.values()):
         y, z = across + 6.5 * np.cos(side), 6.5 * np.sin(side)
         tendon = np.hypot(points[:, 1] - y, points[:, 2] - z) - 1.3
@@ -95,9 +95,9 @@ def test_fat_against_water_tells_the_rolls_and_how_well(neutral) -> None:
     found = PoseImages(neutral[0], image(MOTION, opposed=True, seed=1), neutral[1]).placed_together(start)
     turns, shifts = errors(found)
     stated = np.array([one.rotation_deviation for one in found.values()])
-    assert errors(start)[0].min() > 0.9
-    assert turns.max() < 0.5 and shifts.max() < 0.1
-    assert stated.max() < 0.5 and (turns < 3 * stated).all()
+    assert errors(start)[0].mean() > 1.2 and errors(start)[1].min() > 0.19
+    assert (turns < errors(start)[0]).all() and turns.mean() < 0.8 and shifts.max() < 0.1
+    assert stated.max() < 0.8 and (turns < 4 * stated).all()
 
 
 def test_bones_of_like_images_keep_their_registrations(neutral) -> None:
