@@ -123,12 +123,15 @@ def by_images(
 ) -> dict[str, Agreement]:
     """The same of registrations that images refine: of bones of `a` with an image that is moved besides."""
     images = PoseImages(a.volume, moved, {name: a.surface(name) for name in a.bones})
+    starts = {
+        name: replace(one.found, transform=motion @ one.found.transform) for name, one in surfaces.items()
+    }
+    edges = {name: images.refined(name, start) for name, start in starts.items()}
     refined = {}
-    for name, one in surfaces.items():
-        start = replace(one.found, transform=motion @ one.found.transform)
-        found = images.refined(name, start)
-        found = replace(found, transform=motion.inverse() @ found.transform)
-        refined[name] = _compared(images.bones[name], found, RigidTransform.identity(), one.dice)
+    for name, found in images.placed_together(edges).items():
+        still = replace(found, transform=motion.inverse() @ found.transform)
+        dice = surfaces[name].dice
+        refined[name] = _compared(images.bones[name], still, RigidTransform.identity(), dice)
     return refined
 
 
@@ -262,7 +265,26 @@ def measure(results: Path) -> Metrics:
             log.info("%s, %s: %s", kind, name, one)
         figures[f"foot_{kind}_bones"] = (float(len(both)), "1")
         figures |= _figures(f"foot_{kind}", list(compared.values()))
+        figures |= _copy_figures(kind, original, copy, known, compared)
     return figures
+
+
+def _copy_figures(
+    kind: str, original: Segmented, copy: Segmented, known: RigidTransform, surfaces: Mapping[str, Agreement]
+) -> Metrics:
+    """Figures of registrations that images refine, of a copy that is turned besides where it is not."""
+    back = known.inverse()
+    moved, motion = copy.volume, known
+    if known.angle_to(RigidTransform.identity()) == 0:
+        moved, _, motion = turned(copy.volume, np.zeros(copy.volume.shape, np.uint8))
+    still = {
+        name: replace(one, found=replace(one.found, transform=back @ one.found.transform))
+        for name, one in surfaces.items()
+    }
+    refined = by_images(original, moved, motion, still)
+    for name, one in refined.items():
+        log.info("by images, %s, %s: %s", kind, name, one)
+    return _figures(f"foot_{kind}_images", list(refined.values()))
 
 
 def _share(seeds: Labels, segmented: Segmented) -> float:
@@ -281,6 +303,7 @@ def _image_figures(
         surfaces = {name: one for (i, j, name), one in found.items() if (i, j) == (a, b)}
         moved, _, motion = turned(echoes[b].volume, seeds)
         refined = by_images(echoes[a], moved, motion, surfaces)
+        figures[f"foot_images_rigid_bones_{a}_{b}"] = (float(sum(one.rigid for one in refined.values())), "1")
         for name, one in refined.items():
             log.info("by images, echoes %d, %d, %s: %s", a, b, name, one)
         every += refined.values()

@@ -20,6 +20,7 @@ from handpipe.imaging.volumes import Volume
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.bones.registration_result import Registration
 from handpipe.skeleton.registration.edge_directions import edge_directions
+from handpipe.skeleton.registration.joint_intensities import Region, place_together
 from handpipe.skeleton.registration.normal_equations import (
     Rows,
     larger,
@@ -39,6 +40,8 @@ STILL = 1e-5  # rad, and mm
 RELATED = 0.5  # cosine of the edges' directions; a foot's echoes of unlike contrast have more
 ALIKE = 0.9  # correlation of intensities in the region, from which on the images show one contrast
 SPREAD = 3.0  # times the patches' spread: errors of one foot's images by what patches state
+MOST = 20000  # voxels of a region that intensities are compared in
+ENOUGH = 5000  # voxels of all regions, about five for each pair of bins of the joint distribution
 FARTHEST = 3.0  # stated deviations of the surfaces' registration, beyond which images show something else
 LEAST_FARTHEST = np.array([np.radians(3.0), 1.0])  # rad and voxels that this is taken of at least
 
@@ -80,8 +83,7 @@ class PoseImages:
         if np.count_nonzero(region) < FEWEST:
             LOG.warning("%s: too few voxels to refine its registration by the images", bone)
             return found
-        middle = self.bones[bone].vertices.mean(axis=0)
-        pair = _Pair.build(crop, region, self.target, found.transform, middle)
+        pair = _Pair.build(crop, region, self.target, found.transform, self._middle(bone))
         transform, covariance = pair.aligned(found.transform)
         related = pair.related(transform)
         if related < RELATED:
@@ -89,26 +91,97 @@ class PoseImages:
                 "%s: its images have little in common (%.2f); its surfaces tell its place", bone, related
             )
             return found
-        apart = _between(found.transform, transform, middle)
-        limit = np.maximum(
-            FARTHEST * np.array([np.radians(found.rotation_deviation), found.translation_deviation]),
-            LEAST_FARTHEST * [1, self.neutral.spacing.max()],
-        )
-        turn, shift = (float(np.linalg.norm(part)) for part in (apart[:3], apart[3:]))
-        if turn > limit[0] or shift > limit[1]:
-            LOG.warning(
-                "%s: images place it %.1f deg and %.2f mm from where its surfaces do, which is kept",
-                *(bone, np.degrees(turn), shift),
-            )
+        apart = _between(found.transform, transform, self._middle(bone))
+        if self._is_far(bone, found, apart):
             return replace(found, covariance=found.covariance + np.outer(apart, apart))
         alike = pair.correlation(transform)
         if alike < ALIKE:
             covariance = larger(found.covariance, covariance)
         LOG.info(
             "%s: refined by %.2f deg and %.2f mm; correlation of the images %.2f",
-            *(bone, np.degrees(turn), shift, alike),
+            *(bone, np.degrees(np.linalg.norm(apart[:3])), np.linalg.norm(apart[3:]), alike),
         )
         return replace(found, transform=transform, covariance=covariance)
+
+    def placed_together(self, found: Mapping[str, Registration]) -> dict[str, Registration]:
+        """Registrations in which intensities place the bones whose images are of unlike contrast.
+
+        Parameters
+        ----------
+        found : mapping of str to Registration
+            Registrations of a pose's bones, refined one by one or not.
+
+        Returns
+        -------
+        dict of str to Registration
+            The transforms with their covariances. A bone keeps its registration where its images are alike
+            and where they tell its turn less well. It also keeps its transform where the images place it
+            farther away than its deviations explain; then its covariance holds the difference.
+        """
+        regions = self._compared(found)
+        count = sum(len(region.points) for region in regions.values())
+        alike = {bone: region.correlation(found[bone].transform) for bone, region in regions.items()}
+        unlike = [bone for bone, correlation in alike.items() if correlation < ALIKE]
+        if not unlike:
+            return dict(found)
+        if count < ENOUGH:
+            LOG.warning("too few voxels of bones (%d) to tell how the images' intensities go together", count)
+            return dict(found)
+        placed = place_together(regions, {bone: found[bone].transform for bone in regions}, unlike)
+        return {b: self._chosen(b, one, *placed[b]) if b in placed else one for b, one in found.items()}
+
+    def _chosen(
+        self, bone: str, found: Registration, transform: RigidTransform, covariance: Array | None
+    ) -> Registration:
+        """The registration by intensities, or that before."""
+        if covariance is None:
+            LOG.info("%s: the images' intensities do not tell its place", bone)
+            return found
+        by_images = replace(found, transform=transform, covariance=covariance)
+        if by_images.rotation_deviation > found.rotation_deviation:
+            LOG.info("%s: the images' intensities do not tell its turn better", bone)
+            return found
+        apart = _between(found.transform, transform, self._middle(bone))
+        if self._is_far(bone, found, apart):
+            return replace(found, covariance=found.covariance + np.outer(apart, apart))
+        LOG.info(
+            "%s: placed by %.2f deg and %.2f mm by what the intensities of all bones have in common",
+            *(bone, np.degrees(np.linalg.norm(apart[:3])), np.linalg.norm(apart[3:])),
+        )
+        return by_images
+
+    def _is_far(self, bone: str, found: Registration, apart: Array) -> bool:
+        """Whether the images move a bone (6,) by more than its surfaces' deviations explain."""
+        limit = np.maximum(
+            FARTHEST * np.array([np.radians(found.rotation_deviation), found.translation_deviation]),
+            LEAST_FARTHEST * [1, self.neutral.spacing.max()],
+        )
+        turn, shift = (float(np.linalg.norm(part)) for part in (apart[:3], apart[3:]))
+        far = bool(turn > limit[0] or shift > limit[1])
+        if far:
+            LOG.warning(
+                "%s: images place it %.1f deg and %.2f mm from where its surfaces do, which is kept",
+                *(bone, np.degrees(turn), shift),
+            )
+        return far
+
+    def _compared(self, found: Mapping[str, Registration]) -> dict[str, Region]:
+        """Voxels of the bones that have enough of them, an even share of those of a large bone."""
+        compared = {}
+        for bone, one in found.items():
+            crop, region = self._region(bone)
+            if np.count_nonzero(region) < FEWEST:
+                continue
+            middle = self._middle(bone)
+            pair = _Pair.build(crop, region, self.target, one.transform, middle)
+            voxels = np.argwhere(region)
+            voxels = voxels[np.linspace(0, len(voxels) - 1, min(len(voxels), MOST)).round().astype(int)]
+            values = crop.values[tuple(voxels.T)].astype(float)
+            compared[bone] = Region(crop.to_world(voxels), values, pair.splines, middle)
+        return compared
+
+    def _middle(self, bone: str) -> Array:
+        return np.asarray(self.bones[bone].vertices.mean(axis=0), float)
 
     def _region(self, bone: str) -> tuple[Volume, BoolArray]:
         """The neutral image around a bone, and the voxels in it and on it that no other bone has."""

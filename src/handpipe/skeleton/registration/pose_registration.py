@@ -78,6 +78,8 @@ def register_pose(
         raise ConvergenceError(
             "Registration", "no bone of the pose fits", "Check the pose's seeds and labels"
         )
+    if images is not None:
+        found = images.placed_together(found)
     checked = doubted(found, neutral, dataset.joints)
     for bone, registration in checked.items():
         if registration.doubt:
