@@ -144,7 +144,7 @@ class Tissue:
         return turns.inv().apply(x - translation) - self.mesh.vertices
 
     @cached_property
-    def _skin_areas(self) -> Array:
+    def skin_areas(self) -> Array:
         """Neutral area (k,) in mm^2 that belongs to each skin vertex."""
         return mass_lumped(self.skin.vertices, self.skin.triangles)
 
@@ -181,13 +181,15 @@ class Tissue:
         rigid: Mapping[str, RigidTransform],
         x: Array,
         share: float = 1.0,
+        contact: Sequence[Potential] | None = None,
     ) -> list[Potential]:
         """Constraints of the tissue in a frame, at x (n, 3), with a share of their full stiffness.
 
-        rigid: transform from neutral of each rigid part of the skin.
+        rigid: transform from neutral of each rigid part of the skin; contact: of the skin with itself, by
+        default contact planes.
         """
         unit = share * self.settings.stiffness
-        return [*self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit)]
+        return [*self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit, contact)]
 
     def _on_bodies(self, below: Mapping[str, Shapes], x: Array, unit: float) -> list[Potential]:
         """The inner points, fixed, sliding or in contact (Zheng 2022 §6).
@@ -219,16 +221,24 @@ class Tissue:
             potentials.append(Sliding(matrix[off], *planes(off), stiffness[off]))
         return potentials
 
-    def _on_skin(self, rigid: Mapping[str, RigidTransform], x: Array, unit: float) -> list[Potential]:
+    def _on_skin(
+        self,
+        rigid: Mapping[str, RigidTransform],
+        x: Array,
+        unit: float,
+        contact: Sequence[Potential] | None,
+    ) -> list[Potential]:
         """Attachments of nails and the cut end to their bones, and the skin's self-contact if it is on."""
         skin, matrix = self.skin, self.skin_matrix
-        stiffness = unit * self._skin_areas
+        stiffness = unit * self.skin_areas
         parts: list[Potential] = [
             Attachment(
                 matrix[part.vertices], rigid[name](skin.vertices[part.vertices]), stiffness[part.vertices]
             )
             for name, part in self.rigid.items()
         ]
+        if contact is not None:
+            return [*parts, *contact]
         if not self.skin_contact:
             return parts
         return [*parts, *skin_on_skin(skin, skin.moved(matrix @ x), matrix, stiffness)]
