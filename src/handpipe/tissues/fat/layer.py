@@ -12,6 +12,7 @@ import numpy as np
 from handpipe.core import (
     LAYERS,
     Array,
+    ConvergenceError,
     Frame,
     InputError,
     RigidTransform,

@@ -9,20 +9,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handpipe.core import Array, ConvergenceError, IntArray, RigidTransform, Shapes
-from handpipe.fem.contact import Barrier, CollidingPairs
+from handpipe.fem.contact import Barrier
 from handpipe.fem.minimisation import Record
 from handpipe.fem.potentials import Elastic, Potential
 from handpipe.fem.solver import Settled, equilibrium, root_mean_square, settle
 from handpipe.mesh.contact import crossings, self_contact
 from handpipe.mesh.surfaces import Surface
-from handpipe.tissues.fat.skin_contact import DEEP
+from handpipe.tissues.fat.skin_contact import DEEP, DISTANCE
 from handpipe.tissues.fat.skin_pushes import crossing_vertices, pushes
 from handpipe.tissues.fat.tissue import CONTACTS, OPTIONS, Tissue
 
 log = logging.getLogger(__name__)
 
-DISTANCE = 0.1  # mm within which sheets of skin repel: a fifteenth of the skin's edges
-STIFFNESS = 5.0  # of the barrier, times Young's modulus: pressed sheets keep a few hundredths of a mm
 MARGIN, GROWTH = 0.2, 0.05  # mm beyond other skin to which skin is pushed; its growth where that did not do
 ROUNDS = 12  # of pushes, at most
 EARLY, FALLEN = 4, 0.25  # after so many rounds, the share of crossing vertices from which they end
@@ -51,33 +49,26 @@ class Scene:
 def kept_apart(scene: Scene, settled: Settled) -> Settled:
     """The equilibrium behind a barrier of the skin against itself, near one with contact planes.
 
-    Where no parts of the skin are within 0.1 mm of one another, it is `settled` itself.
+    Where no parts of the skin are within 0.1 mm of one another, or the neutral skin intersects itself, it is
+    `settled` itself.
 
     Raises
     ------
     ConvergenceError
         Where the skin cannot be pushed apart, or has no equilibrium behind the barrier.
     """
-    x = settled.x if not len(crossings(scene.skin(settled.x))) else _pushed_apart(scene, settled.x)
-    barrier = _barrier(scene.tissue, x)
-    if x is settled.x and not np.isfinite(barrier.gap(x)):
+    barrier, x = scene.tissue.skin_barrier(), settled.x
+    if barrier is None:
+        return settled
+    if len(crossings(scene.skin(x))):
+        x = _pushed_apart(scene, x)
+    elif not np.isfinite(barrier.gap(x)):
         return settled
     found = _behind(scene, barrier, x)
     left = crossing_vertices(scene.skin(found.x))
     if len(left):
         raise _no_room(scene, found.x, left)
     return replace(found, renewals=settled.renewals + found.renewals)
-
-
-def _barrier(tissue: Tissue, x: Array) -> Barrier:
-    return Barrier(
-        tissue.skin_matrix,
-        tissue.skin.triangles,
-        x,
-        DISTANCE,
-        STIFFNESS * tissue.settings.young,
-        pairs=CollidingPairs(rest=tissue.mesh.vertices),
-    )
 
 
 def _behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
@@ -138,5 +129,6 @@ def penetration(tissue: Tissue, x: Array) -> dict[str, float]:
     skin = tissue.skin.moved(tissue.skin_matrix @ x)
     count = len(crossings(skin))
     inside = len(self_contact(skin, tissue.skin, 0.0, DEEP).vertices) if count else 0
-    gap = 0.0 if count else min(DISTANCE, _barrier(tissue, x).gap(x))
+    barrier = tissue.skin_barrier()
+    gap = 0.0 if count or barrier is None else min(DISTANCE, barrier.gap(x))
     return {"skin_inside": float(inside), "skin_crossings": float(count), "skin_gap": gap}

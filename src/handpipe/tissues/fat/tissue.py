@@ -12,8 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from handpipe.core import Array, ConvergenceError, IntArray, Region, RigidTransform, Shapes, artifacts
-from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceSliding, contact_pressures
+from handpipe.core import (
+    Array,
+    ConvergenceError,
+    InputError,
+    IntArray,
+    Region,
+    RigidTransform,
+    Shapes,
+    artifacts,
+)
+from handpipe.fem.contact import Attachment, Barrier, Contact, Sliding, SurfaceSliding, contact_pressures
 from handpipe.fem.elements import Material, Validity, polar
 from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Elastic, Potential
@@ -23,7 +32,7 @@ from handpipe.mesh.tets import Embedding, TetMesh, gradient_operator, mass_lumpe
 from handpipe.skeleton.posing import blend, blended
 from handpipe.tissues.fat.constraints import InnerPoints
 from handpipe.tissues.fat.skin import CUT_END, Rigid
-from handpipe.tissues.fat.skin_contact import overlap, skin_on_skin
+from handpipe.tissues.fat.skin_contact import DISTANCE, overlap, skin_barrier, skin_on_skin
 
 log = logging.getLogger(__name__)
 
@@ -142,6 +151,21 @@ class Tissue:
         """Shifts (n, 3) with which `pose` gives the vertices x (n, 3)."""
         turns, translation = blended(self.weights, {b: bones[b] for b in self.bones})
         return turns.inv().apply(x - translation) - self.mesh.vertices
+
+    def skin_barrier(self) -> Barrier | None:
+        """A fresh barrier of the skin against itself; None where the neutral skin intersects itself."""
+        known = self._neutral_barrier
+        return None if known is None else known.reaching(DISTANCE)
+
+    @cached_property
+    def _neutral_barrier(self) -> Barrier | None:
+        try:
+            return skin_barrier(
+                self.mesh.vertices, self.skin.triangles, self.skin_matrix, self.settings.young
+            )
+        except InputError:
+            log.warning("soft tissue: the neutral skin intersects itself; no barrier keeps it out of itself")
+            return None
 
     @cached_property
     def skin_areas(self) -> Array:
