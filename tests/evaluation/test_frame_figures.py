@@ -122,6 +122,8 @@ def test_warnings_of_fits_name_the_pose_once() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["fat_inverted_tets", "fat_skin_overlap", "fat_skin_crossings", "fat_unsettled", "fat_tangles"])
+@pytest.mark.parametrize(
+    "name", ["fat_inverted_tets", "fat_skin_overlap", "fat_skin_crossings", "fat_unsettled", "fat_tangles"]
+)
 def test_a_figure_that_is_no_number_is_a_warning(name: str) -> None:
     assert len(frame_warnings("close", [{"frame": "odd", **PLAIN, name: np.nan}])) == 1

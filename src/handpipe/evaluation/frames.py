@@ -46,8 +46,8 @@ def worst_of(figures: Mapping[str, Iterable[Mapping[str, float]]]) -> dict[str, 
     Returns
     -------
     mapping of str to float
-        Worst value by `{stage}_{figure}`: the smallest of `least_det` and `skin_gap`, else the largest; NaN if any
-        value is NaN.
+        Worst value by `{stage}_{figure}`: the smallest of `least_det` and `skin_gap`, else the largest; NaN
+        if any value is NaN.
     """
     found: dict[str, list[float]] = {}
     for stage, solved in figures.items():

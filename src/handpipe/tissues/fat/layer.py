@@ -180,8 +180,9 @@ class TissueLayer:
         """Skin surface and tissue tets at equilibrium.
 
         The skin's field "nail" is 1 at vertices of nails; it is missing where there are none. The skin's
-        figures tell how its contact settled, and how many of its vertices lie in other skin, how deep (mm),
-        and how near (mm) it comes to itself; those of the tets tell whether they are valid, and how deep (mm) they lie in the bodies below.
+        figures tell how its contact settled, how many of its vertices lie in other skin, how deep (mm), and
+        how near (mm) it comes to itself. Those of the tets tell whether they are valid, and how deep (mm)
+        they lie in the bodies below.
 
         Raises
         ------

@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 MARGIN, GROWTH = 0.2, 0.05  # mm beyond other skin to which skin is pushed; its growth where that did not do
 ROUNDS = 12  # of pushes, at most
 EARLY, FALLEN = 4, 0.25  # after so many rounds, the share of crossing vertices from which they end
-REMEDY = "The pose may leave no room for flesh: bend less, or scan a pose near it"
+REMEDY = "The pose may leave no room for flesh: bend less, or scan a pose near it."
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Scene:
         return self.tissue.skin.moved(self.tissue.skin_matrix @ x)
 
     def solve(self, contact: list[Potential], planes: Array, start: Array) -> equilibrium.Equilibrium:
-        """The equilibrium near a start (n, 3) with contact of the skin; others' planes are those at `planes`."""
+        """The equilibrium near a start (n, 3) with this contact of the skin; planes on bodies are taken at `planes`."""
         constraints = self.tissue.constraints(self.below, self.rigid, planes, contact=contact)
         return equilibrium.solve([self.elastic, *constraints], start, options=OPTIONS)
 
