@@ -70,6 +70,17 @@ def test_the_barrier_presses_with_what_the_tissue_resists():
     assert left.max() < 0.02 * np.linalg.norm(force, axis=1).max()
 
 
+def test_pressures_of_the_skin_are_those_of_the_barrier():
+    x = _barred(2.8).x
+    skin = _scene(2.8).skin(x)
+    pressure = tissue().contact_pressures(below(together(2.8)), x)[""]["skin"]
+    touched = pressure > 0
+    assert touched.sum() > 20 and np.abs(skin.vertices[touched, 1]).max() < 0.3
+    one_side = touched & (tissue().skin.vertices[:, 1] > 0)
+    force = tissue().skin_barrier().surface_forces(x)
+    assert force[one_side].sum(axis=0)[1] > 0.5 * np.linalg.norm(force[one_side], axis=1).sum() > 0
+
+
 def test_prongs_apart_keep_their_equilibrium_to_the_last_bit():
     assert _barred(1.5) is _planes(1.5)
     assert penetration(tissue(), _planes(1.5).x)["skin_gap"] == DISTANCE

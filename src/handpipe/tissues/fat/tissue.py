@@ -292,11 +292,19 @@ class Tissue:
         That of the skin on itself is by skin vertex (k,), that of the tissue on a body below by its vertex;
         the latter is zero where the tissue is fixed or slides.
         """
-        matrix = self.skin_matrix
-        skin, area = self.skin.moved(matrix @ x), mass_lumped(self.skin.vertices, self.skin.triangles)
+        return {"": {"skin": self._pressures_on_skin(x)}, **self._pressures_on_bodies(below, x)}
+
+    def _pressures_on_skin(self, x: Array) -> Array:
+        """Pressure (k,) of the skin on itself: the barrier's, or where the skin crosses itself the planes'."""
+        skin, barrier = self.skin.moved(self.skin_matrix @ x), self.skin_barrier()
+        if barrier is not None and not barrier.intersects(x):
+            areas = mass_lumped(skin.vertices, skin.triangles)
+            return np.asarray(np.linalg.norm(barrier.surface_forces(x), axis=1) / areas)
+        area = self.skin_areas
         identity = sparse.identity(len(area), format="csr")
-        own = skin_on_skin(self.skin, skin, identity, self.settings.stiffness * area)
-        return {"": {"skin": contact_pressures(own, skin)}, **self._pressures_on_bodies(below, x)}
+        return contact_pressures(
+            skin_on_skin(self.skin, skin, identity, self.settings.stiffness * area), skin
+        )
 
     def _pressures_on_bodies(self, below: Mapping[str, Shapes], x: Array) -> dict[str, dict[str, Array]]:
         """Pressure (v,) of the tissue on the bodies that it touches, over their vertices' posed areas."""
