@@ -75,7 +75,7 @@ def test_pressures_of_the_skin_are_those_of_the_barrier():
     skin = _scene(2.8).skin(x)
     pressure = tissue().contact_pressures(below(together(2.8)), x)[""]["skin"]
     touched = pressure > 0
-    assert touched.sum() > 20 and np.abs(skin.vertices[touched, 1]).max() < 0.3
+    assert touched.sum() > 20 and np.abs(skin.vertices[touched, 1]).max() < 0.5
     one_side = touched & (tissue().skin.vertices[:, 1] > 0)
     force = tissue().skin_barrier().surface_forces(x)
     assert force[one_side].sum(axis=0)[1] > 0.5 * np.linalg.norm(force[one_side], axis=1).sum() > 0

@@ -295,11 +295,11 @@ class Tissue:
         return {"": {"skin": self._pressures_on_skin(x)}, **self._pressures_on_bodies(below, x)}
 
     def _pressures_on_skin(self, x: Array) -> Array:
-        """Pressure (k,) of the skin on itself: the barrier's, or where the skin crosses itself the planes'."""
+        """Pressure (k,) of the skin on itself: the barrier's, or the planes' where it crosses itself."""
         skin, barrier = self.skin.moved(self.skin_matrix @ x), self.skin_barrier()
         if barrier is not None and not barrier.intersects(x):
             areas = mass_lumped(skin.vertices, skin.triangles)
-            return np.asarray(np.linalg.norm(barrier.surface_forces(x), axis=1) / areas)
+            return -np.einsum("ni,ni->n", barrier.surface_forces(x), skin.vertex_normals()) / areas
         area = self.skin_areas
         identity = sparse.identity(len(area), format="csr")
         return contact_pressures(
