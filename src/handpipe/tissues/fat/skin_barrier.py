@@ -41,7 +41,7 @@ class Scene:
         return self.tissue.skin.moved(self.tissue.skin_matrix @ x)
 
     def solve(self, contact: list[Potential], planes: Array, start: Array) -> equilibrium.Equilibrium:
-        """The equilibrium near a start (n, 3) under a contact of the skin, with bodies' planes at `planes`."""
+        """The equilibrium near a start (n, 3) under a contact of the skin; bodies' planes as at `planes`."""
         constraints = self.tissue.constraints(self.below, self.rigid, planes, contact=contact)
         return equilibrium.solve([self.elastic, *constraints], start, options=OPTIONS)
 
