@@ -187,6 +187,7 @@ CHANGES = [
             "chunk": (5, "simulate"),
             "obj": (True, "export_obj require_frames"),
             "rigged": (True, "export_rigged require_frames"),
+            "equilibria": (True, "evaluate_frames find_equilibria"),
             "mechanics": (True, "export_mechanics require_frames"),
             "movie": (True, "render_movie require_frames"),
             "images": (True, "evaluate_images move_image move_images report require_frames"),

@@ -9,6 +9,7 @@ import pytest
 from handpipe.core import metrics
 from handpipe.core.configuration import Scene, load_dataset
 from handpipe.core.layers import Frame, Shape
+from handpipe.evaluation.frames import frame_warnings
 from handpipe.hand.frames import write_frames
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.drivers import read_frames
@@ -64,7 +65,17 @@ def test_keyframes_through_both_stages(tmp_path, rig):
     chunks = [tmp_path / "frames-0.h5", tmp_path / "frames-1.h5"]
     write_frames(chunks[0], frames[:2])
     write_frames(chunks[1], frames[2:])
-    inputs = evaluate_frames.Inputs(tmp_path / "rig.h5", made.angles, made.table, chunks)
+    others = [tmp_path / f"equilibria-{number}.json" for number in (0, 1)]
+    plain = {"starts": 1, "starts_without_result": 0, "other_equilibria": 0}
+    away = {
+        "other_equilibria": 1,
+        "other_start": "blend of the bones",
+        "other_energy": 1.1,
+        "other_skin_max": 2.5,
+    }
+    for path, row in zip(others, ({"frame": "open"} | plain, {"frame": "bent"} | plain | away), strict=True):
+        path.write_text(json.dumps({"frames": [row]}))
+    inputs = evaluate_frames.Inputs(tmp_path / "rig.h5", made.angles, made.table, others, chunks)
     outputs = evaluate_frames.Outputs(tmp_path / "frames.json", tmp_path / "table.json")
     scene = Scene(layers=("bones",), frames=made.angles)
     evaluate_frames.evaluate_frames(inputs, outputs, DATA, scene)
@@ -77,6 +88,10 @@ def test_keyframes_through_both_stages(tmp_path, rig):
     found = metrics.read(outputs.metrics)
     assert found["pops"] == (1.0, "frames") and found["distance_max"] == (pytest.approx(8.0), "deg")
     assert found["continuity_max"][1] == "mm/deg"
+    assert found["frames_with_other_equilibria"] == (1.0, "frames") and found["other_skin_max"] == (2.5, "mm")
+    warnings = [text for text in frame_warnings("keys", list(rows.values())) if "equilibria" in text]
+    assert len(warnings) == 1 and "bent (skin up to 2.50 mm away from the blend of the bones" in warnings[0]
+    assert "open (skin" not in warnings[0]
 
 
 def test_targets_that_are_out_of_reach_are_in_the_table(tmp_path, rig):

@@ -1,6 +1,10 @@
 """Z-Anatomy's hand with its organs, where the source is at hand: a coarse template, and what it lists."""
 
 import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +13,33 @@ import pytest
 from handpipe.anatomy.templates import solids
 from handpipe.core.configuration.config import Dataset, load_dataset
 from handpipe.core.errors import InputError
-from handpipe.fem.linear.factorisation import factorise
 from handpipe.mesh.surfaces.distance import Distance
+from handpipe.stages.synthetic import zanatomy_hand as stage
 from handpipe.synthetic.template_hands import zanatomy_hand, zanatomy_organs
 from handpipe.synthetic.template_hands.known_hands import known_hand
 
-CONFIG = Path(__file__).parents[2] / "config/datasets/zanatomy-hand.yaml"
+CHECKOUT = Path(__file__).parents[2]
+CONFIG = CHECKOUT / "config/datasets/zanatomy-hand.yaml"
+EDGES = {"bone": 1.8, "skin": 3.5, "fat": 6}  # mm
+
+
+@contextmanager
+def reads() -> Iterator[set[Path]]:
+    """The files that Python opens to read while this is open."""
+    found: set[Path] = set()
+    watching = True
+
+    def hook(event: str, arguments: tuple[object, ...]) -> None:
+        if watching and event == "open" and isinstance(arguments[0], str | bytes | os.PathLike):
+            path, mode, flags = arguments
+            if "r" in mode or "+" in mode if isinstance(mode, str) else not flags & os.O_WRONLY:
+                found.add(Path(os.path.abspath(os.fsdecode(path))))
+
+    sys.addaudithook(hook)  # stays for good
+    try:
+        yield found
+    finally:
+        watching = False
 
 
 @pytest.fixture(scope="module")
@@ -28,12 +53,40 @@ def dataset() -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def hand(dataset: Dataset) -> zanatomy_hand.RealHand:
-    """Coarser than by the rules: thin ends are lost that these keep."""
-    assert dataset.anatomy is not None
-    with pytest.MonkeyPatch.context() as patch:
+def made(
+    dataset: Dataset, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[zanatomy_hand.RealHand, set[Path], stage.Outputs]:
+    """What the stage makes, the files that it reads and those that it writes.
+
+    Coarser than by the rules: thin ends are lost that these keep.
+    """
+    folder, built = tmp_path_factory.mktemp("real"), []
+    outputs = stage.Outputs(*(folder / name for name in ("t.h5", "s.h5", "metrics.json", "repairs.json")))
+    build = zanatomy_hand.build
+    with pytest.MonkeyPatch.context() as patch, reads() as read:
         patch.setattr(solids, "FINEST", 2.0)
-        return zanatomy_hand.build(dataset.anatomy, {"bone": 1.8, "skin": 3.5, "fat": 6}, factorise=factorise)
+        patch.setattr(zanatomy_hand, "build", lambda *a, **k: built.append(build(*a, **k)) or built[0])
+        stage.zanatomy_hand(outputs, dataset, EDGES)
+    return built[0], read, outputs
+
+
+@pytest.fixture(scope="module")
+def hand(made: tuple[zanatomy_hand.RealHand, set[Path], stage.Outputs]) -> zanatomy_hand.RealHand:
+    return made[0]
+
+
+def test_the_stage_reads_the_folder_that_the_dataset_names(
+    made: tuple[zanatomy_hand.RealHand, set[Path], stage.Outputs], dataset: Dataset
+) -> None:
+    """Of the project and of the data beside it; the rule declares that field, and no file."""
+    _, read, outputs = made
+    assert dataset.anatomy is not None
+    given = {path for path in read if path.is_relative_to(dataset.anatomy)}
+    assert len(given) > 30
+    code = [path for path in read if path.suffix == ".py" or "__pycache__" in path.parts]
+    near = [path for path in read if any(path.is_relative_to(f) for f in (CHECKOUT, dataset.anatomy.parent))]
+    assert set(near) <= given | set(code)
+    assert all(path.stat().st_size > 0 for path in outputs.all())
 
 
 def test_a_missing_source_is_named() -> None:

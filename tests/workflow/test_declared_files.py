@@ -6,6 +6,7 @@ Every rule of the workflow is watched in one of the two builds, or named here wi
 import ast
 import json
 import re
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -32,15 +33,11 @@ from .small_subject import (
     write_mesh,
     write_subject,
 )
+from .thin_hand import thin_hand, thin_out
 
 RULES = sorted((CHECKOUT / "workflow" / "rules").glob("*.smk"))
-HAND = "is of a whole hand: one to three minutes"
 NOT_WATCHED = {
-    "zanatomy_hand": "reads surfaces that the project does not have",
-    "move_image": "needs fat in a scanned pose; it moves the image as `move_images` does",
-    "evaluate_images": "compares what `move_image` writes",
-    **dict.fromkeys(("template_hand", "coupled_body", "coupled_pose", "coupled_images"), HAND),
-    **dict.fromkeys(("coupled_templates", "evaluate_truth", "propose_seeds", "evaluate_seeds"), HAND),
+    "zanatomy_hand": "90 s, with data of others: tests/synthetic/test_zanatomy_hand.py watches its stage"
 }
 AIR = 4  # voxels around the small subject's image
 WIDE = AFFINE + np.pad(np.full((3, 1), -AIR * SPACING), ((0, 1), (3, 0)))
@@ -122,6 +119,17 @@ def write_limb(folder: Path, scanned: dict[str, Any]) -> dict[str, Any]:
     return given | {"root": "results/limb/data", "poses": poses, "bones": bones, "joints": scanned["joints"]}
 
 
+def write_unseeded(folder: Path, scanned: dict[str, Any]) -> dict[str, Any]:
+    """The small subject without seeds in its second pose, and with a truth of its bones."""
+    labels = sum(label * (distance_to(bone) < RADIUS) for bone, label in LABELS.items())
+    for pose in POSES:
+        write_image(folder / f"small/truth/{pose}.marrow.nii.gz", wide(labels.astype(np.uint8)), WIDE)
+    kept = {name: scanned["poses"]["bent"][name] for name in ("role", "volume", "scan")}
+    poses = {"flat": scanned["poses"]["flat"], "bent": kept}
+    given = {name: value for name, value in scanned.items() if name != "drawn_in"}
+    return given | {"name": "unseeded", "poses": poses, "truth": {"folder": "truth"}}
+
+
 COARSE = {
     "name": "coarse",
     "like": "phantom-hand-seeded",
@@ -129,7 +137,7 @@ COARSE = {
     "scanner": {"spacing": 1.2},
 }
 SCENE = {
-    "layers": ["bones", "skin"],
+    "layers": ["fat"],
     "frames": "config/scenes/moving.csv",
     **dict.fromkeys(("obj", "rigged", "mechanics", "movie", "images"), True),
 }
@@ -141,25 +149,37 @@ TARGETS = [
         (paths.DATA_SEEDS, "limb", "flat"),
         (paths.DATA_VOLUME, "limb", "flat"),
         (paths.DATA_SEEDS, "coarse", "neutral"),
+        (paths.metrics_of("seeds"), "unseeded", "bent"),
+        (paths.metrics_of("truth"), "whole", "neutral"),
+        (paths.DATA_TEMPLATES, "whole", "neutral"),
+        (paths.DATA_VOLUME, "whole", "neutral"),
     )
 ]
+GIVEN = ("--config", "subjects=[small]", "scenes=[moving]", "fidelity=preview")
 
 
 @pytest.fixture(scope="module")
-def jobs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
-    """What each job read, of a build with the rules that the finger's has not."""
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A working copy built with the rules that the finger's build has not."""
     folder = working_copy(tmp_path_factory.mktemp("declared") / "copy")
+    thin_out(folder)
     scanned = write_scanned(folder)
-    for name, content in (("small", scanned), ("limb", write_limb(folder, scanned)), ("coarse", COARSE)):
+    made = (scanned, write_limb(folder, scanned), write_unseeded(folder, scanned), COARSE, thin_hand("whole"))
+    for content in made:
         text = yaml.safe_dump(content, sort_keys=False)
-        (folder / f"config/datasets/{name}.yaml").write_text(text, encoding="utf-8")
+        (folder / f"config/datasets/{content['name']}.yaml").write_text(text, encoding="utf-8")
     (folder / "config/scenes/moving.yaml").write_text(yaml.safe_dump(SCENE), encoding="utf-8")
     (folder / "config/scenes/moving.csv").write_text(KEYS, encoding="utf-8")
     (folder / "watched").mkdir()
-    given = ("--config", "subjects=[small]", "scenes=[moving]", "fidelity=preview")
-    process = run(folder, "-j2", "all", *TARGETS, *given, environment=watching(folder / "watched"))
+    process = run(folder, "-j2", "all", *TARGETS, *GIVEN, environment=watching(folder / "watched"))
     assert process.returncode == 0, process.stdout[-5000:]
-    return [json.loads(path.read_text(encoding="utf-8")) for path in (folder / "watched").glob("*.json")]
+    return folder
+
+
+@pytest.fixture(scope="module")
+def jobs(built: Path) -> list[dict[str, Any]]:
+    """What each job read."""
+    return [json.loads(path.read_text(encoding="utf-8")) for path in (built / "watched").glob("*.json")]
 
 
 def test_jobs_read_no_file_that_their_rules_do_not_declare(jobs: list[dict[str, Any]]) -> None:
@@ -193,3 +213,25 @@ def test_stages_look_for_no_files_of_their_own() -> None:
             if named or listed:
                 looking.append(f"{path.relative_to(stages)}:{node.lineno}")
     assert [place for place in looking if not place.startswith("views/render_volumes.py")] == []
+
+
+def test_the_report_of_snakemake_has_the_pictures_and_tables(built: Path, tmp_path: Path) -> None:
+    """Each file that a rule marks is inside, as it is on disk, in its category."""
+    file = tmp_path / "report.zip"
+    process = run(built, "all", *GIVEN, "--report", str(file))
+    assert process.returncode == 0, process.stdout[-5000:]
+    with zipfile.ZipFile(file) as opened:
+        inside = [Path(name) for name in opened.namelist() if "/raw/" in name]
+        held = {path.name: opened.read(str(path)) for path in inside}
+    results = built / "results/small"
+    drawn = {path.name: path for path in results.rglob("*.png") if path.parent.name == "pictures"}
+    shown = [f"{pose}-{kind}" for pose in POSES for kind in ("skin", "organs", "distance", "slices")]
+    assert sorted(drawn) == sorted(f"{name}.png" for name in [*shown, "moving-skin", "moving-organs"])
+    places = (
+        "poses/bent/moved.png",
+        *(f"simulation/moving/moving{kind}.webp" for kind in ("", "-anatomy", "-fat")),
+        *(f"tables/{stage}.json" for stage in ("rig", "limits", "registration", "skin", "frames-moving")),
+        "report.html",
+    )
+    for path in [*drawn.values(), *(results / place for place in places)]:
+        assert held.get(path.name) == path.read_bytes(), path.name

@@ -16,12 +16,17 @@ from .running import run, watching
 from .small_subject import AFFINE, image
 
 FRAMES = ("rest", "bent")
-RULES = {"export_mechanics", "export_obj", "export_rigged", "move_images", "render_movie", "render_volumes"}
+TABLE = "tables/frames-seen.json"
+RULES = {
+    "export_mechanics", "export_obj", "export_rigged", "find_equilibria", "move_images", "render_movie",
+    "render_volumes",
+}  # fmt: skip
 SCENE = """layers: [skin]
 frames: config/scenes/seen.csv
 movie: true
 images: true
 mechanics: true
+equilibria: true
 rigged: true
 obj: true
 """
@@ -35,7 +40,14 @@ def built(built_small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (scenes / "seen.csv").write_text("frame,hinge_flexion [deg]\nrest,0\nbent,15\n")
     (scenes / "seen.yaml").write_text(SCENE)
     (folder / "watched").mkdir()
-    arguments = ("-j2", "simulation", "--config", "subjects=[small]", "scenes=[seen]")
+    arguments = (
+        "-j2",
+        "simulation",
+        f"results/small/{TABLE}",
+        "--config",
+        "subjects=[small]",
+        "scenes=[seen]",
+    )
     process = run(folder, *arguments, environment=watching(folder / "watched"))
     assert process.returncode == 0, process.stdout[-5000:]
     return folder
@@ -89,3 +101,11 @@ def test_the_rig_has_a_node_a_bone(scene: Path) -> None:
     document = pygltflib.GLTF2().load(str(scene / "seen-rigged.glb"))
     assert [document.nodes[joint].name for joint in document.skins[0].joints] == ["near", "far"]
     assert len(list((scene / "obj").glob("*.obj"))) == len(FRAMES)
+
+
+def test_each_frame_says_whether_it_has_other_equilibria(built: Path) -> None:
+    table = json.loads((built / "results/small" / TABLE).read_text(encoding="utf-8"))
+    assert [(row["frame"], row["starts"], row["starts_without_result"]) for row in table] == [
+        ("rest", 2, 0), ("bent", 2, 0),
+    ]  # fmt: skip
+    assert [row["other_equilibria"] for row in table] == [0, 0]  # one finger that is hardly bent

@@ -2,6 +2,14 @@
 
 SEEDED = "config/datasets/phantom-hand-seeded.yaml"
 BENCHMARK_POSES = ["neutral", "fist"]  # of the walkers' regions
+ALIGNED = [
+    "neutral",
+    "bow",
+    "fist",
+    "spread",
+    "curl",
+    "half",
+]  # of the finger, for scans in a frame of their own
 
 
 rule benchmark_fem:
@@ -25,6 +33,8 @@ rule benchmark_fem:
 
 
 rule benchmark_bones:
+    input:
+        dataset_file("phantom-hand"),
     output:
         paths.benchmark_of("bones.json"),
     log:
@@ -135,19 +145,26 @@ rule benchmark_anatomy:
 
 
 SCANS = {  # parts of the benchmark of scans, modules of benchmarks.scans: what each needs to be built
-    "foot": [],
-    "knee": [],
-    "skin": [],
-    "alignment": expand(paths.metrics_of("rig"), subject="phantom-finger"),
+    "foot": ["tests/data/foot-strokes.json"],
+    "knee": [
+        dataset_file("knee"),
+        *expand("tests/data/knee/strokes-{n}.json", n=["first", "second"]),
+    ],
+    "skin": [dataset_file("phantom-finger")],
+    "alignment": expand(
+        [paths.metrics_of("rig"), paths.RIG, paths.DATA_VOLUME],
+        subject="phantom-finger",
+        pose=ALIGNED,
+    ),
     "effects": [],
-    "chain": [],
-    "from_raw": expand(paths.metrics_of("skin"), subject="phantom-finger"),
+    "chain": [dataset_file("phantom-finger")],
+    "from_raw": lambda w: compared_with_truth("phantom-finger"),
 }
 
 
 rule benchmark_scans_part:
     input:
-        lambda w: SCANS[w.part],
+        lambda w: SCANS[w.part](w) if callable(SCANS[w.part]) else SCANS[w.part],
     output:
         paths.benchmark_of("scans/{part}.json"),
     log:
@@ -191,6 +208,7 @@ rule benchmark_scans:
         "../scripts/benchmark.py"
 
 
+TRUSTED = "phantom-hand-preview"
 FRAMES = paths.benchmark_of("trust/frames/{chunk}.npz")
 CHUNKS = [  # of frames, as benchmarks/trust/poses.py numbers them
     f"{kind}{i}"
@@ -199,8 +217,20 @@ CHUNKS = [  # of frames, as benchmarks/trust/poses.py numbers them
 ]
 TRUST = {  # parts of the benchmark of trust: what each needs to be built
     "solver": [],
-    "frames": expand(FRAMES, chunk=CHUNKS),
-    "seeds": expand(paths.metrics_of("segmentation"), subject="phantom-hand-preview"),
+    "frames": [
+        *expand(FRAMES, chunk=CHUNKS),
+        dataset_file(TRUSTED),
+        *expand(paths.RIG, subject=TRUSTED),
+    ],
+    "seeds": [
+        dataset_file(TRUSTED),
+        *expand(paths.metrics_of("segmentation"), subject=TRUSTED),
+        *expand(
+            [paths.DATA_VOLUME, paths.TRUE_BONES, paths.TRUE_MARROW],
+            subject=TRUSTED,
+            pose="neutral",
+        ),
+    ],
     "readers": [],
     "stale": [],
     "kills": [],
@@ -209,7 +239,8 @@ TRUST = {  # parts of the benchmark of trust: what each needs to be built
 
 rule benchmark_trust_frames:
     input:
-        expand(paths.metrics_of("skin"), subject="phantom-hand-preview"),
+        expand(paths.metrics_of("skin"), subject=TRUSTED),
+        lambda w: as_built(TRUSTED, "hand-preview"),
     output:
         FRAMES,
     log:
@@ -356,6 +387,7 @@ LAYERED = ["cases", "random"]
 rule benchmark_layered_part:
     input:
         expand(paths.metrics_of("skin"), subject="phantom-finger"),
+        lambda w: as_built("phantom-finger", "flexion"),
     output:
         paths.benchmark_of("layered/{part}.json"),
         paths.benchmark_of("layered/{part}.csv"),

@@ -604,6 +604,14 @@ def scene_chunks(wildcards):
     return expand(paths.SCENE_CHUNK, **wildcards, chunk=numbers)
 
 
+def scene_equilibria(wildcards):
+    """What other equilibria the frames have, where the scene asks for it."""
+    if not scene(wildcards.scene).equilibria:
+        return []
+    numbers = chunks(wildcards.subject, wildcards.scene)
+    return expand(paths.SCENE_EQUILIBRIA, **wildcards, chunk=numbers)
+
+
 def chunks_of_scenes(wildcards):
     """The frames of all scenes of a subject."""
     subject = wildcards.subject
@@ -971,6 +979,33 @@ def has_organs(subject):
     """Whether the subject has organs, which are fitted in every pose."""
     data = dataset(subject)
     return bool(data.tendons or data.muscles or data.ligaments)
+
+
+def as_built(subject, name):
+    """What a benchmark reads of a built subject to simulate the layers of a scene."""
+    data, file = (
+        checked(load_dataset, dataset_file(subject)),
+        f"config/scenes/{name}.yaml",
+    )
+    layers = artifacts_of(checked(load_scene, file).needed, data)
+    built = [paths.RIG, *(f"{paths.SUBJECT}/{path}" for path in layers)]
+    return [dataset_file(subject), file, *expand(built, subject=subject)]
+
+
+def compared_with_truth(subject):
+    """What a benchmark reads of a built subject to compare it, and its raw scans, with the truth."""
+    data = checked(load_dataset, dataset_file(subject))
+    of_poses = [
+        *(paths.DATA_VOLUME, paths.DATA_SEEDS, paths.DATA_SCAN, paths.TRUTH),
+        *(paths.TRUE_BONES, paths.TRUE_MARROW, paths.REGISTRATION),
+    ]
+    if data.fleshed:
+        of_poses.append(paths.POSE_FLESH)
+    files = [*of_poses, paths.RIG, paths.HOOKS, paths.metrics_of("skin")]
+    return [
+        dataset_file(subject),
+        *expand(files, subject=subject, pose=data.poses, tendon=data.tendons),
+    ]
 
 
 CODE = CodeDigests(

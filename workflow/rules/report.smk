@@ -19,11 +19,19 @@ rule report:
             allow_missing=True,
         ),
     output:
-        report(
+        page=report(
             paths.REPORT,
             caption="../report/report.rst",
             category="Pictures and tables",
             subcategory="{subject}",
+        ),
+        pictures=report(
+            directory(paths.PICTURES),
+            patterns=["{of}-{shows}.png"],
+            caption="../report/pictures.rst",
+            category="Pictures",
+            subcategory="{subject}",
+            labels={"pose or scene": "{of}", "shows": "{shows}"},
         ),
     log:
         paths.log_of("report"),

@@ -52,11 +52,37 @@ rule simulate:
         "../scripts/simulate.py"
 
 
+# Of scenes that ask for it: the outermost layer is simulated again, from other starts.
+rule find_equilibria:
+    input:
+        rig=paths.RIG,
+        frames=paths.SCENE_CHUNK,
+        layers=lambda w: layer_files(w.subject, scene(w.scene).needed),
+    output:
+        paths.SCENE_EQUILIBRIA,
+    log:
+        paths.log_of("find_equilibria", "scene", "chunk"),
+    benchmark:
+        paths.cost_of("find_equilibria", "scene", "chunk")
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=60,
+    params:
+        dataset=of_layers(lambda w: scene(w.scene).needed),
+        scene=reads_scene("layers"),
+    message:
+        "{wildcards.subject}: {wildcards.scene}, other equilibria of chunk {wildcards.chunk}"
+    script:
+        "../scripts/find_equilibria.py"
+
+
 rule evaluate_frames:
     input:
         rig=paths.RIG,
         frames=frames_file,
         motion=motion_table,
+        equilibria=scene_equilibria,
         chunks=scene_chunks,
     output:
         metrics=paths.metrics_of("frames-{scene}"),

@@ -34,7 +34,13 @@ rule move_image:
         volume=of_pose("volume"),
     output:
         volume=paths.MOVED_IMAGE,
-        slices=paths.MOVED_SLICES,
+        slices=report(
+            paths.MOVED_SLICES,
+            caption="../report/moved.rst",
+            category="Pictures",
+            subcategory="{subject}",
+            labels={"pose or scene": "{pose}", "shows": "moved image"},
+        ),
         table=paths.MOVED_FIGURES,
     log:
         paths.log_of("move_image", "pose"),
@@ -129,7 +135,13 @@ rule render_movie:
         rig=paths.RIG,
         chunks=scene_chunks,
     output:
-        paths.SCENE_MOVIE,
+        report(
+            paths.SCENE_MOVIE,
+            caption="../report/movie.rst",
+            category="Pictures",
+            subcategory="{subject}",
+            labels={"pose or scene": "{scene}", "shows": "movie"},
+        ),
     log:
         paths.log_of("render_movie", "scene"),
     benchmark:
@@ -152,8 +164,20 @@ rule render_volumes:
         chunks=scene_chunks,
         images=paths.SCENE_IMAGES,
     output:
-        anatomy=paths.SCENE_ANATOMY_MOVIE,
-        fat=paths.SCENE_FAT_MOVIE,
+        anatomy=report(
+            paths.SCENE_ANATOMY_MOVIE,
+            caption="../report/movie_of_image.rst",
+            category="Pictures",
+            subcategory="{subject}",
+            labels={"pose or scene": "{scene}", "shows": "movie of the image"},
+        ),
+        fat=report(
+            paths.SCENE_FAT_MOVIE,
+            caption="../report/movie_of_fat.rst",
+            category="Pictures",
+            subcategory="{subject}",
+            labels={"pose or scene": "{scene}", "shows": "movie of the fat"},
+        ),
     log:
         paths.log_of("render_volumes", "scene"),
     benchmark:

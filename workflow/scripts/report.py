@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from common import dataset_of, inputs_of, output_of, stage
+from common import dataset_of, inputs_of, outputs_of, stage
 
 with stage(snakemake):
-    from handpipe.stages.hand.report import Inputs, report
+    from handpipe.stages.hand.report import Inputs, Outputs, report
 
     report(
         inputs_of(snakemake, Inputs),
-        output_of(snakemake),
+        outputs_of(snakemake, Outputs),
         dataset_of(snakemake),
         {scene: [Path(path) for path in paths] for scene, paths in snakemake.params.scenes.items()},
         snakemake.params.settings,

@@ -91,6 +91,7 @@ MOVED_FIGURES = f"{SUBJECT}/poses/{{pose}}/moved.json"
 SIMULATION = f"{SUBJECT}/simulation"
 SCENE_CHUNKS = "*/frames-*.h5"  # of all scenes below SIMULATION, to look for
 SCENE_CHUNK = f"{SIMULATION}/{{scene}}/frames-{{chunk}}.h5"
+SCENE_EQUILIBRIA = f"{SIMULATION}/{{scene}}/equilibria-{{chunk}}.json"
 SCENE_ANGLES = f"{SIMULATION}/{{scene}}/angles.csv"  # of a motion
 SCENE_GLB = f"{SIMULATION}/{{scene}}/{{scene}}.glb"
 SCENE_VTK = f"{SIMULATION}/{{scene}}/vtk"
@@ -108,6 +109,7 @@ METRICS = f"{SUBJECT}/metrics/{{stage}}.json"
 TABLE = f"{SUBJECT}/tables/{{stage}}.json"
 SKIN_ARRAY = f"{SUBJECT}/tables/skin.nc"
 REPORT = f"{SUBJECT}/report.html"
+PICTURES = f"{SUBJECT}/pictures"
 COMPLETE = f"{SUBJECT}/complete.json"
 
 # What Snakemake measured of the jobs.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 from collections.abc import Mapping, Sequence
 
@@ -226,12 +225,12 @@ def _css(rgb: tuple[float, float, float]) -> str:
     return "#" + "".join(f"{round(255 * c):02x}" for c in rgb)
 
 
-def data_uri(picture: Image | Figure) -> str:
-    """A picture (h, w, 3) or figure as a PNG in a data URI."""
+def png(picture: Image | Figure) -> bytes:
+    """A picture (h, w, 3) or figure as a PNG."""
     file = io.BytesIO()
     if isinstance(picture, Figure):
         FigureCanvasAgg(picture)
         picture.savefig(file, format="png", dpi=110)
     else:
         PillowImage.fromarray(picture).save(file, format="png", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode("ascii")
+    return file.getvalue()

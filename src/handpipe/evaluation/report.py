@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import logging
 import platform
 from collections.abc import Mapping, Sequence
@@ -166,15 +167,21 @@ class ReportInput:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture with the text that stands for it and the caption below it."""
+    """A picture with the text that stands for it, the caption below it, and what it shows in a word."""
 
-    uri: str
+    png: bytes
     alt: str
     caption: str
+    shows: str
     wide: bool = False
 
+    @property
+    def uri(self) -> str:
+        """The picture inside an address."""
+        return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
 
-def write_report(path: str | Path, report: ReportInput) -> None:
+
+def write_report(path: str | Path, report: ReportInput, folder: str | Path | None = None) -> None:
     """Write the report as one HTML file without links to anything outside of it.
 
     Parameters
@@ -183,6 +190,9 @@ def write_report(path: str | Path, report: ReportInput) -> None:
         File to be written.
     report : ReportInput
         What it shows.
+    folder : path, optional
+        Folder of PNG files: its pictures of the scanned poses, "{pose}-{what it shows}.png", and two of each
+        scene's frame that bends most, "{scene}-skin.png" and "{scene}-organs.png".
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("handpipe.evaluation", "."),
@@ -192,10 +202,34 @@ def write_report(path: str | Path, report: ReportInput) -> None:
         undefined=jinja2.StrictUndefined,
     )
     environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # the views keep their order
-    write_text(path, environment.get_template("report.html.jinja").render(_content(report)))
+    made = _pictures(report)
+    write_text(path, environment.get_template("report.html.jinja").render(_content(report, made)))
+    if folder is not None:
+        _write_pictures(Path(folder), {pose.frame.name: drawn for pose, drawn in made})
+        _write_pictures(Path(folder), _scene_pictures(report))
 
 
-def _content(report: ReportInput) -> dict[str, Any]:
+def _write_pictures(folder: Path, made: Mapping[str, Sequence[Picture]]) -> None:
+    """Write pictures by the name of what they are of."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, drawn in made.items():
+        for picture in drawn:
+            (folder / f"{name}-{picture.shows}.png").write_bytes(picture.png)
+
+
+def _scene_pictures(report: ReportInput) -> dict[str, list[Picture]]:
+    """Pictures of the frame of each scene that bends most."""
+    made = {}
+    for name, frames in report.scenes.items():
+        drawn = [PoseView(frame, layers, "frame") for frame, layers in frames if any(shown(layers))]
+        if drawn:
+            bent = max(drawn, key=lambda view: sum(abs(angle) for angle in view.frame.angles.values()))
+            camera = _camera(bent, report.directions or AXES)
+            made[name] = _body_pictures(bent, camera)
+    return made
+
+
+def _content(report: ReportInput, made: Sequence[tuple[PoseView, list[Picture]]]) -> dict[str, Any]:
     found = skin_table(report.skin_rows), muscle_table(report.muscle_rows), rig_table(report.rig_rows)
     main_tables = [t for t in found if t]
     looks = {tissue(layer, body) for p in report.poses for layer, body, _ in shown(p.layers)}
@@ -209,7 +243,7 @@ def _content(report: ReportInput) -> dict[str, Any]:
             **report.settings,
         },
         "inputs": report.inputs,
-        "poses": [(p.frame.name, p.role, _angles(p.frame), made) for p, made in _pictures(report)],
+        "poses": [(p.frame.name, p.role, _angles(p.frame), drawn) for p, drawn in made],
         "view": _view_text(report),
         "legend": pictures.legend(sorted(looks)),
         "tables": [table.html() for table in main_tables],
@@ -245,7 +279,7 @@ def _view_text(report: ReportInput) -> str:
 def _curves(figures: Figures) -> list[Picture]:
     """Drawings of the solver's error over its time."""
     return [
-        Picture(pictures.data_uri(figure), f"Error over seconds by {study}", f"By {study}.")
+        Picture(pictures.png(figure), f"Error over seconds by {study}", f"By {study}.", "curve")
         for study, figure in error_figures(figures).items()
     ]
 
@@ -308,28 +342,33 @@ def _camera(pose: PoseView, neutral: HandDirections) -> Camera:
     return Camera.fit(pictures.extent(pose.layers), sight, hand.dorsal, SIZE)
 
 
+def _body_pictures(pose: PoseView, camera: Camera) -> list[Picture]:
+    """The skin, where there is one, and what is beneath it."""
+    name, made = pose.frame.name, []
+    if pictures.skin_surface(pose.layers) is not None:
+        png = pictures.png(pictures.outer_picture(pose.layers, camera, SIZE))
+        made.append(Picture(png, f"Simulated skin in pose {name}", "Simulated skin.", "skin"))
+    png = pictures.png(pictures.inner_picture(pose.layers, camera, SIZE))
+    alt, caption = f"Simulated organs in pose {name}", "Simulated organs; the skin is transparent."
+    return [*made, Picture(png, alt, caption, "organs")]
+
+
 def _pose_pictures(pose: PoseView, report: ReportInput, camera: Camera, largest: float) -> list[Picture]:
     name, skin = pose.frame.name, pictures.skin_surface(pose.layers)
-    made = []
-    if skin is not None:
-        uri = pictures.data_uri(pictures.outer_picture(pose.layers, camera, SIZE))
-        made.append(Picture(uri, f"Simulated skin in pose {name}", "Simulated skin."))
-    uri = pictures.data_uri(pictures.inner_picture(pose.layers, camera, SIZE))
-    made.append(
-        Picture(uri, f"Simulated organs in pose {name}", "Simulated organs; the skin is transparent.")
-    )
+    made = _body_pictures(pose, camera)
     if skin is not None and pose.scan is not None:
-        uri = pictures.data_uri(pictures.error_picture(pose.scan, skin, camera, SIZE, largest))
+        png = pictures.png(pictures.error_picture(pose.scan, skin, camera, SIZE, largest))
         caption = f"Scanned skin: distance to the simulated skin, 0 (dark) to {largest:.2g} mm (yellow)."
-        made.append(Picture(uri, f"Distance of scanned from simulated skin in pose {name}", caption))
+        alt = f"Distance of scanned from simulated skin in pose {name}"
+        made.append(Picture(png, alt, caption, "distance"))
     planes = _planes(pose, report)
     if planes:
         drawn = pictures.contours(pose.layers, pose.truth)
-        uri = pictures.data_uri(pictures.slices_figure(pose.sample, planes, drawn))
+        png = pictures.png(pictures.slices_figure(pose.sample, planes, drawn))
         caption = "Simulated contours" + (" over the image" if pose.sample else "")
         caption += "; dotted: truth." if pose.truth else "."
         alt = f"Slices through pose {name} with contours of the tissues"
-        made.append(Picture(uri, alt, caption, wide=True))
+        made.append(Picture(png, alt, caption, "slices", wide=True))
     return made
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.tissues.muscles.shapes import flesh_about, hinge, hinge_bones, spindle
 
+from handpipe.core import RigidTransform
 from handpipe.core.layers import Frame, Shape
 from handpipe.fem.contact.constraints import Attachment
 from handpipe.fem.elements import plasticity
@@ -187,13 +188,18 @@ def pushed(x, aside: float):
     return x + aside * np.cos(np.pi * np.clip(x[:, :1] / 30.0, -0.5, 0.5)) ** 2 * [0.0, 1.0, 0.0]
 
 
+def around(pose, flesh):
+    """The layers below a muscle: the bones in a pose, and flesh with its vertices (n, 3) there."""
+    bones = BoneLayer(hinge_bones()).solve(Frame("pose", {}, pose), {})
+    return {"bones": bones, "flesh": {"flesh_mesh": Shape(FLESH.vertices, flesh, FLESH.tets)}}
+
+
 def in_flesh(known: Muscle, pose, aside: float, bed: float = SimulationOptions().bed):
     """The muscle's mesh vertices (n, 3) in flesh that is pushed aside, and where that takes them."""
-    frame, moved = Frame("pose", {}, pose), pushed(FLESH.vertices, aside)
-    below = {"bones": BoneLayer(hinge_bones()).solve(frame, {})}
-    below["flesh"] = {"flesh_mesh": Shape(FLESH.vertices, moved, FLESH.tets)}
+    below = around(pose, pushed(FLESH.vertices, aside))
     layer = MuscleLayer([known], SimulationOptions(bed=bed), contact=False)
-    return layer.solve(frame, below)["m_mesh"].vertices, pushed(known.body.mesh.vertices, aside)
+    lying = layer.solve(Frame("pose", {}, pose), below)["m_mesh"].vertices
+    return lying, pushed(known.body.mesh.vertices, aside)
 
 
 def lain_in_flesh(too_long: float) -> Muscle:
@@ -213,16 +219,38 @@ def test_flesh_takes_a_muscle_along_between_bones_that_do_not_move():
     assert np.linalg.norm(lying - expected, axis=1)[middle].max() < 0.4
 
 
-def test_examples_are_reproduced_whatever_the_flesh_does_in_them():
+def known_beside_its_flesh():
+    """A muscle that is known in neutral and in one pose, in flesh that is pushed aside in both; the pose."""
     body, pose = spindle(), hinge(0.4)
     shape = seated(body, body.follow(hinge_bones(), pose), pose)
     flesh = {
         name: Shape(FLESH.vertices, pushed(FLESH.vertices, aside), FLESH.tets)
         for name, aside in (("neutral", 0.3), ("half", -1.5))
     }
-    known = known_in({"half": pose}, [shape], "m", body, flesh)
-    for transforms, aside, expected in ((hinge(0.0), 0.3, body.mesh.vertices), (pose, -1.5, shape)):
+    return known_in({"half": pose}, [shape], "m", body, flesh), pose
+
+
+def test_examples_are_reproduced_whatever_the_flesh_does_in_them():
+    known, pose = known_beside_its_flesh()
+    plain, bent = known.vertices
+    for transforms, aside, expected in ((hinge(0.0), 0.3, plain), (pose, -1.5, bent)):
         assert np.linalg.norm(in_flesh(known, transforms, aside)[0] - expected, axis=1).max() < 0.08
+
+
+def test_a_muscle_turns_with_a_limb_that_is_turned_as_a_whole():
+    known, pose = known_beside_its_flesh()
+    motion = RigidTransform(np.eye(3)[[2, 0, 1]], np.array([50.0, -20.0, 10.0]))
+    turned = {bone: motion @ transform for bone, transform in pose.items()}
+    plain, moved = (
+        MuscleLayer([known], contact=False).solve(Frame("pose", {}, bones), below)["m_mesh"].vertices
+        for bones, below in (
+            (pose, around(pose, FLESH.vertices)),
+            (turned, around(turned, motion(FLESH.vertices))),
+        )
+    )
+    beside = np.linalg.norm(known.bed.beside[1], axis=1).max()
+    assert beside > 1.0  # what a fixed direction would be wrong by
+    assert np.abs(moved - motion(plain)).max() < 0.01 * beside
 
 
 def test_a_muscle_that_lies_in_flesh_asks_for_it():

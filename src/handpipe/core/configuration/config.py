@@ -528,6 +528,10 @@ class Scene(Model):
     mechanics: bool = Field(
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
     )
+    equilibria: bool = Field(
+        False,
+        description="look for other equilibria of each frame, from other starts; doubles the time of fat",
+    )
     movie: bool = Field(False, description="draw the frames as movies, too; with `images` also the volumes")
     images: bool = Field(False, description="move the neutral image with the frames, and into scanned poses")
     fidelity: Fidelity | None = Field(
@@ -542,6 +546,8 @@ class Scene(Model):
                 raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(known)}")
         if self.images and not {"fat", "skin"} & set(self.needed):
             raise ValueError("images: need fat or skin among the layers: the skin bounds the moved image")
+        if self.equilibria and not {"fat", "skin"} & set(self.needed):
+            raise ValueError("equilibria: need fat or skin among the layers: they are sought for these alone")
         return self
 
     @property

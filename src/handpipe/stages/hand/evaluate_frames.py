@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ class Inputs(Files):
     rig: Path
     frames: Path
     motion: Path | None
+    equilibria: Sequence[Path]
     chunks: Sequence[Path]
 
 
@@ -50,8 +51,10 @@ def evaluate_frames(inputs: Inputs, outputs: Outputs, dataset: Dataset, scene: S
             rows = with_figures(rows, simulated, failures)
             steps.follow(simulated)
         found |= figure_metrics(rows, figure_names(rows, plain)) | continuity_metrics(steps.found.values())
-        further = _figures_of_motion(inputs.motion)
-        rows = [{**row, **further.get(_frame(row), {}), **steps.found.get(_frame(row), {})} for row in rows]
+        motion, others = _figures_of_frames([inputs.motion]), _figures_of_frames(inputs.equilibria)
+        found |= _other_equilibria(others.values())
+        further: tuple[Mapping[str, Row], ...] = (motion, others, steps.found)
+        rows = [_together(row, *(known.get(_frame(row), {}) for known in further)) for row in rows]
     artifacts.write_text(outputs.table, json.dumps(rows, indent=2))
     metrics.write(outputs.metrics, found | figures)
 
@@ -72,12 +75,23 @@ class _Steps:
             self.found[frame.name] = self._continuity.step(frame, layers)
 
 
-def _figures_of_motion(path: Path | None) -> Mapping[str, Row]:
-    """Figures of the frames of a motion by name."""
-    if path is None:
+def _together(*rows: Row) -> Row:
+    return {name: value for row in rows for name, value in row.items()}
+
+
+def _figures_of_frames(paths: Iterable[Path | None]) -> dict[str, Row]:
+    """Figures of the frames of a motion, or of their other equilibria, by name."""
+    tables = [json.loads(path.read_text(encoding="utf-8"))["frames"] for path in paths if path is not None]
+    return {_frame(row): row for rows in tables for row in rows}
+
+
+def _other_equilibria(rows: Collection[Row]) -> metrics.Metrics:
+    """How many frames have other equilibria, and how far their skins are away; empty without rows."""
+    if not rows:
         return {}
-    rows: list[Row] = json.loads(path.read_text(encoding="utf-8"))["frames"]
-    return {_frame(row): row for row in rows}
+    many = float(sum(float(row["other_equilibria"]) > 0 for row in rows))
+    farthest = max(float(row.get("other_skin_max", 0.0)) for row in rows)
+    return {"frames_with_other_equilibria": (many, "frames"), "other_skin_max": (farthest, "mm")}
 
 
 def _frame(row: Row) -> str:

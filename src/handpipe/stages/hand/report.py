@@ -45,16 +45,24 @@ class Inputs(Files):
     exports: Sequence[Path]
 
 
+@dataclass(frozen=True)
+class Outputs(Files):
+    """What the stage writes."""
+
+    page: Path
+    pictures: Path
+
+
 def report(
     inputs: Inputs,
-    output: Path,
+    outputs: Outputs,
     dataset: Dataset,
     scenes: Mapping[str, Sequence[Path]],
     settings: Mapping[str, str],
     jobs: Path,
     benchmarks: Path,
 ) -> None:
-    """One HTML file with pictures, tables, figures and costs of a subject."""
+    """One HTML file with pictures, tables, figures and costs of a subject; the pictures as files, too."""
     rig = Rig.load(inputs.rig)
 
     given = {name: dataset.path(pose.scan) for name, pose in dataset.poses.items() if pose.scan is not None}
@@ -112,7 +120,7 @@ def report(
     if bare:
         warnings.append(f"Skin without a scan, from the volume: {', '.join(bare)}. Nails are not in it.")
     write_report(
-        output,
+        outputs.page,
         ReportInput(
             dataset,
             rig=rig,
@@ -130,6 +138,7 @@ def report(
             inputs={_name(path, dataset): artifacts.content_hash(path) for path in _given(inputs)},
             limits=["The limits of this version stand in docs/limitations.md."],
         ),
+        outputs.pictures,
     )
 
 

@@ -6,9 +6,10 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.tissues.fat.constraints import cut_end, inner_points
-    from handpipe.tissues.fat.layer import FatStrains, load_fat, load_skin
+    from handpipe.tissues.fat.layer import FatStrains, TissueLayer, load_fat, load_skin
     from handpipe.tissues.fat.mesh import inner_surface, tissue_mesh, without_pockets
     from handpipe.tissues.fat.nails import as_vector, fit_correction, nail_vertices, on_skin
+    from handpipe.tissues.fat.other_equilibria import Restart, restarts
     from handpipe.tissues.fat.skin import Rigid, Skin, closed_skin
     from handpipe.tissues.fat.strains import FitSettings, fit_strains
     from handpipe.tissues.fat.tissue import Tissue, TissueSettings
@@ -18,9 +19,11 @@ else:
 __all__ = [
     "FatStrains",
     "FitSettings",
+    "Restart",
     "Rigid",
     "Skin",
     "Tissue",
+    "TissueLayer",
     "TissueSettings",
     "as_vector",
     "closed_skin",
@@ -33,6 +36,7 @@ __all__ = [
     "load_skin",
     "nail_vertices",
     "on_skin",
+    "restarts",
     "tissue_mesh",
     "without_pockets",
 ]

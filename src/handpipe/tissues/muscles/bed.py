@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from handpipe.core import Array, Shape
+from handpipe.core import Array, RigidTransform, Shape
 from handpipe.mesh.tets import Embedding, TetMesh
 
 
@@ -25,18 +25,19 @@ class Bed:
     embedding : Embedding
         Places of the vertices in the flesh's tets.
     beside : array (N, n, 3)
-        Offsets in mm from there to the vertices in the N examples, neutral first.
+        Offsets in mm from there to the vertices in the N examples, neutral first, as directions of one bone
+        of the muscle: they turn with it.
     """
 
     embedding: Embedding
     beside: Array
 
     @staticmethod
-    def fit(vertices: Array, flesh: Sequence[Shape]) -> Bed:
-        """From the mesh vertices (N, n, 3) in the examples, neutral first, and the flesh in each of them."""
+    def fit(vertices: Array, flesh: Sequence[Shape], motions: Sequence[RigidTransform]) -> Bed:
+        """From the mesh vertices (N, n, 3), the flesh and the bone's motions in the examples."""
         embedding = Embedding.embed(vertices[0], TetMesh(flesh[0].rest, flesh[0].cells))
-        carried = [embedding(shape.vertices) for shape in flesh]
-        return Bed(embedding, vertices - np.stack(carried))
+        known = zip(vertices, flesh, motions, strict=True)
+        return Bed(embedding, np.stack([(x - embedding(f.vertices)) @ m.rotation for x, f, m in known]))
 
     def to_group(self) -> dict[str, Any]:
         """Content for an artifact's group."""

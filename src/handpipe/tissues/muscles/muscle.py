@@ -117,8 +117,10 @@ class Muscle:
         space = PoseSpace.build(bones, examples.parents, poses, examples.interpolation, places)
         logs = np.stack([np.zeros((len(body.mesh.tets), 6)), *(plasticity.log(s) for s in fit.strains)])
         vertices = np.concatenate([body.mesh.vertices[None], fit.vertices])
-        flesh = examples.flesh
-        bed = Bed.fit(vertices, [flesh[pose] for pose in poses]) if flesh else None
+        bed = None
+        if examples.flesh:
+            motions = [t[space.reference] for t in poses.values()]
+            bed = Bed.fit(vertices, [examples.flesh[pose] for pose in poses], motions)
         return Muscle(name, body, space, logs, vertices, (still, *own), bed)
 
     @staticmethod
@@ -161,14 +163,16 @@ class Muscle:
             Bone transforms of the pose.
         flesh : (n, 3), optional
             Vertices of the flesh's mesh in the pose. The muscle's vertices are where the flesh carries them,
-            as far beside as between the examples. Where no flesh is known, they are the examples themselves,
-            each moved along with the bones, interpolated over the poses: from the nearest example alone, what
-            lies between two would be in its neighbours.
+            as far beside as between the examples, in directions that turn with the pose space's reference
+            bone. Where no flesh is known, they are the examples themselves, each moved along with the bones,
+            interpolated over the poses: from the nearest example alone, what lies between two would be in its
+            neighbours.
         """
         if self.bed is not None:
             if flesh is None:
                 raise ValueError(f"muscle {self.name} lies in the flesh, whose vertices are not given")
-            return self.bed.embedding(flesh) + self.space.interpolate(self.bed.beside, transforms)
+            beside = self.space.interpolate(self.bed.beside, transforms)
+            return self.bed.embedding(flesh) + beside @ transforms[self.space.reference].rotation.T
         carried = self.body.followed(bones, transforms, list(zip(self.bones, self.vertices, strict=True)))
         return self.space.interpolate(np.stack(carried), transforms)
 
