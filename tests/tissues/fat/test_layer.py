@@ -152,7 +152,7 @@ def test_a_bone_that_cuts_through_itself_inverts_no_tet(monkeypatch):
 def test_an_inverted_tet_is_not_handed_on(monkeypatch):
     core, inverted = _hinged(80.0)
     layer = TissueLayer("fat", limb(Region.fixed))
-    monkeypatch.setattr(TissueLayer, "_at_rest", lambda *arguments: Settled(inverted, 1, 0.0))
+    monkeypatch.setattr(TissueLayer, "at_rest", lambda *arguments: Settled(inverted, 1, 0.0))
     with pytest.raises(ConvergenceError, match=r"fat of hinged .* tets are inverted, .* mm from core"):
         layer.solve(Frame("hinged", {}, REST), below(core))
 

@@ -153,11 +153,11 @@ class TissueLayer:
             transforms[name] = bones[part.bone] @ correction
         return transforms
 
-    def _at_rest(self, frame: Frame, below: Mapping[str, Shapes]) -> Settled:
-        """The equilibrium in a frame, its skin out of itself."""
+    def at_rest(self, frame: Frame, below: Mapping[str, Shapes], starts: Sequence[Array]) -> Settled:
+        """The equilibrium in a frame from the first good start (n, 3), its skin out of itself."""
         tissue, bones = self.tissue, frame.bones
         rigid, strains = self.rigid(bones), self.plastic_strains(bones)
-        settled = tissue.at_rest(below, rigid, strains, self.starts(bones))
+        settled = tissue.at_rest(below, rigid, strains, starts)
         if not tissue.skin_contact:
             return settled
         elastic = tissue.elastic if strains is None else tissue.elastic.with_strains(strains)
@@ -191,7 +191,7 @@ class TissueLayer:
         """
         tissue = self.tissue
         self._warn_beyond(frame)
-        settled = self._at_rest(frame, below)
+        settled = self.at_rest(frame, below, self.starts(frame.bones))
         x = settled.x
         skin = tissue.skin.moved(tissue.skin_matrix @ x)
         validity = tissue.validity(x)
