@@ -98,8 +98,17 @@ class FatStrains:
 class TissueLayer:
     """A tissue and, where fitted, its strains over poses.
 
-    It is named "fat" on all layers below, "skin" on bones alone. Where it is strict, a skin that cannot be
-    kept out of itself is an error; else it is a warning, and the skin's figures tell.
+    Parameters
+    ----------
+    name : str
+        "fat" on all layers below, "skin" on bones alone.
+    tissue : Tissue
+        The tissue.
+    strains : FatStrains, optional
+        Its fitted strains and nails.
+    strict : bool
+        Whether a skin that cannot be kept out of itself is an error; else it is a warning, and the skin's
+        figures tell.
     """
 
     def __init__(
