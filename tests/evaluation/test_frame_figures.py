@@ -27,7 +27,7 @@ def rows() -> list[dict]:
     bare[0] |= {"beyond": -12.5, "angle": "MP3_flexion", "depth": 0.4, "bones": "a b"}
     fine = {
         "muscles": {"m1": body(contact_motion=0.01, contact_unsettled=0.0)},
-        "fat": {"fat": body(inverted_tets=0.0, least_det=0.3)},
+        "fat": {"fat": body(inverted_tets=0.0, least_det=0.3), "skin": body(skin_gap=0.1)},
     }
     bad = {
         "muscles": {
@@ -36,7 +36,7 @@ def rows() -> list[dict]:
         },
         "fat": {
             "fat": body(inverted_tets=2.0, least_det=-0.14, inner_overlap=1.6),
-            "skin": body(skin_overlap=0.05),
+            "skin": body(skin_overlap=0.05, skin_crossings=7.0, skin_gap=0.0),
         },
         "tendons": {"t_centreline": body(compression=3.0)},
     }
@@ -64,6 +64,8 @@ def test_metrics_are_the_worst_over_frames() -> None:
         "fat_inner_overlap": (1.6, "mm"),
         "muscles_cuts_itself": (1.0, "1"),
         "fat_skin_overlap": (0.05, "mm"),
+        "fat_skin_crossings": (7.0, "1"),
+        "fat_skin_gap": (0.0, "mm"),
         "tendons_compression": (3.0, "1"),
     }
 
@@ -77,6 +79,7 @@ def test_warnings_name_frame_layer_and_size() -> None:
         "Scene close: inverted tets are handed on: tangled (fat: 2, least det F -0.14).",
         "Scene close: tissue penetrates the organs inside: tangled (fat: 1.60 mm).",
         "Scene close: the skin penetrates itself: tangled (fat: 0.05 mm).",
+        "Scene close: the skin crosses itself: tangled (fat: 7 edges through triangles).",
         "Scene close: tendons are compressed and folded: tangled (3.0 of the pull).",
         "Scene close: not simulated and left out: lost (tendons: Tendon x did not converge).",
     ]
@@ -119,6 +122,8 @@ def test_warnings_of_fits_name_the_pose_once() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["fat_inverted_tets", "fat_skin_overlap", "fat_unsettled", "fat_tangles"])
+@pytest.mark.parametrize(
+    "name", ["fat_inverted_tets", "fat_skin_overlap", "fat_skin_crossings", "fat_unsettled", "fat_tangles"]
+)
 def test_a_figure_that_is_no_number_is_a_warning(name: str) -> None:
     assert len(frame_warnings("close", [{"frame": "odd", **PLAIN, name: np.nan}])) == 1

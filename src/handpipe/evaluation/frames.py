@@ -12,7 +12,7 @@ from handpipe.hand import POP, Failure, SimulatedFrame
 from handpipe.hand import UNITS as ARTIFACT_UNITS
 
 UNITS = ARTIFACT_UNITS | {"inverted_tets": "tets"}
-LEAST = ("least_det",)  # figures whose smallest value is the worst
+LEAST = ("least_det", "skin_gap")  # figures whose smallest value is the worst
 OVERLAP = 0.01  # mm; the report omits a smaller overlap of the skin
 INNER_OVERLAP = 0.5  # mm; half a voxel of a usual scan: less is within the error of the bodies' surfaces
 REACHED = 1.0  # mm; a target that is farther is not met
@@ -46,8 +46,8 @@ def worst_of(figures: Mapping[str, Iterable[Mapping[str, float]]]) -> dict[str, 
     Returns
     -------
     mapping of str to float
-        Worst value by `{stage}_{figure}`: the smallest of `least_det`, else the largest; NaN if any
-        value is NaN.
+        Worst value by `{stage}_{figure}`: the smallest of `least_det` and `skin_gap`, else the largest; NaN
+        if any value is NaN.
     """
     found: dict[str, list[float]] = {}
     for stage, solved in figures.items():
@@ -212,6 +212,9 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
             yield "contact has not settled", name.removesuffix("_unsettled").removesuffix("_contact")
         if name.endswith("_cuts_itself") and _positive(row, name):
             yield "an organ folds into itself", name.removesuffix("_cuts_itself")
+        if name.endswith("_skin_crossings") and _positive(row, name):
+            layer = name.removesuffix("_skin_crossings")
+            yield "the skin crosses itself", f"{layer}: {_number(row, name):.0f} edges through triangles"
         if name.endswith("_skin_overlap") and _positive(row, name, OVERLAP):
             yield "the skin penetrates itself", _depth(row, name, "_skin_overlap")
         if name.endswith("_inner_overlap") and _positive(row, name, INNER_OVERLAP):

@@ -16,7 +16,13 @@ LayerShapes = Mapping[str, Shapes]  # by the layer's name
 
 KIND = "frames"
 # Units of figures; all other figures are dimensionless.
-UNITS = {"contact_motion": "mm", "skin_overlap": "mm", "inner_overlap": "mm", "residual": "mN"}
+UNITS = {
+    "contact_motion": "mm",
+    "skin_overlap": "mm",
+    "skin_gap": "mm",
+    "inner_overlap": "mm",
+    "residual": "mN",
+}
 
 
 def figure_units(figures: Iterable[str], group: str = "figures") -> dict[str, str]:

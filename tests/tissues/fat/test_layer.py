@@ -15,7 +15,7 @@ from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.skeleton.posing.local_pose_spaces import LocalPoseSpaces
 from handpipe.tissues.fat.layer import FatStrains, TissueLayer
 from handpipe.tissues.fat.nails import from_vector
-from handpipe.tissues.fat.tissue import CONTACTS, Tissue
+from handpipe.tissues.fat.tissue import CONTACTS
 
 from .limb import below, limb
 
@@ -137,7 +137,7 @@ def _hinged(degrees):
 
 def test_a_bone_that_cuts_through_itself_inverts_no_tet(monkeypatch):
     tissue, (core, start) = limb(Region.fixed), _hinged(80.0)
-    layer = TissueLayer("fat", tissue)
+    layer = TissueLayer("fat", tissue).lenient()  # the skin over such a bone cannot be out of itself
     monkeypatch.setattr(TissueLayer, "starts", lambda self, bones: [start])
     shapes = layer.solve(Frame("hinged", {}, REST), below(core))
     mesh = shapes["fat_mesh"]
@@ -152,7 +152,7 @@ def test_a_bone_that_cuts_through_itself_inverts_no_tet(monkeypatch):
 def test_an_inverted_tet_is_not_handed_on(monkeypatch):
     core, inverted = _hinged(80.0)
     layer = TissueLayer("fat", limb(Region.fixed))
-    monkeypatch.setattr(Tissue, "at_rest", lambda *arguments: Settled(inverted, 1, 0.0))
+    monkeypatch.setattr(TissueLayer, "at_rest", lambda *arguments: Settled(inverted, 1, 0.0))
     with pytest.raises(ConvergenceError, match=r"fat of hinged .* tets are inverted, .* mm from core"):
         layer.solve(Frame("hinged", {}, REST), below(core))
 

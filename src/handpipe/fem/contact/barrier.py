@@ -200,6 +200,10 @@ class Barrier:
         """Mask (n,) of the vertices that carry the surface."""
         return np.bincount(self._narrow.indices, minlength=self._narrow.shape[1]) > 0
 
+    def surface_forces(self, x: Array) -> Array:
+        """Forces (k, 3) in mN on the surface's own vertices."""
+        return -self._surface_gradient(x)[: self._narrow.shape[0]]
+
     def obstacle_forces(self, x: Array) -> Array:
         """Forces (o, 3) in mN of the surface on the obstacle's vertices."""
         return -self._surface_gradient(x)[self._narrow.shape[0] :]

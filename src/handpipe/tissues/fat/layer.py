@@ -12,6 +12,7 @@ import numpy as np
 from handpipe.core import (
     LAYERS,
     Array,
+    ConvergenceError,
     Frame,
     InputError,
     RigidTransform,
@@ -22,10 +23,12 @@ from handpipe.core import (
 )
 from handpipe.fem.elements import plasticity
 from handpipe.fem.potentials import Elastic
+from handpipe.fem.solver import Settled
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
 from handpipe.skeleton.posing import LocalPoseSpaces
 from handpipe.tissues.fat.nails import from_vector
+from handpipe.tissues.fat.skin_barrier import Scene, kept_apart, penetration
 from handpipe.tissues.fat.tissue import Tissue
 
 log = logging.getLogger(__name__)
@@ -95,16 +98,33 @@ class FatStrains:
 class TissueLayer:
     """A tissue and, where fitted, its strains over poses.
 
-    It is named "fat" on all layers below, "skin" on bones alone.
+    Parameters
+    ----------
+    name : str
+        "fat" on all layers below, "skin" on bones alone.
+    tissue : Tissue
+        The tissue.
+    strains : FatStrains, optional
+        Its fitted strains and nails.
+    strict : bool
+        Whether a skin that cannot be kept out of itself is an error; else it is a warning, and the skin's
+        figures tell.
     """
 
-    def __init__(self, name: str, tissue: Tissue, strains: FatStrains | None = None) -> None:
-        self.name, self.tissue, self.strains = name, tissue, strains
+    def __init__(
+        self, name: str, tissue: Tissue, strains: FatStrains | None = None, strict: bool = True
+    ) -> None:
+        self.name, self.tissue, self.strains, self.strict = name, tissue, strains, strict
         self.needs = LAYERS[name].needs
 
     def without_strains(self) -> TissueLayer:
         """The same tissue without plastic strains (model m1 of Zheng 2022 Table 4)."""
-        return TissueLayer(self.name, self.tissue, self.strains and self.strains.without_strains())
+        bare = self.strains and self.strains.without_strains()
+        return TissueLayer(self.name, self.tissue, bare, self.strict)
+
+    def lenient(self) -> TissueLayer:
+        """The same layer, not strict."""
+        return TissueLayer(self.name, self.tissue, self.strains, strict=False)
 
     def plastic_strains(self, bones: Mapping[str, RigidTransform]) -> Array | None:
         """Strains (m, 6) of the fat in a pose, or None for none."""
@@ -142,6 +162,22 @@ class TissueLayer:
             transforms[name] = bones[part.bone] @ correction
         return transforms
 
+    def at_rest(self, frame: Frame, below: Mapping[str, Shapes], starts: Sequence[Array]) -> Settled:
+        """The equilibrium in a frame from the first good start (n, 3), its skin out of itself."""
+        tissue, bones = self.tissue, frame.bones
+        rigid, strains = self.rigid(bones), self.plastic_strains(bones)
+        settled = tissue.at_rest(below, rigid, strains, starts)
+        if not tissue.skin_contact:
+            return settled
+        elastic = tissue.elastic if strains is None else tissue.elastic.with_strains(strains)
+        try:
+            return kept_apart(Scene(tissue, below, rigid, elastic), settled)
+        except ConvergenceError as error:
+            if self.strict:
+                raise error.within(f"{self.name} of {frame.name}") from error
+            log.warning("%s of %s: %s", self.name, frame.name, error)
+            return settled
+
     def _warn_beyond(self, frame: Frame) -> None:
         """Name the bones around which no example is near."""
         beyond = self.strains.spaces.extrapolated(frame.bones) if self.strains else []
@@ -153,23 +189,23 @@ class TissueLayer:
         """Skin surface and tissue tets at equilibrium.
 
         The skin's field "nail" is 1 at vertices of nails; it is missing where there are none. The skin's
-        figures tell how its contact settled, and how deep (mm) it lies in itself; those of the
-        tets tell whether they are valid, and how deep (mm) they lie in the bodies below.
+        figures tell how its contact settled, how many of its vertices lie in other skin, how deep (mm), and
+        how near (mm) it comes to itself. Those of the tets tell whether they are valid, and how deep (mm)
+        they lie in the bodies below.
 
         Raises
         ------
         ConvergenceError
-            Where there is no equilibrium, or tets are inverted.
+            Where there is no equilibrium, or tets are inverted, or the skin cannot be kept out of itself.
         """
-        tissue, bones = self.tissue, frame.bones
+        tissue = self.tissue
         self._warn_beyond(frame)
-        rigid, strains = self.rigid(bones), self.plastic_strains(bones)
-        settled = tissue.at_rest(below, rigid, strains, self.starts(bones))
+        settled = self.at_rest(frame, below, self.starts(frame.bones))
         x = settled.x
         skin = tissue.skin.moved(tissue.skin_matrix @ x)
         validity = tissue.validity(x)
         validity.require(f"{self.name} of {frame.name}", vertices_of(below.get("bones", {})))
-        figures = {**settled.figures, "skin_overlap": tissue.overlap(x)}
+        figures = {**settled.figures, "skin_overlap": tissue.overlap(x), **penetration(tissue, x)}
         return {
             "skin": Shape(tissue.skin.vertices, skin.vertices, skin.triangles, tissue.nails(), figures),
             self.name + "_mesh": Shape(

@@ -85,7 +85,7 @@ def _restarted(
 ) -> Restart:
     tissue, strains = layer.tissue, layer.plastic_strains(frame.bones)
     try:
-        found = tissue.at_rest(shapes, layer.rigid(frame.bones), strains, [start])
+        found = layer.at_rest(frame, shapes, [start])
     except ConvergenceError as error:
         return Restart(name, reason=str(error))
     before = _tets_of(layer, shapes)

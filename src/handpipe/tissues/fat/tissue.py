@@ -12,8 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from handpipe.core import Array, ConvergenceError, IntArray, Region, RigidTransform, Shapes, artifacts
-from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceSliding, contact_pressures
+from handpipe.core import (
+    Array,
+    ConvergenceError,
+    InputError,
+    IntArray,
+    Region,
+    RigidTransform,
+    Shapes,
+    artifacts,
+)
+from handpipe.fem.contact import Attachment, Barrier, Contact, Sliding, SurfaceSliding, contact_pressures
 from handpipe.fem.elements import Material, Validity, polar
 from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Elastic, Potential
@@ -23,7 +32,7 @@ from handpipe.mesh.tets import Embedding, TetMesh, gradient_operator, mass_lumpe
 from handpipe.skeleton.posing import blend, blended
 from handpipe.tissues.fat.constraints import InnerPoints
 from handpipe.tissues.fat.skin import CUT_END, Rigid
-from handpipe.tissues.fat.skin_contact import overlap, skin_on_skin
+from handpipe.tissues.fat.skin_contact import DISTANCE, overlap, skin_barrier, skin_on_skin
 
 log = logging.getLogger(__name__)
 
@@ -143,8 +152,23 @@ class Tissue:
         turns, translation = blended(self.weights, {b: bones[b] for b in self.bones})
         return turns.inv().apply(x - translation) - self.mesh.vertices
 
+    def skin_barrier(self) -> Barrier | None:
+        """A fresh barrier of the skin against itself; None where the neutral skin intersects itself."""
+        known = self._neutral_barrier
+        return None if known is None else known.reaching(DISTANCE)
+
     @cached_property
-    def _skin_areas(self) -> Array:
+    def _neutral_barrier(self) -> Barrier | None:
+        try:
+            return skin_barrier(
+                self.mesh.vertices, self.skin.triangles, self.skin_matrix, self.settings.young
+            )
+        except InputError:
+            log.warning("soft tissue: the neutral skin intersects itself; no barrier keeps it out of itself")
+            return None
+
+    @cached_property
+    def skin_areas(self) -> Array:
         """Neutral area (k,) in mm^2 that belongs to each skin vertex."""
         return mass_lumped(self.skin.vertices, self.skin.triangles)
 
@@ -181,13 +205,15 @@ class Tissue:
         rigid: Mapping[str, RigidTransform],
         x: Array,
         share: float = 1.0,
+        contact: Sequence[Potential] | None = None,
     ) -> list[Potential]:
         """Constraints of the tissue in a frame, at x (n, 3), with a share of their full stiffness.
 
-        rigid: transform from neutral of each rigid part of the skin.
+        rigid: transform from neutral of each rigid part of the skin; contact: of the skin with itself, by
+        default contact planes.
         """
         unit = share * self.settings.stiffness
-        return [*self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit)]
+        return [*self._on_bodies(below, x, unit), *self._on_skin(rigid, x, unit, contact)]
 
     def _on_bodies(self, below: Mapping[str, Shapes], x: Array, unit: float) -> list[Potential]:
         """The inner points, fixed, sliding or in contact (Zheng 2022 §6).
@@ -219,16 +245,24 @@ class Tissue:
             potentials.append(Sliding(matrix[off], *planes(off), stiffness[off]))
         return potentials
 
-    def _on_skin(self, rigid: Mapping[str, RigidTransform], x: Array, unit: float) -> list[Potential]:
+    def _on_skin(
+        self,
+        rigid: Mapping[str, RigidTransform],
+        x: Array,
+        unit: float,
+        contact: Sequence[Potential] | None,
+    ) -> list[Potential]:
         """Attachments of nails and the cut end to their bones, and the skin's self-contact if it is on."""
         skin, matrix = self.skin, self.skin_matrix
-        stiffness = unit * self._skin_areas
+        stiffness = unit * self.skin_areas
         parts: list[Potential] = [
             Attachment(
                 matrix[part.vertices], rigid[name](skin.vertices[part.vertices]), stiffness[part.vertices]
             )
             for name, part in self.rigid.items()
         ]
+        if contact is not None:
+            return [*parts, *contact]
         if not self.skin_contact:
             return parts
         return [*parts, *skin_on_skin(skin, skin.moved(matrix @ x), matrix, stiffness)]
@@ -258,11 +292,19 @@ class Tissue:
         That of the skin on itself is by skin vertex (k,), that of the tissue on a body below by its vertex;
         the latter is zero where the tissue is fixed or slides.
         """
-        matrix = self.skin_matrix
-        skin, area = self.skin.moved(matrix @ x), mass_lumped(self.skin.vertices, self.skin.triangles)
+        return {"": {"skin": self._pressures_on_skin(x)}, **self._pressures_on_bodies(below, x)}
+
+    def _pressures_on_skin(self, x: Array) -> Array:
+        """Pressure (k,) of the skin on itself: the barrier's, or the planes' where it crosses itself."""
+        skin, barrier = self.skin.moved(self.skin_matrix @ x), self.skin_barrier()
+        if barrier is not None and not barrier.intersects(x):
+            areas = mass_lumped(skin.vertices, skin.triangles)
+            return -np.einsum("ni,ni->n", barrier.surface_forces(x), skin.vertex_normals()) / areas
+        area = self.skin_areas
         identity = sparse.identity(len(area), format="csr")
-        own = skin_on_skin(self.skin, skin, identity, self.settings.stiffness * area)
-        return {"": {"skin": contact_pressures(own, skin)}, **self._pressures_on_bodies(below, x)}
+        return contact_pressures(
+            skin_on_skin(self.skin, skin, identity, self.settings.stiffness * area), skin
+        )
 
     def _pressures_on_bodies(self, below: Mapping[str, Shapes], x: Array) -> dict[str, dict[str, Array]]:
         """Pressure (v,) of the tissue on the bodies that it touches, over their vertices' posed areas."""

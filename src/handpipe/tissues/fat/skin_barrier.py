@@ -1,0 +1,134 @@
+"""Skin that does not penetrate itself: pushed apart where it does, then at rest behind a barrier."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from handpipe.core import Array, ConvergenceError, IntArray, RigidTransform, Shapes
+from handpipe.fem.contact import Barrier
+from handpipe.fem.minimisation import Record
+from handpipe.fem.potentials import Elastic, Potential
+from handpipe.fem.solver import Settled, equilibrium, root_mean_square, settle
+from handpipe.mesh.contact import crossings, self_contact
+from handpipe.mesh.surfaces import Surface
+from handpipe.tissues.fat.skin_contact import DEEP, DISTANCE
+from handpipe.tissues.fat.skin_pushes import crossing_vertices, pushes
+from handpipe.tissues.fat.tissue import CONTACTS, OPTIONS, Tissue
+
+log = logging.getLogger(__name__)
+
+MARGIN, GROWTH = 0.2, 0.05  # mm beyond other skin to which skin is pushed; its growth where that did not do
+ROUNDS = 12  # of pushes, at most
+EARLY, FALLEN = 4, 0.25  # after so many rounds, the share of crossing vertices from which they end
+REMEDY = "The pose may leave no room for flesh: bend less, or scan a pose near it."
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A tissue in a frame: the bodies below, transforms of the skin's rigid parts, and the elastic energy."""
+
+    tissue: Tissue
+    below: Mapping[str, Shapes]
+    rigid: Mapping[str, RigidTransform]
+    elastic: Elastic
+
+    def skin(self, x: Array) -> Surface:
+        """The skin with the tissue at x (n, 3)."""
+        return self.tissue.skin.moved(self.tissue.skin_matrix @ x)
+
+    def solve(self, contact: list[Potential], planes: Array, start: Array) -> equilibrium.Equilibrium:
+        """The equilibrium near a start (n, 3) under a contact of the skin; bodies' planes as at `planes`."""
+        constraints = self.tissue.constraints(self.below, self.rigid, planes, contact=contact)
+        return equilibrium.solve([self.elastic, *constraints], start, options=OPTIONS)
+
+
+def kept_apart(scene: Scene, settled: Settled) -> Settled:
+    """The equilibrium behind a barrier of the skin against itself, near one with contact planes.
+
+    Where no parts of the skin are within 0.1 mm of one another, or the neutral skin intersects itself, it is
+    `settled` itself.
+
+    Raises
+    ------
+    ConvergenceError
+        Where the skin cannot be pushed apart, or has no equilibrium behind the barrier.
+    """
+    barrier, x = scene.tissue.skin_barrier(), settled.x
+    if barrier is None:
+        return settled
+    if len(crossings(scene.skin(x))):
+        x = _pushed_apart(scene, x)
+    elif not np.isfinite(barrier.gap(x)):
+        return settled
+    found = _behind(scene, barrier, x)
+    left = crossing_vertices(scene.skin(found.x))
+    if len(left):
+        raise _no_room(scene, found.x, left)
+    return replace(found, renewals=settled.renewals + found.renewals)
+
+
+def _behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
+    """The equilibrium with a barrier, from a start (n, 3) without crossings; the bodies' planes are renewed.
+
+    Each solve starts from the one before: what the renewal makes of two of them may intersect.
+    """
+    free, records = [start], list[Record]()
+
+    def in_place(planes: Array) -> Array:
+        found = scene.solve([barrier], planes, free[-1])
+        free.append(found.x)
+        records.append(found.record)
+        return found.x
+
+    def motion(step: Array) -> float:
+        return root_mean_square(scene.tissue.skin_matrix @ step)
+
+    settled = settle(in_place, start, CONTACTS, "soft tissue, skin behind a barrier", motion)
+    return replace(settled, solver=records[settled.chosen - 1].figures)
+
+
+def _pushed_apart(scene: Scene, x: Array) -> Array:
+    """Positions near x (n, 3) at which the skin does not cross itself."""
+    tissue = scene.tissue
+    stiffness = tissue.settings.stiffness * tissue.skin_areas
+    margins, counts = np.full(len(tissue.skin.vertices), MARGIN), list[int]()
+    while True:
+        skin = scene.skin(x)
+        left = crossing_vertices(skin)
+        counts.append(len(left))
+        log.info("soft tissue: %d skin vertices at crossings after %d pushes", len(left), len(counts) - 1)
+        if not len(left):
+            return x
+        if len(counts) > ROUNDS or (len(counts) > EARLY and counts[-1] > FALLEN * counts[0]):
+            raise _no_room(scene, x, left)
+        contact = pushes(tissue.skin, skin, tissue.skin_matrix, stiffness, margins)
+        x = scene.solve(contact, x, x).x
+        margins[left] += GROWTH
+
+
+def _no_room(scene: Scene, x: Array, vertices: IntArray) -> ConvergenceError:
+    """The skin crosses itself at vertices (k,) with the tissue at x (n, 3)."""
+    tissue, skin = scene.tissue, scene.skin(x)
+    bones = (tissue.skin_matrix[vertices] @ tissue.weights).sum(axis=0)
+    near = [tissue.bones[i] for i in np.argsort(-bones)[:2] if bones[i] > 0]
+    place = ", ".join(f"{c:.1f}" for c in np.median(skin.vertices[vertices], axis=0))
+    reason = f"{len(vertices)} skin vertices at crossings of the skin with itself, around ({place}) mm"
+    return ConvergenceError("skin on skin", f"{reason}, near {' and '.join(near)}", REMEDY)
+
+
+def penetration(tissue: Tissue, x: Array) -> dict[str, float]:
+    """Figures of the skin in itself with the tissue at x (n, 3), by name.
+
+    `skin_inside`: vertices inside other skin; `skin_crossings`: edges through triangles; `skin_gap`: least
+    distance in mm of two parts, 0.1 at most, zero where they cross.
+    """
+    skin = tissue.skin.moved(tissue.skin_matrix @ x)
+    count = len(crossings(skin))
+    inside = len(self_contact(skin, tissue.skin, 0.0, DEEP).vertices) if count else 0
+    barrier = tissue.skin_barrier()
+    gap = 0.0 if count or barrier is None else min(DISTANCE, barrier.gap(x))
+    return {"skin_inside": float(inside), "skin_crossings": float(count), "skin_gap": gap}
