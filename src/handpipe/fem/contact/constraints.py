@@ -11,6 +11,7 @@ from typing import Self, TypeAlias, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
+from numba import njit
 from numpy.typing import ArrayLike
 
 from handpipe.core import Array, InputError, unit_vectors
@@ -339,12 +340,23 @@ def penalty(depth: Array, onset: float) -> tuple[Array, Array, Array]:
     second : array (k,)
         Second derivative, 0 to 1.
     """
-    d = np.maximum(depth, 0.0)
-    if onset <= 0.0:
-        return 0.5 * d**2, d, (depth > 0).astype(float)
-    soft = d < onset
-    value = np.where(soft, d**3 / (6 * onset), 0.5 * d**2 - 0.5 * onset * d + onset**2 / 6)
-    return value, np.where(soft, d**2 / (2 * onset), d - 0.5 * onset), np.minimum(d / onset, 1.0)
+    return _penalty(np.asarray(depth, dtype=float), onset)
+
+
+@njit(cache=True)
+def _penalty(depth: Array, onset: float) -> tuple[Array, Array, Array]:
+    """`penalty`, without an array for each of its terms."""
+    value, first, second = np.empty_like(depth), np.empty_like(depth), np.empty_like(depth)
+    for i in range(len(depth)):
+        d = max(depth[i], 0.0)
+        if onset <= 0.0:
+            value[i], first[i], second[i] = 0.5 * d**2, d, 1.0 if d > 0.0 else 0.0
+        elif d < onset:
+            value[i], first[i], second[i] = d**3 / (6 * onset), d**2 / (2 * onset), d / onset
+        else:
+            value[i] = 0.5 * d**2 - 0.5 * onset * d + onset**2 / 6
+            first[i], second[i] = d - 0.5 * onset, 1.0
+    return value, first, second
 
 
 def _twin(potential: Kind) -> Kind:

@@ -28,9 +28,13 @@ from handpipe.tissues.fat.skin_contact import overlap, skin_on_skin
 log = logging.getLogger(__name__)
 
 OPTIONS = Options(
-    displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=False, barrier=True, name="soft tissue"
+    displacement_tolerance=1e-3,
+    force_tolerance=1e-3,
+    untangle=False,
+    barrier=True,
+    single=True,  # factors take most of the time and memory
+    name="soft tissue",
 )
-LARGE = 20_000  # vertices from which factors are in single precision: they take most of the time and memory
 # mm, root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's
 # noise; gross is more than the mean error of any model of the skin: its figures would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
@@ -426,17 +430,16 @@ class Tissue:
     def _solve(
         self, elastic: Elastic, below: Mapping[str, Shapes], rigid: Mapping[str, RigidTransform], start: Array
     ) -> Equilibrium:
-        options = replace(OPTIONS, single=len(start) >= LARGE)
         try:
             potentials = [elastic, *self.constraints(below, rigid, start)]
-            return equilibrium.solve(potentials, start, options=options)
+            return equilibrium.solve(potentials, start, options=OPTIONS)
         except ConvergenceError as error:
             log.info("%s; retrying with constraints that stiffen in steps", error)
 
         def softened(t: float) -> list[Potential]:
             return [elastic, *self.constraints(below, rigid, start, SOFTEST ** (1 - t))]
 
-        return equilibrium.continuation(softened, start, options=options)
+        return equilibrium.continuation(softened, start, options=OPTIONS)
 
     def validity(self, x: Array) -> Validity:
         """Whether the tissue is valid at x (n, 3)."""

@@ -269,6 +269,7 @@ class MuscleLayer:
             force_tolerance=LOOSE,
             max_step=LONGEST,
             barrier=True,
+            single=True,
             name=f"muscles of {frame}",
         )
         return equilibrium.solve(potentials, x, options=options)
