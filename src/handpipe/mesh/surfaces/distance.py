@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import igl
 import numpy as np
 from numba import njit
 
 from handpipe.core import Array, IntArray
 from handpipe.mesh.surfaces.barycentric import barycentric_matrix
 from handpipe.mesh.surfaces.surface import Surface, sums_at
+from handpipe.mesh.surfaces.triangle_tree import boxes_of, closest_places
 
 ON_EDGE = 1e-8  # barycentric coordinates below this lie on an edge or vertex
 FACE, EDGE, VERTEX = 0, 1, 2  # where in a triangle a place lies
@@ -29,8 +29,8 @@ class Distance:
 
     def __init__(self, surface: Surface, *, by_winding: bool = False) -> None:
         self.surface, self.by_winding = surface, by_winding
-        self._tree = igl.AABB()
-        self._tree.init(surface.vertices, surface.triangles)
+        self._tree = surface.tree()
+        self._boxes = boxes_of(surface.vertices, surface.triangles, *self._tree)
         self._normals: tuple[Array, Array, Array] | None = None
 
     def closest(self, points: Array) -> tuple[Array, IntArray, Array]:
@@ -53,14 +53,8 @@ class Distance:
         queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         if len(queries) == 0:
             return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-        squared, triangles, closest = self._tree.squared_distance(
-            self.surface.vertices, self.surface.triangles, queries
-        )
-        return (
-            np.sqrt(squared).reshape(-1),
-            triangles.reshape(-1),
-            np.ascontiguousarray(closest).reshape(-1, 3),
-        )
+        surface = self.surface
+        return closest_places(queries, surface.vertices, surface.triangles, *self._tree, self._boxes)
 
     def signed(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
         """Signed distances and the closest places with their pseudonormals.
