@@ -115,6 +115,16 @@ class SystemSequence:
         self._ageing: Ageing | None = None  # None: there is no preconditioner
         self._free = np.zeros(0, dtype=bool)
 
+    def analysed_by(self, earlier: SystemSequence) -> None:
+        """Take over the symbolic analyses of an earlier sequence, which ends, and nothing else of it.
+
+        A factor of the same pattern has the same bits with a kept analysis as with a new one.
+        """
+        if earlier._single == self._single:
+            self._factor = earlier._factor
+        self._exact = earlier._exact
+        earlier._factor = earlier._exact = earlier._ageing = None
+
     @property
     def factorisations(self) -> int:
         """Number of factorisations so far."""

@@ -35,6 +35,7 @@ OPTIONS = Options(
     single=True,  # factors take most of the time and memory
     name="soft tissue",
 )
+LARGE = 20_000  # vertices from which a factor is not kept while other layers are simulated
 # mm, root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's
 # noise; gross is more than the mean error of any model of the skin: its figures would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
@@ -432,7 +433,7 @@ class Tissue:
     ) -> Equilibrium:
         try:
             potentials = [elastic, *self.constraints(below, rigid, start)]
-            return equilibrium.solve(potentials, start, options=OPTIONS)
+            return equilibrium.solve(potentials, start, options=OPTIONS, analyses=self._analyses)
         except ConvergenceError as error:
             log.info("%s; retrying with constraints that stiffen in steps", error)
 
@@ -440,6 +441,11 @@ class Tissue:
             return [elastic, *self.constraints(below, rigid, start, SOFTEST ** (1 - t))]
 
         return equilibrium.continuation(softened, start, options=OPTIONS)
+
+    @cached_property
+    def _analyses(self) -> equilibrium.Analyses | None:
+        """Analyses of linear systems for all frames; the factors of large meshes take too much memory."""
+        return equilibrium.Analyses() if len(self.mesh.vertices) < LARGE else None
 
     def validity(self, x: Array) -> Validity:
         """Whether the tissue is valid at x (n, 3)."""
