@@ -215,14 +215,16 @@ class Tissue:
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
             Contact(matrix[touching], *planes(touching), stiffness[touching]),
         ]
+        on_surfaces: list[SurfaceSliding] = []
         for body in np.unique(inner.body[sliding]):
             ids = np.flatnonzero(sliding & (inner.body == body))
             signed, _, _, facing = bodies[int(body)].signed(points[ids])
             lost = astray(signed, facing, sides[ids])
             on, off = ids[~lost], ids[lost]
-            potentials.append(SurfaceSliding(matrix[on], bodies[int(body)], stiffness[on]))
-            potentials.append(Sliding(matrix[off], *planes(off), stiffness[off]))
-        return potentials
+            on_surfaces.append(SurfaceSliding(matrix[on], bodies[int(body)], stiffness[on]))
+            if len(off):
+                potentials.append(Sliding(matrix[off], *planes(off), stiffness[off]))
+        return [*potentials, *SurfaceSliding.stacked(on_surfaces)]
 
     def _on_skin(self, rigid: Mapping[str, RigidTransform], x: Array, unit: float) -> list[Potential]:
         """Attachments of nails and the cut end to their bones, and the skin's self-contact if it is on."""
