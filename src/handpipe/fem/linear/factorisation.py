@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 class Backend(Protocol):
     """A class of factors."""
 
-    def __call__(self, positive: bool, memory_limit: float) -> Factor: ...
+    def __call__(self, matrix: sp.csr_matrix | None, positive: bool, memory_limit: float) -> Factor: ...
 
 
 PRESENT: dict[str, Callable[[], bool]] = {
@@ -114,5 +114,5 @@ def unfactorised(
     It keeps the analysis of the first matrix even where that cannot be factorised.
     """
     if single and backend == "mkl":
-        return PardisoFactor(positive, memory_limit, single=True)
-    return CLASSES[backend](positive, memory_limit)
+        return PardisoFactor(None, positive, memory_limit, single=True)
+    return CLASSES[backend](None, positive, memory_limit)
