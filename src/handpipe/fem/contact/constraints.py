@@ -281,9 +281,7 @@ class SurfaceContact(PointPotential):
         one = cls(operator, first.distance, stiffness, first.thickness, first.onset, first.reach)
         starts = np.cumsum([0, *(c.count for c in constraints)])
         one._parts = [
-            (int(a) + at, d)
-            for a, c in zip(starts[:-1], constraints, strict=True)
-            for at, d in c._parts
+            (int(a) + at, d) for a, c in zip(starts[:-1], constraints, strict=True) for at, d in c._parts
         ]
         return [one]
 

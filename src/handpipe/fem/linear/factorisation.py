@@ -106,9 +106,7 @@ def factorise(
     return factor
 
 
-def unfactorised(
-    positive: bool = True, memory_limit: float = float("inf"), single: bool = False
-) -> Factor:
+def unfactorised(positive: bool = True, memory_limit: float = float("inf"), single: bool = False) -> Factor:
     """A factor without a matrix yet; arguments as of `factorise`.
 
     It keeps the analysis of the first matrix even where that cannot be factorised.

@@ -27,10 +27,14 @@ def ordered(vertices: Array, corners: IntArray) -> tuple[IntArray, IntArray]:
     middles = np.empty((count, 3))
     for t in range(count):
         for k in range(3):
-            middles[t, k] = vertices[corners[t, 0], k] + vertices[corners[t, 1], k] + vertices[corners[t, 2], k]
+            middles[t, k] = (
+                vertices[corners[t, 0], k] + vertices[corners[t, 1], k] + vertices[corners[t, 2], k]
+            )
     order = np.arange(count)
     nodes = np.empty((max(2 * count, 1), 3), dtype=np.int64)
-    pending = np.empty((2 * DEPTH, 3), dtype=np.int64)  # first and last triangle, node whose second child it is
+    pending = np.empty(
+        (2 * DEPTH, 3), dtype=np.int64
+    )  # first and last triangle, node whose second child it is
     pending[0] = 0, count, -1
     waiting, made = 1, 0
     while waiting > 0:
