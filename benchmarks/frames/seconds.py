@@ -2,6 +2,7 @@
 
 Frames are simulated in their order and then backwards. The first one compiles kernels and builds what is
 kept; the others cost what each further frame of a chunk costs. The same frame must come out the same twice.
+With `--shapes` and `--against`, two states of the code are compared vertex by vertex.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from benchmarks.threads import take_threads
 
 if TYPE_CHECKING:  # loading it loads numba, which reads its number of threads then
-    from handpipe.core import Frame, Layer, Metrics, Shapes
+    from handpipe.core import Array, Frame, Layer, Metrics, Shapes
 
 ROOT = Path(__file__).parents[2]
 
@@ -32,6 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--subject", default="phantom-hand-preview", help="its name")
     parser.add_argument("--scene", type=Path, default=ROOT / "config/scenes/hand-preview.yaml", help="frames")
     parser.add_argument("--output", type=Path, required=True, help="JSON of the figures")
+    parser.add_argument("--shapes", type=Path, help="npz that gets the vertices of all bodies")
+    parser.add_argument("--against", type=Path, help="npz of another state of the code: how far bodies moved")
     options = parser.parse_args(arguments)
     logging.basicConfig(level=logging.WARNING, format="%(message)s")
     take_threads(1)
@@ -41,7 +44,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     layers, frames = scene_of(options.results / options.subject, options.scene, options.subject)
     loading = time.process_time() - start
     options.output.parent.mkdir(parents=True, exist_ok=True)
-    metrics.write(options.output, {"load_seconds": (loading, "s"), **measured(layers, frames)})
+    figures, vertices = measured(layers, frames)
+    if options.shapes is not None:
+        np.savez(options.shapes, **vertices)  # type: ignore[arg-type]
+    if options.against is not None:
+        with np.load(options.against) as before:
+            figures |= changes(vertices, before)
+    metrics.write(options.output, {"load_seconds": (loading, "s"), **figures})
 
 
 def scene_of(folder: Path, scene_file: Path, subject: str) -> tuple[list[Layer], list[Frame]]:
@@ -60,8 +69,11 @@ def scene_of(folder: Path, scene_file: Path, subject: str) -> tuple[list[Layer],
     return load_layers(scene.needed, dataset, files, rig.surfaces), frames
 
 
-def measured(layers: Sequence[Layer], frames: Sequence[Frame]) -> Metrics:
-    """Medians of the layers' seconds in all frames but the first, and how far equal frames are apart."""
+def measured(layers: Sequence[Layer], frames: Sequence[Frame]) -> tuple[Metrics, dict[str, Array]]:
+    """Medians of the layers' seconds in all frames but the first, and how far equal frames are apart.
+
+    Also vertices by "frame/layer/body".
+    """
     order = [*frames, *reversed(frames[:-1])]
     found = [costs_of(frame, layers) for frame in order]
     first, further = found[0][0], [costs for costs, _ in found[1:]]
@@ -71,6 +83,24 @@ def measured(layers: Sequence[Layer], frames: Sequence[Frame]) -> Metrics:
     figures["frame_seconds"] = float(np.median([sum(costs.values()) for costs in further])), "s"
     pairs = zip(found, reversed(found), strict=True)  # forwards and backwards
     figures["apart_max"] = max(apart(a, b) for (_, a), (_, b) in pairs), "mm"
+    vertices = {
+        f"{frame.name}/{layer}/{name}": shape.vertices
+        for frame, (_, result) in zip(order, found, strict=True)
+        for layer, shapes in result.items()
+        for name, shape in shapes.items()
+    }
+    return figures, vertices
+
+
+def changes(vertices: Mapping[str, Array], before: Mapping[str, Array]) -> Metrics:
+    """Largest and mean distance in mm of a layer's vertices from those of another state of the code."""
+    moved: dict[str, list[Array]] = {}
+    for name, x in vertices.items():
+        moved.setdefault(name.split("/")[1], []).append(np.linalg.norm(x - before[name], axis=1))
+    figures: Metrics = {}
+    for layer, lengths in moved.items():
+        figures[f"{layer}_change_max"] = max(float(d.max(initial=0.0)) for d in lengths), "mm"
+        figures[f"{layer}_change_mean"] = float(np.concatenate(lengths).mean()), "mm"
     return figures
 
 

@@ -109,3 +109,24 @@ def test_a_point_is_felt_wherever_it_came_from():
         assert np.all(contact.depths(points) >= 0.1 - gaps - 1e-12)
         touching = max(touching, int((gaps < 0.1).sum()))
     assert touching > 50
+
+
+@pytest.mark.parametrize("kind", [SurfaceContact, SurfaceSliding])
+def test_stacked_constraints_are_the_sum_of_their_parts(kind):
+    vertices, sides = sphere(1.0, 2)
+    rng = np.random.default_rng(5)
+    x = rng.uniform(-2.5, 2.5, (60, 3))
+    every = sp.eye(len(x), format="csr")
+    parts = [
+        kind(every[rng.permutation(60)[:count]], Distance(Surface(vertices + shift, sides)), stiffness)
+        for count, shift, stiffness in ((40, 0.0, 3.0), (0, 1.0, 2.0), (50, 0.7, 5.0))
+    ]
+    [one] = kind.stacked(parts)
+    for y in (x, x + 0.3 * rng.normal(size=x.shape)):
+        assert np.isclose(one.value(y), sum(p.value(y) for p in parts), rtol=1e-12)
+        np.testing.assert_allclose(one.gradient(y), sum(p.gradient(y) for p in parts), atol=1e-12)
+        expected = sum(p.hessian(y).toarray() for p in parts)
+        np.testing.assert_allclose(one.hessian(y).toarray(), expected, atol=1e-12)
+    step = 3.0 * rng.normal(size=x.shape)
+    assert one.max_step(x, step) == min(p.max_step(x, step) for p in parts)
+    assert kind.stacked([]) == []

@@ -15,7 +15,7 @@ from handpipe.fem.minimisation.checkpoint import Checkpoint
 from handpipe.fem.potentials.cloth import Membrane
 from handpipe.fem.potentials.elastic import Elastic
 from handpipe.fem.potentials.pull import Pull
-from handpipe.fem.solver.equilibrium import Options, Steps, continuation, solve
+from handpipe.fem.solver.equilibrium import Analyses, Options, Steps, continuation, solve
 from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
 
@@ -237,3 +237,22 @@ def test_failures_say_why_and_partial_results_are_asked_for(caplog):
     with caplog.at_level(logging.INFO, "handpipe.fem"):
         solve([elastic], _bend(0.1), fixed=held)
     assert "converged" in caplog.text
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_kept_analyses_change_no_bit(single):
+    """Two patterns in turn, as with contact that comes and goes, and a start that is indefinite."""
+    options = Options(single=single)
+    pull = Attachment(sp.identity(len(VERTICES), format="csr")[RIGHT], VERTICES[RIGHT] * 1.2, 50.0)
+    across = sp.csr_matrix(([1.0, -1.0], ([0, 0], [0, len(VERTICES) - 1])), shape=(1, len(VERTICES)))
+    tie = Attachment(across, np.zeros((1, 3)), 0.5)
+    starts = [VERTICES, VERTICES + 0.1 * np.random.default_rng(0).normal(size=VERTICES.shape)]
+    cases = [([pull], starts[0]), ([pull, tie], starts[1]), ([pull], starts[1]), ([pull], starts[0])]
+    elastic, kept = Elastic(VERTICES, TETS, SOFT), Analyses()
+    for parts, start in cases:
+        start = np.where(LEFT[:, None], VERTICES, start)
+        given = {"fixed": np.repeat(LEFT, 3), "options": options}
+        alone = solve([elastic, *parts], start, **given)
+        together = solve([elastic, *parts], start, **given, analyses=kept)
+        np.testing.assert_array_equal(together.x, alone.x)
+        assert np.abs(alone.x - VERTICES).max() > 0.05

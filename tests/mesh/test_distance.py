@@ -85,3 +85,19 @@ def test_errors_between_concentric_spheres():
 def test_vertices_that_no_triangle_uses_are_no_error():
     far = Surface(np.concatenate([box().vertices, [[99.0, 0, 0]]]), box().triangles)
     assert surface_errors(far, box()).max() == 0
+
+
+@pytest.mark.parametrize("spread", [0.3, 3.0, 30.0])
+def test_closest_places_are_those_of_libigl_whatever_shape_the_order_comes_from(spread):
+    shape = sphere(10, 4)
+    waves = 1 + 0.3 * np.sin(shape.vertices[:, :1]) * np.cos(1.3 * shape.vertices[:, 1:2])
+    folded = shape.moved(shape.vertices * waves)
+    points = folded.vertices + spread * np.random.default_rng(3).normal(size=folded.vertices.shape)
+    own = Surface(folded.vertices, folded.triangles)
+    shape.tree()  # its order is that of the sphere
+    distances, triangles, closest = Distance(folded).closest(points)
+    squared, _, expected = igl.point_mesh_squared_distance(points, folded.vertices, folded.triangles)
+    np.testing.assert_allclose(distances, np.sqrt(squared), rtol=1e-13)
+    np.testing.assert_allclose(closest, expected, atol=1e-12)
+    for a, b in zip((distances, triangles, closest), Distance(own).closest(points), strict=True):
+        np.testing.assert_array_equal(a, b)

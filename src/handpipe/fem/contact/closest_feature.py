@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from handpipe.core import Array, IntArray
-from handpipe.mesh.surfaces import ON_EDGE
+from handpipe.mesh.surfaces import EDGE, FACE, nearest_feature
 
 
 @njit(cache=True)
@@ -21,23 +21,19 @@ def shape_operators(
     """
     out = np.zeros((len(closest), 3, 3))
     for i in range(len(closest)):
-        a, b, c = (
-            vertices[corners[triangles[i], 0]],
-            vertices[corners[triangles[i], 1]],
-            vertices[corners[triangles[i], 2]],
-        )
-        normal = np.cross(b - a, c - a)
-        squared = max(normal @ normal, 1e-300)
-        weight = np.empty(3)
-        weight[0] = np.cross(c - b, closest[i] - b) @ normal / squared
-        weight[1] = np.cross(a - c, closest[i] - c) @ normal / squared
-        weight[2] = 1.0 - weight[0] - weight[1]
-        if weight.min() >= ON_EDGE:
+        feature, at = nearest_feature(closest, i, vertices, corners, triangles[i])
+        if feature == FACE:
             continue
-        n = normals[i]
-        out[i] = np.eye(3) - np.outer(n, n)
-        if weight.max() <= 1.0 - ON_EDGE:
-            off = np.argmin(weight)
-            t = c - b if off == 0 else (a - c if off == 1 else b - a)
-            out[i] -= np.outer(t, t) / (t @ t)
+        for j in range(3):
+            for k in range(3):
+                out[i, j, k] = (1.0 if j == k else 0.0) - normals[i, j] * normals[i, k]
+        if feature == EDGE:
+            a, b = corners[triangles[i], (at + 1) % 3], corners[triangles[i], (at + 2) % 3]
+            squared = 0.0
+            for k in range(3):
+                squared += (vertices[b, k] - vertices[a, k]) ** 2
+            for j in range(3):
+                for k in range(3):
+                    along = (vertices[b, j] - vertices[a, j]) * (vertices[b, k] - vertices[a, k])
+                    out[i, j, k] -= along / squared
     return out

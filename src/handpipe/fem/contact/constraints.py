@@ -7,13 +7,15 @@ solve targets and surfaces do not move.
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from typing import Self, TypeAlias, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
+from numba import njit
 from numpy.typing import ArrayLike
 
-from handpipe.core import Array, InputError, unit_vectors
+from handpipe.core import Array, InputError, IntArray, unit_vectors
 from handpipe.fem.contact.closest_feature import shape_operators
 from handpipe.fem.contact.points import PointPotential, per_point
 from handpipe.mesh.surfaces import Distance
@@ -248,13 +250,40 @@ class SurfaceContact(PointPotential):
         self.distance = distance
         self.stiffness = per_point(stiffness, self.count, "stiffness")
         self.thickness, self.onset, self.reach = thickness, onset, reach
+        self._parts: list[tuple[int, Distance]] = [(0, distance)]
         self._last: tuple[Array, Array, Array, Array] | None = None
 
     def moved(self, distance: Distance) -> Self:
         """The same constraint against a surface at another place or of another shape."""
         other = _twin(self)
-        other.distance, other._last = distance, None
+        other.distance, other._last, other._parts = distance, None, [(0, distance)]
         return other
+
+    @classmethod
+    def stacked(cls, constraints: Sequence[Self]) -> list[Self]:
+        """The points of several constraints in one, each against its own surface; nothing for none.
+
+        Parameters
+        ----------
+        constraints : sequence of SurfaceContact
+            Constraints of the same vertices with the same thickness, onset and reach.
+
+        Returns
+        -------
+        list of SurfaceContact
+            One constraint with their energy. With many small constraints, calls would take most of the time.
+        """
+        if len(constraints) < 2:
+            return list(constraints)
+        first = constraints[0]
+        operator = sp.vstack([c.operator for c in constraints], format="csr")
+        stiffness = np.concatenate([c.stiffness for c in constraints])
+        one = cls(operator, first.distance, stiffness, first.thickness, first.onset, first.reach)
+        starts = np.cumsum([0, *(c.count for c in constraints)])
+        one._parts = [
+            (int(a) + at, d) for a, c in zip(starts[:-1], constraints, strict=True) for at, d in c._parts
+        ]
+        return [one]
 
     def _query(self, points: Array) -> tuple[Array, Array, Array]:
         """Signed distances (k,), their gradients (k, 3) and `shape_operators` (k, 3, 3)."""
@@ -264,23 +293,28 @@ class SurfaceContact(PointPotential):
                 moved = np.linalg.norm(points - self._last[0], axis=1)
                 signed = np.maximum(signed, self._last[1] - moved)
             near = np.flatnonzero(signed < self.thickness + self.far)
-            signed[near], normals[near], shapes[near] = self._near(points[near])
+            signed[near], normals[near], shapes[near] = self._near(near, points[near])
             self._last = points.copy(), signed, normals, shapes
         return self._last[1:]
 
     def _far(self, points: Array) -> tuple[Array, Array, Array]:
         """Lower bounds of the distances of points (k, 3) by the surface's box, with zero derivatives."""
-        low, high = self.distance.surface.box
-        beyond = np.maximum(np.maximum(low - points, points - high), 0.0)
-        return np.linalg.norm(beyond, axis=1), np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
+        beyond = np.zeros(len(points))
+        starts = [start for start, _ in self._parts]
+        for start, end, (_, distance) in zip(starts, [*starts[1:], len(points)], self._parts, strict=True):
+            _fill_beyond(points, *distance.surface.box, beyond, start, end)
+        return beyond, np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
 
-    def _near(self, points: Array) -> tuple[Array, Array, Array]:
-        signed, triangles, closest, normals = self.distance.signed(points)
-        away = np.abs(signed) > ON_SURFACE
-        normals[away] = (points[away] - closest[away]) / signed[away, None]
-        surface = self.distance.surface
-        shapes = shape_operators(normals, closest, triangles, surface.vertices, surface.triangles)
-        shapes[~away] = 0.0
+    def _near(self, ids: IntArray, points: Array) -> tuple[Array, Array, Array]:
+        """Signed distances, their gradients and shape operators of the points of some ids, sorted."""
+        if len(self._parts) == 1:
+            return _measured(self.distance, points)
+        ends = np.searchsorted(ids, [start for start, _ in self._parts[1:]])
+        pieces = zip(self._parts, np.split(points, ends), strict=True)
+        found = [_measured(distance, mine) for (_, distance), mine in pieces if len(mine)]
+        if not found:
+            return np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3, 3))
+        signed, normals, shapes = (np.concatenate(values) for values in zip(*found, strict=True))
         return signed, normals, shapes
 
     def _distance_hessians(self, points: Array) -> Array:
@@ -317,6 +351,27 @@ class SurfaceContact(PointPotential):
         return (self.stiffness * second)[:, None, None] * dyads(normals) + curved
 
 
+def _measured(distance: Distance, points: Array) -> tuple[Array, Array, Array]:
+    """Signed distances (k,) of points (k, 3), their gradients (k, 3) and `shape_operators` (k, 3, 3)."""
+    signed, triangles, closest, normals = distance.signed(points)
+    away = np.abs(signed) > ON_SURFACE
+    normals[away] = (points[away] - closest[away]) / signed[away, None]
+    surface = distance.surface
+    shapes = shape_operators(normals, closest, triangles, surface.vertices, surface.triangles)
+    shapes[~away] = 0.0
+    return signed, normals, shapes
+
+
+@njit(cache=True)
+def _fill_beyond(points: Array, low: Array, high: Array, out: Array, start: int, end: int) -> None:
+    """Fill out[start:end] with the distances of points (k, 3) from a box."""
+    for i in range(start, end):
+        total = 0.0
+        for k in range(3):
+            total += max(low[k] - points[i, k], points[i, k] - high[k], 0.0) ** 2
+        out[i] = np.sqrt(total)
+
+
 def penalty(depth: Array, onset: float) -> tuple[Array, Array, Array]:
     """Twice continuously differentiable one-sided penalty of depths, with its derivatives.
 
@@ -339,12 +394,23 @@ def penalty(depth: Array, onset: float) -> tuple[Array, Array, Array]:
     second : array (k,)
         Second derivative, 0 to 1.
     """
-    d = np.maximum(depth, 0.0)
-    if onset <= 0.0:
-        return 0.5 * d**2, d, (depth > 0).astype(float)
-    soft = d < onset
-    value = np.where(soft, d**3 / (6 * onset), 0.5 * d**2 - 0.5 * onset * d + onset**2 / 6)
-    return value, np.where(soft, d**2 / (2 * onset), d - 0.5 * onset), np.minimum(d / onset, 1.0)
+    return _penalty(np.asarray(depth, dtype=float), onset)
+
+
+@njit(cache=True)
+def _penalty(depth: Array, onset: float) -> tuple[Array, Array, Array]:
+    """`penalty`, without an array for each of its terms."""
+    value, first, second = np.empty_like(depth), np.empty_like(depth), np.empty_like(depth)
+    for i in range(len(depth)):
+        d = max(depth[i], 0.0)
+        if onset <= 0.0:
+            value[i], first[i], second[i] = 0.5 * d**2, d, 1.0 if d > 0.0 else 0.0
+        elif d < onset:
+            value[i], first[i], second[i] = d**3 / (6 * onset), d**2 / (2 * onset), d / onset
+        else:
+            value[i] = 0.5 * d**2 - 0.5 * onset * d + onset**2 / 6
+            first[i], second[i] = d - 0.5 * onset, 1.0
+    return value, first, second
 
 
 def _twin(potential: Kind) -> Kind:

@@ -31,6 +31,7 @@ __all__ = [
     "Work",
     "backend",
     "factorise",
+    "unfactorised",
 ]
 
 log = logging.getLogger(__name__)
@@ -39,7 +40,7 @@ log = logging.getLogger(__name__)
 class Backend(Protocol):
     """A class of factors."""
 
-    def __call__(self, matrix: sp.csr_matrix, positive: bool, memory_limit: float) -> Factor: ...
+    def __call__(self, matrix: sp.csr_matrix | None, positive: bool, memory_limit: float) -> Factor: ...
 
 
 PRESENT: dict[str, Callable[[], bool]] = {
@@ -100,6 +101,16 @@ def factorise(
     FactorTooLarge
         Before the factorisation, if the factor is predicted to need more than `memory_limit`.
     """
+    factor = unfactorised(positive, memory_limit, single)
+    factor.refactorise(matrix)
+    return factor
+
+
+def unfactorised(positive: bool = True, memory_limit: float = float("inf"), single: bool = False) -> Factor:
+    """A factor without a matrix yet; arguments as of `factorise`.
+
+    It keeps the analysis of the first matrix even where that cannot be factorised.
+    """
     if single and backend == "mkl":
-        return PardisoFactor(matrix, positive, memory_limit, single=True)
-    return CLASSES[backend](matrix, positive, memory_limit)
+        return PardisoFactor(None, positive, memory_limit, single=True)
+    return CLASSES[backend](None, positive, memory_limit)

@@ -67,12 +67,12 @@ class PardisoFactor:
 
     def __init__(
         self,
-        matrix: sp.csr_matrix,
+        matrix: sp.csr_matrix | None = None,
         positive: bool = True,
         memory_limit: float = float("inf"),
         single: bool = False,
     ) -> None:
-        """Raises as `linear.factorise`."""
+        """Raises as `linear.factorise`. Without a matrix, `refactorise` takes the first one."""
         self._real = np.float32 if single else np.float64
         self.work = Work(0.0, 0.0, 0.0, BALANCE)
         self._limit = memory_limit
@@ -89,7 +89,8 @@ class PardisoFactor:
         self._parameters[20] = 1  # Bunch-Kaufman pivoting
         self._parameters[27] = int(single)
         self._parameters[34] = 1  # indices from zero
-        self.refactorise(matrix)
+        if matrix is not None:
+            self.refactorise(matrix)
 
     def refactorise(self, matrix: sp.csr_matrix) -> None:
         """Factorise another matrix, reusing the symbolic analysis where the pattern is the same."""

@@ -19,14 +19,19 @@ class SuperLUFactor:
     """Minimum degree in symmetric mode for positive definite matrices, partial pivoting for others."""
 
     def __init__(
-        self, matrix: sp.csr_matrix, positive: bool = True, memory_limit: float = float("inf")
+        self,
+        matrix: sp.csr_matrix | None = None,
+        positive: bool = True,
+        memory_limit: float = float("inf"),
     ) -> None:
         """Raises as `linear.factorise`; memory is only estimated, since SuperLU has no prediction.
 
-        Under any finite limit, more than `LARGEST` unknowns are too large as well.
+        Under any finite limit, more than `LARGEST` unknowns are too large as well. Without a matrix,
+        `refactorise` takes the first one.
         """
         self._positive, self._limit = positive, memory_limit
-        self.refactorise(matrix)
+        if matrix is not None:
+            self.refactorise(matrix)
 
     def refactorise(self, matrix: sp.csr_matrix) -> None:
         """Factorise another matrix; SuperLU repeats the analysis for each matrix."""

@@ -32,15 +32,19 @@ class SupernodalFactor:
     """
 
     def __init__(
-        self, matrix: sp.csr_matrix, positive: bool = True, memory_limit: float = float("inf")
+        self,
+        matrix: sp.csr_matrix | None = None,
+        positive: bool = True,
+        memory_limit: float = float("inf"),
     ) -> None:
-        """Raises as `linear.factorise`."""
+        """Raises as `linear.factorise`. Without a matrix, `refactorise` takes the first one."""
         self.work = Work(0.0, 0.0, 0.0, BALANCE)
         self._positive, self._limit = positive, memory_limit
         self._threads = int(os.environ.get("OMP_NUM_THREADS") or os.cpu_count() or 1)
         self._pattern: MatrixPattern | None = None
         self._factor: Any = None
-        self.refactorise(matrix)
+        if matrix is not None:
+            self.refactorise(matrix)
 
     def refactorise(self, matrix: sp.csr_matrix) -> None:
         """Factorise another matrix, reusing the symbolic analysis where the pattern is the same."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from handpipe.core import Array, BoolArray, InputError
 from handpipe.fem.linear.conjugate_gradients import End, Iterations, conjugate_gradients, norm
 from handpipe.fem.linear.factor import Factor, FactorTooLarge, NotPositiveDefinite, SingularMatrix
-from handpipe.fem.linear.factorisation import factorise
+from handpipe.fem.linear.factorisation import unfactorised
 from handpipe.fem.linear.multigrid import Multigrid
 from handpipe.fem.linear.two_level import TwoLevel
 
@@ -109,10 +109,21 @@ class SystemSequence:
         self._limit = _default_limit() if memory_limit is None else memory_limit
         self._rest, self._coarse, self._by_clock, self._single = rest, coarse, by_clock, single
         self._factor: Factor | None = None
+        self._exact: Factor | None = None  # in double precision, for matrices that seem indefinite in single
         self._precondition: Callable[[Array], Array] = np.copy
         self._too_large = coarse is not None
         self._ageing: Ageing | None = None  # None: there is no preconditioner
         self._free = np.zeros(0, dtype=bool)
+
+    def analysed_by(self, earlier: SystemSequence) -> None:
+        """Take over the symbolic analyses of an earlier sequence, which ends, and nothing else of it.
+
+        A factor of the same pattern has the same bits with a kept analysis as with a new one.
+        """
+        if earlier._single == self._single:
+            self._factor = earlier._factor
+        self._exact = earlier._exact
+        earlier._factor = earlier._exact = earlier._ageing = None
 
     @property
     def factorisations(self) -> int:
@@ -185,6 +196,8 @@ class SystemSequence:
         self.work.factor_bytes = max(self.work.factor_bytes, predicted.bytes)
         start = time.perf_counter()
         x = factor.solve(b)
+        if self._single:  # one refinement brings most of the digits of double precision
+            x += factor.solve(b - matrix @ x)
         self.residual = _residual(matrix, x, b)
         solve_seconds = time.perf_counter() - start
         self.work.seconds["solve"] += solve_seconds
@@ -200,16 +213,19 @@ class SystemSequence:
 
     def _renewed(self, matrix: sp.csr_matrix) -> Factor:
         """The factor at hand, of another matrix, or a first one."""
+        if self._factor is None:
+            self._factor = unfactorised(True, self._limit, self._single)
         try:
-            if self._factor is None:
-                return factorise(matrix, True, self._limit, self._single)
             self._factor.refactorise(matrix)
             return self._factor
         except NotPositiveDefinite:
             if not self._single:
                 raise
         self.work.factorisations += 1
-        found = factorise(matrix, True, self._limit)  # raises where the matrix is indefinite indeed
+        if self._exact is None:
+            self._exact = unfactorised(True, self._limit)
+        self._exact.refactorise(matrix)  # raises where the matrix is indefinite indeed
+        found = self._exact
         self._be_double("a matrix seems indefinite in")
         self._factor = found
         return found
@@ -217,7 +233,7 @@ class SystemSequence:
     def _be_double(self, reason: str) -> None:
         """Forget the factor in single precision; all later ones are in double precision."""
         log.info("%s single precision: factors are in double precision from here on", reason)
-        self._single, self._factor = False, None
+        self._single, self._factor, self._exact = False, None, None
 
     def _by_new_levels(self, matrix: sp.csr_matrix, b: Array, tolerance: float) -> Array:
         if self._rest is None:

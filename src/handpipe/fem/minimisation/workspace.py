@@ -17,9 +17,20 @@ class Workspace:
     `constrained` is True once no rigid-body mode was found to be unconstrained.
     """
 
-    def __init__(self, rest: Array, coarse: sp.csr_matrix | None = None, single: bool = False) -> None:
-        """Empty workspace; rest (n, 3): positions at rest or near it; coarse, single: as of `Options`."""
+    def __init__(
+        self,
+        rest: Array,
+        coarse: sp.csr_matrix | None = None,
+        single: bool = False,
+        earlier: Workspace | None = None,
+    ) -> None:
+        """Empty workspace; rest (n, 3): positions at rest or near it; coarse, single: as of `Options`.
+
+        earlier: a workspace that is no longer used, whose analyses of patterns serve again.
+        """
         self.systems = SystemSequence(rest=rest, coarse=coarse, single=single)
+        if earlier is not None:
+            self.systems.analysed_by(earlier.systems)
         self.constrained = False
         self._block: FreeBlock | None = None
         self._free = np.zeros(0, dtype=bool)

@@ -18,12 +18,27 @@ from handpipe.fem.potentials.potential import Potential, Sum
 from handpipe.fem.solver.attempts import Attempts, minimum
 from handpipe.fem.solver.prediction import predict
 
-__all__ = ["Equilibrium", "Options", "Record", "Steps", "continuation", "solve"]
+__all__ = ["Analyses", "Equilibrium", "Options", "Record", "Steps", "continuation", "solve"]
 
 log = logging.getLogger(__name__)
 
 TANGLED_STEP = 1 / 8  # of the first step: above it, a step that ends tangled is halved
 EASY = 6  # iterations: a step that needs no more is doubled
+
+
+class Analyses:
+    """Symbolic analyses of linear systems, kept from solve to solve.
+
+    They depend on sparsity patterns alone: no result depends on whether they were kept.
+    """
+
+    def __init__(self) -> None:
+        self._last: Workspace | None = None
+
+    def workspace(self, x: Array, options: Options) -> Workspace:
+        """A workspace for a solve from x (n, 3), with the analyses of the last one."""
+        self._last = Workspace(x, options.coarse, options.single, self._last)
+        return self._last
 
 
 def solve(
@@ -33,6 +48,7 @@ def solve(
     fixed: NDArray | None = None,
     options: Options | None = None,
     checkpoint: Checkpoint | None = None,
+    analyses: Analyses | None = None,
 ) -> Equilibrium:
     """Equilibrium that minimises a sum of potentials, near an initial guess.
 
@@ -51,6 +67,8 @@ def solve(
         When to stop, and what to do where that fails.
     checkpoint : Checkpoint, optional
         File of states, from which an interrupted solve continues.
+    analyses : Analyses, optional
+        Symbolic analyses that solves of the same sparsity pattern share.
 
     Returns
     -------
@@ -72,7 +90,8 @@ def solve(
         if earlier is not None:
             log.info("%s: continuing from %s", options.name, checkpoint.path)
             x = earlier[2]
-    found = minimum(energy, x, free, options, Workspace(x, options.coarse, options.single), checkpoint)
+    workspace = (analyses or Analyses()).workspace(x, options)
+    found = minimum(energy, x, free, options, workspace, checkpoint)
     if checkpoint is not None:
         checkpoint.done()
     return found

@@ -15,7 +15,14 @@ if TYPE_CHECKING:
         resample,
         tangents,
     )
-    from handpipe.mesh.surfaces.distance import ON_EDGE, Distance, about, sample_points
+    from handpipe.mesh.surfaces.distance import (
+        EDGE,
+        FACE,
+        Distance,
+        about,
+        nearest_feature,
+        sample_points,
+    )
     from handpipe.mesh.surfaces.hull import convex_hull
     from handpipe.mesh.surfaces.moving import BodyDistances, same_values
     from handpipe.mesh.surfaces.planes import astray, touching_planes
@@ -34,7 +41,8 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
-    "ON_EDGE",
+    "EDGE",
+    "FACE",
     "Anchors",
     "Biharmonic",
     "BodyDistances",
@@ -54,6 +62,7 @@ __all__ = [
     "directed_edges",
     "each_moved",
     "left_out",
+    "nearest_feature",
     "read_scan",
     "read_surface",
     "resample",

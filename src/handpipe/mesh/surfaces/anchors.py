@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import igl
 import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.core import Array, IntArray
-from handpipe.mesh.surfaces.distance import Distance
 from handpipe.mesh.surfaces.surface import Surface
 
 
@@ -33,7 +33,11 @@ class Anchors:
     @staticmethod
     def attach(points: Array, surface: Surface) -> Anchors:
         """Anchor points (n, 3) at their closest places on a surface."""
-        _, triangles, closest = Distance(surface).closest(points)
+        # Beyond an edge several triangles are equally close, and their normals carry a point to different
+        # places: igl's choice of them stays what it was in earlier results.
+        _, triangles, closest = igl.point_mesh_squared_distance(
+            np.ascontiguousarray(points, dtype=np.float64), surface.vertices, surface.triangles
+        )
         corners = surface.triangles[triangles]
         a, b, c = np.moveaxis(surface.vertices[corners], 1, 0)
         normal = np.cross(b - a, c - a)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import igl
 import numpy as np
 from numba import njit
 
 from handpipe.core import Array, IntArray
 from handpipe.mesh.surfaces.barycentric import barycentric_matrix
 from handpipe.mesh.surfaces.surface import Surface, sums_at
+from handpipe.mesh.surfaces.triangle_tree import boxes_of, closest_places
 
 ON_EDGE = 1e-8  # barycentric coordinates below this lie on an edge or vertex
+FACE, EDGE, VERTEX = 0, 1, 2  # where in a triangle a place lies
 
 
 class Distance:
@@ -28,8 +29,8 @@ class Distance:
 
     def __init__(self, surface: Surface, *, by_winding: bool = False) -> None:
         self.surface, self.by_winding = surface, by_winding
-        self._tree = igl.AABB()
-        self._tree.init(surface.vertices, surface.triangles)
+        self._tree = surface.tree()
+        self._boxes = boxes_of(surface.vertices, surface.triangles, *self._tree)
         self._normals: tuple[Array, Array, Array] | None = None
 
     def closest(self, points: Array) -> tuple[Array, IntArray, Array]:
@@ -52,14 +53,8 @@ class Distance:
         queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         if len(queries) == 0:
             return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-        squared, triangles, closest = self._tree.squared_distance(
-            self.surface.vertices, self.surface.triangles, queries
-        )
-        return (
-            np.sqrt(squared).reshape(-1),
-            triangles.reshape(-1),
-            np.ascontiguousarray(closest).reshape(-1, 3),
-        )
+        surface = self.surface
+        return closest_places(queries, surface.vertices, surface.triangles, *self._tree, self._boxes)
 
     def signed(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
         """Signed distances and the closest places with their pseudonormals.
@@ -87,7 +82,7 @@ class Distance:
         if self._normals is None:
             self._normals = _pseudonormals(self.surface)
         normals = _normals_at(
-            closest, triangles, self.surface.vertices, self.surface.triangles, self._normals, ON_EDGE
+            closest, triangles, self.surface.vertices, self.surface.triangles, self._normals
         )
         queries = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         inside = np.einsum("ij,ij->i", queries - closest, normals) < 0
@@ -141,28 +136,78 @@ def _pseudonormals(surface: Surface) -> tuple[Array, Array, Array]:
 
 
 @njit(cache=True)
-def _normals_at(closest, triangles, vertices, corners, normals, tolerance):  # type: ignore[no-untyped-def]
+def _normals_at(
+    closest: Array,
+    triangles: IntArray,
+    vertices: Array,
+    corners: IntArray,
+    normals: tuple[Array, Array, Array],
+) -> Array:
+    """Unit pseudonormals (n, 3) at closest places (n, 3) in triangles (n,)."""
     face, edge, vertex = normals
     out = np.empty_like(closest)
     for i in range(len(closest)):
         t = triangles[i]
-        a, b, c = vertices[corners[t, 0]], vertices[corners[t, 1]], vertices[corners[t, 2]]
-        normal = np.cross(b - a, c - a)
-        squared = max(normal @ normal, 1e-300)
-        weight = np.empty(3)
-        weight[0] = np.cross(c - b, closest[i] - b) @ normal / squared
-        weight[1] = np.cross(a - c, closest[i] - c) @ normal / squared
-        weight[2] = 1 - weight[0] - weight[1]
-        at = np.argmax(weight)
-        if weight[at] > 1 - tolerance:
-            n = vertex[corners[t, at]]
-        elif weight.min() < tolerance:
-            n = edge[t, (np.argmin(weight) + 1) % 3]  # the edge opposite to the corner of weight zero
-        else:
-            n = face[t]
-        length = np.sqrt(n @ n)
-        out[i] = n / length if length > 0 else n
+        feature, at = nearest_feature(closest, i, vertices, corners, t)
+        for k in range(3):
+            if feature == FACE:
+                out[i, k] = face[t, k]
+            elif feature == EDGE:
+                out[i, k] = edge[t, (at + 1) % 3, k]  # the edge opposite to the corner of weight zero
+            else:
+                out[i, k] = vertex[corners[t, at], k]
+        length = np.sqrt(out[i, 0] ** 2 + out[i, 1] ** 2 + out[i, 2] ** 2)
+        if length > 0:
+            for k in range(3):
+                out[i, k] /= length
     return out
+
+
+@njit(cache=True)
+def nearest_feature(
+    closest: Array, number: int, vertices: Array, corners: IntArray, triangle: int
+) -> tuple[int, int]:
+    """Whether a place in a triangle is on its face, an edge or a vertex, and which.
+
+    Parameters
+    ----------
+    closest : array (n, 3)
+        Places in mm.
+    number : int
+        The place in question.
+    vertices : array (v, 3)
+        Vertices in mm.
+    corners : array (t, 3) of int
+        Vertices of the triangles.
+    triangle : int
+        The triangle that the place is in.
+
+    Returns
+    -------
+    feature : int
+        `FACE`, `EDGE` or `VERTEX`.
+    corner : int
+        The corner of an `EDGE` that is opposite to it, that of a `VERTEX`, 0 for a `FACE`.
+    """
+    a, b, c = corners[triangle, 0], corners[triangle, 1], corners[triangle, 2]
+    xx = xy = yy = px = py = 0.0
+    for k in range(3):
+        x, y = vertices[b, k] - vertices[a, k], vertices[c, k] - vertices[a, k]
+        p = closest[number, k] - vertices[a, k]
+        xx += x * x
+        xy += x * y
+        yy += y * y
+        px += p * x
+        py += p * y
+    squared = max(xx * yy - xy * xy, 1e-300)
+    second, third = (yy * px - xy * py) / squared, (xx * py - xy * px) / squared
+    first = 1.0 - second - third
+    most, least = max(first, second, third), min(first, second, third)
+    if most > 1.0 - ON_EDGE:
+        return VERTEX, 0 if first == most else (1 if second == most else 2)
+    if least < ON_EDGE:
+        return EDGE, 0 if first == least else (1 if second == least else 2)
+    return FACE, 0
 
 
 def sample_points(surface: Surface, count: int, seed: int = 0) -> Array:

@@ -72,6 +72,8 @@ def _own_planes(distance: Distance, points: Array, sides: Array) -> tuple[Array,
     lost = np.flatnonzero(astray(signed, normals, sides))
     places[lost], normals[lost] = points[lost], sides[lost]
     for lift in LIFTS:
+        if len(lost) == 0:
+            break
         lifted = points[lost] + lift * sides[lost]
         height, _, place, normal = distance.smooth(lifted)
         found = (height > 0) & (np.einsum("ni,ni->n", normal, sides[lost]) > AGREE)

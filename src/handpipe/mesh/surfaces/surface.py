@@ -18,6 +18,7 @@ from handpipe.mesh.files.obj import read_obj
 from handpipe.mesh.files.ply import read_ply
 from handpipe.mesh.files.polygons import NotSimple, Polygons, triangulate
 from handpipe.mesh.files.stl import read_stl
+from handpipe.mesh.surfaces.triangle_tree import ordered
 
 log = logging.getLogger(__name__)
 
@@ -199,6 +200,13 @@ class Surface:
             keys = np.minimum(first, second) * len(self.vertices) + np.maximum(first, second)
             self._of_triangles["edges"] = np.unique(keys, return_inverse=True)[1].reshape(-1)
         return self._of_triangles["edges"]
+
+    def tree(self) -> tuple[IntArray, IntArray]:
+        """Order (k,) of the triangles in a tree and its nodes (m, 3), found once for all moved copies."""
+        if "order" not in self._of_triangles:
+            found = ordered(self.vertices, self.triangles)
+            self._of_triangles["order"], self._of_triangles["nodes"] = found
+        return self._of_triangles["order"], self._of_triangles["nodes"]
 
     @cached_property
     def _of_triangles(self) -> dict[str, IntArray]:

@@ -131,13 +131,15 @@ class Fascia:
         potentials: list[Potential] = [
             Membrane(drawn.vertices, drawn.triangles, material, THICKNESS, settings.shrink),
         ]
+        contacts, slidings = [], []
         for index, body in enumerate(self.bodies):
             distance = self._distances.to(body, rest[body].vertices, posed[body])
             slides = sliding & (self.owners == index)
             touches = ~fixed & ~slides
-            potentials.append(SurfaceContact(identity[touches], distance, stiffness[touches]))
+            contacts.append(SurfaceContact(identity[touches], distance, stiffness[touches]))
             if slides.any():
-                potentials.append(SurfaceSliding(identity[slides], distance, stiffness[slides]))
+                slidings.append(SurfaceSliding(identity[slides], distance, stiffness[slides]))
+        potentials += [*SurfaceContact.stacked(contacts), *SurfaceSliding.stacked(slidings)]
         start = np.where((fixed | sliding)[:, None], carried, start)
         # A vertex may rest on an edge between facets, where the force jumps: residuals cannot vanish there.
         options = Options(displacement_tolerance=STILL, force_tolerance=LOOSE, name=self.name)

@@ -37,9 +37,14 @@ from handpipe.tissues.fat.skin_contact import DISTANCE, overlap, skin_barrier, s
 log = logging.getLogger(__name__)
 
 OPTIONS = Options(
-    displacement_tolerance=1e-3, force_tolerance=1e-3, untangle=False, barrier=True, name="soft tissue"
+    displacement_tolerance=1e-3,
+    force_tolerance=1e-3,
+    untangle=False,
+    barrier=True,
+    single=True,  # factors take most of the time and memory
+    name="soft tissue",
 )
-LARGE = 20_000  # vertices from which factors are in single precision: they take most of the time and memory
+LARGE = 20_000  # vertices from which a factor is not kept while other layers are simulated
 # mm, root mean square of the skin's motion: single folds may creep on. Settled is a third of a good scan's
 # noise; gross is more than the mean error of any model of the skin: its figures would say nothing.
 CONTACTS = Limits(renewals=8, settled=0.01, gross=0.5)
@@ -236,14 +241,16 @@ class Tissue:
             Attachment(matrix[fixed], inner.posed(below)[fixed], stiffness[fixed]),
             Contact(matrix[touching], *planes(touching), stiffness[touching]),
         ]
+        on_surfaces: list[SurfaceSliding] = []
         for body in np.unique(inner.body[sliding]):
             ids = np.flatnonzero(sliding & (inner.body == body))
             signed, _, _, facing = bodies[int(body)].signed(points[ids])
             lost = astray(signed, facing, sides[ids])
             on, off = ids[~lost], ids[lost]
-            potentials.append(SurfaceSliding(matrix[on], bodies[int(body)], stiffness[on]))
-            potentials.append(Sliding(matrix[off], *planes(off), stiffness[off]))
-        return potentials
+            on_surfaces.append(SurfaceSliding(matrix[on], bodies[int(body)], stiffness[on]))
+            if len(off):
+                potentials.append(Sliding(matrix[off], *planes(off), stiffness[off]))
+        return [*potentials, *SurfaceSliding.stacked(on_surfaces)]
 
     def _on_skin(
         self,
@@ -468,17 +475,21 @@ class Tissue:
     def _solve(
         self, elastic: Elastic, below: Mapping[str, Shapes], rigid: Mapping[str, RigidTransform], start: Array
     ) -> Equilibrium:
-        options = replace(OPTIONS, single=len(start) >= LARGE)
         try:
             potentials = [elastic, *self.constraints(below, rigid, start)]
-            return equilibrium.solve(potentials, start, options=options)
+            return equilibrium.solve(potentials, start, options=OPTIONS, analyses=self._analyses)
         except ConvergenceError as error:
             log.info("%s; retrying with constraints that stiffen in steps", error)
 
         def softened(t: float) -> list[Potential]:
             return [elastic, *self.constraints(below, rigid, start, SOFTEST ** (1 - t))]
 
-        return equilibrium.continuation(softened, start, options=options)
+        return equilibrium.continuation(softened, start, options=OPTIONS)
+
+    @cached_property
+    def _analyses(self) -> equilibrium.Analyses | None:
+        """Analyses of linear systems for all frames; the factors of large meshes take too much memory."""
+        return equilibrium.Analyses() if len(self.mesh.vertices) < LARGE else None
 
     def validity(self, x: Array) -> Validity:
         """Whether the tissue is valid at x (n, 3)."""

@@ -230,11 +230,12 @@ class MuscleLayer:
         """Contact with every bone of the free surface vertices, `free_points @ x`, that are near it."""
         points = free_points @ x
         near = [about(points, bone.surface, GUARDED) for bone in bones]
-        return [
+        contacts = [
             SurfaceContact(free_points[ids], bone, self.options.contact)
             for ids, bone in zip(near, bones, strict=True)
             if len(ids)
         ]
+        return [*SurfaceContact.stacked(contacts)]
 
     def _neighbours(self, x: Array, surfaces: Sequence[sparse.csr_matrix]) -> list[Potential]:
         """Contact and sliding of muscles against one another at their present places, `surfaces @ x`.
@@ -269,6 +270,7 @@ class MuscleLayer:
             force_tolerance=LOOSE,
             max_step=LONGEST,
             barrier=True,
+            single=True,
             name=f"muscles of {frame}",
         )
         return equilibrium.solve(potentials, x, options=options)

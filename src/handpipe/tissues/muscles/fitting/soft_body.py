@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from handpipe.core import Array, BoolArray, IntArray, RigidTransform
 from handpipe.fem.linear import factorise
 from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.generation import remesh, tetrahedralise
-from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.surfaces import Distance, Surface, same_values
 from handpipe.mesh.tets import Embedding, TetMesh, dirichlet_matrix, shape_gradients
 from handpipe.shapes.observations import Attached
 from handpipe.skeleton.posing import blend, bone_weights
@@ -172,13 +173,32 @@ class SoftBody:
     ) -> list[Array]:
         """What `follow` gives from each of several known poses, for each of several spreads."""
         own = {b: bones[b] for b in self.attachments}
-        nearness, harmonic = bone_weights(self.mesh.vertices, own), self.harmonic_weights()
+        nearness, harmonic = self._nearness(own), self._harmonic_weights
         still = {b: RigidTransform.identity() for b in own}, self.mesh.vertices
         found = []
         for there, start in (pose or still for pose in known):
             motions = {b: transforms[b] @ there[b].inverse() for b in own}
             found += [blend(start, (1 - s) * nearness + s * harmonic, motions) for s in spreads]
         return found
+
+    def _nearness(self, bones: Mapping[str, Surface]) -> Array:
+        """Weights (n, bones) by nearness to neutral bones, kept for the next pose."""
+        known = self._last_nearness.get("last")
+        if known is None or not all(
+            same_values(known[0][name].vertices, bone.vertices) for name, bone in bones.items()
+        ):
+            known = dict(bones), bone_weights(self.mesh.vertices, bones)
+            self._last_nearness["last"] = known
+        return known[1]
+
+    @cached_property
+    def _last_nearness(self) -> dict[str, tuple[dict[str, Surface], Array]]:
+        """The bones for which weights were last asked, and these weights."""
+        return {}
+
+    @cached_property
+    def _harmonic_weights(self) -> Array:
+        return self.harmonic_weights()
 
     def harmonic_weights(self) -> Array:
         """Weights (n, bones), one at a bone's own attachment, harmonic in between, rows summing to one."""

@@ -204,56 +204,82 @@ def closest_on_spline(points: Array, x: Array) -> tuple[IntArray, Array]:
     """
     pieces = np.empty(len(points), np.int64)
     parameters = np.empty(len(points))
+    reach = np.zeros(len(x))  # a piece lies in the triangle of its vertex and the middles of its segments
+    for i in range(1, len(x) - 1):
+        reach[i] = 0.5 * np.sqrt(max(_squared(x, i, x, i - 1), _squared(x, i, x, i + 1)))
     for k in range(len(points)):
         best = np.inf
         for i in range(1, len(x) - 1):
-            a, b, c = x[i - 1], x[i], x[i + 1]
-            # a piece lies in the triangle of b and the middles of its segments
-            reach = 0.5 * np.sqrt(max(np.sum((a - b) ** 2), np.sum((c - b) ** 2)))
-            if np.sqrt(np.sum((points[k] - b) ** 2)) - reach >= np.sqrt(best):
+            if np.sqrt(_squared(points, k, x, i)) - reach[i] >= np.sqrt(best):
                 continue
-            t, squared = _closest_on_piece(a - points[k], b - points[k], c - points[k])
+            t, squared = _closest_on_piece(points, k, x, i)
             if squared < best:
                 best, pieces[k], parameters[k] = squared, i, t
     return pieces, parameters
 
 
+@njit(cache=True, inline="always")
+def _squared(a: Array, i: int, b: Array, j: int) -> float:
+    """Squared distance of a point of a (n, 3) and one of b (m, 3)."""
+    return (a[i, 0] - b[j, 0]) ** 2 + (a[i, 1] - b[j, 1]) ** 2 + (a[i, 2] - b[j, 2]) ** 2
+
+
 @njit(cache=True)
-def _closest_on_piece(a: Array, b: Array, c: Array) -> tuple[float, float]:
-    """Parameter t in [0, 1] and squared distance of the point of a B-spline's piece nearest to the origin.
+def _closest_on_piece(points: Array, k: int, x: Array, i: int) -> tuple[float, float]:
+    """Parameter t in [0, 1] of the place of piece i nearest to point k, and its squared distance.
 
     The slope of the squared distance is a cubic in t. The zeros of its derivative part [0, 1] into at most
-    three intervals; each has at most one zero of the slope.
+    three intervals; each has at most one zero of the slope. Sums are written out: arrays of three numbers
+    would take most of the time.
     """
-    start, tangent, bend = 0.5 * (a + b), b - a, a - 2.0 * b + c
-    c0, c1 = np.sum(start * tangent), np.sum(tangent * tangent) + np.sum(start * bend)
-    c2, c3 = 1.5 * np.sum(tangent * bend), 0.5 * np.sum(bend * bend)
-    ends = np.array([0.0, 1.0, 1.0, 1.0])
-    count = 1
+    start_tangent = tangent_tangent = start_bend = tangent_bend = bend_bend = start_start = 0.0
+    for j in range(3):
+        a, b, c = x[i - 1, j] - points[k, j], x[i, j] - points[k, j], x[i + 1, j] - points[k, j]
+        start, tangent, bend = 0.5 * (a + b), b - a, a - 2.0 * b + c
+        start_start += start * start
+        start_tangent += start * tangent
+        start_bend += start * bend
+        tangent_tangent += tangent * tangent
+        tangent_bend += tangent * bend
+        bend_bend += bend * bend
+    c0, c1, c2, c3 = start_tangent, tangent_tangent + start_bend, 1.5 * tangent_bend, 0.5 * bend_bend
+    first = second = 1.0
     discriminant = 4.0 * c2 * c2 - 12.0 * c3 * c1
     if discriminant > 0.0 and c3 > 0.0:
         root = np.sqrt(discriminant)
-        for t in ((-2.0 * c2 - root) / (6.0 * c3), (-2.0 * c2 + root) / (6.0 * c3)):
-            if 0.0 < t < 1.0:
-                ends[count] = t
-                count += 1
-    best_t, best = 0.0, np.sum(start * start)
-    for j in range(count):
-        low, high = ends[j], ends[j + 1]
-        t = high
-        if c0 + low * (c1 + low * (c2 + low * c3)) < 0.0 < c0 + high * (c1 + high * (c2 + high * c3)):
-            t = 0.5 * (low + high)
-            for _ in range(BISECTIONS):
-                slope = c0 + t * (c1 + t * (c2 + t * c3))
-                low, high = (t, high) if slope < 0.0 else (low, t)
-                curvature = c1 + t * (2.0 * c2 + 3.0 * t * c3)
-                step = t - slope / curvature if curvature > 0.0 else low
-                following = step if low < step < high else 0.5 * (low + high)
-                if abs(following - t) < 1e-15:
-                    break
-                t = following
-        point = start + t * tangent + 0.5 * t * t * bend
-        squared = np.sum(point * point)
+        lower, upper = (-2.0 * c2 - root) / (6.0 * c3), (-2.0 * c2 + root) / (6.0 * c3)
+        first = lower if 0.0 < lower < 1.0 else 1.0
+        second = upper if 0.0 < upper < 1.0 else 1.0
+        first, second = (second, 1.0) if first == 1.0 else (first, second)
+    best_t, best = 0.0, start_start
+    low = 0.0
+    for high in (first, second, 1.0):
+        if high <= low:
+            continue
+        t = _zero_of_cubic(c0, c1, c2, c3, low, high)
+        low = high
+        squared = 0.0
+        for j in range(3):
+            a, b, c = x[i - 1, j] - points[k, j], x[i, j] - points[k, j], x[i + 1, j] - points[k, j]
+            squared += (0.5 * (a + b) + t * (b - a) + 0.5 * t * t * (a - 2.0 * b + c)) ** 2
         if squared < best:
             best_t, best = t, squared
     return best_t, best
+
+
+@njit(cache=True)
+def _zero_of_cubic(c0: float, c1: float, c2: float, c3: float, low: float, high: float) -> float:
+    """Where a cubic rises through zero in an interval; the interval's end where it does not."""
+    t = high
+    if c0 + low * (c1 + low * (c2 + low * c3)) < 0.0 < c0 + high * (c1 + high * (c2 + high * c3)):
+        t = 0.5 * (low + high)
+        for _ in range(BISECTIONS):
+            slope = c0 + t * (c1 + t * (c2 + t * c3))
+            low, high = (t, high) if slope < 0.0 else (low, t)
+            curvature = c1 + t * (2.0 * c2 + 3.0 * t * c3)
+            step = t - slope / curvature if curvature > 0.0 else low
+            following = step if low < step < high else 0.5 * (low + high)
+            if abs(following - t) < 1e-15:
+                break
+            t = following
+    return t
