@@ -118,8 +118,9 @@ class PoseImages:
         -------
         dict of str to Registration
             The transforms with their covariances. A bone keeps its registration where its images are alike
-            and where they tell its turn less well, and every bone does where there are fewer than eight. It also keeps its transform where the images place it
-            farther away than its deviations explain; then its covariance holds the difference.
+            and where they tell its turn less well, and every bone does where there are fewer than eight. A
+            bone keeps its transform where the images place it farther away than its deviations explain; then
+            its covariance holds the difference.
         """
         regions = self._compared(found)
         count = sum(len(region.points) for region in regions.values())
