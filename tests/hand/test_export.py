@@ -18,9 +18,17 @@ from handpipe.core.layer_registry import LAYERS
 from handpipe.core.layers import Frame, Shape
 from handpipe.core.rigid import RigidTransform
 from handpipe.hand import appearance
+from handpipe.hand import frames as frames_module
 from handpipe.hand.appearance import shown
 from handpipe.hand.exports import export
-from handpipe.hand.frames import failures_in, finished_frames, read_frames, read_simulated, write_frames
+from handpipe.hand.frames import (
+    StoredFrames,
+    failures_in,
+    finished_frames,
+    read_frames,
+    read_simulated,
+    write_frames,
+)
 from handpipe.hand.simulation import Failure
 
 CUBE = np.array([[x, y, z] for x in (0, 10) for y in (0, 20) for z in (0, 30)], dtype=float)
@@ -285,3 +293,36 @@ def test_obj_sequence_has_the_frames_points(tmp_path: Path):
         "g tendons_flexor2",
         "g muscles_lumbrical1",
     ]
+
+
+def test_stored_frames_are_those_of_the_files_one_file_at_a_time(tmp_path: Path, monkeypatch):
+    made = simulated()
+    files = [tmp_path / "frames-0.h5", tmp_path / "frames-1.h5"]
+    write_frames(files[0], made[:2])
+    write_frames(files[1], made[2:])
+    opened = []
+    monkeypatch.setattr(frames_module, "read_frames", lambda path: opened.append(path) or read_frames(path))
+    stored = StoredFrames(files)
+    assert stored.names == [frame.name for frame, _ in made] and len(stored) == 3 and not opened
+    for (frame, layers), (expected, shapes) in zip(stored, made, strict=True):
+        assert frame.name == expected.name
+        found = layers["muscles"]["lumbrical1"].vertices
+        np.testing.assert_array_equal(found, shapes["muscles"]["lumbrical1"].vertices)
+    assert opened == files
+    assert [frame.name for frame, _ in stored[1:]] == stored.names[1:]
+    with pytest.raises(IndexError):
+        stored[3]
+
+
+def test_a_long_scene_has_frames_in_equal_steps_at_their_times(tmp_path: Path, caplog, monkeypatch):
+    made = [simulated(1)[0] for _ in range(9)]
+    made = [(replace(frame, name=str(i)), layers) for i, (frame, layers) in enumerate(made)]
+    drawn = sum(len(s.vertices) for layer in made[0][1].values() for s in layer.values())
+    monkeypatch.setattr(export.numbers_in_glb, "__defaults__", (5 * 24 * drawn,))
+    export.write_glb(tmp_path / "hand.glb", made, fps=10)
+    document = pygltflib.GLTF2().load(str(tmp_path / "hand.glb"))
+    names = document.meshes[0].extras["targetNames"]
+    assert names == ["0", "2", "4", "6", "8"] and "it has 5 of them" in caplog.text
+    times = document.accessors[document.animations[0].samplers[0].input]
+    assert (times.count, times.min, times.max) == (5, [0.0], [pytest.approx(0.8)])
+    assert export.numbers_in_glb(made, 10**9) == list(range(9))

@@ -12,7 +12,7 @@ from typing import Any
 
 from handpipe.core import LAYERS, InputError, paths, write_text
 from handpipe.core.configuration import Dataset
-from handpipe.hand import SimulatedFrame, load_layers, read_frames
+from handpipe.hand import SimulatedFrame, StoredFrames, load_layers
 from handpipe.hand.exports import Mechanical, write_deck, write_usd
 from handpipe.imaging.volumes import read_label_table, read_volume, write_label_description, write_segments
 from handpipe.skeleton.rig import Rig
@@ -110,27 +110,19 @@ def _chunks(scene: Path) -> list[Path]:
     return sorted(scene.glob("frames-*.h5"), key=lambda p: int(p.stem.removeprefix("frames-")))
 
 
-def _frames(chunks: list[Path]) -> Iterator[SimulatedFrame]:
-    """The frames one after another: a long scene does not fit into memory."""
-    for chunk in chunks:
-        yield from read_frames(chunk)
-
-
 def _frame(chunks: list[Path], folder: Path, name: str) -> SimulatedFrame:
     """A frame by its name; `InputError`, which names the scene's folder, where there is none."""
-    names = []
-    for frame in _frames(chunks):
-        if frame[0].name == name:
-            return frame
-        names.append(frame[0].name)
-    raise InputError(folder, name, "is no frame", f"Name one of {', '.join(names)}")
+    frames = StoredFrames(chunks)
+    if name not in frames.names:
+        raise InputError(folder, name, "is no frame", f"Name one of {', '.join(frames.names)}")
+    return frames[frames.names.index(name)]
 
 
 def _scenes_as_usd(subject: str, folder: Path) -> Iterator[Path]:
     for scene in sorted(paths.at(paths.SIMULATION, subject=subject).glob("*/")):
         if chunks := _chunks(scene):
             file = folder / f"{scene.name}.usdc"
-            write_usd(file, _frames(chunks))
+            write_usd(file, StoredFrames(chunks))
             yield file
 
 

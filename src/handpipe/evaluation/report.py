@@ -221,9 +221,10 @@ def _scene_pictures(report: ReportInput) -> dict[str, list[Picture]]:
     """Pictures of the frame of each scene that bends most."""
     made = {}
     for name, frames in report.scenes.items():
-        drawn = [PoseView(frame, layers, "frame") for frame, layers in frames if any(shown(layers))]
-        if drawn:
-            bent = max(drawn, key=lambda view: sum(abs(angle) for angle in view.frame.angles.values()))
+        seen = [(i, frame) for i, (frame, layers) in enumerate(frames) if any(shown(layers))]
+        bends = {i: sum(map(abs, frame.angles.values())) for i, frame in seen}
+        if bends:
+            bent = PoseView(*frames[max(bends, key=lambda number: bends[number])], "frame")
             camera = _camera(bent, report.directions or AXES)
             made[name] = _body_pictures(bent, camera)
     return made

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from handpipe.hand.exports import surface_triangles, write_glb, write_obj_sequence, write_vtu_series
     from handpipe.hand.frames import (
         UNITS,
+        StoredFrames,
         failures_in,
         figure_units,
         finished_frames,
@@ -44,6 +45,7 @@ __all__ = [
     "Simulated",
     "SimulatedFrame",
     "Step",
+    "StoredFrames",
     "UNITS",
     "colour",
     "continuity_metrics",

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import h5py
 import numpy as np
@@ -145,6 +145,52 @@ def read_simulated(path: str | Path) -> tuple[list[tuple[Frame, dict[str, Shapes
     return frames, [Failure(*map(str, row)) for row in rows]
 
 
+class StoredFrames(Sequence[SimulatedFrame]):
+    """The frames of files, in their order, of which one file at a time is in memory.
+
+    Parameters
+    ----------
+    paths : iterable of path
+        Files of `write_frames`.
+
+    Raises
+    ------
+    InputError
+        For another file.
+    """
+
+    def __init__(self, paths: Iterable[str | Path]) -> None:
+        self.names: list[str] = []
+        self._places: list[tuple[Path, int]] = []
+        self._last: tuple[Path, list[tuple[Frame, dict[str, Shapes]]]] | None = None
+        for path in map(Path, paths):
+            [names] = _texts(path, "names")
+            self.names += names
+            self._places += [(path, number) for number in range(len(names))]
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self._places)
+
+    @overload
+    def __getitem__(self, index: int) -> SimulatedFrame: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[SimulatedFrame]: ...
+    def __getitem__(self, index: int | slice) -> SimulatedFrame | Sequence[SimulatedFrame]:
+        """A frame by its number, or a list of several."""
+        if isinstance(index, slice):
+            return [self[number] for number in range(*index.indices(len(self)))]
+        path, number = self._places[index]
+        if self._last is None or self._last[0] != path:
+            self._last = None  # before the next file is read: one at a time
+            self._last = path, read_frames(path)
+        return self._last[1][number]
+
+    def __iter__(self) -> Iterator[SimulatedFrame]:
+        """The frames one after another."""
+        return (self[number] for number in range(len(self)))
+
+
 def failures_in(path: str | Path) -> list[Failure]:
     """Read the failed frames alone.
 
@@ -163,13 +209,18 @@ def failures_in(path: str | Path) -> list[Failure]:
     InputError
         For a file that cannot be read.
     """
+    rows = zip(*_texts(path, *(f"failures/{part}" for part in ("frame", "layer", "reason"))), strict=True)
+    return [Failure(*row) for row in rows]
+
+
+def _texts(path: str | Path, *names: str) -> list[list[str]]:
+    """Texts of a file of frames, without its shapes."""
     try:
         with h5py.File(path, "r") as file:
-            columns = [file["failures"][part].asstr()[()] for part in ("frame", "layer", "reason")]
+            return [[str(text) for text in file[name].asstr()[()]] for name in names]
     except (OSError, KeyError) as error:
         remedy = "Delete the file and run the workflow again"
         raise InputError(path, "content", f"cannot be read as frames ({error})", remedy) from error
-    return [Failure(*row) for row in zip(*columns, strict=True)]
 
 
 def finished_frames(path: str | Path, key: str, wanted: Iterable[Frame]) -> dict[str, SimulatedFrame]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,11 +26,15 @@ from handpipe.hand.simulation import SimulatedFrame
 from handpipe.mesh.surfaces import Surface
 from handpipe.mesh.tets import TetMesh
 
+log = logging.getLogger(__name__)
+
 PLASTIC = "strain"  # field of tets: six numbers of their plastic deformation F_p
 CELL_TYPES = {2: "line", 3: "triangle", 4: "tetra"}
 ASSET = gltf.Asset(version="2.0", generator="handpipe")
 COMPONENTS = {"float32": gltf.FLOAT, "uint32": gltf.UNSIGNED_INT, "uint16": gltf.UNSIGNED_SHORT}
 ELEMENTS = {1: gltf.SCALAR, 3: gltf.VEC3, 4: gltf.VEC4, 16: gltf.MAT4}
+LARGEST = 800_000_000  # bytes of one glTF's moving vertices: its format ends at 4 GiB, viewers before
+BYTES_A_VERTEX = 24  # and frame: a place and a normal in single precision
 GAMMA = 2.2  # of sRGB: colours of glTF are linear light
 TO_GLTF = 1e-3 * np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # mm to m, z up to y up
 
@@ -74,10 +79,10 @@ def write_vtu_series(folder: str | Path, frames: Sequence[SimulatedFrame], fps: 
     list of Path
         The .pvd files.
     """
-    folder = Path(folder)
-    write_numbers(folder, frames)
+    folder, names = Path(folder), []
     series: dict[str, list[dict[str, str]]] = {}
-    for number, (_, layers) in enumerate(frames):
+    for number, (frame, layers) in enumerate(frames):
+        names.append(frame.name)
         for layer, shapes in layers.items():
             for part, (body, shape) in enumerate(shapes.items()):
                 file = f"{layer}/{body}-{number:04d}.vtu"
@@ -86,6 +91,7 @@ def write_vtu_series(folder: str | Path, frames: Sequence[SimulatedFrame], fps: 
                 series.setdefault(layer, []).append(
                     {"timestep": f"{number / fps:.6g}", "part": str(part), "name": body, "file": file}
                 )
+    write_numbers(folder, names)
     return [_write_pvd(folder / f"{layer}.pvd", entries) for layer, entries in series.items()]
 
 
@@ -131,9 +137,9 @@ def write_obj_sequence(folder: str | Path, frames: Sequence[SimulatedFrame]) -> 
     list of Path
         The .obj files.
     """
-    write_numbers(Path(folder), frames)
-    paths = []
-    for number, (_, layers) in enumerate(frames):
+    paths, names = [], []
+    for number, (frame, layers) in enumerate(frames):
+        names.append(frame.name)
         path = Path(folder) / f"frame-{number:04d}.obj"
         with atomic(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
             first = 1
@@ -144,21 +150,22 @@ def write_obj_sequence(folder: str | Path, frames: Sequence[SimulatedFrame]) -> 
                 np.savetxt(file, cells, "l %d %d" if cells.shape[1] == 2 else "f %d %d %d")
                 first += len(shape.vertices)
         paths.append(path)
+    write_numbers(Path(folder), names)
     return paths
 
 
-def write_numbers(folder: Path, frames: Sequence[SimulatedFrame]) -> None:
+def write_numbers(folder: Path, frames: Sequence[str]) -> None:
     """Write `frames.csv`: the number in the names of a series' files, and the frame.
 
     Parameters
     ----------
     folder : Path
         Folder of the series.
-    frames : sequence of SimulatedFrame
-        Frames in the order of time.
+    frames : sequence of str
+        Names of the frames in the order of time.
     """
     text = io.StringIO()
-    rows = ((f"{number:04d}", frame.name) for number, (frame, _) in enumerate(frames))
+    rows = ((f"{number:04d}", name) for number, name in enumerate(frames))
     csv.writer(text, lineterminator="\n").writerows([("number", "frame"), *rows])
     write_text(folder / "frames.csv", text.getvalue())
 
@@ -170,7 +177,9 @@ def write_glb(
 
     One mesh per body: surface triangles (of tetrahedra: their boundary) or lines in neutral, one morph target
     per frame, and weights that show frame i at i / fps seconds. Bodies absent from a frame are neutral there.
-    Linear blending is for viewing: shapes between frames are not simulated.
+    Linear blending is for viewing: shapes between frames are not simulated. Of a scene whose frames would
+    take more than 800 MB, frames in equal steps are written, the first and the last among them, at their
+    times; the log says so.
 
     Parameters
     ----------
@@ -186,16 +195,38 @@ def write_glb(
     if not frames:
         write_empty(path)
         return
-    names = [frame.name for frame, _ in frames]
+    chosen = numbers_in_glb(frames)
+    names: list[str] = []
     bodies: dict[tuple[str, str], dict[int, Shape]] = {}
-    for number, (_, layers) in enumerate(frames):
+    for place, number in enumerate(chosen):
+        frame, layers = frames[number]
+        names.append(frame.name)
         for layer, body, shape in shown(layers):
-            bodies.setdefault((layer, body), {})[number] = shape
-    writer = GlbWriter(names, fps, "STEP" if step else "LINEAR")
+            bodies.setdefault((layer, body), {})[place] = shape
+    writer = GlbWriter(names, np.array(chosen) / fps, "STEP" if step else "LINEAR")
     for (layer, body), shapes_of_body in bodies.items():
         writer.add(layer, body, shapes_of_body)
     with atomic(path) as temporary:
         writer.finish().save_binary(str(temporary))
+
+
+def numbers_in_glb(frames: Sequence[SimulatedFrame], size: int = LARGEST) -> list[int]:
+    """Numbers of the frames that one glTF holds: all, or as many in equal steps as a size allows.
+
+    Parameters
+    ----------
+    frames : sequence of SimulatedFrame
+        Frames in the order of time, at least one.
+    size : int
+        Bytes of all moving vertices, at most, as far as two frames allow.
+    """
+    vertices = sum(len(shape.vertices) for _, _, shape in shown(frames[0][1]))
+    most = max(size // max(vertices * BYTES_A_VERTEX, 1), 2)
+    if len(frames) <= most:
+        return list(range(len(frames)))
+    text = "a glTF of all %d frames would have %.1f GB; it has %d of them in equal steps, VTU has all"
+    log.warning(text, len(frames), 1e-9 * vertices * BYTES_A_VERTEX * len(frames), most)
+    return [int(number) for number in np.round(np.linspace(0, len(frames) - 1, most))]
 
 
 def write_empty(path: str | Path) -> None:
@@ -208,7 +239,7 @@ def write_empty(path: str | Path) -> None:
 class GlbWriter:
     """Collects meshes and their animation into one glTF with one buffer."""
 
-    def __init__(self, names: Sequence[str], fps: float, interpolation: str) -> None:
+    def __init__(self, names: Sequence[str], times: Array, interpolation: str) -> None:
         self.names, self.interpolation = list(names), interpolation
         self.document = gltf.GLTF2(asset=ASSET)
         self.document.scenes, self.document.scene = [gltf.Scene(nodes=[])], 0
@@ -216,7 +247,7 @@ class GlbWriter:
         self.blob = bytearray()
         self.materials: dict[tuple[str, bool], int] = {}
         count = len(names)
-        self.times = self.accessor(np.arange(count, dtype=np.float32)[:, None] / np.float32(fps), bounds=True)
+        self.times = self.accessor(times.astype(np.float32)[:, None], bounds=True)
         self.weights = self.accessor(np.eye(count, dtype=np.float32).reshape(-1, 1))
 
     def add(self, layer: str, body: str, shapes: Mapping[int, Shape]) -> None:

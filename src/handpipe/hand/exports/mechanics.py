@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, overload, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,8 @@ class Mechanical(Protocol):
 
 
 def with_mechanics(
-    frames: Iterable[SimulatedFrame], layers: Sequence[Layer], parents: Mapping[str, str]
-) -> list[SimulatedFrame]:
+    frames: Sequence[SimulatedFrame], layers: Sequence[Layer], parents: Mapping[str, str]
+) -> Sequence[SimulatedFrame]:
     """Frames with the bodies alone that have mechanical fields, and these fields.
 
     Tets have `green_strain` E = (F^T F - I) / 2 of the whole deformation F, `elastic_green_strain` of
@@ -49,7 +49,7 @@ def with_mechanics(
 
     Parameters
     ----------
-    frames : iterable of SimulatedFrame
+    frames : sequence of SimulatedFrame
         Frames at equilibrium.
     layers : sequence of Layer
         The layers that simulated them.
@@ -58,12 +58,33 @@ def with_mechanics(
 
     Returns
     -------
-    list of SimulatedFrame
-        The frames; the shapes keep no other field but `occupancy`.
+    sequence of SimulatedFrame
+        The frames, each computed when it is asked for; the shapes keep no other field but `occupancy`.
     """
     fibres = muscle_fibres(layers, parents)
     mechanical = [layer for layer in layers if isinstance(layer, Mechanical)]
-    return [(frame, _of_frame(frame, shapes, mechanical, fibres)) for frame, shapes in frames]
+    return _Computed(frames, lambda frame, shapes: _of_frame(frame, shapes, mechanical, fibres))
+
+
+@dataclass(frozen=True)
+class _Computed(Sequence[SimulatedFrame]):
+    """Frames whose shapes are computed when they are asked for: a long scene does not fit into memory."""
+
+    frames: Sequence[SimulatedFrame]
+    shapes: Callable[[Frame, Mapping[str, Shapes]], dict[str, Shapes]]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    @overload
+    def __getitem__(self, index: int) -> SimulatedFrame: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[SimulatedFrame]: ...
+    def __getitem__(self, index: int | slice) -> SimulatedFrame | Sequence[SimulatedFrame]:
+        if isinstance(index, slice):
+            return _Computed(self.frames[index], self.shapes)
+        frame, shapes = self.frames[index]
+        return frame, self.shapes(frame, shapes)
 
 
 def _of_frame(

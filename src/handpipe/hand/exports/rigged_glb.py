@@ -10,9 +10,16 @@ import numpy as np
 import pygltflib as gltf
 from scipy.spatial.transform import Rotation
 
-from handpipe.core import Array, IntArray, RigidTransform, Shape, Shapes, atomic
+from handpipe.core import Array, Frame, IntArray, RigidTransform, Shape, Shapes, atomic
 from handpipe.hand.appearance import shown, tissue
-from handpipe.hand.exports.export import TO_GLTF, GlbWriter, surface_triangles, to_gltf, write_empty
+from handpipe.hand.exports.export import (
+    TO_GLTF,
+    GlbWriter,
+    numbers_in_glb,
+    surface_triangles,
+    to_gltf,
+    write_empty,
+)
 from handpipe.hand.exports.linear_blend import LinearBlend
 from handpipe.hand.simulation import SimulatedFrame
 from handpipe.mesh.surfaces import Surface
@@ -32,6 +39,7 @@ def write_rigged_glb(
     translation in each frame. Bones are skinned to their own node alone. Every other vertex has the weights
     of up to four bones; the corrective shape of a frame is added in neutral, before skinning, and gives the
     simulated shape exactly. A rigger may drive the skeleton otherwise and keep the shapes as correctives.
+    Long scenes have frames in equal steps, as `write_glb` says.
 
     Parameters
     ----------
@@ -52,11 +60,15 @@ def write_rigged_glb(
     if not frames:
         write_empty(path)
         return 0.0
-    writer = _RiggedWriter(rig, frames, fps)
+    chosen = numbers_in_glb(frames)
+    described: list[Frame] = []
     bodies: dict[tuple[str, str], dict[int, Shape]] = {}
-    for number, (_, layers) in enumerate(frames):
+    for place, number in enumerate(chosen):
+        frame, layers = frames[number]
+        described.append(frame)
         for layer, body, shape in surfaces_once(layers):
-            bodies.setdefault((layer, body), {})[number] = shape
+            bodies.setdefault((layer, body), {})[place] = shape
+    writer = _RiggedWriter(rig, described, np.array(chosen) / fps)
     error = max((writer.add(*names, shapes) for names, shapes in bodies.items()), default=0.0)
     with atomic(path) as temporary:
         writer.writer.finish().save_binary(str(temporary))
@@ -77,10 +89,10 @@ def surfaces_once(layers: Mapping[str, Shapes]) -> list[tuple[str, str, Shape]]:
 class _RiggedWriter:
     """Collects a skeleton and skinned bodies into one glTF."""
 
-    def __init__(self, rig: Rig, frames: Sequence[SimulatedFrame], fps: float) -> None:
+    def __init__(self, rig: Rig, frames: Sequence[Frame], times: Array) -> None:
         self.rig = rig
-        self.motions = [[frame.bones[bone] for bone in rig.bones] for frame, _ in frames]
-        self.writer = GlbWriter([frame.name for frame, _ in frames], fps, "LINEAR")
+        self.motions = [[frame.bones[bone] for bone in rig.bones] for frame in frames]
+        self.writer = GlbWriter([frame.name for frame in frames], times, "LINEAR")
         self._add_skeleton()
 
     def add(self, layer: str, body: str, shapes: Mapping[int, Shape]) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.hand import read_frames, write_obj_sequence
+from handpipe.hand import StoredFrames, write_obj_sequence
 from handpipe.stages.files import Files
 
 
@@ -19,5 +19,5 @@ class Inputs(Files):
 
 def export_obj(inputs: Inputs, output: Path) -> None:
     """A scene's frames as OBJ files, for programs that read nothing else."""
-    frames = [frame for chunk in inputs.chunks for frame in read_frames(chunk)]
+    frames = StoredFrames(inputs.chunks)
     write_obj_sequence(output, frames)

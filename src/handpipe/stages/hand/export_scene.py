@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.hand import read_frames, write_glb, write_vtu_series
+from handpipe.hand import StoredFrames, write_glb, write_vtu_series
 from handpipe.stages.files import Files
 
 
@@ -27,7 +27,7 @@ class Outputs(Files):
 
 def export_scene(inputs: Inputs, outputs: Outputs) -> None:
     """A scene's frames for other programs: VTU series with .pvd, and glTF with the motion."""
-    frames = [frame for chunk in inputs.chunks for frame in read_frames(chunk)]
+    frames = StoredFrames(inputs.chunks)
     Path(outputs.vtk).mkdir(parents=True, exist_ok=True)
     write_vtu_series(outputs.vtk, frames)
     write_glb(outputs.glb, frames)

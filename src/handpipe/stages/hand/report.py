@@ -20,7 +20,7 @@ from handpipe.evaluation import (
     read_jobs,
     write_report,
 )
-from handpipe.hand import read_frames
+from handpipe.hand import StoredFrames, read_frames
 from handpipe.imaging.volumes import pose_volume
 from handpipe.mesh.surfaces import Surface, read_scan
 from handpipe.skeleton.rig import Rig
@@ -103,9 +103,7 @@ def report(
 
     simulated = {p.parent.name for p in inputs.poses}
     shown = [pose for pose in dataset.poses if pose in simulated]
-    frames = {
-        name: [frame for path in paths for frame in read_frames(path)] for name, paths in scenes.items()
-    }
+    frames = {name: StoredFrames(paths) for name, paths in scenes.items()}
     warnings = bone_warnings(asked.get("segmentation", {}))
     warnings += pose_warnings(tables.get("poses", []))
     warnings += [said for name in scenes for said in frame_warnings(name, tables[f"frames-{name}"])]

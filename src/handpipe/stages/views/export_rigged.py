@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.hand import read_frames
+from handpipe.hand import StoredFrames
 from handpipe.hand.exports import write_rigged_glb
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
@@ -22,5 +22,5 @@ class Inputs(Files):
 
 def export_rigged(inputs: Inputs, output: Path) -> None:
     """A scene's frames as a skeleton with skinned bodies and corrective shapes, for riggers."""
-    frames = [frame for chunk in inputs.chunks for frame in read_frames(chunk)]
+    frames = StoredFrames(inputs.chunks)
     write_rigged_glb(output, Rig.load(inputs.rig), frames)

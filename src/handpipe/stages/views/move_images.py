@@ -10,7 +10,7 @@ from pathlib import Path
 
 from handpipe.core.configuration import Dataset
 from handpipe.evaluation.moved_images import Row, anatomical_planes, write_slices
-from handpipe.hand import grid_around, places_in_neutral, read_frames, skin_of
+from handpipe.hand import StoredFrames, grid_around, places_in_neutral, skin_of
 from handpipe.hand.exports import write_numbers
 from handpipe.imaging.volumes import pose_volume, write_volume
 from handpipe.skeleton.rig import Rig
@@ -32,9 +32,9 @@ def move_images(inputs: Inputs, output: Path, dataset: Dataset) -> None:
     """The neutral image moved with every frame of a scene: a series of volumes, and slices with contours."""
     rig = Rig.load(inputs.rig)
     neutral = pose_volume(dataset, dataset.neutral)
-    frames = [frame for chunk in inputs.chunks for frame in read_frames(chunk)]
+    frames = StoredFrames(inputs.chunks)
     output.mkdir(parents=True, exist_ok=True)
-    write_numbers(output, frames)
+    write_numbers(output, frames.names)
     if not frames:
         return
     grid = grid_around([skin_of(layers) for _, layers in frames], float(neutral.spacing.min()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -14,7 +14,7 @@ from handpipe.core import Array, Frame, InputError, Shapes
 from handpipe.core.configuration import Dataset
 from handpipe.evaluation import camera_views, extent, inner_picture, outer_picture
 from handpipe.evaluation.rendering import Camera, Image, write_movie
-from handpipe.hand import failures_in, read_frames
+from handpipe.hand import StoredFrames, failures_in
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 
@@ -35,7 +35,7 @@ def render_movie(inputs: Inputs, output: Path, dataset: Dataset) -> None:
     """A scene as a movie: the skin and the organs inside it, seen from the palm."""
     require_no_failures(inputs.chunks)
     camera, count = _camera(inputs, dataset.hand)
-    write_movie(output, (_picture(*frame, camera) for frame in frames_of(inputs.chunks)), count)
+    write_movie(output, (_picture(*frame, camera) for frame in StoredFrames(inputs.chunks)), count)
 
 
 def require_no_failures(chunks: Sequence[Path]) -> None:
@@ -47,17 +47,11 @@ def require_no_failures(chunks: Sequence[Path]) -> None:
             raise InputError(chunk, "frames", f"{names} failed; a movie without them would jump", remedy)
 
 
-def frames_of(chunks: Sequence[Path]) -> Iterator[tuple[Frame, dict[str, Shapes]]]:
-    """The frames one after another: a long scene does not fit into memory."""
-    for chunk in chunks:
-        yield from read_frames(chunk)
-
-
 def _camera(inputs: Inputs, hand: Literal["right", "left"]) -> tuple[Camera, int]:
     """One camera that sees every frame, the first one's palm in front of it; the number of frames."""
     ends: list[Array] = []
     sight = None
-    for frame, layers in frames_of(inputs.chunks):
+    for frame, layers in StoredFrames(inputs.chunks):
         points = extent(layers)
         if sight is None:
             sight = camera_views(Rig.load(inputs.rig), frame, hand)["palm"]
@@ -68,6 +62,6 @@ def _camera(inputs: Inputs, hand: Literal["right", "left"]) -> tuple[Camera, int
     return Camera.fit(ends, *sight, SIZE), len(ends)
 
 
-def _picture(frame: Frame, layers: dict[str, Shapes], camera: Camera) -> Image:
+def _picture(frame: Frame, layers: Mapping[str, Shapes], camera: Camera) -> Image:
     log.info("frame %s", frame.name)
     return np.concatenate([draw(layers, camera, SIZE) for draw in (outer_picture, inner_picture)], axis=1)

@@ -19,10 +19,11 @@ from handpipe.evaluation.rendering import (
     volume_extent,
     write_movie,
 )
+from handpipe.hand import StoredFrames
 from handpipe.imaging.volumes import read_volume
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
-from handpipe.stages.views.render_movie import SIZE, frames_of, require_no_failures
+from handpipe.stages.views.render_movie import SIZE, require_no_failures
 
 log = logging.getLogger(__name__)
 
@@ -51,7 +52,7 @@ def render_volumes(inputs: Inputs, outputs: Outputs, dataset: Dataset) -> None:
     if not files:
         raise InputError(inputs.images, "frames", "the scene has none", "Give it frames")
     first = read_volume(files[0])
-    frame, _ = next(frames_of(inputs.chunks))
+    frame, _ = StoredFrames(inputs.chunks)[0]
     palm = camera_views(Rig.load(inputs.rig), frame, dataset.hand)["palm"]
     camera = Camera.fit(volume_extent(first), *palm, SIZE)
     for name, path in {"anatomy": outputs.anatomy, "fat": outputs.fat}.items():
