@@ -2,6 +2,7 @@ import igl
 import numpy as np
 import pytest
 
+from handpipe.mesh.surfaces.barycentric import barycentric_weights
 from handpipe.mesh.surfaces.distance import Distance, sample_points, surface_errors
 from handpipe.mesh.surfaces.surface import Surface, concatenate
 
@@ -101,3 +102,18 @@ def test_closest_places_are_those_of_libigl_whatever_shape_the_order_comes_from(
     np.testing.assert_allclose(closest, expected, atol=1e-12)
     for a, b in zip((distances, triangles, closest), Distance(own).closest(points), strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+def test_weights_in_a_triangle_without_area_are_those_of_its_longest_edge() -> None:
+    """Contours have such triangles where a grid point lies on the surface."""
+    edge = np.array([[1.0, 2, 3], [4.0, 6, 3]])
+    for third in (0, 1, None):  # at an end, or on the edge
+        apex = edge.mean(axis=0) if third is None else edge[third]
+        corners = np.array([[edge[0], apex, edge[1]], [apex, edge[1], edge[0]]])
+        for share in (0.0, 0.3, 1.0):
+            place = (1 - share) * edge[0] + share * edge[1]
+            weights = barycentric_weights(np.tile(place, (2, 1)), corners)
+            np.testing.assert_allclose(weights.sum(axis=1), 1.0)
+            np.testing.assert_allclose(np.einsum("nk,nki->ni", weights, corners), [place, place])
+    point = barycentric_weights(np.array([[1.0, 1, 1]]), np.ones((1, 3, 3)))
+    np.testing.assert_allclose(point.sum(), 1.0)

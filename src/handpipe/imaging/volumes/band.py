@@ -10,7 +10,7 @@ from numba import njit
 from handpipe.core import Array, IntArray
 from handpipe.imaging.volumes.rasterisation import inside
 from handpipe.imaging.volumes.volume import Volume
-from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.surfaces import Distance, Surface, barycentric_weights
 
 
 @dataclass(frozen=True)
@@ -90,15 +90,5 @@ def _around_points(points, radii, shape):  # type: ignore[no-untyped-def]
 def at_closest(surface: Surface, triangles: IntArray, points: Array, values: Array) -> Array:
     """Vertex values (n,) interpolated at points (m, 3) on given triangles (m,)."""
     corners = surface.triangles[triangles]
-    a, b, c = np.moveaxis(surface.vertices[corners], 1, 0)
-    normal = np.cross(b - a, c - a)
-    squared = np.maximum(np.einsum("ij,ij->i", normal, normal), 1e-300)
-    weights = np.stack(
-        [
-            np.einsum("ij,ij->i", np.cross(c - b, points - b), normal) / squared,
-            np.einsum("ij,ij->i", np.cross(a - c, points - c), normal) / squared,
-            np.einsum("ij,ij->i", np.cross(b - a, points - a), normal) / squared,
-        ],
-        axis=1,
-    )
+    weights = barycentric_weights(points, surface.vertices[corners])
     return np.einsum("ij,ij->i", weights, values[corners])
