@@ -1,5 +1,7 @@
 """What holds a tissue, and its equilibria."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -132,3 +134,13 @@ def test_surfaces_of_inner_points_are_the_posed_bodies():
     assert isinstance(surface, Surface)
     np.testing.assert_array_equal(surface.vertices, posed)
     np.testing.assert_allclose(limb().inner.posed(below(posed)), limb().inner.rest + 1.0)
+
+
+def test_a_point_outside_its_tet_has_its_own_side_at_rest() -> None:
+    """Such a point has negative weights; a vertex with large tets must not turn its side over."""
+    tissue = limb(Region.contact)
+    away = replace(tissue.inner, rest=tissue.inner.rest + 16.0 * tissue.inner.normal)
+    outside = replace(tissue, inner=away)
+    assert outside.inner_matrix.min() < -1.0
+    ids = np.arange(len(away.rest))
+    np.testing.assert_allclose(outside.sides(outside.mesh.vertices, ids), away.normal, atol=1e-9)

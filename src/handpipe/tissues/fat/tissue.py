@@ -143,7 +143,16 @@ class Tissue:
     @cached_property
     def inner_matrix(self) -> sparse.csr_matrix:
         """Inner points (k, n) as sums of tissue vertices."""
-        return Embedding.embed(self.inner.rest, self.mesh).matrix(len(self.mesh.vertices))
+        return self._inner_embedding.matrix(len(self.mesh.vertices))
+
+    @cached_property
+    def _inner_embedding(self) -> Embedding:
+        return Embedding.embed(self.inner.rest, self.mesh)
+
+    @cached_property
+    def _around_inner(self) -> sparse.csr_matrix:
+        """As `inner_matrix`, without negative weights: those of a point outside its tet may reverse a sum."""
+        return self._inner_embedding.drawn_in().matrix(len(self.mesh.vertices))
 
     def pose(self, bones: Mapping[str, RigidTransform], shifts: Array | float = 0.0) -> Array:
         """Vertices (n, 3), shifted by (n, 3) and moved by smooth blends of bone transforms.
@@ -201,7 +210,7 @@ class Tissue:
         them.
         """
         gradients = (self._gradients @ x.ravel()).reshape(-1, 9)
-        rotations, _ = polar((self.inner_matrix[ids] @ (self._around @ gradients)).reshape(-1, 3, 3))
+        rotations, _ = polar((self._around_inner[ids] @ (self._around @ gradients)).reshape(-1, 3, 3))
         return np.einsum("nij,nj->ni", rotations, self.inner.normal[ids])
 
     def constraints(
