@@ -1,6 +1,7 @@
 import igl
 import numpy as np
 import pytest
+import trimesh
 
 from handpipe.mesh.surfaces.barycentric import barycentric_weights
 from handpipe.mesh.surfaces.distance import Distance, sample_points, surface_errors
@@ -117,3 +118,27 @@ def test_weights_in_a_triangle_without_area_are_those_of_its_longest_edge() -> N
             np.testing.assert_allclose(np.einsum("nk,nki->ni", weights, corners), [place, place])
     point = barycentric_weights(np.array([[1.0, 1, 1]]), np.ones((1, 3, 3)))
     np.testing.assert_allclose(point.sum(), 1.0)
+
+
+@pytest.mark.parametrize("first", [True, False], ids=["lines first", "lines last"])
+def test_triangles_without_area_leave_the_sides_of_a_box_as_they_are(first: bool) -> None:
+    """Edges of a box are split on one side alone, and a triangle without area closes each gap."""
+    box = trimesh.creation.box()
+    vertices, whole, lines, split = [*np.asarray(box.vertices)], [], [], set()
+    for a, b, c in np.asarray(box.faces):
+        edge = frozenset((int(a), int(b)))
+        if edge in split:
+            whole.append((a, b, c))
+            continue
+        split.add(edge)
+        middle = len(vertices)
+        vertices.append((vertices[a] + vertices[b]) / 2)
+        whole += [(a, middle, c), (middle, b, c)]
+        lines.append((a, b, middle))
+    surface = Surface(np.array(vertices), np.array(lines + whole if first else whole + lines))
+    points = np.random.default_rng(0).uniform(-1.2, 1.2, (5000, 3))
+    within = (np.abs(points) < 0.5).all(axis=1)
+    outside = np.linalg.norm(np.maximum(np.abs(points) - 0.5, 0.0), axis=1)
+    expected = np.where(within, np.abs(points).max(axis=1) - 0.5, outside)
+    assert surface.is_closed() and len(lines) > 5 and 100 < within.sum() < 2500
+    np.testing.assert_allclose(Distance(surface).signed(points)[0], expected, atol=1e-12)

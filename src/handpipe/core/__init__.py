@@ -6,7 +6,7 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.core import artifacts, configuration, metrics, paths, robust
-    from handpipe.core.arrays import Array, BoolArray, Int32Array, IntArray, unit_vectors
+    from handpipe.core.arrays import Array, BoolArray, Int32Array, IntArray, evenly, unit_vectors
     from handpipe.core.artifacts import atomic, identity, read_text, write_text
     from handpipe.core.code_digest import CodeDigests
     from handpipe.core.command import Parser, number, reported, run, whole_number
@@ -51,6 +51,7 @@ __all__ = [
     "artifacts_of",
     "atomic",
     "configuration",
+    "evenly",
     "flesh_in",
     "identity",
     "inner_layers",

@@ -1,4 +1,4 @@
-"""Types of arrays: their dtype, not their shape, which docstrings tell; and vectors of unit length."""
+"""Types of arrays, their dtype and not their shape, which docstrings tell; unit vectors; equal steps."""
 
 from __future__ import annotations
 
@@ -26,3 +26,21 @@ def unit_vectors(vectors: Array) -> Array:
     """
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.where(lengths > 0, lengths, 1.0))
+
+
+def evenly(count: int, most: int) -> IntArray:
+    """Numbers from 0 to count - 1: all, or as many in equal steps, the first and the last among them.
+
+    Parameters
+    ----------
+    count : int
+        How many there are.
+    most : int
+        How many are taken at most.
+
+    Returns
+    -------
+    array (min(count, most),) of int
+        The numbers, in order.
+    """
+    return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, overload
 
@@ -145,7 +146,25 @@ def read_simulated(path: str | Path) -> tuple[list[tuple[Frame, dict[str, Shapes
     return frames, [Failure(*map(str, row)) for row in rows]
 
 
-class StoredFrames(Sequence[SimulatedFrame]):
+class MadeFrames(Sequence[SimulatedFrame]):
+    """Frames that are made when they are asked for: a long scene does not fit into memory."""
+
+    @abstractmethod
+    def frame(self, number: int) -> SimulatedFrame:
+        """The frame of a number from 0; `IndexError` where there is none."""
+
+    @overload
+    def __getitem__(self, index: int) -> SimulatedFrame: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[SimulatedFrame]: ...
+    def __getitem__(self, index: int | slice) -> SimulatedFrame | Sequence[SimulatedFrame]:
+        """A frame by its number, or a list of several."""
+        if isinstance(index, slice):
+            return [self[number] for number in range(*index.indices(len(self)))]
+        return self.frame(index)
+
+
+class StoredFrames(MadeFrames):
     """The frames of files, in their order, of which one file at a time is in memory.
 
     Parameters
@@ -172,23 +191,13 @@ class StoredFrames(Sequence[SimulatedFrame]):
         """Number of frames."""
         return len(self._places)
 
-    @overload
-    def __getitem__(self, index: int) -> SimulatedFrame: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[SimulatedFrame]: ...
-    def __getitem__(self, index: int | slice) -> SimulatedFrame | Sequence[SimulatedFrame]:
-        """A frame by its number, or a list of several."""
-        if isinstance(index, slice):
-            return [self[number] for number in range(*index.indices(len(self)))]
-        path, number = self._places[index]
+    def frame(self, number: int) -> SimulatedFrame:
+        """The frame of a number; its whole file is read unless it was the last one."""
+        path, place = self._places[number]
         if self._last is None or self._last[0] != path:
             self._last = None  # before the next file is read: one at a time
             self._last = path, read_frames(path)
-        return self._last[1][number]
-
-    def __iter__(self) -> Iterator[SimulatedFrame]:
-        """The frames one after another."""
-        return (self[number] for number in range(len(self)))
+        return self._last[1][place]
 
 
 def failures_in(path: str | Path) -> list[Failure]:

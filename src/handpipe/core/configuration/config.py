@@ -530,7 +530,7 @@ class Scene(Model):
     )
     equilibria: bool = Field(
         False,
-        description="look for other equilibria of each frame, from other starts; doubles the time of fat",
+        description="look for other equilibria of frames from other starts: at least twice the time of fat",
     )
     movie: bool = Field(False, description="draw the frames as movies, too; with `images` also the volumes")
     images: bool = Field(False, description="move the neutral image with the frames, and into scanned poses")

@@ -11,7 +11,7 @@ import fast_simplification
 import numpy as np
 from numpy.typing import NDArray
 
-from handpipe.core import Array, IntArray, Shape
+from handpipe.core import Array, IntArray, Shape, evenly
 from handpipe.evaluation.pictures import body_surface, surface_colours
 from handpipe.evaluation.sides import view_directions
 from handpipe.hand import SimulatedFrame, colour, opacity, shown, tissue
@@ -71,7 +71,7 @@ def view_data(
     # The first and last frame tell how large the bodies are before all frames are carried along.
     ends = _carried([frames[0], frames[-1]], triangles) if frames else {}
     per_frame = sum(2 * 3 * coarse.positions.shape[1] for coarse in ends.values())
-    chosen = _evenly(len(frames), max(size // max(per_frame, 1), 2))
+    chosen = evenly(len(frames), max(size // max(per_frame, 1), 2))
     picked = [frames[i] for i in chosen]
     moving = _carried(picked, triangles)
     every = (
@@ -91,11 +91,6 @@ def view_data(
             for key, coarse in moving.items()
         ],
     }
-
-
-def _evenly(count: int, most: int) -> list[int]:
-    """At most so many of a number of frames, the first and the last among them."""
-    return sorted({int(i) for i in np.round(np.linspace(0, count - 1, min(count, most)))}) if count else []
 
 
 def _views(

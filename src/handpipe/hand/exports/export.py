@@ -19,7 +19,7 @@ import numpy as np
 import pygltflib as gltf
 from numpy.typing import NDArray
 
-from handpipe.core import LAYERS, Array, IntArray, Shape, atomic, write_text
+from handpipe.core import LAYERS, Array, IntArray, Shape, atomic, evenly, write_text
 from handpipe.fem.elements import plasticity
 from handpipe.hand.appearance import colour, opacity, shown, tissue, vertex_colours
 from handpipe.hand.simulation import SimulatedFrame
@@ -221,12 +221,11 @@ def numbers_in_glb(frames: Sequence[SimulatedFrame], size: int = LARGEST) -> lis
         Bytes of all moving vertices, at most, as far as two frames allow.
     """
     vertices = sum(len(shape.vertices) for _, _, shape in shown(frames[0][1]))
-    most = max(size // max(vertices * BYTES_A_VERTEX, 1), 2)
-    if len(frames) <= most:
-        return list(range(len(frames)))
-    text = "a glTF of all %d frames would have %.1f GB; it has %d of them in equal steps, VTU has all"
-    log.warning(text, len(frames), 1e-9 * vertices * BYTES_A_VERTEX * len(frames), most)
-    return [int(number) for number in np.round(np.linspace(0, len(frames) - 1, most))]
+    chosen = evenly(len(frames), max(size // max(vertices * BYTES_A_VERTEX, 1), 2))
+    if len(chosen) < len(frames):
+        text = "a glTF of all %d frames would have %.1f GB; it has %d of them in equal steps, VTU has all"
+        log.warning(text, len(frames), 1e-9 * vertices * BYTES_A_VERTEX * len(frames), len(chosen))
+    return chosen.tolist()
 
 
 def write_empty(path: str | Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, overload, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from handpipe.anatomy.templates import harmonic_fibres
 from handpipe.core import Array, Frame, IntArray, Layer, RigidTransform, Shapes
 from handpipe.fem.elements import green_strains, plasticity, von_mises
 from handpipe.fem.potentials import Elastic
+from handpipe.hand.frames import MadeFrames
 from handpipe.hand.simulation import SimulatedFrame
 from handpipe.tissues.muscles import Muscle, MuscleLayer
 
@@ -67,8 +68,8 @@ def with_mechanics(
 
 
 @dataclass(frozen=True)
-class _Computed(Sequence[SimulatedFrame]):
-    """Frames whose shapes are computed when they are asked for: a long scene does not fit into memory."""
+class _Computed(MadeFrames):
+    """Frames with other shapes, computed of theirs."""
 
     frames: Sequence[SimulatedFrame]
     shapes: Callable[[Frame, Mapping[str, Shapes]], dict[str, Shapes]]
@@ -76,14 +77,8 @@ class _Computed(Sequence[SimulatedFrame]):
     def __len__(self) -> int:
         return len(self.frames)
 
-    @overload
-    def __getitem__(self, index: int) -> SimulatedFrame: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[SimulatedFrame]: ...
-    def __getitem__(self, index: int | slice) -> SimulatedFrame | Sequence[SimulatedFrame]:
-        if isinstance(index, slice):
-            return _Computed(self.frames[index], self.shapes)
-        frame, shapes = self.frames[index]
+    def frame(self, number: int) -> SimulatedFrame:
+        frame, shapes = self.frames[number]
         return frame, self.shapes(frame, shapes)
 
 

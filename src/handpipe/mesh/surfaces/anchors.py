@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.core import Array, IntArray
+from handpipe.mesh.surfaces.barycentric import barycentric_weights
 from handpipe.mesh.surfaces.surface import Surface
 
 
@@ -41,11 +42,10 @@ class Anchors:
         corners = surface.triangles[triangles]
         a, b, c = np.moveaxis(surface.vertices[corners], 1, 0)
         normal = np.cross(b - a, c - a)
-        squared = np.einsum("ni,ni->n", normal, normal)
-        wa = np.einsum("ni,ni->n", np.cross(c - b, closest - b), normal) / squared
-        wb = np.einsum("ni,ni->n", np.cross(a - c, closest - c), normal) / squared
-        heights = np.einsum("ni,ni->n", points - closest, normal) / np.sqrt(squared)
-        return Anchors(corners, np.stack([wa, wb, 1 - wa - wb], axis=1), heights)
+        heights = np.einsum("ni,ni->n", points - closest, normal) / np.sqrt(
+            np.einsum("ni,ni->n", normal, normal)
+        )
+        return Anchors(corners, barycentric_weights(closest, surface.vertices[corners]), heights)
 
     def feet(self, vertices: Array) -> Array:
         """Places (n, 3) on the moved surface."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from handpipe.core import Array, IntArray
+from handpipe.core import Array, BoolArray, IntArray
 
 FLAT = 1e-24  # of the fourth power of the longest edge: a triangle with a smaller squared area is a line
 
@@ -32,10 +32,17 @@ def barycentric_weights(points: Array, corners: Array) -> Array:
     wa = np.einsum("ni,ni->n", np.cross(c - b, points - b), normal) / squared
     wb = np.einsum("ni,ni->n", np.cross(a - c, points - c), normal) / squared
     weights = np.stack([wa, wb, 1 - wa - wb], axis=1)
-    longest = np.max([np.einsum("ni,ni->n", e, e) for e in (b - a, c - b, a - c)], axis=0)
-    flat = np.flatnonzero(squared <= FLAT * longest**2)
-    weights[flat] = _on_longest_edge(points[flat], corners[flat])
+    lines = np.flatnonzero(flat(corners))
+    weights[lines] = _on_longest_edge(points[lines], corners[lines])
     return weights
+
+
+def flat(corners: Array) -> BoolArray:
+    """Which triangles (k,), by their corners (k, 3, 3), have no area to rounding: lines and points."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    normal = np.cross(b - a, c - a)
+    longest = np.max([np.einsum("ni,ni->n", e, e) for e in (b - a, c - b, a - c)], axis=0)
+    return np.asarray(np.einsum("ni,ni->n", normal, normal) <= FLAT * longest**2)
 
 
 def _on_longest_edge(points: Array, corners: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from handpipe.core import Array, IntArray
-from handpipe.mesh.surfaces.barycentric import barycentric_matrix
+from handpipe.mesh.surfaces.barycentric import barycentric_matrix, flat
 from handpipe.mesh.surfaces.surface import Surface, sums_at
 from handpipe.mesh.surfaces.triangle_tree import boxes_of, closest_places
 
@@ -29,8 +29,11 @@ class Distance:
 
     def __init__(self, surface: Surface, *, by_winding: bool = False) -> None:
         self.surface, self.by_winding = surface, by_winding
-        self._tree = surface.tree()
-        self._boxes = boxes_of(surface.vertices, surface.triangles, *self._tree)
+        order, nodes = surface.tree()
+        self._tree = order, nodes, boxes_of(surface.vertices, surface.triangles, order, nodes)
+        # Their neighbours have the same places, and a normal.
+        lines = flat(surface.vertices[surface.triangles])
+        self._lines = lines & ~lines.all()
         self._normals: tuple[Array, Array, Array] | None = None
 
     def closest(self, points: Array) -> tuple[Array, IntArray, Array]:
@@ -54,7 +57,7 @@ class Distance:
         if len(queries) == 0:
             return np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
         surface = self.surface
-        return closest_places(queries, surface.vertices, surface.triangles, *self._tree, self._boxes)
+        return closest_places(queries, surface.vertices, surface.triangles, self._tree, self._lines)
 
     def signed(self, points: Array) -> tuple[Array, IntArray, Array, Array]:
         """Signed distances and the closest places with their pseudonormals.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from handpipe.core import Array, IntArray
+from handpipe.core import Array, BoolArray, IntArray
 
 LEAF = 4  # triangles in a leaf, at most
 DEPTH = 64  # of a tree, at most: each level halves the number of triangles
@@ -83,16 +83,24 @@ def boxes_of(vertices: Array, corners: IntArray, order: IntArray, nodes: IntArra
 
 @njit(cache=True)
 def closest_places(
-    points: Array, vertices: Array, corners: IntArray, order: IntArray, nodes: IntArray, boxes: Array
+    points: Array,
+    vertices: Array,
+    corners: IntArray,
+    tree: tuple[IntArray, IntArray, Array],
+    lines: BoolArray,
 ) -> tuple[Array, IntArray, Array]:
     """Distances (n,) of points (n, 3), triangles (n,) in which the closest places are, and these (n, 3).
 
-    Each search begins with the triangle of the point before, which is often near.
+    tree: order, nodes and boxes; lines (t,): triangles without area, which are left out. Each search begins
+    with the triangle of the point before, which is often near.
     """
+    order, nodes, boxes = tree
     distances, triangles = np.empty(len(points)), np.zeros(len(points), dtype=np.int64)
     closest = np.empty((len(points), 3))
     stack, bounds = np.empty(DEPTH, dtype=np.int64), np.empty(DEPTH)
     found = 0
+    while found < len(lines) - 1 and lines[found]:
+        found += 1
     for i in range(len(points)):
         px, py, pz = points[i]
         best, x, y, z = _closest_in(px, py, pz, vertices, corners, found)
@@ -114,6 +122,8 @@ def closest_places(
                 continue
             for at in range(nodes[node, 1], nodes[node, 2]):
                 t = order[at]
+                if lines[t]:
+                    continue
                 squared, tx, ty, tz = _closest_in(px, py, pz, vertices, corners, t)
                 if squared < best or (squared == best and t < found):
                     best, found, x, y, z = squared, t, tx, ty, tz

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from handpipe.core import Array, BoolArray, RigidTransform
+from handpipe.core import Array, BoolArray, RigidTransform, evenly
 from handpipe.imaging.volumes import Volume
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.bones.registration_result import Registration
@@ -182,7 +182,7 @@ class PoseImages:
             middle = self._middle(bone)
             pair = _Pair.build(crop, region, self.target, one.transform, middle)
             voxels = np.argwhere(region)
-            voxels = voxels[np.linspace(0, len(voxels) - 1, min(len(voxels), MOST)).round().astype(int)]
+            voxels = voxels[evenly(len(voxels), MOST)]
             values = crop.values[tuple(voxels.T)].astype(float)
             compared[bone] = Region(crop.to_world(voxels), values, pair.splines, middle)
         return compared

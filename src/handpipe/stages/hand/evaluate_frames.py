@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,8 +53,8 @@ def evaluate_frames(inputs: Inputs, outputs: Outputs, dataset: Dataset, scene: S
         found |= figure_metrics(rows, figure_names(rows, plain)) | continuity_metrics(steps.found.values())
         motion, others = _figures_of_frames([inputs.motion]), _figures_of_frames(inputs.equilibria)
         found |= _other_equilibria(others.values())
-        further: tuple[Mapping[str, Row], ...] = (motion, others, steps.found)
-        rows = [_together(row, *(known.get(_frame(row), {}) for known in further)) for row in rows]
+        for further in (motion, others, steps.found):
+            rows = [{**row, **further.get(_frame(row), {})} for row in rows]
     artifacts.write_text(outputs.table, json.dumps(rows, indent=2))
     metrics.write(outputs.metrics, found | figures)
 
@@ -73,10 +73,6 @@ class _Steps:
                 self._continuity.cut()
             self._last = self._number[frame.name]
             self.found[frame.name] = self._continuity.step(frame, layers)
-
-
-def _together(*rows: Row) -> Row:
-    return {name: value for row in rows for name, value in row.items()}
 
 
 def _figures_of_frames(paths: Iterable[Path | None]) -> dict[str, Row]:

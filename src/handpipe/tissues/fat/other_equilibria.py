@@ -87,6 +87,7 @@ def _restarted(
     try:
         found = layer.at_rest(frame, shapes, [start])
     except ConvergenceError as error:
+        log.warning("%s of %s: no equilibrium from the %s: %s", layer.name, frame.name, name, error)
         return Restart(name, reason=str(error))
     before = _tets_of(layer, shapes)
     apart = np.linalg.norm(tissue.skin_matrix @ (found.x - before), axis=1)
