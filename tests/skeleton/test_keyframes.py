@@ -102,7 +102,7 @@ def test_expanded_angles_are_read_again_as_frames(tmp_path):
 def test_a_table_of_angles_is_no_motion(tmp_path):
     path = written(tmp_path, "frame,PIP2_flexion [deg]\na,3\n")
     assert not is_motion(path)
-    with pytest.raises(InputError, match="holds no keyframes, targets or tracked points"):
+    with pytest.raises(InputError, match="holds no keyframes, targets, contractions or tracked points"):
         expand_motion(path, RIG)
 
 
