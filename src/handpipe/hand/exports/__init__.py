@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from handpipe.hand.exports.input_deck import write_deck
     from handpipe.hand.exports.linear_blend import LinearBlend
     from handpipe.hand.exports.mechanics import Mechanical, muscle_fibres, tet_fields, with_mechanics
-    from handpipe.hand.exports.rigged_glb import write_rigged_glb
+    from handpipe.hand.exports.rigged_glb import surfaces_once, write_rigged_glb
     from handpipe.hand.exports.usd_cache import write_usd
 else:
     __getattr__ = face(__name__)
@@ -25,6 +25,7 @@ __all__ = [
     "Mechanical",
     "muscle_fibres",
     "surface_triangles",
+    "surfaces_once",
     "tet_fields",
     "with_mechanics",
     "write_deck",

@@ -12,6 +12,7 @@ from handpipe.skeleton.joints.angles import Limits
 from handpipe.skeleton.motion.interpolation import angles_between
 from handpipe.skeleton.motion.keyframes import is_keyframe_table, read_keyframes
 from handpipe.skeleton.motion.motion import Motion
+from handpipe.skeleton.motion.random_poses import is_random_file, random_names, read_random_poses
 from handpipe.skeleton.motion.target_file import read_targets
 from handpipe.skeleton.motion.target_motion import read_target_motion
 from handpipe.skeleton.motion.tracked_motion import read_tracked_motion
@@ -20,7 +21,7 @@ from handpipe.skeleton.rig.rig import Rig
 
 
 def is_motion(path: str | Path) -> bool:
-    """Whether a file describes a motion and not frames: keyframes, targets or tracked points.
+    """Whether a file describes a motion and not frames: keyframes, targets, random poses or tracked points.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def motion_frame_names(
     Parameters
     ----------
     path : str or Path
-        Keyframes, targets or tracked points.
+        Keyframes, targets, random poses or tracked points.
     limits : mapping of str to (float, float)
         Lower and upper limit of every angle in rad.
     bones : sequence of str, optional
@@ -72,6 +73,8 @@ def motion_frame_names(
         return read_keyframes(path, limits).times.frame_names
     if kind == "targets":
         return read_targets(path, limits, tuple(bones))[1].frame_names
+    if kind == "random":
+        return random_names(path)
     chosen = _recording(path, kind, recording)
     return list(frame_times(path, read_track(path, chosen.side or hand), chosen))
 
@@ -84,7 +87,7 @@ def expand_motion(
     Parameters
     ----------
     path : str or Path
-        Keyframes (CSV), targets of inverse kinematics (YAML) or tracked points (CSV).
+        Keyframes (CSV), targets of inverse kinematics or random poses (YAML), or tracked points (CSV).
     rig : Rig
         Rig that the motion moves.
     hand : str
@@ -110,12 +113,14 @@ def expand_motion(
         return Motion(dict(zip(keys.times.frame_names, frames, strict=True)))
     if kind == "targets":
         return read_target_motion(path, rig)
+    if kind == "random":
+        return read_random_poses(path, rig)
     return read_tracked_motion(path, rig, hand, _recording(path, kind, recording))
 
 
 def _kind(path: str | Path) -> str | None:
     if Path(path).suffix.lower() in (".yaml", ".yml"):
-        return "targets"
+        return "random" if is_random_file(path) else "targets"
     if is_keyframe_table(path):
         return "keyframes"
     return "track" if is_track_table(path) else None

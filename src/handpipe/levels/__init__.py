@@ -1,0 +1,23 @@
+"""Cheap hands that are learned from simulated frames: skinning, and skinning with learned correctives."""
+
+from typing import TYPE_CHECKING
+
+from handpipe.core.faces import face
+
+if TYPE_CHECKING:
+    from handpipe.levels.learned_hand import Errors, LearnedBody, LearnedHand, Level
+    from handpipe.levels.learning import learn
+
+    from handpipe.levels.training_set import TrainingSet
+else:
+    __getattr__ = face(__name__)
+
+__all__ = [
+    "Errors",
+    "LearnedBody",
+    "LearnedHand",
+    "Level",
+    "TrainingSet",
+    "learn",
+
+]

@@ -1,0 +1,158 @@
+"""Compiled loops over vertices: correctives and skinning in one pass, in single precision."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+SMALL = 1e-12  # below which a squared length is zero
+
+
+@njit(cache=True)
+def radial(squared: float, width: float) -> float:
+    """A Gaussian of the distance."""
+    return float(np.exp(-squared / (2 * width * width)))
+
+
+@njit(cache=True)
+def coefficients(
+    places: Any, of_part: Any, at: Any, kinds: Any, known: Any, known_at: Any, gains: Any, gains_at: Any,
+    ends: Any, out: Any,
+) -> None:  # fmt: skip
+    """Coefficients of every part's shapes at scaled angles (a,), into out (K,).
+
+    Of part p: of_part[at[p]:at[p + 1]] are its angles, `known` from known_at[p] on its learned poses, row by
+    row, `gains` from gains_at[p] on their (poses, shapes) gains, ends[p]:ends[p + 1] its shapes in out.
+    kinds (p, 2): degree of a polynomial, or zero and the width of a Gaussian.
+    """
+    for p in range(len(kinds)):
+        first, dof = at[p], at[p + 1] - at[p]
+        shapes = ends[p + 1] - ends[p]
+        out[ends[p] : ends[p + 1]] = 0.0
+        if shapes == 0:
+            continue
+        count = (gains_at[p + 1] - gains_at[p]) // shapes
+        for f in range(count):
+            dot, squared = 0.0, 0.0
+            row = known_at[p] + f * dof
+            for i in range(dof):
+                a, b = places[of_part[first + i]], known[row + i]
+                dot += a * b
+                squared += (a - b) * (a - b)
+            if kinds[p, 0] > 0:
+                value = (1.0 + dot / max(dof, 1)) ** kinds[p, 0]
+            else:
+                value = 1.0 + dot / max(dof, 1) + radial(squared, kinds[p, 1])
+            gain = gains_at[p] + f * shapes
+            for k in range(shapes):
+                out[ends[p] + k] += value * gains[gain + k]
+
+
+@njit(cache=True, fastmath=True)
+def correct(
+    rest: Any, rows: Any, parts: Any, starts: Any, basis: Any, ends: Any, amounts: Any, out: Any
+) -> None:
+    """Neutral points (n, 3) with the parts' shapes added, into out (n, 3).
+
+    Rows rows[v]:rows[v + 1] are the parts of vertex v; from starts[r] on, `basis` has three numbers a shape.
+    """
+    for v in range(len(rest)):
+        x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
+        for r in range(rows[v], rows[v + 1]):
+            at = starts[r]
+            for k in range(ends[parts[r]], ends[parts[r] + 1]):
+                amount = amounts[k]
+                x += amount * basis[at]
+                y += amount * basis[at + 1]
+                z += amount * basis[at + 2]
+                at += 3
+        out[v, 0], out[v, 1], out[v, 2] = x, y, z
+
+
+@njit(cache=True, fastmath=True)
+def skin(points: Any, joints: Any, weights: Any, motions: Any, out: Any) -> None:
+    """Points (n, 3) moved by weighted means of four bones' motions (b, 3, 4), into out (n, 3)."""
+    for v in range(len(points)):
+        x, y, z = points[v, 0], points[v, 1], points[v, 2]
+        a = b = c = np.float32(0.0)
+        for k in range(4):
+            w = weights[v, k]
+            if w > 0:
+                m = motions[joints[v, k]]
+                a += w * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
+                b += w * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
+                c += w * (m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
+        out[v, 0], out[v, 1], out[v, 2] = a, b, c
+
+
+@njit(cache=True)
+def dual_quaternions(motions: Any, out: Any) -> None:
+    """Real and dual parts (b, 8), each as w, x, y, z, of motions (b, 3, 4)."""
+    for i in range(len(motions)):
+        m, q = motions[i], out[i]
+        trace = m[0, 0] + m[1, 1] + m[2, 2]
+        largest = 0
+        for k in range(1, 3):
+            if m[k, k] > m[largest, largest]:
+                largest = k
+        if trace > m[largest, largest]:
+            q[0] = 1 + trace
+            q[1], q[2], q[3] = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+        else:
+            j, k = (largest + 1) % 3, (largest + 2) % 3
+            q[0] = m[k, j] - m[j, k]
+            q[1 + largest] = 1 + m[largest, largest] - m[j, j] - m[k, k]
+            q[1 + j], q[1 + k] = m[j, largest] + m[largest, j], m[k, largest] + m[largest, k]
+        norm = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        for k in range(4):
+            q[k] /= norm
+        w, x, y, z = q[0], q[1], q[2], q[3]
+        a, b, c = m[0, 3], m[1, 3], m[2, 3]
+        q[4] = -(a * x + b * y + c * z) / 2
+        q[5] = (a * w + b * z - c * y) / 2
+        q[6] = (b * w + c * x - a * z) / 2
+        q[7] = (c * w + a * y - b * x) / 2
+
+
+@njit(cache=True, fastmath=True)
+def skin_dual(points: Any, joints: Any, weights: Any, duals: Any, out: Any) -> None:
+    """As `skin`, by blends of dual quaternions (b, 8) (Kavan 2008), on the side of the first bone's."""
+    q = np.zeros(8, np.float32)
+    for v in range(len(points)):
+        first = duals[joints[v, 0]]
+        q[:] = 0.0
+        for k in range(4):
+            w = weights[v, k]
+            if w > 0:
+                d = duals[joints[v, k]]
+                side = first[0] * d[0] + first[1] * d[1] + first[2] * d[2] + first[3] * d[3]
+                w = -w if side < 0 else w
+                for i in range(8):
+                    q[i] += w * d[i]
+        norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+        w, x, y, z = q[0], q[1], q[2], q[3]
+        e, f, g, h = q[4], q[5], q[6], q[7]
+        a, b, c = points[v, 0], points[v, 1], points[v, 2]
+        i = w * a + y * c - z * b
+        j = w * b + z * a - x * c
+        k = w * c + x * b - y * a
+        out[v, 0] = a + 2 * (y * k - z * j + w * f - e * x + y * h - z * g) / norm
+        out[v, 1] = b + 2 * (z * i - x * k + w * g - e * y + z * f - x * h) / norm
+        out[v, 2] = c + 2 * (x * j - y * i + w * h - e * z + x * g - y * f) / norm
+
+
+@njit(cache=True)
+def nearest(places: Any, of_part: Any, at: Any, known: Any, known_at: Any, poses: int, out: Any) -> None:
+    """Root mean square distance of scaled angles (a,) to the nearest learned pose of each part, into out."""
+    for p in range(len(at) - 1):
+        first, dof = at[p], at[p + 1] - at[p]
+        least = np.inf
+        for f in range(poses):
+            row, squared = known_at[p] + f * dof, 0.0
+            for i in range(dof):
+                step = places[of_part[first + i]] - known[row + i]
+                squared += step * step
+            least = min(least, squared)
+        out[p] = np.sqrt(least / dof) if dof else 0.0
