@@ -6,8 +6,8 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.levels.learned_hand import Errors, LearnedBody, LearnedHand, Level
+    from handpipe.levels.learned_scene import require_learned
     from handpipe.levels.learning import learn
-
     from handpipe.levels.training_set import TrainingSet
 else:
     __getattr__ = face(__name__)
@@ -19,5 +19,5 @@ __all__ = [
     "Level",
     "TrainingSet",
     "learn",
-
+    "require_learned",
 ]

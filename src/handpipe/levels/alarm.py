@@ -36,10 +36,10 @@ class Alarm:
     def of(angles: Array, correctives: Correctives) -> Alarm:
         """Of learned poses (F, a) in rad; correctives: whose parts are driven by some of the angles each."""
         places = scaled(angles, correctives.lower, correctives.upper)
-        at = correctives.at
+        at, of_part = correctives.drivers.at, correctives.drivers.of_part
         apart = np.zeros((len(angles), len(at) - 1))
         for p in range(len(at) - 1):
-            own = places[:, correctives.of_part[at[p] : at[p + 1]]]
+            own = places[:, of_part[at[p] : at[p + 1]]]
             between = cdist(own, own) / np.sqrt(max(own.shape[1], 1))
             np.fill_diagonal(between, np.inf)
             apart[:, p] = between.min(axis=1)
@@ -54,11 +54,7 @@ class Alarm:
     def distance(self, angles: Array, correctives: Correctives) -> float:
         """How far a pose (a,) in rad is from the learned ones: above 1, farther than any of them is."""
         near = np.zeros(len(self.typical))
-        poses = _poses(correctives)
-        places = scaled(angles, correctives.lower, correctives.upper)
-        kernels.nearest(
-            places, correctives.of_part, correctives.at, correctives.known, correctives.known_at, poses, near
-        )
+        kernels.nearest(scaled(angles, correctives.lower, correctives.upper), correctives.drivers, near)
         half = np.maximum((self.upper - self.lower) / 2, STILL)
         beyond = np.maximum(np.maximum(self.lower - angles, angles - self.upper) / half, 0.0)
         by_parts = float((near / self.typical).max(initial=0.0)) / self.farthest
@@ -74,10 +70,3 @@ class Alarm:
         return Alarm(
             group["typical"], float(group["farthest"]), group["lower"], group["upper"], float(group["gap"])
         )
-
-
-def _poses(correctives: Correctives) -> int:
-    """Number of learned poses."""
-    dofs = np.diff(correctives.at)
-    counts = np.diff(correctives.known_at)[dofs > 0] // dofs[dofs > 0]
-    return int(counts[0]) if len(counts) else 0

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from handpipe.core import Array, Int32Array, IntArray
+from handpipe.core import Array, IntArray
 from handpipe.levels import kernels
-from handpipe.levels.regression import fit_regression
+from handpipe.levels.regression import Regression, fit_regression
 
 log = logging.getLogger(__name__)
 LEAST_WEIGHT = 0.02  # of a bone at a vertex that its part has
@@ -21,61 +21,63 @@ DAMPING = 0.0025  # added to the squared singular values of such a blend
 
 @dataclass(frozen=True, eq=False)
 class Correctives:
-    """Shapes of all parts, and the regressions that drive them, as `handpipe.levels.kernels` takes them.
+    """Shapes of all parts, and what drives them.
 
-    lower, upper (a,): range of the learned angles in rad; the other arrays are those of
-    `kernels.coefficients` and `kernels.correct`; errors (p,): left-out root mean square in mm.
+    lower, upper (a,): range of the learned angles in rad; errors (p,): root mean square distance in mm of
+    left-out frames.
     """
 
     lower: Array
     upper: Array
-    of_part: IntArray
-    at: IntArray
-    kinds: Array
-    known: Array
-    known_at: IntArray
-    gains: Array
-    gains_at: IntArray
-    ends: IntArray
+    drivers: kernels.Drivers
+    shapes: kernels.VertexShapes
     errors: Array
-    rows: Int32Array
-    parts: Int32Array
-    starts: IntArray
-    basis: Array
 
     def amounts(self, angles: Array) -> Array:
         """Coefficients (K,) of the shapes at angles (a,) in rad, in single precision."""
-        out = np.zeros(self.ends[-1])
-        kernels.coefficients(
-            scaled(angles, self.lower, self.upper), self.of_part, self.at, self.kinds, self.known,
-            self.known_at, self.gains, self.gains_at, self.ends, out,
-        )  # fmt: skip
-        return out.astype(np.float32)
+        out = np.zeros(self.drivers.ends[-1])
+        kernels.coefficients(scaled(angles, self.lower, self.upper), self.drivers, out)
+        return single(out)
 
     def add(self, rest: Array, angles: Array, out: Array) -> None:
         """Neutral points (n, 3) with the shapes at angles (a,) in rad added, into out (n, 3), mm."""
-        amounts = self.amounts(angles)
-        kernels.correct(rest, self.rows, self.parts, self.starts, self.basis, self.ends, amounts, out)
+        kernels.correct(rest, self.shapes, self.drivers.ends, self.amounts(angles), out)
 
     def of_vertices(self, which: IntArray) -> Correctives:
         """The same for some of the vertices, by their numbers."""
-        counts = np.diff(self.rows)[which]
+        before, parts, starts, basis = self.shapes
+        counts = np.diff(before)[which]
         rows = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-        kept = np.repeat(self.rows[which] - rows[:-1], counts) + np.arange(rows[-1])
-        return replace(self, rows=rows, parts=self.parts[kept], starts=self.starts[kept])
+        kept = np.repeat(before[which] - rows[:-1], counts) + np.arange(rows[-1])
+        return replace(self, shapes=kernels.VertexShapes(rows, parts[kept], starts[kept], basis))
 
     def with_plain(self, count: int) -> Correctives:
         """The same with further vertices that nothing is added to."""
-        return replace(self, rows=np.append(self.rows, np.full(count, self.rows[-1], np.int32)))
+        rows = self.shapes.rows
+        return replace(
+            self, shapes=self.shapes._replace(rows=np.append(rows, np.full(count, rows[-1], np.int32)))
+        )
 
     def to_group(self) -> dict[str, Any]:
         """Content for an artifact's group."""
-        return asdict(self)
+        parts = {"drivers": self.drivers._asdict(), "shapes": self.shapes._asdict()}
+        return {"lower": self.lower, "upper": self.upper, "errors": self.errors, **parts}
 
     @staticmethod
     def from_group(group: Mapping[str, Any]) -> Correctives:
         """What `to_group` gave, as an artifact returned it."""
-        return Correctives(**{name: np.ascontiguousarray(value) for name, value in group.items()})
+        return Correctives(
+            group["lower"],
+            group["upper"],
+            kernels.Drivers(**group["drivers"]),
+            kernels.VertexShapes(**group["shapes"]),
+            group["errors"],
+        )
+
+
+def single(values: Array) -> Array:
+    """Values in single precision, as the loops over vertices take them."""
+    return np.ascontiguousarray(values, np.float32)
 
 
 def scaled(angles: Array, lower: Array, upper: Array) -> Array:
@@ -111,6 +113,15 @@ class Skinned:
     corrections: Array
 
 
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A bone's part of a layer: numbers of vertices (m,), their shapes (K, m, 3) in mm, the regression."""
+
+    vertices: IntArray
+    shapes: Array
+    fitted: Regression
+
+
 def learn_correctives(
     skinned: Skinned, angles: Array, neighbourhoods: Mapping[int, list[tuple[int, ...]]]
 ) -> Correctives:
@@ -119,59 +130,67 @@ def learn_correctives(
     neighbourhoods: numbers of angles that may drive a bone's part, by its number; the fewest first.
     """
     lower, upper = angles.min(axis=0), angles.max(axis=0)
-    places = scaled(angles, lower, upper)
-    dense = np.zeros((len(skinned.rest), max(neighbourhoods, default=0) + 1))
-    np.add.at(dense, (np.arange(len(dense))[:, None], skinned.joints), skinned.weights)
-    dense[dense < LEAST_WEIGHT] = 0.0
-    dense /= dense.sum(axis=1, keepdims=True)
-    wanted = [(group, bone) for group in np.unique(skinned.groups) for bone in neighbourhoods]
-    fitted, owned, blocks = [], [], []
-    for group, bone in wanted:
-        own = np.flatnonzero((dense[:, bone] > 0) & (skinned.groups == group))
-        if len(own) == 0:
-            continue
-        share = np.sqrt(dense[own, bone])[:, None]
-        values = (skinned.corrections[:, own] * share).reshape(len(angles), -1).astype(float)
-        found = fit_regression(places, values, neighbourhoods[bone])
-        fitted.append(found)
-        owned.append(own)
-        # The vertex takes this part's shape by its weight; the square root above undoes half of it.
-        blocks.append(found.shapes.reshape(len(found.shapes), len(own), 3) * share)
-        log.info("layer %d, bone %d: %s, %d shapes", group, bone, found.choice, len(found.shapes))
-    ends = np.cumsum([0, *(len(f.shapes) for f in fitted)])
-    vertex = np.concatenate([np.zeros(0, np.int64), *owned])
-    part = np.concatenate([np.zeros(0, np.int64), *(np.full(len(o), p) for p, o in enumerate(owned))])
-    order = np.lexsort((part, vertex))
-    lengths = 3 * (ends[part + 1] - ends[part])
-    starts = np.cumsum([0, *lengths[order]])[:-1]
-    basis = np.zeros(int(lengths.sum()), np.float32)
+    places, shares = scaled(angles, lower, upper), _shares(skinned, max(neighbourhoods, default=0) + 1)
+    parts = []
+    for group in np.unique(skinned.groups):
+        for bone, near in neighbourhoods.items():
+            own = np.flatnonzero((shares[:, bone] > 0) & (skinned.groups == group))
+            if len(own):
+                part = _part(skinned, own, shares[own, bone], places, near)
+                log.info(
+                    "layer %d, bone %d: %s, %d shapes", group, bone, part.fitted.choice, len(part.shapes)
+                )
+                parts.append(part)
+    errors = np.array([part.fitted.error * np.sqrt(3) for part in parts])
+    drivers = _drivers([part.fitted for part in parts], places)
+    return Correctives(lower, upper, drivers, _vertex_shapes(parts, len(skinned.rest)), errors)
+
+
+def _shares(skinned: Skinned, bones: int) -> Array:
+    """Shares (n, b) of the bones' parts at the vertices: their weights, without the smallest ones."""
+    shares = np.zeros((len(skinned.rest), bones))
+    np.add.at(shares, (np.arange(len(shares))[:, None], skinned.joints), skinned.weights)
+    shares[shares < LEAST_WEIGHT] = 0.0
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+
+
+def _part(
+    skinned: Skinned, own: IntArray, shares: Array, places: Array, near: list[tuple[int, ...]]
+) -> _Part:
+    """The part of vertices `own` (m,), in which each counts by its share (m,)."""
+    roots = np.sqrt(shares)[:, None]
+    values = (skinned.corrections[:, own] * roots).reshape(len(places), -1).astype(np.float64)
+    found = fit_regression(places, values, near)
+    # A vertex takes the part's shape by its share, of which the values have the square root already.
+    return _Part(own, found.shapes.reshape(len(found.shapes), len(own), 3) * roots, found)
+
+
+def _drivers(fitted: Sequence[Regression], places: Array) -> kernels.Drivers:
+    chosen = [np.array(f.choice.angles, np.int64) for f in fitted]
+    known, gains = [places[:, c].ravel() for c in chosen], [f.gains.ravel() for f in fitted]
+    kinds = np.array([f.choice.kernel for f in fitted], float).reshape(-1, 2)
+    ends = np.cumsum([0, *(len(f.shapes) for f in fitted)]).astype(np.int64)
+    of_part = np.concatenate([np.zeros(0, np.int64), *chosen])
+    flat = [np.concatenate([np.zeros(0), *arrays]) for arrays in (known, gains)]
+    return kernels.Drivers(of_part, _ends(chosen), kinds, flat[0], _ends(known), flat[1], _ends(gains), ends)
+
+
+def _vertex_shapes(parts: Sequence[_Part], count: int) -> kernels.VertexShapes:
+    """The parts' shapes vertex by vertex, of `count` vertices."""
+    vertex = np.concatenate([np.zeros(0, np.int64), *(part.vertices for part in parts)])
+    owner = np.repeat(np.arange(len(parts)), [len(part.vertices) for part in parts])
+    numbers = 3 * np.array([len(part.shapes) for part in parts], np.int64)[owner]
+    order = np.lexsort((owner, vertex))
+    starts = np.cumsum(numbers[order]) - numbers[order]
     first = np.empty(len(order), np.int64)
     first[order] = starts
-    for p, block in enumerate(blocks):
-        if len(block):
-            to = first[part == p][:, None, None] + 3 * np.arange(len(block))[:, None] + np.arange(3)
-            basis[to] = block.transpose(1, 0, 2)
-    chosen = [np.array(f.choice.angles, np.int64) for f in fitted]
-    known = [places[:, c].ravel() for c in chosen]
-    gains = [f.gains.ravel() for f in fitted]
-    return Correctives(
-        lower,
-        upper,
-        np.concatenate([np.zeros(0, np.int64), *chosen]),
-        _ends(chosen),
-        np.array([f.choice.kernel for f in fitted], float).reshape(-1, 2),
-        np.concatenate([np.zeros(0), *known]),
-        _ends(known),
-        np.concatenate([np.zeros(0), *gains]),
-        _ends(gains),
-        ends.astype(np.int64),
-        np.array([f.error * np.sqrt(3) for f in fitted]),
-        np.searchsorted(vertex[order], np.arange(len(skinned.rest) + 1)).astype(np.int32),
-        part[order].astype(np.int32),
-        starts.astype(np.int64),
-        basis,
-    )
+    basis = np.zeros(int(numbers.sum()))
+    for p, part in enumerate(parts):
+        places = 3 * np.arange(len(part.shapes))[:, None] + np.arange(3)
+        basis[first[owner == p][:, None, None] + places] = part.shapes.transpose(1, 0, 2)
+    rows = np.searchsorted(vertex[order], np.arange(count + 1)).astype(np.int32)
+    return kernels.VertexShapes(rows, owner[order].astype(np.int32), starts.astype(np.int64), single(basis))
 
 
-def _ends(arrays: list[Array] | list[IntArray]) -> IntArray:
+def _ends(arrays: Sequence[Array] | Sequence[IntArray]) -> IntArray:
     return np.cumsum([0, *(len(a) for a in arrays)]).astype(np.int64)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -15,18 +15,17 @@ from handpipe.skeleton.rig import Rig
 MOST_ANGLES, MOST_TERMS = 3, 9  # of a joint, and of its residual motion
 
 
-@dataclass(frozen=True, eq=False)
-class FastSkeleton:
-    """Joints as arrays, in the order of the bones after the root.
+class JointArrays(NamedTuple):
+    """Joints in the order of the bones after the root.
 
-    parents (j,): numbers of bones; first (j,), count (j,): angles of each joint; axes (j, 3, 3), order (j, 3);
-    centres, offsets (j, 3) in mm; turns, shifts (j, 9, 3): coefficients of the residual motion in rad and mm;
-    lower, upper (j, 3): range of its samples in rad.
+    parents (j,): numbers of bones; first (j,), dofs (j,): first angle and number of angles; axes (j, 3, 3),
+    order (j, 3); centres, offsets (j, 3) in mm; turns, shifts (j, 9, 3): coefficients of the residual motion
+    in rad and mm; lower, upper (j, 3): range of its samples in rad.
     """
 
     parents: IntArray
     first: IntArray
-    count: IntArray
+    dofs: IntArray
     axes: Array
     order: IntArray
     centres: Array
@@ -36,12 +35,19 @@ class FastSkeleton:
     lower: Array
     upper: Array
 
+
+@dataclass(frozen=True, eq=False)
+class FastSkeleton:
+    """Joint angles to motions of bones in microseconds."""
+
+    joints: JointArrays
+
     @staticmethod
     def of(rig: Rig) -> FastSkeleton:
         """The joints of a rig."""
         bones, counts = rig.bones, [len(joint.angles) for joint in rig.joints]
         n = len(counts)
-        made = FastSkeleton(
+        made = JointArrays(
             np.array([bones.index(joint.parent) for joint in rig.joints], np.int64),
             np.cumsum([0, *counts])[:n].astype(np.int64),
             np.array(counts, np.int64),
@@ -49,42 +55,32 @@ class FastSkeleton:
             np.tile(np.arange(MOST_ANGLES), (n, 1)),
             np.array([joint.fit.centre for joint in rig.joints], float).reshape(n, 3),
             np.array([joint.fit.offset for joint in rig.joints], float).reshape(n, 3),
-            np.zeros((n, MOST_TERMS, 3)),
-            np.zeros((n, MOST_TERMS, 3)),
-            np.zeros((n, MOST_ANGLES)),
-            np.zeros((n, MOST_ANGLES)),
+            *(np.zeros((n, MOST_TERMS, 3)) for _ in range(2)),
+            *(np.zeros((n, MOST_ANGLES)) for _ in range(2)),
         )
         for i, joint in enumerate(rig.joints):
-            fit, dof = joint.fit, counts[i]
-            made.axes[i, :dof], made.order[i, :dof] = fit.axes.directions.reshape(-1, 3), fit.axes.order
-            made.turns[i, : len(fit.rotation_residual.coefficients)] = fit.rotation_residual.coefficients
-            made.shifts[i, : len(fit.translation_residual.coefficients)] = (
-                fit.translation_residual.coefficients
-            )
-            made.lower[i, :dof], made.upper[i, :dof] = fit.rotation_residual.lower, fit.rotation_residual.upper
-        return made
+            axes, turn, shift = joint.fit.axes, joint.fit.rotation_residual, joint.fit.translation_residual
+            dof = counts[i]
+            made.axes[i, :dof], made.order[i, :dof] = axes.directions.reshape(-1, 3), axes.order
+            made.turns[i, : len(turn.coefficients)] = turn.coefficients
+            made.shifts[i, : len(shift.coefficients)] = shift.coefficients
+            made.lower[i, :dof], made.upper[i, :dof] = turn.lower, turn.upper
+        return FastSkeleton(made)
 
     def motions(self, angles: Array) -> Array:
-        """Rotation and translation (b, 3, 4) of all bones from neutral at angles (a,) in rad; root at rest."""
-        out = np.zeros((len(self.parents) + 1, 3, 4))
-        self.move(angles, out)
+        """Rotation and translation (b, 3, 4) of all bones from neutral at angles (a,) in rad."""
+        out = np.zeros((len(self.joints.parents) + 1, 3, 4))
+        _motions(np.ascontiguousarray(angles, np.float64), self.joints, out)
         return out
-
-    def move(self, angles: Array, out: Array) -> None:
-        """As `motions`, into an array (b, 3, 4)."""
-        _motions(
-            angles, self.parents, self.first, self.count, self.axes, self.order, self.centres, self.offsets,
-            self.turns, self.shifts, self.lower, self.upper, out,
-        )  # fmt: skip
 
     def to_group(self) -> dict[str, Any]:
         """Content for an artifact's group."""
-        return asdict(self)
+        return self.joints._asdict()
 
     @staticmethod
     def from_group(group: Mapping[str, Any]) -> FastSkeleton:
         """What `to_group` gave, as an artifact returned it."""
-        return FastSkeleton(**{name: np.ascontiguousarray(value) for name, value in group.items()})
+        return FastSkeleton(JointArrays(**group))
 
 
 @njit(cache=True)
@@ -119,48 +115,55 @@ def _terms(values: Array, lower: Array, upper: Array, count: int, out: Array) ->
 
 
 @njit(cache=True)
-def _motions(
-    angles, parents, first, count, axes, order, centres, offsets, turns, shifts, lower, upper, out
-):  # type: ignore[no-untyped-def]
+def _turned(joints: JointArrays, j: int, values: Array, turn: Array, apart: Array) -> None:
+    """A joint's rotation (3, 3) about its axes, and what the offset of the second one adds (3,) in mm."""
+    single, vector = np.zeros((3, 3)), np.zeros(3)
+    turn[:] = np.eye(3)
+    apart[:] = 0.0
+    for k in range(joints.dofs[j]):
+        i = joints.order[j, k]
+        for c in range(3):
+            vector[c] = values[i] * joints.axes[j, i, c]
+        rotation(vector, single)
+        if joints.dofs[j] == 2 and k == 1:
+            apart[:] = turn @ (joints.offsets[j] - single @ joints.offsets[j])
+        turn[:] = turn @ single
+
+
+@njit(cache=True)
+def _residual(joints: JointArrays, j: int, values: Array, turn: Array, shift: Array) -> None:
+    """A joint's residual rotation (3, 3) and translation (3,) in mm."""
+    terms, vector = np.zeros(9), np.zeros(3)
+    number = _terms(values, joints.lower[j], joints.upper[j], joints.dofs[j], terms)
+    shift[:] = 0.0
+    for t in range(number):
+        for c in range(3):
+            vector[c] += terms[t] * joints.turns[j, t, c]
+            shift[c] += terms[t] * joints.shifts[j, t, c]
+    rotation(vector, turn)
+
+
+@njit(cache=True)
+def _motions(angles: Array, joints: JointArrays, out: Array) -> None:
+    """Motions (b, 3, 4) of all bones at angles (a,)."""
     out[0] = 0.0
     for i in range(3):
         out[0, i, i] = 1.0
-    terms, single, small = np.zeros(9), np.zeros((3, 3)), np.zeros((3, 3))
-    values, vector, apart = np.zeros(3), np.zeros(3), np.zeros(3)
-    for j in range(len(parents)):
-        dof = count[j]
-        for i in range(dof):
-            values[i] = angles[first[j] + i]
-        turn = np.eye(3)
-        apart[:] = offsets[j]
-        for k in range(dof):
-            i = order[j, k]
-            for c in range(3):
-                vector[c] = values[i] * axes[j, i, c]
-            rotation(vector, single)
-            if dof == 2 and k == 1:  # the second axis of a saddle passes the centre at a distance
-                apart[:] = turn @ (offsets[j] - single @ offsets[j])
-            turn = turn @ single
-        if dof != 2:
-            apart[:] = 0.0
-        number = _terms(values, lower[j], upper[j], dof, terms)
-        vector[:] = 0.0
-        shift = np.zeros(3)
-        for t in range(number):
-            for c in range(3):
-                vector[c] += terms[t] * turns[j, t, c]
-                shift[c] += terms[t] * shifts[j, t, c]
-        rotation(vector, small)
+    turn, small, values = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
+    apart, shift = np.zeros(3), np.zeros(3)
+    for j in range(len(joints.parents)):
+        for i in range(joints.dofs[j]):
+            values[i] = angles[joints.first[j] + i]
+        _turned(joints, j, values, turn, apart)
+        _residual(joints, j, values, small, shift)
+        # X -> small (turn (X - C) + apart) + C + shift, then the parent's motion
+        centre, above = joints.centres[j], out[joints.parents[j]]
         whole = small @ turn
-        # X -> small (turn (X - C) + apart) + C + shift
-        place = small @ (apart - turn @ centres[j]) + centres[j] + shift
-        above = out[parents[j]]
-        here = out[j + 1]
+        place = small @ (apart - turn @ centre) + centre + shift
         for r in range(3):
+            out[j + 1, r, 3] = above[r, 3]
             for c in range(3):
-                here[r, c] = (
+                out[j + 1, r, 3] += above[r, c] * place[c]
+                out[j + 1, r, c] = (
                     above[r, 0] * whole[0, c] + above[r, 1] * whole[1, c] + above[r, 2] * whole[2, c]
                 )
-            here[r, 3] = (
-                above[r, 0] * place[0] + above[r, 1] * place[1] + above[r, 2] * place[2] + above[r, 3]
-            )

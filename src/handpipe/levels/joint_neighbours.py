@@ -28,8 +28,8 @@ def driving_angles(rig: Rig) -> dict[int, list[tuple[int, ...]]]:
         steps[number, :number] = steps[above, :number] + bool(joint.angles)
         steps[:number, number] = steps[number, :number]
     owners = [number for number, joint in enumerate(rig.joints, start=1) for _ in joint.angles]
-    above = [bones.index(joint.parent) for joint in rig.joints for _ in joint.angles]
-    away = 1 + np.minimum(steps[:, owners], steps[:, above])
+    carriers = [bones.index(joint.parent) for joint in rig.joints for _ in joint.angles]
+    away = 1 + np.minimum(steps[:, owners], steps[:, carriers])
     every = tuple(range(len(owners)))
     return {
         int(bone): [

@@ -2,12 +2,45 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
+from handpipe.core import Array, Int32Array, IntArray
+
 SMALL = 1e-12  # below which a squared length is zero
+
+
+class Drivers(NamedTuple):
+    """What drives the shapes of each part p.
+
+    of_part[at[p]:at[p + 1]]: its angles; from known_at[p] on `known` has its learned poses, row by row, and
+    from gains_at[p] on `gains` their gains (poses, shapes); ends[p]:ends[p + 1]: its shapes among all; kinds
+    (p, 2): degree of a polynomial, or zero and the width of a Gaussian.
+    """
+
+    of_part: IntArray
+    at: IntArray
+    kinds: Array
+    known: Array
+    known_at: IntArray
+    gains: Array
+    gains_at: IntArray
+    ends: IntArray
+
+
+class VertexShapes(NamedTuple):
+    """What the parts add to each vertex.
+
+    Rows rows[v]:rows[v + 1] are the parts of vertex v; from starts[r] on, `basis` has three numbers for each
+    shape of the part parts[r].
+    """
+
+    rows: Int32Array
+    parts: Int32Array
+    starts: IntArray
+    basis: Array
 
 
 @njit(cache=True)
@@ -17,23 +50,14 @@ def radial(squared: float, width: float) -> float:
 
 
 @njit(cache=True)
-def coefficients(
-    places: Any, of_part: Any, at: Any, kinds: Any, known: Any, known_at: Any, gains: Any, gains_at: Any,
-    ends: Any, out: Any,
-) -> None:  # fmt: skip
-    """Coefficients of every part's shapes at scaled angles (a,), into out (K,).
-
-    Of part p: of_part[at[p]:at[p + 1]] are its angles, `known` from known_at[p] on its learned poses, row by
-    row, `gains` from gains_at[p] on their (poses, shapes) gains, ends[p]:ends[p + 1] its shapes in out.
-    kinds (p, 2): degree of a polynomial, or zero and the width of a Gaussian.
-    """
+def coefficients(places: Any, drivers: Drivers, out: Any) -> None:
+    """Coefficients of every part's shapes at scaled angles (a,), into out (K,)."""
+    of_part, at, kinds, known, known_at, gains, gains_at, ends = drivers
     for p in range(len(kinds)):
         first, dof = at[p], at[p + 1] - at[p]
         shapes = ends[p + 1] - ends[p]
         out[ends[p] : ends[p + 1]] = 0.0
-        if shapes == 0:
-            continue
-        count = (gains_at[p + 1] - gains_at[p]) // shapes
+        count = (gains_at[p + 1] - gains_at[p]) // max(shapes, 1)
         for f in range(count):
             dot, squared = 0.0, 0.0
             row = known_at[p] + f * dof
@@ -41,23 +65,20 @@ def coefficients(
                 a, b = places[of_part[first + i]], known[row + i]
                 dot += a * b
                 squared += (a - b) * (a - b)
+            value = 1.0 + dot / max(dof, 1)
             if kinds[p, 0] > 0:
-                value = (1.0 + dot / max(dof, 1)) ** kinds[p, 0]
+                value = value ** kinds[p, 0]
             else:
-                value = 1.0 + dot / max(dof, 1) + radial(squared, kinds[p, 1])
+                value += radial(squared, kinds[p, 1])
             gain = gains_at[p] + f * shapes
             for k in range(shapes):
                 out[ends[p] + k] += value * gains[gain + k]
 
 
 @njit(cache=True, fastmath=True)
-def correct(
-    rest: Any, rows: Any, parts: Any, starts: Any, basis: Any, ends: Any, amounts: Any, out: Any
-) -> None:
-    """Neutral points (n, 3) with the parts' shapes added, into out (n, 3).
-
-    Rows rows[v]:rows[v + 1] are the parts of vertex v; from starts[r] on, `basis` has three numbers a shape.
-    """
+def correct(rest: Any, shapes: VertexShapes, ends: Any, amounts: Any, out: Any) -> None:
+    """Neutral points (n, 3) with the parts' shapes added by their amounts (K,), into out (n, 3)."""
+    rows, parts, starts, basis = shapes
     for v in range(len(rest)):
         x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
         for r in range(rows[v], rows[v + 1]):
@@ -144,15 +165,16 @@ def skin_dual(points: Any, joints: Any, weights: Any, duals: Any, out: Any) -> N
 
 
 @njit(cache=True)
-def nearest(places: Any, of_part: Any, at: Any, known: Any, known_at: Any, poses: int, out: Any) -> None:
-    """Root mean square distance of scaled angles (a,) to the nearest learned pose of each part, into out."""
+def nearest(places: Any, drivers: Drivers, out: Any) -> None:
+    """Root mean square distance of scaled angles (a,) to the nearest learned pose, into out (parts,)."""
+    of_part, at, known, known_at = drivers.of_part, drivers.at, drivers.known, drivers.known_at
     for p in range(len(at) - 1):
         first, dof = at[p], at[p + 1] - at[p]
-        least = np.inf
-        for f in range(poses):
-            row, squared = known_at[p] + f * dof, 0.0
+        least = np.inf if dof else 0.0
+        for row in range(known_at[p], known_at[p + 1], max(dof, 1)):
+            squared = 0.0
             for i in range(dof):
                 step = places[of_part[first + i]] - known[row + i]
                 squared += step * step
             least = min(least, squared)
-        out[p] = np.sqrt(least / dof) if dof else 0.0
+        out[p] = np.sqrt(least / max(dof, 1))

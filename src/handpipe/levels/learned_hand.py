@@ -13,7 +13,7 @@ import numpy as np
 from handpipe.core import Array, Frame, InputError, Int32Array, IntArray, Shape, Shapes, artifacts
 from handpipe.levels import kernels
 from handpipe.levels.alarm import Alarm
-from handpipe.levels.correctives import Correctives
+from handpipe.levels.correctives import Correctives, single
 from handpipe.levels.fast_skeleton import FastSkeleton
 from handpipe.levels.training_set import Body
 
@@ -102,12 +102,12 @@ class LearnedHand:
     def rest(self) -> Array:
         """Neutral vertices (n, 3) of all bodies in mm, in single precision."""
         found = [np.zeros((0, 3)), *(body.rest for body in self.bodies.values())]
-        return np.ascontiguousarray(np.concatenate(found), np.float32)
+        return single(np.concatenate(found))
 
     @cached_property
     def _single(self) -> tuple[Int32Array, Array]:
         """Bones and weights of all vertices as the compiled loops take them."""
-        return np.ascontiguousarray(self.joints, np.int32), np.ascontiguousarray(self.weights, np.float32)
+        return np.ascontiguousarray(self.joints, np.int32), single(self.weights)
 
     def only(self, wanted: Callable[[Body], bool]) -> LearnedHand:
         """The same hand with some of its bodies: what a scene does not need is not computed.
@@ -143,17 +143,17 @@ class LearnedHand:
 
     def moved(self, motions: Array, angles: Array, level: Level, blend: Blend | None = None) -> Array:
         """As `vertices`, with given motions (b, 3, 4) of the bones; blend: instead of the own one of L0."""
-        rest, out, single = self.rest, np.empty_like(self.rest), motions.astype(np.float32)
+        rest, out, moves = self.rest, np.empty_like(self.rest), single(motions)
         if level == "L1":
             points = np.empty_like(rest)
             self.correctives.add(rest, angles, points)
-            kernels.skin(points, *self._single, single, out)
+            kernels.skin(points, *self._single, moves, out)
         elif (blend or self.blend) == "linear":
-            kernels.skin(rest, *self._single, single, out)
+            kernels.skin(rest, *self._single, moves, out)
         else:
             duals = np.zeros((len(motions), 8))
             kernels.dual_quaternions(motions, duals)
-            kernels.skin_dual(rest, *self._single, duals.astype(np.float32), out)
+            kernels.skin_dual(rest, *self._single, single(duals), out)
         return out
 
     def split(self, vertices: Array) -> dict[Body, Array]:
@@ -190,10 +190,7 @@ class LearnedHand:
         """
         angles = self.angles_of(frame.angles)
         motions = np.array(
-            [
-                np.column_stack([frame.bones[b].rotation, frame.bones[b].translation])
-                for b in self.bones
-            ]
+            [np.column_stack([frame.bones[b].rotation, frame.bones[b].translation]) for b in self.bones]
         )
         distance = self.distance(angles)
         found: dict[str, Shapes] = {}
@@ -224,7 +221,7 @@ class LearnedHand:
             "bones": list(self.bones),
             "bodies": bodies,
             "joints": self.joints.astype(np.int32),
-            "weights": self.weights.astype(np.float32),
+            "weights": single(self.weights),
             "blend": self.blend,
             "correctives": self.correctives.to_group(),
             "alarm": self.alarm.to_group(),
@@ -262,4 +259,3 @@ class LearnedHand:
             Correctives.from_group(data["correctives"]),
             Alarm.from_group(data["alarm"]),
         )
-

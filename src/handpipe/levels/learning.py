@@ -13,7 +13,7 @@ from handpipe.core import Array, InputError, IntArray
 from handpipe.hand import SimulatedFrame
 from handpipe.levels.alarm import Alarm
 from handpipe.levels.blend_weights import MOST, fit_weights
-from handpipe.levels.correctives import Skinned, before_skinning, learn_correctives
+from handpipe.levels.correctives import Skinned, before_skinning, learn_correctives, single
 from handpipe.levels.fast_skeleton import FastSkeleton
 from handpipe.levels.joint_neighbours import driving_angles, moving_bones
 from handpipe.levels.learned_hand import LEVELS, Errors, LearnedBody, LearnedHand
@@ -84,9 +84,11 @@ def _fitted(found: TrainingSet, rig: Rig) -> LearnedHand:
     joints = np.concatenate([np.zeros((0, MOST), np.int64), *(j for j, _ in placed.values())])
     weights = np.concatenate([np.zeros((0, MOST)), *(w for _, w in placed.values())])
     rest = np.concatenate([np.zeros((0, 3)), *(body.rest for body in bodies.values())])
-    moved = np.concatenate([np.zeros((len(found), 0, 3)), *(b.vertices for b in found.bodies.values())], axis=1)
+    moved = np.concatenate(
+        [np.zeros((len(found), 0, 3)), *(b.vertices for b in found.bodies.values())], axis=1
+    )
     corrections = np.stack(
-        [before_skinning(rest, x, joints, weights, m).astype(np.float32)
+        [single(before_skinning(rest, x, joints, weights, m))
          for x, m in zip(moved, found.motions, strict=True)]
     )  # fmt: skip
     layers = [*dict.fromkeys(layer for layer, _ in bodies)]
