@@ -65,5 +65,7 @@ def test_dual_quaternions_are_those_of_the_skeleton(moved) -> None:
     given = np.stack([np.column_stack([t.rotation, t.translation]) for t in turns])
     duals, out = np.zeros((6, 8)), np.zeros((50, 3), np.float32)
     kernels.dual_quaternions(given, duals)
-    kernels.skin_dual(single(points), joints.astype(np.int32), single(weights), single(duals), out)
+    kernels.skin_dual(
+        single(points), joints.astype(np.int32), single(weights), single(duals), np.arange(50), out
+    )
     assert out == pytest.approx(expected, abs=1e-3)

@@ -29,9 +29,7 @@ def test_a_quadratic_corrective_is_recovered_within_rounding() -> None:
     angles = np.radians(np.random.default_rng(3).uniform(-20, 80, (30, 2)))
     moves = [np.array([np.column_stack([m.rotation, m.translation]) for m in motions(a)]) for a in angles]
     moved = [skinned(rest, weights, a, corrective(rest, a, 0.5)) for a in angles]
-    added = np.stack(
-        [before_skinning(rest, x, joints, given, m) for x, m in zip(moved, moves, strict=True)]
-    )
+    added = np.stack([before_skinning(rest, x, joints, given, m) for x, m in zip(moved, moves, strict=True)])
     assert added[4] == pytest.approx(corrective(rest, angles[4], 0.5), abs=1e-9)
     group = np.zeros(len(rest), np.int64)
     found = learn_correctives(Skinned(rest, group, joints, given, added), angles, BOTH)

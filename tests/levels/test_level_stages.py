@@ -1,6 +1,7 @@
 """Levels through their stages: learned from files of frames, then a scene's frames with bounds and alarms."""
 
 import json
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ def test_figures_are_by_level_and_tissue(learned) -> None:
     assert found["l1_skin_error_mean"][0] < found["l0_skin_error_mean"][0]
     assert found["l1_muscles_error_max"][0] >= found["l1_muscles_error_mean"][0]
     rows = json.loads((learned / "rows.json").read_text())
-    assert {(r["body"], r["level"]) for r in rows} == {(b, l) for b in ("skin", "muscle") for l in ("L0", "L1")}
+    assert {(r["body"], r["level"]) for r in rows} == set(product(("skin", "muscle"), ("L0", "L1")))
 
 
 def test_a_scene_at_a_level_has_frames_near_the_truth_and_names_those_outside(learned, capsys) -> None:

@@ -138,10 +138,13 @@ def dual_quaternions(motions: Any, out: Any) -> None:
 
 
 @njit(cache=True, fastmath=True)
-def skin_dual(points: Any, joints: Any, weights: Any, duals: Any, out: Any) -> None:
-    """As `skin`, by blends of dual quaternions (b, 8) (Kavan 2008), on the side of the first bone's."""
+def skin_dual(points: Any, joints: Any, weights: Any, duals: Any, which: Any, out: Any) -> None:
+    """As `skin` for vertices `which` (k,), by blends of dual quaternions (b, 8) (Kavan 2008).
+
+    They are taken on the side of the first bone's.
+    """
     q = np.zeros(8, np.float32)
-    for v in range(len(points)):
+    for v in which:
         first = duals[joints[v, 0]]
         q[:] = 0.0
         for k in range(4):

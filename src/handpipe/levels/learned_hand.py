@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from handpipe.core import Array, Frame, InputError, Int32Array, IntArray, Shape, Shapes, artifacts
+from handpipe.core import Array, BoolArray, Frame, InputError, Int32Array, IntArray, Shape, Shapes, artifacts
 from handpipe.levels import kernels
 from handpipe.levels.alarm import Alarm
 from handpipe.levels.correctives import Correctives, single
@@ -18,7 +18,6 @@ from handpipe.levels.fast_skeleton import FastSkeleton
 from handpipe.levels.training_set import Body
 
 Level = Literal["L0", "L1"]
-Blend = Literal["linear", "dual"]
 LEVELS: tuple[Level, ...] = ("L0", "L1")
 KIND = "levels"
 
@@ -80,8 +79,8 @@ class LearnedHand:
         Bones of all vertices.
     weights : array (n, 4)
         Their weights, by falling weight.
-    blend : str
-        How L0 blends motions: "linear" or "dual" (quaternions), whichever is nearer to the learned frames.
+    dual : array (n,) of bool
+        Where L0 blends dual quaternions and not matrices: in bodies that it brings nearer to learned frames.
     correctives : Correctives
         What L1 adds in neutral, before linear blending.
     alarm : Alarm
@@ -94,7 +93,7 @@ class LearnedHand:
     bodies: Mapping[Body, LearnedBody]
     joints: IntArray
     weights: Array
-    blend: Blend
+    dual: BoolArray
     correctives: Correctives
     alarm: Alarm
 
@@ -103,6 +102,11 @@ class LearnedHand:
         """Neutral vertices (n, 3) of all bodies in mm, in single precision."""
         found = [np.zeros((0, 3)), *(body.rest for body in self.bodies.values())]
         return single(np.concatenate(found))
+
+    @cached_property
+    def _dual(self) -> IntArray:
+        """Numbers of the vertices that L0 moves by dual quaternions."""
+        return np.flatnonzero(self.dual)
 
     @cached_property
     def _single(self) -> tuple[Int32Array, Array]:
@@ -134,6 +138,7 @@ class LearnedHand:
             bodies={name: self.bodies[name] for name, _ in kept},
             joints=self.joints[which],
             weights=self.weights[which],
+            dual=self.dual[which],
             correctives=self.correctives.of_vertices(which),
         )
 
@@ -141,19 +146,19 @@ class LearnedHand:
         """Vertices (n, 3) in mm of all bodies, in single precision, at angles (a,) in rad; root at rest."""
         return self.moved(self.skeleton.motions(angles), angles, level)
 
-    def moved(self, motions: Array, angles: Array, level: Level, blend: Blend | None = None) -> Array:
-        """As `vertices`, with given motions (b, 3, 4) of the bones; blend: instead of the own one of L0."""
+    def moved(self, motions: Array, angles: Array, level: Level) -> Array:
+        """As `vertices`, with given motions (b, 3, 4) of the bones."""
         rest, out, moves = self.rest, np.empty_like(self.rest), single(motions)
         if level == "L1":
             points = np.empty_like(rest)
             self.correctives.add(rest, angles, points)
             kernels.skin(points, *self._single, moves, out)
-        elif (blend or self.blend) == "linear":
-            kernels.skin(rest, *self._single, moves, out)
-        else:
+            return out
+        kernels.skin(rest, *self._single, moves, out)
+        if len(self._dual):
             duals = np.zeros((len(motions), 8))
             kernels.dual_quaternions(motions, duals)
-            kernels.skin_dual(rest, *self._single, single(duals), out)
+            kernels.skin_dual(rest, *self._single, single(duals), self._dual, out)
         return out
 
     def split(self, vertices: Array) -> dict[Body, Array]:
@@ -222,7 +227,7 @@ class LearnedHand:
             "bodies": bodies,
             "joints": self.joints.astype(np.int32),
             "weights": single(self.weights),
-            "blend": self.blend,
+            "dual": self.dual,
             "correctives": self.correctives.to_group(),
             "alarm": self.alarm.to_group(),
         }
@@ -255,7 +260,7 @@ class LearnedHand:
             bodies,
             data["joints"].astype(np.int64),
             data["weights"],
-            data["blend"],
+            data["dual"].astype(np.bool_),
             Correctives.from_group(data["correctives"]),
             Alarm.from_group(data["alarm"]),
         )

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import Array, InputError, IntArray
+from handpipe.core import Array, BoolArray, InputError, IntArray
 from handpipe.hand import SimulatedFrame
 from handpipe.levels.alarm import Alarm
 from handpipe.levels.blend_weights import MOST, fit_weights
 from handpipe.levels.correctives import Skinned, before_skinning, learn_correctives, single
 from handpipe.levels.fast_skeleton import FastSkeleton
 from handpipe.levels.joint_neighbours import driving_angles, moving_bones
-from handpipe.levels.learned_hand import LEVELS, Errors, LearnedBody, LearnedHand
+from handpipe.levels.learned_hand import LEVELS, Errors, LearnedBody, LearnedHand, Level
 from handpipe.levels.training_set import RIGID_LAYER, Body, TrainingSet
 from handpipe.skeleton.posing import bone_weights
 from handpipe.skeleton.rig import Rig
@@ -97,17 +97,33 @@ def _fitted(found: TrainingSet, rig: Rig) -> LearnedHand:
     correctives = learn_correctives(
         Skinned(rest, together, joints, weights, corrections), found.angles, driving_angles(rig)
     )
+    skeleton, alarm = FastSkeleton.of(rig), Alarm.of(found.angles, correctives)
+    linear = np.zeros(len(rest), np.bool_)
     hand = LearnedHand(
-        FastSkeleton.of(rig), rig.angle_names, rig.bones, bodies, joints, weights, "linear", correctives,
-        Alarm.of(found.angles, correctives),
-    )  # fmt: skip
-    linear, dual = (
-        float(np.mean([_mean_distance(hand.moved(m, a, "L0", blend), x)
-                       for m, a, x in zip(found.motions, found.angles, moved, strict=True)]))
-        for blend in ("linear", "dual")
-    )  # fmt: skip
-    log.info("mean error by weights alone: linear %.3f mm, dual quaternions %.3f mm", linear, dual)
-    return _with_bones(replace(hand, blend="dual" if dual < linear else "linear"), rig)
+        skeleton, rig.angle_names, rig.bones, bodies, joints, weights, linear, correctives, alarm
+    )
+    return _with_bones(replace(hand, dual=_better_by_duals(hand, found)), rig)
+
+
+def _better_by_duals(hand: LearnedHand, found: TrainingSet) -> BoolArray:
+    """Vertices (n,) of the bodies that dual quaternions bring nearer to the frames than matrices."""
+    errors = []
+    for chosen in (hand, replace(hand, dual=~hand.dual)):
+        away = _distances(chosen, found, "L0")
+        errors.append({body: float(np.mean(distances)) for body, distances in away.items()})
+    better = [np.full(len(hand.bodies[b].rest), errors[1][b] < errors[0][b]) for b in hand.bodies]
+    log.info("L0 takes dual quaternions in %d of %d bodies", sum(bool(b.any()) for b in better), len(better))
+    return np.concatenate([np.zeros(0, np.bool_), *better])
+
+
+def _distances(hand: LearnedHand, frames: TrainingSet, level: Level) -> dict[Body, list[Array]]:
+    """Distances (n,) in mm of each body's vertices from those of the frames, frame by frame."""
+    away: dict[Body, list[Array]] = {body: [] for body in frames.bodies}
+    for number in range(len(frames)):
+        x = hand.split(hand.moved(frames.motions[number], frames.angles[number], level))
+        for body, shape in frames.bodies.items():
+            away[body].append(np.linalg.norm(x[body] - shape.vertices[number], axis=1))
+    return away
 
 
 def _weights(found: TrainingSet, body: Body, rig: Rig, moving: IntArray) -> tuple[IntArray, Array]:
@@ -133,6 +149,7 @@ def _with_bones(hand: LearnedHand, rig: Rig) -> LearnedHand:
         bodies=bodies,
         joints=np.concatenate(joints),
         weights=np.concatenate(weights),
+        dual=np.pad(hand.dual, (0, sum(len(w) for w in weights[1:]))),
         correctives=hand.correctives.with_plain(sum(len(w) for w in weights[1:])),
     )
 
@@ -141,16 +158,7 @@ def _judged(hand: LearnedHand, left_out: TrainingSet) -> LearnedHand:
     """The hand with its errors on frames that were left out."""
     bodies = dict(hand.bodies)
     for level in LEVELS:
-        away: dict[Body, list[Array]] = {body: [] for body in left_out.bodies}
-        for number in range(len(left_out)):
-            x = hand.split(hand.moved(left_out.motions[number], left_out.angles[number], level))
-            for body, shape in left_out.bodies.items():
-                away[body].append(np.linalg.norm(x[body] - shape.vertices[number], axis=1))
-        for body, distances in away.items():
+        for body, distances in _distances(hand, left_out, level).items():
             errors = Errors(float(np.mean(distances)), float(np.max(distances)), len(distances))
             bodies[body] = replace(bodies[body], errors={**bodies[body].errors, level: errors})
     return replace(hand, bodies=bodies)
-
-
-def _mean_distance(found: Array, moved: Array) -> float:
-    return float(np.linalg.norm(found - moved, axis=1).mean())
