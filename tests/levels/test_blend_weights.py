@@ -7,7 +7,7 @@ from scipy.optimize import minimize
 from handpipe.levels.blend_weights import fit_weights, least_on_simplex
 from handpipe.skeleton.posing import bone_weights
 
-from .three_bones import known_weights, motions, rig, skinned, tube
+from .three_bones import BONES, known_weights, motions, rig, skinned, tube
 
 
 def test_known_weights_are_found_from_frames() -> None:
@@ -16,7 +16,7 @@ def test_known_weights_are_found_from_frames() -> None:
     angles = np.radians(np.random.default_rng(0).uniform(-20, 80, (12, 2)))
     moved = np.stack([skinned(rest, truth, a, np.zeros_like(rest)) for a in angles])
     given = np.array([[np.column_stack([m.rotation, m.translation]) for m in motions(a)] for a in angles])
-    before = bone_weights(rest, made.surfaces)
+    before = bone_weights(rest, {bone: made.surfaces[bone] for bone in BONES})
     joints, weights = fit_weights(rest, moved, given, before)
     found = np.zeros_like(truth)
     np.add.at(found, (np.arange(len(found))[:, None], joints), weights)

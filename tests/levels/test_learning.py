@@ -47,6 +47,11 @@ def test_correctives_bring_left_out_frames_near_and_weights_alone_do_not(hand: L
         assert errors["L1"].frames == 10
 
 
+def test_without_correctives_weights_alone_are_right_whatever_the_order_of_the_surfaces() -> None:
+    plain = learn(random_frames(40, size=0.0), rig())
+    assert plain.bodies["fat", "skin"].errors["L0"].largest < 0.05
+
+
 def test_stated_errors_are_those_of_the_frames_that_were_left_out(hand: LearnedHand) -> None:
     left_out = random_frames(50)[4::5]
     distances = []

@@ -36,7 +36,8 @@ def rig() -> Rig:
             np.zeros((0, 1)),
         )
         joints.append(RigJoint(child, parent, child, (f"{child}_bend",), LIMITS, fit))
-    return Rig("palm", tuple(joints), {bone: ball(20.0 * i) for i, bone in enumerate(BONES)}, {})
+    surfaces = {bone: ball(20.0 * i) for i, bone in enumerate(BONES)}
+    return Rig("palm", tuple(joints), dict(reversed(surfaces.items())), {})  # in an order of their own
 
 
 def tube(radius: float) -> Surface:

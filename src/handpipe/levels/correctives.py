@@ -14,7 +14,7 @@ from handpipe.levels import kernels
 from handpipe.levels.regression import Regression, fit_regression
 
 log = logging.getLogger(__name__)
-LEAST_WEIGHT = 0.02  # of a bone at a vertex that its part has
+LEAST_WEIGHT = 0.05  # of a bone at a vertex that its part has
 SINGULAR = 0.1  # determinant of a blend of motions below which its inverse is damped
 DAMPING = 0.0025  # added to the squared singular values of such a blend
 
@@ -186,8 +186,8 @@ def _vertex_shapes(parts: Sequence[_Part], count: int) -> kernels.VertexShapes:
     first[order] = starts
     basis = np.zeros(int(numbers.sum()))
     for p, part in enumerate(parts):
-        places = 3 * np.arange(len(part.shapes))[:, None] + np.arange(3)
-        basis[first[owner == p][:, None, None] + places] = part.shapes.transpose(1, 0, 2)
+        places = len(part.shapes) * np.arange(3)[:, None] + np.arange(len(part.shapes))
+        basis[first[owner == p][:, None, None] + places] = part.shapes.transpose(1, 2, 0)
     rows = np.searchsorted(vertex[order], np.arange(count + 1)).astype(np.int32)
     return kernels.VertexShapes(rows, owner[order].astype(np.int32), starts.astype(np.int64), single(basis))
 

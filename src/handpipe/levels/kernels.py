@@ -33,8 +33,8 @@ class Drivers(NamedTuple):
 class VertexShapes(NamedTuple):
     """What the parts add to each vertex.
 
-    Rows rows[v]:rows[v + 1] are the parts of vertex v; from starts[r] on, `basis` has three numbers for each
-    shape of the part parts[r].
+    Rows rows[v]:rows[v + 1] are the parts of vertex v; from starts[r] on, `basis` has x of each shape of the
+    part parts[r], then y, then z.
     """
 
     rows: Int32Array
@@ -82,13 +82,15 @@ def correct(rest: Any, shapes: VertexShapes, ends: Any, amounts: Any, out: Any) 
     for v in range(len(rest)):
         x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
         for r in range(rows[v], rows[v + 1]):
-            at = starts[r]
-            for k in range(ends[parts[r]], ends[parts[r] + 1]):
-                amount = amounts[k]
-                x += amount * basis[at]
-                y += amount * basis[at + 1]
-                z += amount * basis[at + 2]
-                at += 3
+            first = ends[parts[r]]
+            count = ends[parts[r] + 1] - first
+            here, own = basis[starts[r] : starts[r] + 3 * count], amounts[first : first + count]
+            for k in range(count):
+                x += own[k] * here[k]
+            for k in range(count):
+                y += own[k] * here[count + k]
+            for k in range(count):
+                z += own[k] * here[2 * count + k]
         out[v, 0], out[v, 1], out[v, 2] = x, y, z
 
 

@@ -129,7 +129,7 @@ def _distances(hand: LearnedHand, frames: TrainingSet, level: Level) -> dict[Bod
 def _weights(found: TrainingSet, body: Body, rig: Rig, moving: IntArray) -> tuple[IntArray, Array]:
     """Bones (n, 4) that move by themselves and their weights (n, 4) for a body's vertices."""
     shape, owners = found.bodies[body], np.unique(moving)
-    near = bone_weights(shape.rest, rig.surfaces)
+    near = bone_weights(shape.rest, {bone: rig.surfaces[bone] for bone in rig.bones})
     before = np.stack([near[:, moving == owner].sum(axis=1) for owner in owners], axis=1)
     joints, weights = fit_weights(shape.rest, shape.vertices, found.motions[:, owners], before)
     return owners[joints], weights

@@ -117,7 +117,7 @@ class _RiggedWriter:
         blend = (
             LinearBlend.rigid(len(rest), self.rig.bones.index(body))
             if of_bone
-            else LinearBlend.near(rest, self.rig.surfaces)
+            else LinearBlend.near(rest, {name: self.rig.surfaces[name] for name in self.rig.bones})
         )
         moved = {number: found.vertices[used] for number, found in shapes.items()}
         before = {} if of_bone else {n: blend.before(x, self.motions[n], rest) for n, x in moved.items()}
