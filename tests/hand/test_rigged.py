@@ -67,7 +67,8 @@ def frames(rig: Rig):
         rods = bones["second"](rod)
         layers = {
             "bones": {
-                b: Shape(s.vertices, bones[b](s.vertices), s.triangles) for b, s in rig.surfaces.items()
+                b: Shape(s.vertices, bones[b](s.vertices), s.triangles)
+                for b, s in ((b, rig.surfaces[b]) for b in BONES)
             },
             "tendons": {
                 "flexor": Shape(ball(20).vertices, bones["first"](ball(20).vertices), ball(20).triangles),

@@ -10,9 +10,9 @@ from handpipe.hand.frames import read_frames
 
 from .running import planned, run, watching
 
-RANDOM = "random: {count: 10, seed: 1, around: limits}\n"
-LEARNED = "layers: [bones, muscles]\nframes: config/scenes/targets/draw.yaml\nchunk: 10\n"
-LEVEL = "layers: [bones, muscles]\nframes: config/scenes/shown.csv\nlevel: L1\nlearned: drawn\n"
+RANDOM = "random: {count: 10, seed: 1, around: scans}\n"
+LEARNED = "layers: [skin]\nframes: config/scenes/targets/draw.yaml\nchunk: 10\n"
+LEVEL = "layers: [skin]\nframes: config/scenes/shown.csv\nlevel: L1\nlearned: drawn\n"
 GIVEN = ("--config", "subjects=[small]", "scenes=[shown]")
 
 
@@ -41,15 +41,15 @@ def test_frames_are_learned_and_their_table_has_bounds_and_distances(folder: Pat
     assert [job for job in jobs if job["undeclared"]] == []
     rows = json.loads((folder / target).read_text(encoding="utf-8"))
     assert [row["frame"] for row in rows] == ["rest", "bent"]
-    assert all(row["muscles_level_bound"] > 0 and row["muscles_level_distance"] >= 0 for row in rows)
+    assert all(row["skin_level_bound"] > 0 and row["skin_level_distance"] >= 0 for row in rows)
     frames = read_frames(folder / "results/small/simulation/shown/frames-0.h5")
     assert [frame.name for frame, _ in frames] == ["rest", "bent"]
 
 
 def test_a_scene_without_the_layers_is_refused_before_anything_is_built(folder: Path) -> None:
     file = folder / "config/scenes/shown.yaml"
-    file.write_text(LEVEL.replace("muscles", "skin"))
+    file.write_text(LEVEL.replace("layers: [skin]", "layers: [bone_fascia]"))
     process = run(folder, "-n", "simulation", *GIVEN)
     file.write_text(LEVEL)
     assert process.returncode != 0
-    assert "learned: drawn has no skin" in process.stdout
+    assert "learned: drawn has no bone_fascia" in process.stdout
