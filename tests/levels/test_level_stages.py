@@ -13,7 +13,7 @@ from handpipe.core.errors import InputError
 from handpipe.evaluation.frames import frame_warnings, with_figures
 from handpipe.hand.frames import read_frames, write_frames
 from handpipe.levels import require_learned
-from handpipe.stages.hand import animate, learn_levels
+from handpipe.stages.levels import animate, learn_levels
 
 from .three_bones import frame, random_frames, rig
 
@@ -28,7 +28,8 @@ def learned(tmp_path_factory):
     frames = random_frames(30)
     write_frames(folder / "frames-0.h5", frames[:16])
     write_frames(folder / "frames-1.h5", frames[16:])
-    outputs = learn_levels.Outputs(folder / "levels.h5", folder / "levels.json", folder / "rows.json")
+    names = ("levels.h5", "levels.npz", "levels.json", "rows.json")
+    outputs = learn_levels.Outputs(*(folder / name for name in names))
     chunks = [folder / f"frames-{i}.h5" for i in range(2)]
     learn_levels.learn_levels(learn_levels.Inputs(folder / "rig.h5", chunks), outputs)
     return folder

@@ -59,6 +59,7 @@ rule learn_levels:
         chunks=scene_chunks,
     output:
         levels=paths.SCENE_LEVELS,
+        portable=paths.SCENE_PORTABLE,
         metrics=paths.metrics_of("levels-{scene}"),
         table=paths.table_of("levels-{scene}"),
     log:

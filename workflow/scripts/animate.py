@@ -3,7 +3,7 @@
 from common import dataset_of, inputs_of, output_of, scene_of, stage
 
 with stage(snakemake):
-    from handpipe.stages.hand.animate import Inputs, animate
+    from handpipe.stages.levels.animate import Inputs, animate
 
     animate(
         inputs_of(snakemake, Inputs),

@@ -3,6 +3,6 @@
 from common import inputs_of, outputs_of, stage
 
 with stage(snakemake):
-    from handpipe.stages.hand.learn_levels import Inputs, Outputs, learn_levels
+    from handpipe.stages.levels.learn_levels import Inputs, Outputs, learn_levels
 
     learn_levels(inputs_of(snakemake, Inputs), outputs_of(snakemake, Outputs))

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from handpipe.levels.learned_hand import Errors, LearnedBody, LearnedHand, Level
     from handpipe.levels.learned_scene import require_learned
     from handpipe.levels.learning import learn
+    from handpipe.levels.portable import write_portable
     from handpipe.levels.training_set import TrainingSet
 else:
     __getattr__ = face(__name__)
@@ -20,4 +21,5 @@ __all__ = [
     "TrainingSet",
     "learn",
     "require_learned",
+    "write_portable",
 ]

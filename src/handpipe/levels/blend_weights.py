@@ -7,9 +7,9 @@ from itertools import combinations
 import numpy as np
 
 from handpipe.core import Array, IntArray
+from handpipe.hand.exports import BONES_A_VERTEX
 
 CANDIDATES = 6  # bones a vertex among which the four are looked for, by the weights before
-MOST = 4  # bones a vertex, as much as every program reads
 TRUST = 0.05  # mm in each frame, that a weight's difference of 1 from the weights before counts as
 SINGULAR = 1e-12  # of the trace: added, so that a perfect fit has an inverse
 
@@ -45,9 +45,9 @@ def fit_weights(rest: Array, vertices: Array, motions: Array, before: Array) -> 
     away = np.eye(count) - prior[:, :, None]  # of weights that sum to one, their difference from the prior
     system += len(vertices) * TRUST**2 * np.einsum("nki,nkj->nij", away, away)
     weights = least_on_simplex(system)
-    order = np.argsort(-weights, axis=1, kind="stable")[:, :MOST]
+    order = np.argsort(-weights, axis=1, kind="stable")[:, :BONES_A_VERTEX]
     joints, found = (np.take_along_axis(a, order, axis=1) for a in (candidates, weights))
-    pad = [(0, 0), (0, MOST - order.shape[1])]
+    pad = [(0, 0), (0, BONES_A_VERTEX - order.shape[1])]
     return np.pad(np.where(found > 0, joints, 0), pad), np.pad(found, pad)
 
 
@@ -62,7 +62,7 @@ def _system(rest: Array, vertices: Array, motions: Array, candidates: IntArray) 
     return found
 
 
-def least_on_simplex(system: Array, most: int = MOST) -> Array:
+def least_on_simplex(system: Array, most: int = BONES_A_VERTEX) -> Array:
     """The w (n, k) with least w' A w for A (n, k, k), none negative, sum one, at most `most` above zero."""
     n, k, _ = system.shape
     ridge = SINGULAR * np.trace(system, axis1=1, axis2=2) + np.finfo(float).tiny

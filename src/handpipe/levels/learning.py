@@ -11,8 +11,9 @@ import numpy as np
 
 from handpipe.core import Array, BoolArray, InputError, IntArray
 from handpipe.hand import SimulatedFrame
+from handpipe.hand.exports import BONES_A_VERTEX
 from handpipe.levels.alarm import Alarm
-from handpipe.levels.blend_weights import MOST, fit_weights
+from handpipe.levels.blend_weights import fit_weights
 from handpipe.levels.correctives import Skinned, before_skinning, learn_correctives, single
 from handpipe.levels.fast_skeleton import FastSkeleton
 from handpipe.levels.joint_neighbours import driving_angles, moving_bones
@@ -81,8 +82,8 @@ def _fitted(found: TrainingSet, rig: Rig) -> LearnedHand:
     bodies = {
         body: LearnedBody(shape.rest, shape.cells, shape.fields) for body, shape in found.bodies.items()
     }
-    joints = np.concatenate([np.zeros((0, MOST), np.int64), *(j for j, _ in placed.values())])
-    weights = np.concatenate([np.zeros((0, MOST)), *(w for _, w in placed.values())])
+    joints = np.concatenate([np.zeros((0, BONES_A_VERTEX), np.int64), *(j for j, _ in placed.values())])
+    weights = np.concatenate([np.zeros((0, BONES_A_VERTEX)), *(w for _, w in placed.values())])
     rest = np.concatenate([np.zeros((0, 3)), *(body.rest for body in bodies.values())])
     moved = np.concatenate(
         [np.zeros((len(found), 0, 3)), *(b.vertices for b in found.bodies.values())], axis=1
@@ -142,7 +143,7 @@ def _with_bones(hand: LearnedHand, rig: Rig) -> LearnedHand:
         surface = rig.surfaces[bone]
         count = len(surface.vertices)
         bodies[RIGID_LAYER, bone] = LearnedBody(surface.vertices, surface.triangles, {})
-        joints.append(np.pad(np.full((count, 1), number), [(0, 0), (0, MOST - 1)]))
+        joints.append(np.pad(np.full((count, 1), number), [(0, 0), (0, BONES_A_VERTEX - 1)]))
         weights.append(np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)))
     return replace(
         hand,

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
         write_vtu_series,
     )
     from handpipe.hand.exports.input_deck import write_deck
-    from handpipe.hand.exports.linear_blend import LinearBlend
+    from handpipe.hand.exports.linear_blend import BONES_A_VERTEX, LinearBlend
     from handpipe.hand.exports.mechanics import Mechanical, muscle_fibres, tet_fields, with_mechanics
     from handpipe.hand.exports.rigged_glb import surfaces_once, write_rigged_glb
     from handpipe.hand.exports.usd_cache import write_usd
@@ -21,6 +21,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "BONES_A_VERTEX",
     "LinearBlend",
     "Mechanical",
     "muscle_fibres",

@@ -6,14 +6,12 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.stages.hand import (
-        animate,
         evaluate_build,
         evaluate_frames,
         evaluate_poses,
         expand_motion,
         export_obj,
         export_scene,
-        learn_levels,
         report,
         require_frames,
         simulate,
@@ -24,14 +22,12 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
-    "animate",
     "evaluate_build",
     "evaluate_frames",
     "evaluate_poses",
     "expand_motion",
     "export_obj",
     "export_scene",
-    "learn_levels",
     "report",
     "require_frames",
     "simulate",

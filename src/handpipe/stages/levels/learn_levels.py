@@ -11,7 +11,7 @@ import numpy as np
 
 from handpipe.core import Metrics, artifacts, metrics
 from handpipe.hand import StoredFrames, tissue
-from handpipe.levels import LearnedHand, learn
+from handpipe.levels import LearnedHand, learn, write_portable
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 
@@ -29,6 +29,7 @@ class Outputs(Files):
     """What the stage writes."""
 
     levels: Path
+    portable: Path
     metrics: Path
     table: Path
 
@@ -40,6 +41,7 @@ def learn_levels(inputs: Inputs, outputs: Outputs) -> None:
         frames, source = StoredFrames(inputs.chunks), Path(inputs.chunks[0]).parent
         hand = learn(frames, Rig.load(inputs.rig), source)
     hand.save(outputs.levels, inputs.all())
+    write_portable(outputs.portable, hand)
     rows = [
         {"layer": layer, "body": name, "level": level, "mean": errors.mean, "largest": errors.largest}
         for (layer, name), body in hand.bodies.items()
