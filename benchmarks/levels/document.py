@@ -53,11 +53,13 @@ def picture(found: Metrics) -> Figure:
             _against_seconds(left, found, part)
             _against_frames(right, found, part)
     left.set(xscale="log", xlabel="seconds a frame", ylabel="mean error on left-out poses in mm")
-    left.set_yscale("symlog", linthresh=0.02)
+    left.set_yscale("symlog", linthresh=0.05)
+    left.set_ylim(0, 3)
     right.set(xlabel="simulated frames, of which a fifth is for the bounds", ylabel="mean error of L1 in mm")
     right.set_yscale("log")
     for axes in (left, right):
-        axes.legend(fontsize=7)
+        if axes.has_data():
+            axes.legend(fontsize=7)
     return figure
 
 
@@ -74,10 +76,10 @@ def _against_seconds(axes: Axes, found: Metrics, part: str) -> None:
             color=f"C{number}",
             label=f"{part}: {NAMES.get(tissue, tissue)}",
         )
-    for second, name in zip(seconds, ("L0", "L1", "preview"), strict=True):
-        axes.annotate(
-            name, (second, 0.0), xytext=(0, -12), textcoords="offset points", fontsize=8, ha="center"
-        )
+        if number == 0:
+            for second, error, name in zip(seconds, errors, ("L0", "L1", "preview"), strict=True):
+                place = (-8, 6) if part == "finger" else (5, 6)
+                axes.annotate(name, (second, error), xytext=place, textcoords="offset points", fontsize=8)
 
 
 def _against_frames(axes: Axes, found: Metrics, part: str) -> None:
