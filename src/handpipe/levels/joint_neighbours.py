@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from handpipe.core import IntArray
@@ -38,3 +40,18 @@ def driving_angles(rig: Rig) -> dict[int, list[tuple[int, ...]]]:
         ]
         for bone in np.unique(moving)
     }
+
+
+def bones_between(rig: Rig, bones: Iterable[str]) -> list[str]:
+    """Some bones and all bones on the ways along joints from one to another, in the order of the rig."""
+    above = {joint.child: joint.parent for joint in rig.joints}
+    ways = []
+    for bone in bones:
+        way = [bone]
+        while way[-1] in above:
+            way.append(above[way[-1]])
+        ways.append(way)
+    shared = set.intersection(*map(set, ways)) if ways else set()
+    nearest = next((bone for bone in ways[0] if bone in shared), None) if ways else None
+    found = {bone for way in ways for bone in way if bone not in shared} | {nearest}
+    return [bone for bone in rig.bones if bone in found]
