@@ -29,7 +29,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(TISSUES, ("mesh", "fem", "imaging", "skeleton", "shapes")),
     "anatomy": ("mesh", "imaging", "tissues.muscles"),
     "hand": ("mesh", "fem", "imaging", "skeleton", "shapes", "anatomy", *TISSUES),
-    "levels": ("mesh", "skeleton", "hand"),
+    "levels": ("mesh", "fem", "skeleton", *TISSUES, "hand"),
     "synthetic.continuum": ("mesh", "fem"),
     "synthetic.coupled": ("mesh", "fem", "synthetic.continuum"),
 }

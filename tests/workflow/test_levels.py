@@ -1,4 +1,4 @@
-"""Rules of levels on the small subject: learned from a scene of random poses, then a scene at a level."""
+"""Rules of levels on the small subject: learned from a scene of random poses, then scenes at levels."""
 
 import json
 import shutil
@@ -13,6 +13,7 @@ from .running import planned, run, watching
 RANDOM = "random: {count: 10, seed: 1, around: scans}\n"
 LEARNED = "layers: [skin]\nframes: config/scenes/targets/draw.yaml\nchunk: 10\n"
 LEVEL = "layers: [skin]\nframes: config/scenes/shown.csv\nlevel: L1\nlearned: drawn\n"
+SPRINGS = "layers: [bones, skin]\nframes: config/scenes/shown.csv\nlevel: L2\n"
 GIVEN = ("--config", "subjects=[small]", "scenes=[shown]")
 
 
@@ -26,6 +27,7 @@ def folder(built_small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (scenes / "drawn.yaml").write_text(LEARNED)
     (scenes / "shown.csv").write_text("frame,hinge_flexion [deg]\nrest,0\nbent,8\n")
     (scenes / "shown.yaml").write_text(LEVEL)
+    (scenes / "sprung.yaml").write_text(SPRINGS)
     (copied / "watched").mkdir()
     return copied
 
@@ -53,3 +55,21 @@ def test_a_scene_without_the_layers_is_refused_before_anything_is_built(folder: 
     file.write_text(LEVEL)
     assert process.returncode != 0
     assert "learned: drawn has no bone_fascia" in process.stdout
+
+
+def test_a_scene_of_springs_needs_the_rig_and_the_skin_alone(folder: Path) -> None:
+    given = ("--config", "subjects=[small]", "scenes=[sprung]")
+    target = "results/small/tables/frames-sprung.json"
+    plan = planned(folder, target, *given)
+    assert plan["animate_springs"] == 1
+    assert not {"simulate", "animate", "learn_levels"} & set(plan)
+    watched = folder / "watched_springs"
+    watched.mkdir()
+    process = run(folder, "-j2", target, *given, environment=watching(watched))
+    assert process.returncode == 0, process.stdout[-5000:]
+    jobs = [json.loads(path.read_text(encoding="utf-8")) for path in watched.glob("*.json")]
+    assert "animate_springs" in {job["rule"] for job in jobs}
+    assert [job for job in jobs if job["undeclared"]] == []
+    rows = json.loads((folder / target).read_text(encoding="utf-8"))
+    assert [row["frame"] for row in rows] == ["rest", "bent"]
+    assert all(0 <= row["skin_spring_residual"] <= 0.05 for row in rows)

@@ -228,14 +228,19 @@ def scene(name):
     return found
 
 
-def scenes_at_a_level():
-    """A pattern for the scenes that are not simulated but learned; "-", which is no scene, without any."""
+def scenes_at(levels):
+    """A pattern for the scenes at some levels, as "L[01]"; "-", which is no scene, without any."""
     files = sorted(Path("config/scenes").glob("*.yaml"))
     texts = {file.stem: file.read_text(encoding="utf-8") for file in files}
-    found = [
-        n for n, t in texts.items() if re.search(r"^level:\s*L\d", t, re.MULTILINE)
-    ]
-    return "|".join(found) or "-"
+    line = re.compile(f"^level:\\s*['\"]?{levels}\\b", re.MULTILINE)
+    return "|".join(name for name, text in texts.items() if line.search(text)) or "-"
+
+
+def muscles_of_scene(wildcards):
+    """The muscles that bulge in a scene at level L2: those of the subject, if the scene has the layer."""
+    if "muscles" not in scene(wildcards.scene).layers:
+        return []
+    return layer_files(wildcards.subject, ["muscles"])
 
 
 def buildable_subjects():

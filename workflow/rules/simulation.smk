@@ -90,7 +90,7 @@ rule animate:
     benchmark:
         paths.cost_of("animate", "scene", "chunk")
     wildcard_constraints:
-        scene=scenes_at_a_level(),
+        scene=scenes_at("L[01]"),
     threads: 1
     resources:
         mem_mb=2000,
@@ -104,7 +104,35 @@ rule animate:
         "../scripts/animate.py"
 
 
-ruleorder: animate > simulate
+# Muscles that bulge and a skin of springs need no simulated frames (Albrecht 2003).
+rule animate_springs:
+    input:
+        rig=paths.RIG,
+        frames=frames_file,
+        skin=paths.SKIN,
+        muscles=muscles_of_scene,
+    output:
+        paths.SCENE_CHUNK,
+    log:
+        paths.log_of("animate_springs", "scene", "chunk"),
+    benchmark:
+        paths.cost_of("animate_springs", "scene", "chunk")
+    wildcard_constraints:
+        scene=scenes_at("L2"),
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        dataset=reads("hand"),
+        scene=reads_scene("layers", "bones", "chunk"),
+    message:
+        "{wildcards.subject}: {wildcards.scene}, frames of bulging muscles and a skin of springs, chunk {wildcards.chunk}"
+    script:
+        "../scripts/animate_springs.py"
+
+
+ruleorder: animate > animate_springs > simulate
 
 
 # Of scenes that ask for it: the outermost layer is simulated again, from other starts.

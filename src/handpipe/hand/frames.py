@@ -23,6 +23,7 @@ UNITS = {
     "skin_gap": "mm",
     "inner_overlap": "mm",
     "level_bound": "mm",
+    "spring_residual": "mm",
     "residual": "mN",
 }
 

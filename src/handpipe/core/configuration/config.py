@@ -503,6 +503,10 @@ class Recording(Model):
     bridge: float = Field(0.25, ge=0, le=5, description="longest gap in s that is bridged")
 
 
+LEARNED_LEVELS = ("L0", "L1")  # of a scene: from the simulated frames of another one
+SPRING_LAYERS = ("bones", "muscles", "skin")  # of level L2
+
+
 class Scene(Model):
     """Which layers, which frames. `skin` without `fat` is one soft tissue around the bones (Wang 2019)."""
 
@@ -538,8 +542,10 @@ class Scene(Model):
     fidelity: Fidelity | None = Field(
         None, description="the fidelity that it is made for; a build of another one is refused"
     )
-    level: Literal["L0", "L1", "full"] = Field(
-        "full", description="`full` simulates; L0 skins, L1 adds correctives, both learned from `learned`"
+    level: Literal["L0", "L1", "L2", "full"] = Field(
+        "full",
+        description="`full` simulates; L0 skins, L1 adds correctives, both learned from `learned`; L2 has "
+        "muscles that bulge and a skin of springs",
     )
     learned: str | None = Field(
         None, description="scene whose simulated frames `level` L0 or L1 is learned from"
@@ -547,10 +553,14 @@ class Scene(Model):
 
     @model_validator(mode="after")
     def _learned(self) -> Scene:
-        if (self.level == "full") != (self.learned is None):
+        if (self.level in LEARNED_LEVELS) != (self.learned is not None):
             raise ValueError("learned: names a scene of random poses, with `level` L0 or L1 and only then")
         if self.level != "full" and (self.mechanics or self.equilibria):
-            raise ValueError("level: L0 and L1 have no tets: neither mechanics nor equilibria of them")
+            raise ValueError(f"level: {self.level} has no tets: neither mechanics nor equilibria of them")
+        further = [layer for layer in self.layers if layer not in SPRING_LAYERS]
+        if self.level == "L2" and (further or self.images):
+            wrong = f"has no {', '.join(further)}" if further else "moves no images"
+            raise ValueError(f"level: L2 {wrong}; its layers are {', '.join(SPRING_LAYERS)}")
         return self
 
     @model_validator(mode="after")

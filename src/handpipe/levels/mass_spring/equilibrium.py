@@ -130,8 +130,8 @@ class MassSpring:
             known.add(step, after - slope)
             slope = after
             energies.append(energy)
-        problem = f"a node still moves by {residual:.3f} mm after {most} iterations, {tolerance} mm are allowed"
-        raise ConvergenceError(f"springs: {problem}")
+        reason = f"after {most} iterations a node still moves by {residual:.3f} mm"
+        raise ConvergenceError("springs", f"{reason}, of which {tolerance} mm are allowed")
 
     def _shorter(
         self,

@@ -167,14 +167,14 @@ def _direction(x: Array, attached: Sequence[IntArray]) -> Array:
 
 
 def _axis(x: Array, direction: Array) -> tuple[Array, sparse.csr_matrix]:
-    """Centres (k, 3) of slices with as many points each, and where each point (v, 3) is between them."""
+    """Centres (k, 3) of slices of one breadth, and where each point (v, 3) is between them."""
     t = x @ direction
-    number = np.empty(len(x), np.int64)
-    number[np.argsort(t, kind="stable")] = np.arange(len(x)) * SLICES // len(x)
-    count = np.bincount(number, minlength=SLICES)
-    middle = np.bincount(number, t, SLICES) / count
-    centres = np.stack([np.bincount(number, c, SLICES) for c in x.T], axis=1) / count[:, None]
-    weights = np.stack([np.interp(t, middle, unit) for unit in np.eye(SLICES)], axis=1)
+    breadth = max(float(np.ptp(t)), 1e-300) / SLICES
+    _, number = np.unique(np.minimum((t - t.min()) // breadth, SLICES - 1), return_inverse=True)
+    count = np.bincount(number)
+    middle = np.bincount(number, t) / count
+    centres = np.stack([np.bincount(number, c) for c in x.T], axis=1) / count[:, None]
+    weights = np.stack([np.interp(t, middle, unit) for unit in np.eye(len(count))], axis=1)
     return centres, sparse.csr_matrix(weights)
 
 

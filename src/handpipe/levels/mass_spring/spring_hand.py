@@ -68,8 +68,8 @@ class SpringHand:
 
     Parameters
     ----------
-    bones : tuple of str
-        Names in the order of the motions.
+    surfaces : mapping of str to Surface
+        Neutral bones in the order of the motions, mm.
     skin : Surface
         Neutral skin, mm; its vertices are the nodes.
     on_bones : Followers
@@ -84,7 +84,7 @@ class SpringHand:
         The skin.
     """
 
-    bones: tuple[str, ...]
+    surfaces: Mapping[str, Surface]
     skin: Surface
     on_bones: Followers
     stiffness: Array
@@ -94,7 +94,7 @@ class SpringHand:
 
     @cached_property
     def balance(self) -> Array:
-        """What is added (n, 3) in mm to the neutral nodes, so that their springs to it balance the tension."""
+        """What is added (n, 3) to the neutral nodes in mm, so that springs to it balance the tension."""
         tension = np.empty_like(self.skin.vertices)
         forces(self.skin.vertices, self.springs.springs, self.skin.vertices, self.springs.holding, tension)
         return tension / self.springs.holding[:, None]
@@ -106,7 +106,9 @@ class SpringHand:
         return self.on_bones.at(x), tuple(t.carried.at(x[t.nodes]) for t in self.touches)
 
     @staticmethod
-    def of(rig: Rig, skin: Skin, muscles: Sequence[Muscle] = (), stiffness: Stiffness | None = None) -> SpringHand:
+    def of(
+        rig: Rig, skin: Skin, muscles: Sequence[Muscle] = (), stiffness: Stiffness | None = None
+    ) -> SpringHand:
         """Hand of a subject.
 
         Parameters
@@ -124,26 +126,24 @@ class SpringHand:
         -------
         SpringHand
         """
-        given = stiffness or Stiffness()
+        given, surfaces = stiffness or Stiffness(), {bone: rig.surfaces[bone] for bone in rig.bones}
         nodes, numbers = skin.surface.vertices, {bone: i for i, bone in enumerate(rig.bones)}
         on_bones = _on_bones(nodes, rig)
         fixed = np.zeros(len(nodes), np.bool_)
-        for part in skin.rigid.values():
+        for part in skin.with_ends(surfaces).rigid.values():
             fixed[part.vertices] = True
             on_bones.joints[part.vertices] = [numbers[part.bone], 0, 0, 0]
             on_bones.weights[part.vertices] = [1.0, 0, 0, 0]
         areas = _node_areas(skin.surface)
-        bulging = tuple(
-            _geometric(m, rig, numbers) for m in muscles if len(m.body.attached_vertices)
-        )
+        bulging = tuple(_geometric(m, rig, numbers) for m in muscles if len(m.body.attached_vertices))
         touches = _touches(skin.surface, bulging, areas, ~fixed, given)
-        below = np.min([Distance(rig.surfaces[b]).closest(nodes)[0] for b in rig.bones], axis=0)
+        below = np.min([Distance(bone).closest(nodes)[0] for bone in surfaces.values()], axis=0)
         to_bones = given.bones * areas / (below + CUSHION)
         holding = to_bones.copy()
         for touch in touches:
             holding[touch.nodes] += touch.stiffness
         springs = MassSpring(Springs.of(skin.surface, given.across, given.rest), holding, fixed)
-        return SpringHand(rig.bones, skin.surface, on_bones, to_bones, bulging, touches, springs)
+        return SpringHand(surfaces, skin.surface, on_bones, to_bones, bulging, touches, springs)
 
     def posed(self, motions: Array, tolerance: float = 0.05) -> tuple[Settled, dict[str, Bulge]]:
         """Skin and muscles on bones that have moved.
@@ -174,6 +174,40 @@ class SpringHand:
         targets[self.springs.fixed] = start[self.springs.fixed]
         settled = self.springs.settle(targets, start, tolerance)
         return settled, {m.name: b for m, b in zip(self.muscles, bulges, strict=True)}
+
+    def frame(self, frame: Frame) -> dict[str, Shapes]:
+        """Shapes by layer and body in a frame.
+
+        Parameters
+        ----------
+        frame : Frame
+            Pose.
+
+        Returns
+        -------
+        dict of str to dict of str to Shape
+            Layers "bones", "muscles" (with the figures `stretch` and `thickening`) and "skin" (with
+            `spring_residual` in mm, and `inner_overlap`, how far in mm bones and muscles are outside of it).
+        """
+        motions = np.array(
+            [np.column_stack([frame.bones[b].rotation, frame.bones[b].translation]) for b in self.surfaces]
+        )
+        settled, bulges = self.posed(motions)
+        bones = {
+            bone: Shape(s.vertices, frame.bones[bone](s.vertices), s.triangles)
+            for bone, s in self.surfaces.items()
+        }
+        muscles = {m.name: _shape(m.surface, bulges[m.name]) for m in self.muscles}
+        inside = np.concatenate([shape.vertices for shape in (*bones.values(), *muscles.values())])
+        depths = Distance(self.skin.moved(settled.nodes)).signed(inside)[0]
+        figures = {"spring_residual": settled.residual, "inner_overlap": max(float(depths.max()), 0.0)}
+        skin = Shape(self.skin.vertices, settled.nodes, self.skin.triangles, figures=figures)
+        return {"bones": bones, "muscles": muscles, "skin": {"skin": skin}}
+
+
+def _shape(surface: Surface, bulge: Bulge) -> Shape:
+    figures = {"stretch": bulge.stretch, "thickening": bulge.thickening}
+    return Shape(surface.vertices, bulge.vertices, surface.triangles, figures=figures)
 
 
 def _geometric(muscle: Muscle, rig: Rig, numbers: Mapping[str, int]) -> GeometricMuscle:

@@ -26,7 +26,9 @@ from handpipe.skeleton.rig.rig import Rig
 
 
 def is_motion(path: str | Path) -> bool:
-    """Whether a file describes a motion and not frames: keyframes, targets, random poses, contractions or tracked points.
+    """Whether a file describes a motion and not frames.
+
+    Motions are keyframes, targets, random poses, contractions and tracked points.
 
     Parameters
     ----------
@@ -94,7 +96,8 @@ def expand_motion(
     Parameters
     ----------
     path : str or Path
-        Keyframes or contractions (CSV), targets of inverse kinematics or random poses (YAML) or tracked points (CSV).
+        Keyframes or contractions (CSV), targets of inverse kinematics or random poses (YAML), or tracked
+        points (CSV).
     rig : Rig
         Rig that the motion moves.
     hand : str
