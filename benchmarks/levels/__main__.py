@@ -27,15 +27,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     def measure(part: str, results: Path) -> Metrics:
         logging.getLogger("handpipe").setLevel(logging.WARNING)
         from benchmarks.levels.measured import measured
+        from benchmarks.levels.springs import springs
         from benchmarks.levels.subject import Subject
         from handpipe.core import metrics
 
         figures: metrics.Metrics = {}
         with metrics.measured(figures):
-            found = measured(Subject.built(part, results))
+            subject = Subject.built(part, results)
+            found = measured(subject) | springs(subject)
         named = {f"{part}_{name}": value for name, value in (found | figures).items()}
         if part == "hand":  # the limits of the ladder are those of the whole hand
-            named |= {"l0_seconds": found["l0_skin_seconds"], "l1_seconds": found["l1_everything_seconds"]}
+            limits = {"l0": "skin", "l1": "everything", "l2": "everything"}
+            named |= {f"{level}_seconds": found[f"{level}_{what}_seconds"] for level, what in limits.items()}
         return named
 
     run_parts(parser, PARTS, measure, arguments)

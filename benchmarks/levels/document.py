@@ -18,7 +18,8 @@ from handpipe.core import Metrics, artifacts, metrics
 PARTS = ("finger", "hand")
 TISSUES = ("skin", "muscles", "tendons_surface", "tendons", "ligaments")
 NAMES = {"tendons_surface": "tendons, to the surface", "tendons": "tendons, by vertex"}
-LEVELS = ("l0", "l1")
+LEVELS = ("l0", "l1")  # learned
+EVERY = (*LEVELS, "l2")
 MARKS = {"finger": "o", "hand": "s"}
 
 
@@ -30,18 +31,24 @@ def table(found: Metrics) -> str:
         "| --- " * (len(TISSUES) + 2) + "|",
     ]
     for part in PARTS:
-        for level in LEVELS:
+        for level in EVERY:
             lines += [_row(found, part, level)] if f"{part}_{level}_skin_seconds" in found else []
     return "\n".join(lines) + "\n"
 
 
 def _row(found: Metrics, part: str, level: str) -> str:
     seconds = [found[f"{part}_{level}_{what}_seconds"][0] for what in ("skin", "organs", "everything")]
-    errors = [
-        [found[f"{part}_{level}_{tissue}_error_{kind}"][0] for kind in ("mean", "max")] for tissue in TISSUES
-    ]
-    cells = ["; ".join(f"{1e3 * s:.2f}" for s in seconds), *(f"{a:.3f}; {b:.1f}" for a, b in errors)]
+    errors = [_error(found, f"{part}_{level}_{tissue}") for tissue in TISSUES]
+    cells = ["; ".join(f"{1e3 * s:.2f}" for s in seconds), *errors]
     return f"| {part}, {level.upper()} | {' | '.join(cells)} |"
+
+
+def _error(found: Metrics, name: str) -> str:
+    """Mean and largest error; nothing for a tissue that the level does not have."""
+    if f"{name}_error_mean" not in found:
+        return ""
+    mean, largest = (found[f"{name}_error_{kind}"][0] for kind in ("mean", "max"))
+    return f"{mean:.3f}; {largest:.1f}"
 
 
 def picture(found: Metrics) -> Figure:
@@ -80,6 +87,11 @@ def _against_seconds(axes: Axes, found: Metrics, part: str) -> None:
             for second, error, name in zip(seconds, errors, ("L0", "L1", "preview"), strict=True):
                 place = (-8, 6) if part == "finger" else (5, 6)
                 axes.annotate(name, (second, error), xytext=place, textcoords="offset points", fontsize=8)
+        if f"{part}_l2_{tissue}_error_mean" in found:
+            second = found[f"{part}_l2_organs_seconds"][0]
+            error = found[f"{part}_l2_{tissue}_error_mean"][0]
+            axes.plot(second, error, MARKS[part], color=f"C{number}", mfc="none")
+            axes.annotate("L2", (second, error), xytext=(5, 3), textcoords="offset points", fontsize=8)
 
 
 def _against_frames(axes: Axes, found: Metrics, part: str) -> None:

@@ -62,9 +62,14 @@ class Subject:
         """The first of the tested frames as they were simulated."""
         return [self.frames[len(self.learned) + i] for i in range(count)]
 
+    @property
+    def dataset(self) -> Path:
+        """File of the subject."""
+        return ROOT / f"config/datasets/{self.name}.yaml"
+
     def layers(self) -> list[Layer]:
         """The layers that simulated the frames."""
-        dataset = load_dataset(ROOT / f"config/datasets/{self.name}.yaml")
+        dataset = load_dataset(self.dataset)
         needed = load_scene(ROOT / f"config/scenes/{self.scene}.yaml").needed
         below = paths.SUBJECT.format(subject=self.name)
         assert below.endswith(self.name)

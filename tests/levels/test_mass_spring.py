@@ -106,14 +106,14 @@ def test_energy_falls_in_every_step_whatever_the_start(rest: float) -> None:
     start = np.random.default_rng(1).normal(0, 30, surface.vertices.shape)
     settled = system.settle(surface.vertices, start, most=2000)
     assert (np.diff(settled.energies) < 0).all()
-    assert settled.residual <= 0.05
+    assert settled.residual <= 0.1
     assert np.array_equal(settled.nodes[system.fixed], surface.vertices[system.fixed])
 
 
 def test_too_few_iterations_are_an_error_that_says_how_far_it_is() -> None:
     surface = ball()
     system = MassSpring(Springs.of(surface), np.full(len(surface.vertices), 0.01), np.zeros(162, np.bool_))
-    with pytest.raises(ConvergenceError, match="after 2 iterations a node still moves by"):
+    with pytest.raises(ConvergenceError, match="after 2 iterations a step still moves a node by"):
         system.settle(surface.vertices * [0.2, 1, 1], most=2)
 
 
@@ -140,6 +140,7 @@ def test_a_cylinder_keeps_its_volume_and_thickens_by_the_root_of_its_stretch(joi
     carried = made.surface.moved(bulge.vertices - bulge.shift).volume()
     assert abs(carried / made.volume - 1) > 0.8 * abs(joined)  # without the bulge
     assert made.surface.moved(bulge.vertices).volume() == pytest.approx(made.volume, rel=0.01)
+    assert abs(bulge.volume_error) < 1e-9
     assert bulge.stretch == pytest.approx(1 - joined, abs=0.02)
     thickest = np.linalg.norm(bulge.vertices[:, :2], axis=1)
     even = 5.0 / np.sqrt(1 - joined)
@@ -147,6 +148,14 @@ def test_a_cylinder_keeps_its_volume_and_thickens_by_the_root_of_its_stretch(joi
     assert (extreme - 5.0) / (even - 5.0) == pytest.approx(1.5, abs=0.4)  # the attached ends keep their width
     ends = np.abs(made.surface.vertices[:, 2]) > 19.9
     assert np.abs(bulge.shift[ends]).max() < 1e-4
+
+
+def test_a_muscle_that_cannot_bulge_as_much_says_what_volume_is_missing() -> None:
+    made, moved = cylinder_between(-2.0)
+    bulge = made.posed(duals_of(as_arrays(moved)))
+    assert bulge.thickening == -0.5
+    assert bulge.volume_error == pytest.approx(made.surface.moved(bulge.vertices).volume() / made.volume - 1)
+    assert bulge.volume_error > 0.01
 
 
 def test_a_muscle_is_carried_by_the_bones_between() -> None:
@@ -209,7 +218,7 @@ def test_a_scene_of_springs_has_its_layers_and_figures(tmp_path: Path) -> None:
         rest, bent = (shapes["skin"]["skin"] for _, shapes in frames)
         assert np.abs(rest.vertices - rest.rest).max() < 1e-3
         assert np.abs(bent.vertices - bent.rest).max() > 10
-        assert 0 <= bent.figures["spring_residual"] <= 0.05
+        assert 0 <= bent.figures["spring_residual"] <= 0.1
 
 
 def test_what_is_outside_of_the_skin_is_told(hand: SpringHand) -> None:

@@ -72,4 +72,4 @@ def test_a_scene_of_springs_needs_the_rig_and_the_skin_alone(folder: Path) -> No
     assert [job for job in jobs if job["undeclared"]] == []
     rows = json.loads((folder / target).read_text(encoding="utf-8"))
     assert [row["frame"] for row in rows] == ["rest", "bent"]
-    assert all(0 <= row["skin_spring_residual"] <= 0.05 for row in rows)
+    assert all(0 <= row["skin_spring_residual"] <= 0.1 for row in rows)

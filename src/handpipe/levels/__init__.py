@@ -1,10 +1,12 @@
-"""Cheap hands that are learned from simulated frames: skinning, and skinning with learned correctives."""
+"""Cheap hands: learned from simulated frames, or of bulging muscles and a skin of springs."""
 
 from typing import TYPE_CHECKING
 
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.levels import mass_spring
+    from handpipe.levels.fast_skeleton import FastSkeleton
     from handpipe.levels.learned_hand import Errors, LearnedBody, LearnedHand, Level
     from handpipe.levels.learned_scene import require_learned
     from handpipe.levels.learning import learn
@@ -15,11 +17,13 @@ else:
 
 __all__ = [
     "Errors",
+    "FastSkeleton",
     "LearnedBody",
     "LearnedHand",
     "Level",
     "TrainingSet",
     "learn",
+    "mass_spring",
     "require_learned",
     "write_portable",
 ]

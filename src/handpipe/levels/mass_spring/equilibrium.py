@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from handpipe.core import Array, BoolArray, ConvergenceError
+from handpipe.core import Array, BoolArray, ConvergenceError, IntArray
 from handpipe.fem.linear import Factor, factorise
 from handpipe.levels.mass_spring.springs import Springs, forces
 
@@ -29,7 +29,7 @@ class Settled:
     nodes : array (n, 3)
         Places, mm.
     residual : float
-        Largest step that any node would still take, mm.
+        How far the last step moved any node, mm.
     iterations : int
         Number of linear solves.
     energies : tuple of float
@@ -61,7 +61,7 @@ class MassSpring:
     fixed: BoolArray
 
     @cached_property
-    def free(self) -> Array:
+    def free(self) -> IntArray:
         """Numbers of the nodes that move."""
         return np.flatnonzero(~self.fixed)
 
@@ -71,8 +71,12 @@ class MassSpring:
         matrix = self.springs.laplacian(len(self.fixed)) + sparse.diags(self.holding)
         return factorise(matrix.tocsr()[self.free][:, self.free].tocsr())
 
+    def _solve(self, slope: Array) -> Array:
+        """The global step of a slope (f, 3), by column: Pardiso is faster so than with all at once."""
+        return np.stack([self.factor.solve(np.ascontiguousarray(c)) for c in slope.T], axis=1)
+
     def settle(
-        self, targets: Array, start: Array | None = None, tolerance: float = 0.05, most: int = 200
+        self, targets: Array, start: Array | None = None, tolerance: float = 0.1, most: int = 200
     ) -> Settled:
         """Static equilibrium with given targets: it depends on nothing before.
 
@@ -86,7 +90,7 @@ class MassSpring:
         start : array (n, 3), optional
             First guess, mm; by default the targets.
         tolerance : float
-            The iteration ends where no node would take a longer step, mm.
+            The iteration ends with a step that moves no node farther, mm.
         most : int
             Largest number of iterations.
 
@@ -98,7 +102,7 @@ class MassSpring:
         Raises
         ------
         ConvergenceError
-            If the steps do not become as small.
+            If no step is as short.
 
         References
         ----------
@@ -113,24 +117,23 @@ class MassSpring:
             return energy, gradient[self.free]
 
         energy, slope = measure(x)
-        energies, known = [energy], _Steps(self.factor.solve)
+        energies, known = [energy], _Steps(self._solve)
         for iteration in range(1, most + 1):
-            direction = known.direction(slope)
-            residual = float(np.sqrt((direction**2).sum(axis=1).max(initial=0.0)))
-            if residual <= tolerance:
-                return Settled(x, residual, iteration, tuple(energies))
-            found = self._shorter(x, direction, (energy, slope), measure)
+            found = self._shorter(x, known.direction(slope), (energy, slope), measure)
             if found is None:
                 known.kept.clear()
                 found = self._shorter(x, known.direction(slope), (energy, slope), measure)
             if found is None:  # as low as rounding lets it be
-                return Settled(x, residual, iteration, tuple(energies))
+                return Settled(x, 0.0, iteration, tuple(energies))
             step, energy, after = found
             x[self.free] += step
+            energies.append(energy)
+            residual = float(np.sqrt((step**2).sum(axis=1).max(initial=0.0)))
+            if residual <= tolerance:
+                return Settled(x, residual, iteration, tuple(energies))
             known.add(step, after - slope)
             slope = after
-            energies.append(energy)
-        reason = f"after {most} iterations a node still moves by {residual:.3f} mm"
+        reason = f"after {most} iterations a step still moves a node by {residual:.3f} mm"
         raise ConvergenceError("springs", f"{reason}, of which {tolerance} mm are allowed")
 
     def _shorter(

@@ -18,9 +18,10 @@ from handpipe.levels.mass_spring.springs import Springs
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import bone_weights
 
-SLICES = 12  # along the muscle, whose centres make its axis
+SLICES = 6  # along the muscle, whose centres make its axis
 SLIDE = 0.5  # share of an even shortening along the axis; the rest shortens where the joints are
 THINNEST, THICKEST = -0.5, 1.5  # of the neutral radius: a muscle does not bulge beyond
+NEWTON, SETTLED = 30, 1e-12  # most iterations for the thickening, and its last change
 STIFF = 1e6  # of the largest entry of a matrix: what is given at attached vertices
 
 
@@ -38,12 +39,15 @@ class Bulge:
         Length of its axis between the attachments over the neutral one.
     thickening : float
         By how much of itself the radius grows in the middle.
+    volume_error : float
+        Volume over the neutral one, less 1: not zero where the radius would grow or shrink too much.
     """
 
     vertices: Array
     shift: Array
     stretch: float
     thickening: float
+    volume_error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +139,11 @@ class GeometricMuscle:
         across = share * (carried - self.along @ axis)
         cubic = np.zeros(4)
         volumes(carried + slide, across, self.surface.triangles, cubic)
-        thickening = _least_root(cubic - [self.volume, 0, 0, 0])
+        cubic[0] -= self.volume
+        thickening = _least_root(cubic)
+        missing = float(np.polyval(cubic[::-1], thickening)) / self.volume
         shift = slide + thickening * across
-        return Bulge(carried + shift, shift, stretch, thickening)
+        return Bulge(carried + shift, shift, stretch, thickening, missing)
 
 
 def _laplacian(surface: Surface) -> sparse.csr_matrix:
@@ -184,12 +190,18 @@ def _arclength(points: Array) -> Array:
 
 
 def _least_root(cubic: Array) -> float:
-    """Root nearest to zero of a cubic (4,), lowest power first, within what a muscle may do."""
-    found = np.roots(cubic[::-1])
-    real = found.real[np.abs(found.imag) < 1e-9 * np.maximum(np.abs(found), 1.0)]
-    if not len(real):
-        return 0.0
-    return float(np.clip(real[np.abs(real).argmin()], THINNEST, THICKEST))
+    """Root near zero of a cubic (4,), lowest power first, within what a muscle may do (Newton's method)."""
+    a, b, c, d = (float(value) for value in cubic)
+    root = 0.0
+    for _ in range(NEWTON):
+        slope = b + root * (2 * c + root * 3 * d)
+        if slope <= 0:  # thicker makes no more of it
+            break
+        step = (a + root * (b + root * (c + root * d))) / slope
+        root = min(max(root - step, THINNEST), THICKEST)
+        if abs(step) < SETTLED:
+            break
+    return root
 
 
 @njit(cache=True)

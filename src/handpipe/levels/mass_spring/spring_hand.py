@@ -145,7 +145,7 @@ class SpringHand:
         springs = MassSpring(Springs.of(skin.surface, given.across, given.rest), holding, fixed)
         return SpringHand(surfaces, skin.surface, on_bones, to_bones, bulging, touches, springs)
 
-    def posed(self, motions: Array, tolerance: float = 0.05) -> tuple[Settled, dict[str, Bulge]]:
+    def posed(self, motions: Array, tolerance: float = 0.1) -> tuple[Settled, dict[str, Bulge]]:
         """Skin and muscles on bones that have moved.
 
         Parameters
@@ -186,7 +186,7 @@ class SpringHand:
         Returns
         -------
         dict of str to dict of str to Shape
-            Layers "bones", "muscles" (with the figures `stretch` and `thickening`) and "skin" (with
+            Layers "bones", "muscles" (with the figures of their `Bulge`) and "skin" (with
             `spring_residual` in mm, and `inner_overlap`, how far in mm bones and muscles are outside of it).
         """
         motions = np.array(
@@ -206,7 +206,11 @@ class SpringHand:
 
 
 def _shape(surface: Surface, bulge: Bulge) -> Shape:
-    figures = {"stretch": bulge.stretch, "thickening": bulge.thickening}
+    figures = {
+        "stretch": bulge.stretch,
+        "thickening": bulge.thickening,
+        "volume_error": abs(bulge.volume_error),
+    }
     return Shape(surface.vertices, bulge.vertices, surface.triangles, figures=figures)
 
 
@@ -230,7 +234,8 @@ def _on_bones(points: Array, rig: Rig) -> Followers:
 def _node_areas(surface: Surface) -> Array:
     """A third of the areas (n,) in mm^2 of each vertex's triangles."""
     thirds = np.repeat(surface.triangle_areas() / 3, 3)
-    return np.bincount(surface.triangles.ravel(), thirds, len(surface.vertices))
+    areas: Array = np.bincount(surface.triangles.ravel(), thirds, len(surface.vertices))
+    return areas
 
 
 def _touches(
@@ -256,7 +261,7 @@ def _touches(
 
 def _between(followers: Followers, corners: IntArray, weights: Array, points: Array) -> Followers:
     """Points (k, 3) on the bones of points in triangles with corners (k, 3) and weights (k, 3)."""
-    bones = np.unique(followers.joints)
+    bones = np.unique(followers.joints).astype(np.int64)
     every = np.stack([(followers.weights * (followers.joints == b)).sum(axis=1) for b in bones], axis=1)
     mixed = np.einsum("kj,kjb->kb", np.clip(weights, 0, 1), every[corners])
     return Followers.of(points, mixed, bones)

@@ -30,8 +30,8 @@ class Inputs(Files):
 def animate(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk: int) -> None:
     """One chunk of a scene's frames at a learned level; a frame that is unlike the learned ones is named."""
     rig, level = Rig.load(inputs.rig), scene.level
-    if level == "full":
-        raise ValueError("a scene that is simulated is not animated")
+    if level not in ("L0", "L1"):
+        raise ValueError(f"a scene of level {level} is not learned")
     driven = list(read_frames(inputs.frames, rig, hand=dataset.hand, bones=scene.bones).items())
     first, shown = chunk * scene.chunk, set(organs()) & set(scene.needed)
     hand = LearnedHand.load(inputs.levels).only(lambda body: body[0] in shown)
