@@ -199,7 +199,7 @@ class SpringHand:
         }
         muscles = {m.name: _shape(m.surface, bulges[m.name]) for m in self.muscles}
         inside = np.concatenate([shape.vertices for shape in (*bones.values(), *muscles.values())])
-        depths = Distance(self.skin.moved(settled.nodes)).signed(inside)[0]
+        depths = Distance(self.skin.moved(settled.nodes), by_winding=True).signed(inside)[0]
         figures = {"spring_residual": settled.residual, "inner_overlap": max(float(depths.max()), 0.0)}
         skin = Shape(self.skin.vertices, settled.nodes, self.skin.triangles, figures=figures)
         return {"bones": bones, "muscles": muscles, "skin": {"skin": skin}}
