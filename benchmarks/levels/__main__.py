@@ -26,6 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     def measure(part: str, results: Path) -> Metrics:
         logging.getLogger("handpipe").setLevel(logging.WARNING)
+        from benchmarks.levels.contractions import example
         from benchmarks.levels.measured import measured
         from benchmarks.levels.springs import springs
         from benchmarks.levels.subject import Subject
@@ -37,6 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             found = measured(subject) | springs(subject)
         named = {f"{part}_{name}": value for name, value in (found | figures).items()}
         if part == "hand":  # the limits of the ladder are those of the whole hand
+            named |= example(subject)
             limits = {"l0": "skin", "l1": "everything", "l2": "everything"}
             named |= {f"{level}_seconds": found[f"{level}_{what}_seconds"] for level, what in limits.items()}
         return named

@@ -50,14 +50,17 @@ def springs(subject: Subject) -> Metrics:
 
 def spring_hand(subject: Subject, muscles: bool = True) -> SpringHand:
     """The hand of a built subject."""
-    dataset, below = load_dataset(subject.dataset), paths.SUBJECT + "/"
-    files = [
-        subject.folder / paths.MUSCLE_STRAINS.removeprefix(below).format(muscle=name)
-        for name in dataset.muscles
-        if muscles
-    ]
-    skin = Skin.load(subject.folder / paths.SKIN.removeprefix(below))
-    return SpringHand.of(subject.rig, skin, [Muscle.load(file) for file in files])
+    skin, given = skin_and_muscles(subject)
+    return SpringHand.of(subject.rig, skin, given if muscles else [])
+
+
+def skin_and_muscles(subject: Subject) -> tuple[Skin, list[Muscle]]:
+    """The neutral skin and the muscles of a built subject."""
+    below = paths.SUBJECT + "/"
+    pattern = paths.MUSCLE_STRAINS.removeprefix(below)
+    names = load_dataset(subject.dataset).muscles
+    muscles = [Muscle.load(subject.folder / pattern.format(muscle=name)) for name in names]
+    return Skin.load(subject.folder / paths.SKIN.removeprefix(below)), muscles
 
 
 def _away(nodes: Array, frame: SimulatedFrame) -> Array:

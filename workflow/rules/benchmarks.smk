@@ -470,7 +470,9 @@ def frames_of_levels(wildcards):
     simulated = expand(
         paths.SCENE_CHUNK, subject=subject, scene=name, chunk=chunks(subject, name)
     )
-    return [*simulated, *as_built(subject, name)]
+    springs = paths.at(paths.SKIN, subject=subject)
+    driven = ["config/scenes/typing.csv"] if wildcards.part == "hand" else []
+    return [*simulated, *as_built(subject, name), springs, *driven]
 
 
 rule benchmark_levels_part:
@@ -492,7 +494,7 @@ rule benchmark_levels_part:
         name="levels",
         arguments=lambda w: [w.part],
     message:
-        "levels that are learned from simulated frames: {wildcards.part}; nothing else should run meanwhile"
+        "levels below the simulation: {wildcards.part}; nothing else should run meanwhile"
     script:
         "../scripts/benchmark.py"
 
@@ -514,7 +516,7 @@ rule benchmark_levels_figures:
         name="levels",
         arguments=lambda w, input: ["merge", *input],
     message:
-        "levels that are learned from simulated frames: all figures"
+        "levels below the simulation: all figures"
     script:
         "../scripts/benchmark.py"
 
@@ -537,6 +539,6 @@ rule benchmark_levels:
         name="levels.document",
         arguments=lambda w, input: [*input],
     message:
-        "levels that are learned from simulated frames: picture and table"
+        "levels below the simulation: picture and table"
     script:
         "../scripts/benchmark.py"
