@@ -1,4 +1,4 @@
-"""The example of Albrecht 2003: contractions of muscles move a hand with a skin of a few more than its 1,500 nodes."""
+"""The example of Albrecht 2003: contractions of muscles move a hand whose skin has some 1,500 nodes."""
 
 from __future__ import annotations
 

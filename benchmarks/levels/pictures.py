@@ -1,6 +1,7 @@
 """`python -m benchmarks.levels.pictures PART --output PNG`: the worst tested frames of each level.
 
-Rows are frames; columns the skin as simulated, of L0 and of L1, and the organs of the same.
+Rows are frames; columns the skin as simulated, of L0 and of L1, and the organs of the same. With `--springs`
+the skin and the organs as simulated and of L2, which is not learned.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from benchmarks.levels.measured import LEVELS
+from benchmarks.levels.springs import spring_hand
 from benchmarks.levels.subject import Subject
 from handpipe.core import Frame
 from handpipe.evaluation import camera_views, pictures
@@ -29,10 +31,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="benchmarks.levels.pictures", description=__doc__)
     parser.add_argument("part", choices=("finger", "hand"))
     parser.add_argument("--results", type=Path, default=Path("results"), help="folder of built subjects")
+    parser.add_argument("--springs", action="store_true", help="level L2 and not the learned ones")
     parser.add_argument("--output", type=Path, required=True, help="PNG to be written")
     options = parser.parse_args()
     subject = Subject.built(options.part, options.results)
     frames = subject.tested_frames(len(subject.tested))
+    if options.springs:
+        FigureCanvasAgg(spring_sheet(subject, frames)).print_figure(options.output, dpi=100)
+        return
     chosen: dict[str, str] = {}
     for level in LEVELS:
         errors = [_largest(subject, frame, level) for frame in frames]
@@ -59,6 +65,30 @@ def sheet(subject: Subject, frames: list[SimulatedFrame], said: dict[str, str]) 
         for number, (ax, image, title) in enumerate(zip(axes, images, TITLES, strict=True)):
             ax.imshow(image)
             ax.set_title(f"{frame.name}:{said[frame.name]}" if number == 0 else title, fontsize=8)
+            ax.set_axis_off()
+    return figure
+
+
+def spring_sheet(subject: Subject, frames: list[SimulatedFrame]) -> Figure:
+    """The worst frames of L2 by the largest error of the skin, beside the simulation."""
+    hand = spring_hand(subject)
+    found = [hand.frame(frame) for frame, _ in frames]
+    errors = [
+        float(np.linalg.norm(of["skin"]["skin"].vertices - layers["fat"]["skin"].vertices, axis=1).max())
+        for of, (_, layers) in zip(found, frames, strict=True)
+    ]
+    figure = Figure(figsize=(4 * 2.6, WORST * 2.8), layout="constrained")
+    worst = np.argsort(errors)[::-1][:WORST]
+    for axes, i in zip(figure.subplots(WORST, 4, squeeze=False), worst, strict=True):
+        (frame, layers), of = frames[i], found[i]
+        camera = _camera(subject, frame, dict(layers))
+        kinds = (dict(layers), of)
+        images = [pictures.outer_picture(kind, camera, SIZE) for kind in kinds]
+        images += [pictures.inner_picture(kind, camera, SIZE) for kind in kinds]
+        titles = (f"{frame.name}: {errors[i]:.1f} mm", "L2", "organs, simulated", "organs, L2")
+        for ax, image, title in zip(axes, images, titles, strict=True):
+            ax.imshow(image)
+            ax.set_title(title, fontsize=8)
             ax.set_axis_off()
     return figure
 
