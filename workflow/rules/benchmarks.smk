@@ -464,20 +464,11 @@ LEVELS = {  # parts of the benchmark of levels: subject, and scene of random pos
 }
 
 
-def frames_of_levels(wildcards):
-    """The simulated frames of a part, and what simulates some of them again."""
-    subject, name = LEVELS[wildcards.part]
-    simulated = expand(
-        paths.SCENE_CHUNK, subject=subject, scene=name, chunk=chunks(subject, name)
-    )
-    springs = paths.at(paths.SKIN, subject=subject)
-    driven = ["config/scenes/typing.csv"] if wildcards.part == "hand" else []
-    return [*simulated, *as_built(subject, name), springs, *driven]
-
-
 rule benchmark_levels_part:
     input:
-        frames_of_levels,
+        lambda w: simulated_frames(*LEVELS[w.part]),
+        skin=lambda w: paths.at(paths.SKIN, subject=LEVELS[w.part][0]),
+        driven="config/scenes/typing.csv",
     output:
         paths.benchmark_of("levels/{part}.json"),
     log:

@@ -38,13 +38,29 @@ class JointArrays(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FastSkeleton:
-    """Joint angles to motions of bones in microseconds."""
+    """Joint angles to motions of bones in microseconds.
+
+    Parameters
+    ----------
+    joints : JointArrays
+        Joints as arrays.
+    """
 
     joints: JointArrays
 
     @staticmethod
     def of(rig: Rig) -> FastSkeleton:
-        """The joints of a rig."""
+        """The joints of a rig.
+
+        Parameters
+        ----------
+        rig : Rig
+            Joints in the order of their bones.
+
+        Returns
+        -------
+        FastSkeleton
+        """
         bones, counts = rig.bones, [len(joint.angles) for joint in rig.joints]
         n = len(counts)
         made = JointArrays(
@@ -68,7 +84,18 @@ class FastSkeleton:
         return FastSkeleton(made)
 
     def motions(self, angles: Array) -> Array:
-        """Rotation and translation (b, 3, 4) of all bones from neutral at angles (a,) in rad."""
+        """Motions of all bones from neutral.
+
+        Parameters
+        ----------
+        angles : array (a,)
+            Angles in rad, in the order of the rig.
+
+        Returns
+        -------
+        array (b, 3, 4)
+            Rotation, and translation in mm.
+        """
         out = np.zeros((len(self.joints.parents) + 1, 3, 4))
         _motions(np.ascontiguousarray(angles, np.float64), self.joints, out)
         return out

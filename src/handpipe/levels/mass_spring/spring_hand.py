@@ -234,8 +234,7 @@ def _on_bones(points: Array, rig: Rig) -> Followers:
 def _node_areas(surface: Surface) -> Array:
     """A third of the areas (n,) in mm^2 of each vertex's triangles."""
     thirds = np.repeat(surface.triangle_areas() / 3, 3)
-    areas: Array = np.bincount(surface.triangles.ravel(), thirds, len(surface.vertices))
-    return areas
+    return np.asarray(np.bincount(surface.triangles.ravel(), thirds, len(surface.vertices)), np.float64)
 
 
 def _touches(
