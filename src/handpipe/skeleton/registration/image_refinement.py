@@ -49,7 +49,7 @@ FEWEST_BONES = (
 FARTHEST = 3.0  # stated deviations of the surfaces' registration, beyond which images show something else
 LEAST_FARTHEST = np.array([np.radians(3.0), 1.0])  # rad and voxels that this is taken of at least
 KNOWN = 0.5  # deg that surfaces state of a turn, up to which it is kept: enough for a rig
-BETTER = 0.5  # of the turn's deviation by surfaces that images state at most: tissue on a bone may slide
+BETTER = 0.75  # of the turn's deviation by surfaces that images state at most: tissue on a bone may slide
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class PoseImages:
         Registration
             The registration turned about the bone's middle, with its covariance. A bone keeps its
             registration where the surfaces know its turn to half a degree, and where the images do
-            not know it twice as well. Images of different contrast leave the deviation that the surfaces
+            not know it better by a quarter. Images of different contrast leave the deviation that the surfaces
             state; where both ways differ by more than this, the surfaces' transform is kept and its
             covariance holds the difference.
         """
