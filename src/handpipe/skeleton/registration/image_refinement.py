@@ -82,10 +82,10 @@ class PoseImages:
         -------
         Registration
             The registration turned about the bone's middle, with its covariance. A bone keeps its
-            registration where the surfaces know its turn to half a degree, and where the images do
-            not know it better by a quarter. Images of different contrast leave the deviation that the surfaces
-            state; where both ways differ by more than this, the surfaces' transform is kept and its
-            covariance holds the difference.
+            registration where the surfaces know its turn to half a degree, and where the images do not
+            know it better by a quarter. Images of different contrast leave the deviation that the
+            surfaces state; where both ways differ by more than this, the surfaces' transform is kept and
+            its covariance holds the difference.
         """
         if found.rotation_deviation < KNOWN:
             return found
