@@ -357,9 +357,9 @@ class Dataset(Model):
         description="how bones show: as bright marrow within a dark shell, or as their strokes teach",
     )
     registration: Literal["surfaces", "images"] = Field(
-        "surfaces",
-        description="what tells a bone's motion: its surfaces, or these and then the images in the bone's "
-        "own region, for poses of one contrast",
+        "images",
+        description="what tells a bone's motion: its surfaces alone, or these and then, where they leave its "
+        "turn open, the images in the bone's own region",
     )
     joints: dict[Name, Joint]
     muscles: dict[Name, Muscle] = {}
