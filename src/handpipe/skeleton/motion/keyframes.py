@@ -5,10 +5,12 @@ open,0,0,0
 fist,131,66,88
 
 Times are frames, or seconds (`time [s]`, 24 frames each). A key does not give an angle whose cell is empty.
+A third column `pose` may name scanned poses, whose angles a key then takes, but for those that it gives.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +28,7 @@ from handpipe.skeleton.joints.angles import (
 from handpipe.skeleton.joints.frame_table import Line, delimiter_of, frame_name, number_in, read_table
 from handpipe.skeleton.motion.times import UNITS, KeyTimes, key_times
 
-KEY = "key"
+KEY, POSE = "key", "pose"
 TIMES = {f"time [{unit}]": scale for unit, scale in UNITS.items()}
 
 
@@ -48,7 +50,9 @@ def is_keyframe_table(path: str | Path) -> bool:
         return False
 
 
-def read_keyframes(path: str | Path, limits: Limits) -> Keyframes:
+def read_keyframes(
+    path: str | Path, limits: Limits, poses: Mapping[str, Angles] | None = None
+) -> Keyframes:
     """Read a table of keyframes.
 
     Parameters
@@ -57,6 +61,8 @@ def read_keyframes(path: str | Path, limits: Limits) -> Keyframes:
         CSV file with angles in degrees.
     limits : mapping of str to (float, float)
         Lower and upper limit of every angle in rad.
+    poses : mapping of str to Angles, optional
+        Angles in rad of the scanned poses; without them, keys have no angles of poses.
 
     Returns
     -------
@@ -65,14 +71,15 @@ def read_keyframes(path: str | Path, limits: Limits) -> Keyframes:
     Raises
     ------
     InputError
-        If an angle is unknown, times do not increase, or an angle is beyond its limits. It names row and
-        column.
+        If an angle or a pose is unknown, times do not increase, or an angle is beyond its limits. It names
+        row and column.
     """
     header, lines, decimal_comma = read_table(path)
     if len(header) < 2 or header[1] not in TIMES:
         remedy = f"Begin the file with: {KEY},{next(iter(TIMES))},{next(iter(limits), 'MP2_flexion')}{UNIT}"
         raise InputError(path, "header", f"its second column is not one of {', '.join(TIMES)}", remedy)
-    columns = angle_columns(path, header[2:], limits, f"The angles are {', '.join(limits)}")
+    first = 3 if header[2:3] == [POSE] else 2  # column of angles
+    columns = angle_columns(path, header[first:], limits, f"The angles are {', '.join(limits)}")
     names: list[str] = []
     times, angles = [], []
     for line in lines:
@@ -82,15 +89,28 @@ def read_keyframes(path: str | Path, limits: Limits) -> Keyframes:
         if len(row) != len(header):
             raise InputError(path, where, f"has {len(row)} cells, not {len(header)}", "Complete it")
         times.append(TIMES[header[1]] * _number(path, f"{where}, time", row[1], decimal_comma))
-        cells = dict(zip(columns, row[2:], strict=True))
+        cells = dict(zip(columns, row[first:], strict=True))
         given = {
             name: radians_in(path, where, name, cell, decimal_comma)
             for name, cell in cells.items()
             if cell.strip()
         }
         check_given_angles(given, limits, path, where)
-        angles.append(given)
+        named = row[2].strip() if first == 3 else ""
+        angles.append(_of_pose(named, poses, limits, f"{path}", where) | given)
     return Keyframes(key_times(path, _places(lines, names), names, times), tuple(angles))
+
+
+def _of_pose(
+    name: str, poses: Mapping[str, Angles] | None, limits: Limits, source: str, where: str
+) -> Angles:
+    """Angles in rad of a scanned pose within their limits; none where no pose is named or known."""
+    if not name or poses is None:
+        return {}
+    if name not in poses:
+        remedy = f"Name one of {', '.join(poses)}"
+        raise InputError(source, f"{where}, pose", f"{name!r} is no pose that the rig explains", remedy)
+    return {angle: float(np.clip(value, *limits[angle])) for angle, value in poses[name].items()}
 
 
 def _places(lines: list[Line], names: list[str]) -> list[str]:
