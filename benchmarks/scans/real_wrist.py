@@ -13,8 +13,9 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
-from handpipe.core import Array, RigidTransform
+from handpipe.core import Array, IntArray, RigidTransform
 from handpipe.imaging.volumes import write_segments
 from handpipe.mesh.generation import implicit as grids
 from handpipe.mesh.generation import remesh
@@ -27,7 +28,9 @@ from handpipe.synthetic.real_anatomy.source_meshes import read_mesh, repair_mesh
 from handpipe.synthetic.template_hands import real_skin
 from handpipe.synthetic.real_anatomy.zanatomy_source import HAND
 
-Surface = tuple[Array, np.ndarray]
+Surface = tuple[Array, IntArray]
+
+SOURCE = Path(__file__).parents[3] / "shared" / "data"
 
 FOREARM = {"radius": "Radius_r", "ulna": "Ulna_r"}
 PROXIMAL = ("scaphoid", "lunate", "triquetrum", "pisiform")
@@ -65,8 +68,9 @@ class Wrist:
     ----------
     folder : Path
         The source anatomy.
-    bones : tuple of str
-        Bones that there are, the first two of the forearm; others are left out.
+    names : tuple of str
+        Bones that there are, the first two of the forearm; others are left out. Radius, scaphoid, lunate and
+        capitate have to be among them.
     """
 
     folder: Path
@@ -109,7 +113,7 @@ class Wrist:
         points = np.concatenate([vertices for vertices, _ in self.bones.values()])
         grid = grids.Grid.around(points, FLESH.outwards + 3.0, real_skin.SPACING)
         filled = real_skin.occupied([Mesh(*bone) for bone in self.bones.values()], grid)
-        outline = real_skin.gaussian_filter(real_skin.closed(filled, FLESH), 3.0)
+        outline = gaussian_filter(real_skin.closed(filled, FLESH), 3.0)
         surfaces = []
         for depth in (0.0, -FAT):
             mesh = remesh(grids.isosurface(outline, grid, depth).largest_component().compact(), 1.2)

@@ -23,7 +23,7 @@ SCENE = """\
 # Written by `handpipe init`: {motion}.
 layers: [{layers}]
 frames: {frames}
-chunk: 1
+chunk: {chunk}
 """
 
 
@@ -48,12 +48,14 @@ def write_first_scene(name: str, dataset: Dataset) -> tuple[Path, Path]:
         As of `scene_files`.
     """
     posed = _between_poses(dataset)
-    rows, motion = (posed, POSES) if posed else (_bends(dataset), BENDS)
+    rows, motion, chunk = (posed, POSES, STEP) if posed else (_bends(dataset), BENDS, 1)
     scene, frames = scene_files(name)
     inner, whole = (INNER, LAYERS) if dataset.muscles or dataset.tendons else (BONES, BONES_IN_SKIN)
     layers = whole if dataset.has_skin(dataset.neutral) else inner
     write_text(frames, "\n".join(rows) + "\n")
-    write_text(scene, SCENE.format(motion=motion, layers=", ".join(layers), frames=frames))
+    write_text(
+        scene, SCENE.format(motion=motion, layers=", ".join(layers), frames=frames, chunk=chunk)
+    )
     return scene, frames
 
 
