@@ -25,8 +25,8 @@ from handpipe.synthetic.acquisition.posed import repositioning
 from handpipe.synthetic.geometry.kinematics import KnownJoint, Posture, ramp
 from handpipe.synthetic.real_anatomy import carving, real_hand, zanatomy_bones
 from handpipe.synthetic.real_anatomy.source_meshes import read_mesh, repair_mesh, subdivided
-from handpipe.synthetic.template_hands import real_skin
 from handpipe.synthetic.real_anatomy.zanatomy_source import HAND
+from handpipe.synthetic.template_hands import real_skin
 
 Surface = tuple[Array, IntArray]
 
@@ -181,7 +181,8 @@ class Wrist:
         for tissue, (points, triangles) in zip(("fat", "muscle"), self.skin, strict=True):
             yield tissue, image.occupancy((self.bent(pose, points), triangles), grid)
         for tissue, part in (("cortical", self.bones), ("marrow", self.marrow)):
-            shares = (s for n, (v, t) in part.items() for s in image.local_occupancy((motions[n](v), t), grid))
+            posed = [(motions[name](points), triangles) for name, (points, triangles) in part.items()]
+            shares = (share for bone in posed for share in image.local_occupancy(bone, grid))
             yield tissue, image.total_share(shares, grid.shape)
 
     @property
@@ -237,5 +238,6 @@ def _joints(bones: Mapping[str, Surface]) -> tuple[KnownJoint, ...]:
 
 
 def _angles(pose: str) -> dict[str, float]:
-    names = [f"{bone}_{kind}" for bone in ("scaphoid", "lunate", "capitate") for kind in ("flexion", "deviation")]
+    kinds = ("flexion", "deviation")
+    names = [f"{bone}_{kind}" for bone in ("scaphoid", "lunate", "capitate") for kind in kinds]
     return dict(zip(names, np.radians(POSES[pose]), strict=True))

@@ -9,8 +9,8 @@ from five_fingers import rig
 from handpipe.core.configuration import Recording
 from handpipe.core.errors import InputError
 from handpipe.core.rigid import RigidTransform
-from handpipe.skeleton.joints.joint_tree import FittedPose
 from handpipe.skeleton.drivers import read_frames, write_angles
+from handpipe.skeleton.joints.joint_tree import FittedPose
 from handpipe.skeleton.motion import expand_motion, is_motion, motion_frame_names
 from handpipe.skeleton.motion.interpolation import spline
 

@@ -171,12 +171,13 @@ def _check_parts(path: Path, mesh: TetMesh) -> None:
     _, labels = connected_components(coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n)))
     _require_one(path, labels[mesh.tets[:, 0]], "vertex", "Give one part, or join them")
     pieces = tet_pieces(len(mesh.tets), tet_neighbours(mesh.tets))
-    _require_one(path, pieces, "face", "They turn about a vertex or an edge: give one part, or join them by faces")
+    _require_one(path, pieces, "face", "They turn about vertices or edges: join them by faces")
 
 
 def _require_one(path: Path, parts: IntArray, shared: str, remedy: str) -> None:
     """Raise `InputError` where tets, each with the number of its part, are in several."""
     sizes = np.sort(np.bincount(parts))[::-1]
     if len(sizes) > 1:
-        problem = f"are in {len(sizes)} parts that share no {shared}, of {', '.join(map(str, sizes[:4]))} tets"
+        named = ", ".join(map(str, sizes[:4]))
+        problem = f"are in {len(sizes)} parts that share no {shared}, of {named} tets"
         raise InputError(path, "tets", problem, remedy)
