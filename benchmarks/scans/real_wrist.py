@@ -1,4 +1,4 @@
-"""A wrist of real bone shapes in known poses, imaged to its ends: radius, ulna, carpals, bases of metacarpals.
+"""A wrist of real bone shapes in known poses, imaged to its ends: forearm, carpals, bases of metacarpals.
 
 Z-Anatomy's right hand gives the shapes; the motions are made: the proximal row takes a share of the hand's
 motion, and the distal row moves with the metacarpals. Tissue ends at the borders of the images, as in a scan.

@@ -53,9 +53,7 @@ def write_first_scene(name: str, dataset: Dataset) -> tuple[Path, Path]:
     inner, whole = (INNER, LAYERS) if dataset.muscles or dataset.tendons else (BONES, BONES_IN_SKIN)
     layers = whole if dataset.has_skin(dataset.neutral) else inner
     write_text(frames, "\n".join(rows) + "\n")
-    write_text(
-        scene, SCENE.format(motion=motion, layers=", ".join(layers), frames=frames, chunk=chunk)
-    )
+    write_text(scene, SCENE.format(motion=motion, layers=", ".join(layers), frames=frames, chunk=chunk))
     return scene, frames
 
 

@@ -50,9 +50,7 @@ def is_keyframe_table(path: str | Path) -> bool:
         return False
 
 
-def read_keyframes(
-    path: str | Path, limits: Limits, poses: Mapping[str, Angles] | None = None
-) -> Keyframes:
+def read_keyframes(path: str | Path, limits: Limits, poses: Mapping[str, Angles] | None = None) -> Keyframes:
     """Read a table of keyframes.
 
     Parameters
