@@ -88,8 +88,9 @@ class Wrist:
         place = real_hand.hand_frame({n: (mesh.vertices, mesh.triangles) for n, mesh in raw.items()})
         whole = {name: _clipped((place(raw[name].vertices), raw[name].triangles)) for name in self.names}
         pairs = [(a, b) for i, a in enumerate(self.names) for b in self.names[:i]]
-        postures = [Posture(_joints(whole), _angles(pose), RigidTransform.identity()) for pose in POSES]
-        return carving.kept_apart(whole, pairs, [_All(p, tuple(whole)) for p in postures], GAP)
+        joints, still = _joints(whole), RigidTransform.identity()
+        postures = [_WristPosture(joints, _angles(pose), still, names=self.names) for pose in POSES]
+        return carving.kept_apart(whole, pairs, postures, GAP)
 
     @cached_property
     def marrow(self) -> dict[str, Surface]:
@@ -123,11 +124,11 @@ class Wrist:
     def posture(self, pose: str) -> Posture:
         """Of a pose, with the limb laid into the scanner anew."""
         root = RigidTransform.identity() if pose == "neutral" else repositioning(3, pose)
-        return Posture(self.joints, _angles(pose), root)
+        return _WristPosture(self.joints, _angles(pose), root, names=self.names)
 
     def motions(self, pose: str) -> dict[str, RigidTransform]:
         """From neutral into the pose, by bone."""
-        return _All(self.posture(pose), self.names).transforms()
+        return self.posture(pose).transforms()
 
     def bent(self, pose: str, points: Array) -> Array:
         """Points (n, 3) of the neutral skin in a pose."""
@@ -198,14 +199,13 @@ class Wrist:
 
 
 @dataclass(frozen=True)
-class _All:
-    """A posture with the bones that move with others."""
+class _WristPosture(Posture):
+    """A posture of named bones, with those that move with others."""
 
-    posture: Posture
-    names: tuple[str, ...]
+    names: tuple[str, ...] = ()
 
     def transforms(self) -> dict[str, RigidTransform]:
-        moved = self.posture.transforms()
+        moved = super().transforms()
         return {name: moved[WITH.get(name, name)] for name in self.names}
 
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.scans.from_raw import CHECKOUT, PROJECT, run
 from benchmarks.scans.real_wrist import HELDOUT, POSES, SEEN, SOURCE, Wrist
-from handpipe.core import Array, Metrics, RigidTransform
+from handpipe.core import Array, Metrics, RigidTransform, Shapes
 from handpipe.evaluation import surface_distance
 from handpipe.hand import StoredFrames
 from handpipe.mesh.surfaces import Surface
@@ -76,8 +76,9 @@ def compared(results: Path, wrist: Wrist) -> Metrics:
 
 
 def _frames(results: Path) -> StoredFrames:
-    chunks = (results / "simulation" / NAME).glob("frames-*.h5")
-    return StoredFrames(sorted(chunks, key=lambda path: int(path.stem.split("-")[-1])))
+    files = (results / "simulation" / NAME).glob("frames-*.h5")
+    chunks = {int(path.stem.split("-")[-1]): path for path in files}
+    return StoredFrames(chunks[number] for number in sorted(chunks))
 
 
 def rig_errors(wrist: Wrist, rig: Rig) -> dict[tuple[str, str], tuple[float, float]]:
@@ -125,10 +126,10 @@ def skin_errors(wrist: Wrist, rig: Rig, pose: str, neutral: Array, simulated: Ar
     return np.asarray(surface_distance(simulated[ends], Surface(home(wrist.bent(pose, points)), triangles)))
 
 
-def inverted_tets(shapes: Mapping[str, object]) -> int:
+def inverted_tets(shapes: Shapes) -> int:
     """Number of inverted tets of a tissue's shapes."""
     mesh = shapes["skin_mesh"]
-    return int((TetMesh(mesh.vertices, mesh.cells).volumes() <= 0).sum())  # type: ignore[attr-defined]
+    return int((TetMesh(mesh.vertices, mesh.cells).volumes() <= 0).sum())
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
