@@ -493,7 +493,7 @@ def _tets(folder: Path) -> list[Row]:
     mixed[2] = mixed[2][[1, 0, 2, 3]]
     middles = np.vstack([corners, (corners[[0, 0, 0, 1, 1, 2]] + corners[[1, 2, 4, 2, 4, 4]]) / 2])
     quadratic = np.array([[0, 1, 2, 4, 8, 11, 9, 10, 12, 13]])
-    hinged = np.vstack([tets, [[4, 5, 9, 8]]])  # on an edge of the cube
+    hinged = np.vstack([tets, [[4, 5, 8, 9]]])  # on an edge of the cube
     nan = corners.copy()
     nan[0] = np.nan
     for defect, reader, reason in (
