@@ -225,11 +225,12 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
         where = f"{row['pop_body']}: {_number(row, 'unexplained'):.2f} mm beyond what its bones explain"
         yield "the shape jumps from the frame before", f"{where}, {_number(row, 'joint_motion'):.1f} deg"
     if _positive(row, "other_equilibria"):
-        energy = f"with {_number(row, 'other_energy'):.3f} of the elastic energy"
+        energy = f"elastic energy {_number(row, 'other_energy'):.3f} of the frame's"
         where = (
-            f"skin up to {_number(row, 'other_skin_max'):.2f} mm away from the {row['other_start']}, {energy}"
+            f"skin up to {_number(row, 'other_skin_max'):.2f} mm from the frame's, {energy}; "
+            f"start: {row['other_start']}"
         )
-        yield "other starts lead to other equilibria; the one from the examples' shapes is taken", where
+        yield "there are other equilibria; the one from the examples' shapes is taken", where
     if _positive(row, "target_distance", REACHED):
         yield "targets are not reached", f"{_number(row, 'target_distance'):.1f} mm are left"
     if _positive(row, "bridged"):
