@@ -29,6 +29,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(TISSUES, ("mesh", "fem", "imaging", "skeleton", "shapes")),
     "anatomy": ("mesh", "imaging", "tissues.muscles"),
     "hand": ("mesh", "fem", "imaging", "skeleton", "shapes", "anatomy", *TISSUES),
+    "levels": ("mesh", "skeleton", "hand"),
     "synthetic.continuum": ("mesh", "fem"),
     "synthetic.coupled": ("mesh", "fem", "synthetic.continuum"),
 }

@@ -39,7 +39,7 @@ def chain() -> Rig:
         axis = Axes(np.array([[0.0, 1, 0]]), (0,))
         fit = JointFit(axis, np.array([15.0 * i + 7.5, 0, 0]), still, still, np.zeros((0, 1)))
         joints.append(RigJoint(child, parent, child, (f"{child}_flexion",), limits, fit))
-    return Rig("palm", tuple(joints), surfaces, {})
+    return Rig("palm", tuple(joints), dict(reversed(surfaces.items())), {})  # in an order of their own
 
 
 def tube() -> Surface:
@@ -67,7 +67,8 @@ def frames(rig: Rig):
         rods = bones["second"](rod)
         layers = {
             "bones": {
-                b: Shape(s.vertices, bones[b](s.vertices), s.triangles) for b, s in rig.surfaces.items()
+                b: Shape(s.vertices, bones[b](s.vertices), s.triangles)
+                for b, s in ((b, rig.surfaces[b]) for b in BONES)
             },
             "tendons": {
                 "flexor": Shape(ball(20).vertices, bones["first"](ball(20).vertices), ball(20).triangles),
@@ -213,3 +214,13 @@ def test_a_vertex_whose_blend_collapses_is_left_as_it_is() -> None:
     before = blend.before(moved, [RigidTransform.identity(), half], rest)
     np.testing.assert_array_equal(before[0], rest[0])
     np.testing.assert_allclose(blend(before, [RigidTransform.identity(), half])[1], moved[1])
+
+
+def test_vertices_have_the_weights_of_the_bones_that_are_near(rigged) -> None:
+    document = rigged[1]
+    [node] = [n for n in document.nodes if n.name == "fat/skin"]
+    attributes = document.meshes[node.mesh].primitives[0].attributes
+    first = read(document, attributes.JOINTS_0)[:, 0]
+    x = 1e3 * read(document, attributes.POSITION)[:, 0]
+    expected = np.abs(x[:, None] - 15.0 * np.arange(5)).argmin(axis=1)
+    assert np.mean(first == expected) > 0.95

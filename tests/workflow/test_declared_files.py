@@ -37,7 +37,9 @@ from .thin_hand import thin_hand, thin_out
 
 RULES = sorted((CHECKOUT / "workflow" / "rules").glob("*.smk"))
 NOT_WATCHED = {
-    "zanatomy_hand": "90 s, with data of others: tests/synthetic/test_zanatomy_hand.py watches its stage"
+    "zanatomy_hand": "90 s, with data of others: tests/synthetic/test_zanatomy_hand.py watches its stage",
+    "learn_levels": "needs ten frames: test_levels.py watches it",
+    "animate": "shows learned frames: test_levels.py watches it",
 }
 AIR = 4  # voxels around the small subject's image
 WIDE = AFFINE + np.pad(np.full((3, 1), -AIR * SPACING), ((0, 1), (3, 0)))

@@ -456,3 +456,78 @@ rule benchmark_cluster:
         "the jobs of the hand and of sequences on 1 to 1,000 workers, simulated"
     script:
         "../scripts/benchmark.py"
+
+
+LEVELS = {  # parts of the benchmark of levels: subject, and scene of random poses
+    "finger": ("phantom-finger", "random-finger"),
+    "hand": ("phantom-hand-preview", "random-hand"),
+}
+
+
+rule benchmark_levels_part:
+    input:
+        lambda w: simulated_frames(*LEVELS[w.part]),
+    output:
+        paths.benchmark_of("levels/{part}.json"),
+    log:
+        paths.benchmark_of("logs/benchmark_levels_part/{part}.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_levels_part/{part}.tsv")
+    wildcard_constraints:
+        part="|".join(LEVELS),
+    threads: 1
+    resources:
+        mem_mb=6000,
+        runtime=60,
+    params:
+        name="levels",
+        arguments=lambda w: [w.part],
+    message:
+        "levels that are learned from simulated frames: {wildcards.part}; nothing else should run meanwhile"
+    script:
+        "../scripts/benchmark.py"
+
+
+rule benchmark_levels_figures:
+    input:
+        expand(paths.benchmark_of("levels/{part}.json"), part=LEVELS),
+    output:
+        paths.benchmark_of("levels.json"),
+    log:
+        paths.benchmark_of("logs/benchmark_levels_figures.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_levels_figures.tsv")
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        name="levels",
+        arguments=lambda w, input: ["merge", *input],
+    message:
+        "levels that are learned from simulated frames: all figures"
+    script:
+        "../scripts/benchmark.py"
+
+
+rule benchmark_levels:
+    input:
+        paths.benchmark_of("levels.json"),
+    output:
+        paths.benchmark_of("levels.png"),
+        paths.benchmark_of("levels.md"),
+    log:
+        paths.benchmark_of("logs/benchmark_levels.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_levels.tsv")
+    threads: 1
+    resources:
+        mem_mb=500,
+        runtime=5,
+    params:
+        name="levels.document",
+        arguments=lambda w, input: [*input],
+    message:
+        "levels that are learned from simulated frames: picture and table"
+    script:
+        "../scripts/benchmark.py"

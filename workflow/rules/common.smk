@@ -41,6 +41,7 @@ from handpipe.hand import (
     require_skin,
 )
 from handpipe.imaging.volumes import labelled_names
+from handpipe.levels import require_learned
 from handpipe.skeleton.drivers import frame_names
 from handpipe.skeleton.motion import is_motion, motion_frame_names
 from handpipe.synthetic import generators
@@ -222,7 +223,19 @@ def scene(name):
     file = f"config/scenes/{name}.yaml"
     found = checked(load_scene, file)
     checked(require_fidelity, file, found, SETTINGS)
+    if found.learned is not None:
+        checked(require_learned, file, found, scene(found.learned))
     return found
+
+
+def scenes_at_a_level():
+    """A pattern for the scenes that are not simulated but learned; "-", which is no scene, without any."""
+    files = sorted(Path("config/scenes").glob("*.yaml"))
+    texts = {file.stem: file.read_text(encoding="utf-8") for file in files}
+    found = [
+        n for n, t in texts.items() if re.search(r"^level:\s*L\d", t, re.MULTILINE)
+    ]
+    return "|".join(found) or "-"
 
 
 def buildable_subjects():
@@ -990,6 +1003,13 @@ def as_built(subject, name):
     layers = artifacts_of(checked(load_scene, file).needed, data)
     built = [paths.RIG, *(f"{paths.SUBJECT}/{path}" for path in layers)]
     return [dataset_file(subject), file, *expand(built, subject=subject)]
+
+
+def simulated_frames(subject, name):
+    """The frames of a scene, and what a benchmark reads to simulate some of them again."""
+    numbers = chunks(subject, name)
+    made = expand(paths.SCENE_CHUNK, subject=subject, scene=name, chunk=numbers)
+    return [*made, *as_built(subject, name)]
 
 
 def compared_with_truth(subject):

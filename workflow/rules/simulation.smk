@@ -52,6 +52,61 @@ rule simulate:
         "../scripts/simulate.py"
 
 
+# Weights and correctives from the frames of a scene, for scenes that ask for a level below the simulation.
+rule learn_levels:
+    input:
+        rig=paths.RIG,
+        chunks=scene_chunks,
+    output:
+        levels=paths.SCENE_LEVELS,
+        portable=paths.SCENE_PORTABLE,
+        metrics=paths.metrics_of("levels-{scene}"),
+        table=paths.table_of("levels-{scene}"),
+    log:
+        paths.log_of("learn_levels", "scene"),
+    benchmark:
+        paths.cost_of("learn_levels", "scene")
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=30,
+    message:
+        "{wildcards.subject}: levels learned from the frames of {wildcards.scene}"
+    script:
+        "../scripts/learn_levels.py"
+
+
+rule animate:
+    input:
+        rig=paths.RIG,
+        frames=frames_file,
+        levels=lambda w: paths.at(
+            paths.SCENE_LEVELS, subject=w.subject, scene=scene(w.scene).learned
+        ),
+    output:
+        paths.SCENE_CHUNK,
+    log:
+        paths.log_of("animate", "scene", "chunk"),
+    benchmark:
+        paths.cost_of("animate", "scene", "chunk")
+    wildcard_constraints:
+        scene=scenes_at_a_level(),
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        dataset=reads("hand"),
+        scene=reads_scene("layers", "bones", "chunk", "level"),
+    message:
+        "{wildcards.subject}: {wildcards.scene}, learned frames of chunk {wildcards.chunk}"
+    script:
+        "../scripts/animate.py"
+
+
+ruleorder: animate > simulate
+
+
 # Of scenes that ask for it: the outermost layer is simulated again, from other starts.
 rule find_equilibria:
     input:

@@ -219,6 +219,12 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
             yield "the skin penetrates itself", _depth(row, name, "_skin_overlap")
         if name.endswith("_inner_overlap") and _positive(row, name, INNER_OVERLAP):
             yield "tissue penetrates the organs inside", _depth(row, name, "_inner_overlap")
+        if name.endswith("_level_distance") and _positive(row, name, 1.0):
+            farther = f"{_number(row, name):.1f} times the farthest of them"
+            yield (
+                "the pose is unlike those that the level is learned from; its stated errors do not hold",
+                farther,
+            )
         if name.endswith("_compression") and _positive(row, name, COMPRESSION):
             yield "tendons are compressed and folded", f"{_number(row, name):.1f} of the pull"
     if _positive(row, "pop", POP):

@@ -538,6 +538,20 @@ class Scene(Model):
     fidelity: Fidelity | None = Field(
         None, description="the fidelity that it is made for; a build of another one is refused"
     )
+    level: Literal["L0", "L1", "full"] = Field(
+        "full", description="`full` simulates; L0 skins, L1 adds correctives, both learned from `learned`"
+    )
+    learned: str | None = Field(
+        None, description="scene whose simulated frames `level` L0 or L1 is learned from"
+    )
+
+    @model_validator(mode="after")
+    def _learned(self) -> Scene:
+        if (self.level == "full") != (self.learned is None):
+            raise ValueError("learned: names a scene of random poses, with `level` L0 or L1 and only then")
+        if self.level != "full" and (self.mechanics or self.equilibria):
+            raise ValueError("level: L0 and L1 have no tets: neither mechanics nor equilibria of them")
+        return self
 
     @model_validator(mode="after")
     def _known(self) -> Scene:

@@ -13,18 +13,20 @@ if TYPE_CHECKING:
         write_vtu_series,
     )
     from handpipe.hand.exports.input_deck import write_deck
-    from handpipe.hand.exports.linear_blend import LinearBlend
+    from handpipe.hand.exports.linear_blend import BONES_A_VERTEX, LinearBlend
     from handpipe.hand.exports.mechanics import Mechanical, muscle_fibres, tet_fields, with_mechanics
-    from handpipe.hand.exports.rigged_glb import write_rigged_glb
+    from handpipe.hand.exports.rigged_glb import surfaces_once, write_rigged_glb
     from handpipe.hand.exports.usd_cache import write_usd
 else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "BONES_A_VERTEX",
     "LinearBlend",
     "Mechanical",
     "muscle_fibres",
     "surface_triangles",
+    "surfaces_once",
     "tet_fields",
     "with_mechanics",
     "write_deck",

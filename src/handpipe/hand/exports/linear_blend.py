@@ -11,7 +11,7 @@ from handpipe.core import Array, IntArray, RigidTransform
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.posing import bone_weights
 
-MOST = 4  # bones a vertex, as much as every program reads
+BONES_A_VERTEX = 4  # bones a vertex, as much as every program reads
 LEAST_DET = 1e-3  # of a blend of rotations: below, a vertex is not corrected
 
 
@@ -33,7 +33,7 @@ class LinearBlend:
     @staticmethod
     def rigid(count: int, joint: int) -> LinearBlend:
         """All of `count` vertices on one bone."""
-        joints = np.zeros((count, MOST), np.int64)
+        joints = np.zeros((count, BONES_A_VERTEX), np.int64)
         joints[:, 0] = joint
         return LinearBlend(joints, np.tile([1.0, 0, 0, 0], (count, 1)))
 
@@ -41,8 +41,8 @@ class LinearBlend:
     def near(points: Array, bones: Mapping[str, Surface]) -> LinearBlend:
         """Weights of neutral points (n, 3) in mm by their distance to each bone's neutral surface."""
         weights = bone_weights(points, bones)
-        weights = np.pad(weights, [(0, 0), (0, max(MOST - weights.shape[1], 0))])
-        joints = np.argsort(-weights, axis=1, kind="stable")[:, :MOST]
+        weights = np.pad(weights, [(0, 0), (0, max(BONES_A_VERTEX - weights.shape[1], 0))])
+        joints = np.argsort(-weights, axis=1, kind="stable")[:, :BONES_A_VERTEX]
         chosen = np.take_along_axis(weights, joints, axis=1)
         joints = np.where(chosen > 0, joints, 0)
         return LinearBlend(joints, chosen / chosen.sum(axis=1, keepdims=True))

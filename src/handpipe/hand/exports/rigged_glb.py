@@ -77,7 +77,18 @@ def write_rigged_glb(
 
 
 def surfaces_once(layers: Mapping[str, Shapes]) -> list[tuple[str, str, Shape]]:
-    """What is shown, each body once: not the tets or the centreline inside of a surface."""
+    """What is shown, each body once: not the tets or the centreline inside of a surface.
+
+    Parameters
+    ----------
+    layers : mapping of str to Shapes
+        Shapes of a frame by layer and body.
+
+    Returns
+    -------
+    list of (str, str, Shape)
+        Layer, body and shape.
+    """
     found = []
     for layer, body, shape in shown(layers):
         outer = next((body.removesuffix(end) for end in INSIDE_OF if body.endswith(end)), None)
@@ -106,7 +117,7 @@ class _RiggedWriter:
         blend = (
             LinearBlend.rigid(len(rest), self.rig.bones.index(body))
             if of_bone
-            else LinearBlend.near(rest, self.rig.surfaces)
+            else LinearBlend.near(rest, {name: self.rig.surfaces[name] for name in self.rig.bones})
         )
         moved = {number: found.vertices[used] for number, found in shapes.items()}
         before = {} if of_bone else {n: blend.before(x, self.motions[n], rest) for n, x in moved.items()}

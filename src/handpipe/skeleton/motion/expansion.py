@@ -17,6 +17,7 @@ from handpipe.skeleton.motion.contraction_motion import (
 from handpipe.skeleton.motion.interpolation import angles_between
 from handpipe.skeleton.motion.keyframes import is_keyframe_table, read_keyframes
 from handpipe.skeleton.motion.motion import Motion
+from handpipe.skeleton.motion.random_poses import is_random_file, random_names, read_random_poses
 from handpipe.skeleton.motion.target_file import read_targets
 from handpipe.skeleton.motion.target_motion import read_target_motion
 from handpipe.skeleton.motion.tracked_motion import read_tracked_motion
@@ -25,7 +26,7 @@ from handpipe.skeleton.rig.rig import Rig
 
 
 def is_motion(path: str | Path) -> bool:
-    """Whether a file describes a motion and not frames: keyframes, targets, contractions or tracked points.
+    """Whether a file describes a motion: keyframes, targets, random poses, contractions or tracked points.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def motion_frame_names(
     Parameters
     ----------
     path : str or Path
-        Keyframes, targets, contractions or tracked points.
+        Keyframes, targets, random poses, contractions or tracked points.
     limits : mapping of str to (float, float)
         Lower and upper limit of every angle in rad.
     bones : sequence of str, optional
@@ -79,6 +80,8 @@ def motion_frame_names(
         return read_targets(path, limits, tuple(bones))[1].frame_names
     if kind == "contractions":
         return read_contractions(path).times.frame_names
+    if kind == "random":
+        return random_names(path)
     chosen = _recording(path, kind, recording)
     return list(frame_times(path, read_track(path, chosen.side or hand), chosen))
 
@@ -91,7 +94,8 @@ def expand_motion(
     Parameters
     ----------
     path : str or Path
-        Keyframes or contractions (CSV), targets of inverse kinematics (YAML) or tracked points (CSV).
+        Keyframes or contractions (CSV), targets of inverse kinematics or random poses (YAML), or tracked
+        points (CSV).
     rig : Rig
         Rig that the motion moves.
     hand : str
@@ -119,12 +123,14 @@ def expand_motion(
         return read_target_motion(path, rig)
     if kind == "contractions":
         return read_contraction_motion(path, rig)
+    if kind == "random":
+        return read_random_poses(path, rig)
     return read_tracked_motion(path, rig, hand, _recording(path, kind, recording))
 
 
 def _kind(path: str | Path) -> str | None:
     if Path(path).suffix.lower() in (".yaml", ".yml"):
-        return "targets"
+        return "random" if is_random_file(path) else "targets"
     if is_keyframe_table(path):
         return "keyframes"
     if is_contraction_table(path):

@@ -1,0 +1,1 @@
+"""Levels learned from simulated frames against the simulation: seconds, errors, bounds, alarms."""

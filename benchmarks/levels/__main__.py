@@ -1,0 +1,45 @@
+"""`python -m benchmarks.levels PART --output FILE`: levels of a built subject; `merge` joins parts.
+
+Each part reads the frames of its subject's scene of random poses, learns from the first four fifths, and
+tests on the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmarks.parts import run_parts
+
+if TYPE_CHECKING:
+    from handpipe.core import Metrics
+
+PARTS = ("finger", "hand")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure one part, or merge."""
+    parser = argparse.ArgumentParser(prog="benchmarks.levels", description=__doc__)
+
+    def measure(part: str, results: Path) -> Metrics:
+        logging.getLogger("handpipe").setLevel(logging.WARNING)
+        from benchmarks.levels.measured import measured
+        from benchmarks.levels.subject import Subject
+        from handpipe.core import metrics
+
+        figures: metrics.Metrics = {}
+        with metrics.measured(figures):
+            found = measured(Subject.built(part, results))
+        named = {f"{part}_{name}": value for name, value in (found | figures).items()}
+        if part == "hand":  # the limits of the ladder are those of the whole hand
+            named |= {"l0_seconds": found["l0_skin_seconds"], "l1_seconds": found["l1_everything_seconds"]}
+        return named
+
+    run_parts(parser, PARTS, measure, arguments)
+
+
+if __name__ == "__main__":
+    main()

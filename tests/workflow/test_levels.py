@@ -1,0 +1,55 @@
+"""Rules of levels on the small subject: learned from a scene of random poses, then a scene at a level."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from handpipe.hand.frames import read_frames
+
+from .running import planned, run, watching
+
+RANDOM = "random: {count: 10, seed: 1, around: scans}\n"
+LEARNED = "layers: [skin]\nframes: config/scenes/targets/draw.yaml\nchunk: 10\n"
+LEVEL = "layers: [skin]\nframes: config/scenes/shown.csv\nlevel: L1\nlearned: drawn\n"
+GIVEN = ("--config", "subjects=[small]", "scenes=[shown]")
+
+
+@pytest.fixture(scope="module")
+def folder(built_small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A working copy with both scenes."""
+    copied = Path(shutil.copytree(built_small, tmp_path_factory.mktemp("levels") / "copy"))
+    scenes = copied / "config" / "scenes"
+    (scenes / "targets").mkdir(exist_ok=True)
+    (scenes / "targets/draw.yaml").write_text(RANDOM)
+    (scenes / "drawn.yaml").write_text(LEARNED)
+    (scenes / "shown.csv").write_text("frame,hinge_flexion [deg]\nrest,0\nbent,8\n")
+    (scenes / "shown.yaml").write_text(LEVEL)
+    (copied / "watched").mkdir()
+    return copied
+
+
+def test_frames_are_learned_and_their_table_has_bounds_and_distances(folder: Path) -> None:
+    target = "results/small/tables/frames-shown.json"
+    plan = planned(folder, target, *GIVEN)
+    assert plan["learn_levels"] == plan["animate"] == plan["simulate"] == 1
+    process = run(folder, "-j2", target, *GIVEN, environment=watching(folder / "watched"))
+    assert process.returncode == 0, process.stdout[-5000:]
+    jobs = [json.loads(path.read_text(encoding="utf-8")) for path in (folder / "watched").glob("*.json")]
+    assert {"learn_levels", "animate"} <= {job["rule"] for job in jobs}
+    assert [job for job in jobs if job["undeclared"]] == []
+    rows = json.loads((folder / target).read_text(encoding="utf-8"))
+    assert [row["frame"] for row in rows] == ["rest", "bent"]
+    assert all(row["skin_level_bound"] > 0 and row["skin_level_distance"] >= 0 for row in rows)
+    frames = read_frames(folder / "results/small/simulation/shown/frames-0.h5")
+    assert [frame.name for frame, _ in frames] == ["rest", "bent"]
+
+
+def test_a_scene_without_the_layers_is_refused_before_anything_is_built(folder: Path) -> None:
+    file = folder / "config/scenes/shown.yaml"
+    file.write_text(LEVEL.replace("layers: [skin]", "layers: [bone_fascia]"))
+    process = run(folder, "-n", "simulation", *GIVEN)
+    file.write_text(LEVEL)
+    assert process.returncode != 0
+    assert "learned: drawn has no bone_fascia" in process.stdout
