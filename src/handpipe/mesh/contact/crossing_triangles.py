@@ -11,13 +11,15 @@ from handpipe.mesh.surfaces.surface import Surface
 ROUNDING = 1e-12  # mm^3, of six times a volume
 
 
-def crossings(surface: Surface) -> IntArray:
+def crossings(surface: Surface, allowed: ipctk.CollisionFilter | None = None) -> IntArray:
     """Where edges of a surface pass through its triangles.
 
     Parameters
     ----------
     surface : Surface
         Surface in mm.
+    allowed : CollisionFilter, optional
+        Which pairs of vertices may collide; an edge and a triangle of which no pair may are left out.
 
     Returns
     -------
@@ -26,6 +28,8 @@ def crossings(surface: Surface) -> IntArray:
     """
     edges, triangles, points = surface.edges(), surface.triangles, surface.vertices
     search = ipctk.LBVH()
+    if allowed is not None:
+        search.can_vertices_collide = allowed
     search.build(points, edges.astype(np.int32), triangles.astype(np.int32))
     near = search.detect_edge_face_candidates()
     pairs = np.array([(c.edge_id, c.face_id) for c in near], dtype=np.int64).reshape(-1, 2)
