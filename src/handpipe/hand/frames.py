@@ -22,6 +22,7 @@ UNITS = {
     "skin_overlap": "mm",
     "skin_gap": "mm",
     "inner_overlap": "mm",
+    "body_penetration": "mm",
     "residual": "mN",
 }
 

@@ -67,7 +67,7 @@ def kept_apart(scene: Scene, settled: Settled, limits: Limits) -> Settled:
     found = settle(in_place, start, limits, f"{scene.name}, behind a barrier")
     left = scene.bodies.crossings(found.x, itself=True)
     if len(left.edges):
-        raise _no_room(scene, found.x, left)
+        raise no_room(scene.name, scene.bodies, found.x, left)
     figures = records[found.chosen - 1].figures
     return replace(found, renewals=settled.renewals + found.renewals, solver=figures)
 
@@ -82,7 +82,7 @@ def _pushed_apart(scene: Scene, x: Array) -> Array:
         if count < ROUNDS:
             margin = MARGIN + GROWTH * count
             x = scene.solve([*scene.planes(x, margin), _push(scene, x, found, margin)], x).x
-    raise _no_room(scene, x, found)
+    raise no_room(scene.name, scene.bodies, x, found)
 
 
 def _push(scene: Scene, x: Array, found: Crossings, margin: float) -> Contact:
@@ -113,5 +113,6 @@ def _on_edges(points: Array, found: Crossings) -> sparse.csr_matrix:
     return sparse.csr_matrix((weights, (rows, found.edges.ravel())), shape=(len(share), len(points)))
 
 
-def _no_room(scene: Scene, x: Array, found: Crossings) -> ConvergenceError:
-    return ConvergenceError(scene.name, scene.bodies.place(x, found), REMEDY)
+def no_room(name: str, bodies: Bodies, x: Array, found: Crossings) -> ConvergenceError:
+    """Bodies cross with mesh vertices at x (n, 3)."""
+    return ConvergenceError(name, bodies.place(x, found), REMEDY)

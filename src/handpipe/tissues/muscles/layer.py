@@ -25,7 +25,7 @@ from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, about, each_moved
 from handpipe.mesh.tets import mass_lumped
 from handpipe.shapes.optimisation import MUSCLE
-from handpipe.tissues.muscles.barrier import Scene, kept_apart
+from handpipe.tissues.muscles.barrier import Scene, kept_apart, no_room
 from handpipe.tissues.muscles.colliding import Bodies
 from handpipe.tissues.muscles.muscle import Muscle
 from handpipe.tissues.muscles.neighbours import SurfacePairs, pairs, sliding_vertices
@@ -156,8 +156,10 @@ class MuscleLayer:
             if self.options.barrier:
                 scene = self._scene(bodies, free, obstacles, frame.name)
                 settled = kept_apart(scene, settled, self.options.contacts)
+                bodies = Bodies.of(self.muscles, self.surfaces, posed, settled.x)  # bones near them now
             shapes = self._shapes(frame.name, settled, strains, posed, settled.figures)
-            return self._with_crossings(shapes, bodies, settled.x, frame.name)
+            known = dict(zip(posed, obstacles, strict=True))
+            return self._with_crossings(shapes, bodies, settled.x, known, frame.name)
         found = self._equilibrium([elastic, *constraints], x, frame.name)
         alone = Settled(found.x, 0, 0.0, solver=found.record.figures)
         return self._shapes(frame.name, alone, strains, posed, {})
@@ -250,18 +252,20 @@ class MuscleLayer:
         name = f"muscles of {frame}"
         return Scene(name, bodies, rest, young, self.options.contact, planes, solve)
 
-    def _with_crossings(self, shapes: Shapes, bodies: Bodies, x: Array, frame: str) -> Shapes:
+    def _with_crossings(
+        self, shapes: Shapes, bodies: Bodies, x: Array, bones: Mapping[str, Distance], frame: str
+    ) -> Shapes:
         """The shapes with figures of how muscles cross other bodies; a warning names the place."""
         found = bodies.crossings(x)
+        if self.options.barrier and len(found.edges):
+            raise no_room(f"muscles of {frame}", bodies, x, found)
+        depths = bodies.depths(x, found, bones)
         if len(found.edges):
-            log.warning("muscles of %s cross: %s", frame, bodies.place(x, found))
-        depths = bodies.depths(x, found)
+            place = bodies.place(x, found)
+            log.warning("muscles of %s cross, %.2f mm deep: %s", frame, depths.max(), place)
         for index, muscle in enumerate(self.muscles):
             own = (found.bodies == index).any(axis=1)
-            figures = {
-                "crossings": float(own.sum()),
-                "penetration": float(depths[own].max(initial=0.0)),
-            }
+            figures = {"body_crossings": float(own.sum()), "body_penetration": float(depths[index])}
             shape = shapes[muscle.name]
             shapes[muscle.name] = replace(shape, figures={**shape.figures, **figures})
         return shapes
