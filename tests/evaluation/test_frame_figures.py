@@ -32,9 +32,7 @@ def rows() -> list[dict]:
     bad = {
         "muscles": {
             "m1": body(contact_motion=0.01, contact_unsettled=0.0, cuts_itself=1.0),
-            "m2": body(
-                contact_motion=0.2, contact_unsettled=1.0, body_crossings=12.0, body_penetration=0.07
-            ),
+            "m2": body(contact_motion=0.2, contact_unsettled=1.0, body_crossings=12.0, body_penetration=0.07),
         },
         "fat": {
             "fat": body(inverted_tets=2.0, least_det=-0.14, inner_overlap=1.6),

@@ -1,4 +1,4 @@
-"""Muscles that penetrate neither bones nor one another nor themselves: pushed apart, at rest behind a barrier."""
+"""Muscles that penetrate no body: pushed apart where they do, then at rest behind a barrier."""
 
 from __future__ import annotations
 

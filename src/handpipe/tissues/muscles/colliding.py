@@ -1,4 +1,4 @@
-"""What may collide in a frame: muscles' surfaces and the bones near them, and where they cross one another."""
+"""What may collide in a frame: muscles' surfaces and the bones near them, and where they cross."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ class Bodies:
         body += [np.full(len(s.vertices), len(muscles) + i) for i, (_, s) in enumerate(known)]
         tied.append(np.ones(len(vertices), dtype=bool))
         names = (*(m.name for m in muscles), *(name for name, _ in known))
-        parts = (np.concatenate(part) for part in (triangles, originals, body, tied))
-        return Bodies(names, operator, *parts, bones=(vertices, faces))
+        all_triangles, copied, bodies, bound = map(np.concatenate, (triangles, originals, body, tied))
+        return Bodies(names, operator, all_triangles, copied, bodies, bound, (vertices, faces))
 
     @property
     def count(self) -> int:
@@ -110,7 +110,7 @@ class Bodies:
         )
 
     def depths(self, x: Array, found: Crossings, distances: Mapping[str, Distance]) -> Array:
-        """Depth (b,) in mm by body: of crossing edges' and triangles' vertices in the other body, the deepest.
+        """Depth (b,) in mm by body, of the deepest vertex of crossing edges and triangles in the other body.
 
         distances: to bones by name, as posed as here.
         """
@@ -141,12 +141,10 @@ class Bodies:
         return Surface(surface.vertices[own], same - own[0])
 
     def barrier(self, x: Array, rest: Array, distance: float, stiffness: float) -> Barrier:
-        """The barrier between all that may collide, from x (n, 3) without crossings; parameters as its own."""
+        """The barrier between all that may collide, from x (n, 3) without crossings."""
         pairs = CollidingPairs(allowed=self.allowed(True), rest=rest)
         obstacle = self.bones if len(self.bones[0]) else None
-        return Barrier(
-            self.operator, self.triangles, x, distance, stiffness, obstacle=obstacle, pairs=pairs
-        )
+        return Barrier(self.operator, self.triangles, x, distance, stiffness, obstacle=obstacle, pairs=pairs)
 
     def place(self, x: Array, found: Crossings) -> str:
         """Bodies that cross, most crossings first, and where, in words."""

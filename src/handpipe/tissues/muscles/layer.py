@@ -301,7 +301,8 @@ class MuscleLayer:
     ) -> list[Potential]:
         """Contact and sliding of muscles against one another at their present places, `surfaces @ x`.
 
-        margin: mm that contact keeps them off; None: sliding alone. Vertices that a bone holds go with it and push nobody, as in stage 2.
+        margin: mm that contact keeps them off; None: sliding alone. Vertices that a bone holds go with it and
+        push nobody, as in stage 2.
         """
         posed = {m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, surfaces, strict=True)}
         distances = {name: Distance(surface) for name, surface in posed.items()}
