@@ -33,7 +33,7 @@ class Scene:
 
     name: in log lines; rest (n, 3): neutral mesh vertices; young: modulus in kPa; push: stiffness in mN/mm of
     a crossing's push; planes: contact planes at x (n, 3) with a margin in mm, or sliding alone for None;
-    solve: equilibrium near a start (n, 3) under a contact.
+    solve: equilibrium near a start (n, 3) under a contact, exactly or as a start of another.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Scene:
     young: float
     push: float
     planes: Callable[[Array, float | None], list[Potential]]
-    solve: Callable[[list[Potential], Array], Equilibrium]
+    solve: Callable[[list[Potential], Array, bool], Equilibrium]
 
 
 def kept_apart(scene: Scene, settled: Settled, limits: Limits) -> Settled:
@@ -59,7 +59,7 @@ def kept_apart(scene: Scene, settled: Settled, limits: Limits) -> Settled:
     free, records = [start], list[Record]()
 
     def in_place(planes: Array) -> Array:
-        found = scene.solve([*scene.planes(planes, None), barrier], free[-1])
+        found = scene.solve([*scene.planes(planes, None), barrier], free[-1], True)
         free.append(found.x)
         records.append(found.record)
         return found.x
@@ -81,7 +81,7 @@ def _pushed_apart(scene: Scene, x: Array) -> Array:
             return x
         if count < ROUNDS:
             margin = MARGIN + GROWTH * count
-            x = scene.solve([*scene.planes(x, margin), _push(scene, x, found, margin)], x).x
+            x = scene.solve([*scene.planes(x, margin), _push(scene, x, found, margin)], x, False).x
     raise no_room(scene.name, scene.bodies, x, found)
 
 

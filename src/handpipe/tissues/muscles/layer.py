@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -36,6 +37,14 @@ log = logging.getLogger(__name__)
 
 BITE = 0.5  # mm of depth, at most, that one set of planes resolves: more at once throws thin muscles far off
 GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, until planes are renewed
+# mm and 1: tolerances of a start; it may end before it has converged
+ROUGHLY: dict[str, Any] = {
+    "displacement_tolerance": 0.01,
+    "force_tolerance": 1.0,
+    "max_iterations": 30,
+    "allow_partial": True,
+    "untangle": False,
+}
 STILL, LOOSE, LONGEST = 1e-3, 1e-3, 3.0  # mm, 1 and mm: tolerances of moves and forces, and the longest step
 
 
@@ -245,8 +254,8 @@ class MuscleLayer:
                 return self._neighbours(x, self.surfaces, None)
             return self._contacts(obstacles, x, margin)
 
-        def solve(contact: list[Potential], start: Array) -> Equilibrium:
-            return self._equilibrium([*free, *contact], start, frame)
+        def solve(contact: list[Potential], start: Array, exactly: bool) -> Equilibrium:
+            return self._equilibrium([*free, *contact], start, frame, exactly)
 
         young, rest = float(np.max(self.options.material.young)), self.elastic.vertices
         name = f"muscles of {frame}"
@@ -328,7 +337,10 @@ class MuscleLayer:
             *_stacked(Sliding, sliding, self.options.sliding),
         ]
 
-    def _equilibrium(self, potentials: Sequence[Potential], x: Array, frame: str) -> Equilibrium:
+    def _equilibrium(
+        self, potentials: Sequence[Potential], x: Array, frame: str, exactly: bool = True
+    ) -> Equilibrium:
+        """The equilibrium near x (n, 3); not `exactly`: what a start of another solve needs."""
         options = equilibrium.Options(
             displacement_tolerance=STILL,
             force_tolerance=LOOSE,
@@ -337,6 +349,8 @@ class MuscleLayer:
             single=True,
             name=f"muscles of {frame}",
         )
+        if not exactly:
+            options = replace(options, **ROUGHLY)
         return equilibrium.solve(potentials, x, options=options)
 
     def _shapes(
