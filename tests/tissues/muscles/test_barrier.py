@@ -12,7 +12,7 @@ from tests.tissues.muscles.test_layer import muscle, solve
 from handpipe.core.errors import ConvergenceError, InputError
 from handpipe.mesh.surfaces.surface import Surface, each_moved
 from handpipe.tissues.muscles.barrier import BARRIER_STIFFNESS, DISTANCE
-from handpipe.tissues.muscles.colliding import Bodies
+from handpipe.tissues.muscles.colliding import Bodies, _held
 from handpipe.tissues.muscles.layer import MuscleLayer
 
 ANGLE, APART = 0.8, 5.8  # rad; mm between the muscles' axes, which are 6 mm thick
@@ -112,8 +112,10 @@ def test_a_muscle_is_pushed_out_of_a_bone_or_the_frame_fails():
     assert solve(plain, 3.4)["m"].figures["body_penetration"] > 0.3
     shape = solve(plain.behind_barrier(), 3.4)["m"]
     assert shape.figures["body_crossings"] == shape.figures["cuts_itself"] == 0
+    ends = np.isin(shape.cells, _held(plain.muscles[0])).any(axis=1)  # which go with bones, through others
+    free = Surface(shape.vertices, shape.cells[~ends])
     for bone in each_moved(hinge_bones(), hinge(3.4)).values():
-        assert exact.crossings(Surface(shape.vertices, shape.cells), bone) == 0
+        assert exact.crossings(free, bone) == exact.crossings(bone, free) == 0
     with pytest.raises(ConvergenceError, match=r"muscles of pose .* around \(.*\) mm"):
         solve(plain.behind_barrier(), 4.0)
 
