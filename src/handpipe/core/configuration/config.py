@@ -530,7 +530,7 @@ class Scene(Model):
     )
     muscle_barrier: bool = Field(
         False,
-        description="keep muscles out of bones, one another and themselves by a barrier: 4 to 6 times their time",
+        description="keep muscles out of bones, of one another and themselves: 4 to 6 times their time",
     )
     equilibria: bool = Field(
         False,
