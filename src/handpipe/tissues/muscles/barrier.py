@@ -14,6 +14,7 @@ from handpipe.fem.contact import Contact, ConvexBarrier
 from handpipe.fem.minimisation import Equilibrium, Record
 from handpipe.fem.potentials import Potential
 from handpipe.fem.solver import Limits, Settled, settle
+from handpipe.mesh.contact import ways_out
 from handpipe.mesh.surfaces import barycentric_matrix
 from handpipe.tissues.muscles.colliding import Bodies, Crossings
 
@@ -23,7 +24,6 @@ DISTANCE = 0.1  # mm within which bodies repel behind the barrier: a tenth of th
 BARRIER_STIFFNESS = 16.0  # times Young's modulus: pressed bodies keep a few hundredths of a mm
 MARGIN, GROWTH = 0.1, 0.05  # mm beyond a body to which muscles are pushed; its growth a round
 ROUNDS = 6  # of pushes, at most
-FACING = 0.3  # length of the difference of two normals: below it, the sheets do not face one another
 REMEDY = "The pose may leave no room for the muscles: bend less, or scan a pose near it."
 
 
@@ -91,12 +91,10 @@ def _push(scene: Scene, x: Array, found: Crossings, margin: float) -> Contact:
     on_edges = _on_edges(surface.vertices, found)
     feet = barycentric_matrix(on_edges @ surface.vertices, found.triangles, surface.vertices)
     normals = surface.vertex_normals()
-    between = feet @ normals - on_edges @ normals
-    lengths = np.linalg.norm(between, axis=1, keepdims=True)
     a, b, c = np.moveaxis(surface.vertices[found.triangles], 1, 0)
     own = np.cross(b - a, c - a)
     own /= np.linalg.norm(own, axis=1, keepdims=True)
-    directions = np.where(lengths > FACING, between / np.maximum(lengths, FACING), own)
+    directions = ways_out(feet @ normals - on_edges @ normals, own)
     apart = sparse.csr_matrix(on_edges - feet)
     of_bones = apart[:, bodies.count :] @ bodies.bones[0]  # which do not move
     moving = apart[:, : bodies.count] @ bodies.operator
