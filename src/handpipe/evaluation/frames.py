@@ -215,6 +215,10 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
         if name.endswith("_skin_crossings") and _positive(row, name):
             layer = name.removesuffix("_skin_crossings")
             yield "the skin crosses itself", f"{layer}: {_number(row, name):.0f} edges through triangles"
+        if name.endswith("_body_crossings") and _positive(row, name):
+            stem = name.removesuffix("_body_crossings")
+            deep = f"{_number(row, name):.0f} edges, {_number(row, f'{stem}_body_penetration'):.2f} mm deep"
+            yield "muscles cross bones or one another", f"{stem}: {deep}"
         if name.endswith("_skin_overlap") and _positive(row, name, OVERLAP):
             yield "the skin penetrates itself", _depth(row, name, "_skin_overlap")
         if name.endswith("_inner_overlap") and _positive(row, name, INNER_OVERLAP):

@@ -529,6 +529,10 @@ class Scene(Model):
     mechanics: bool = Field(
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
     )
+    muscle_barrier: bool = Field(
+        False,
+        description="keep muscles out of bones, of one another and themselves: 4 to 6 times their time",
+    )
     equilibria: bool = Field(
         False,
         description="look for other equilibria of frames from other starts: at least twice the time of fat",
@@ -561,6 +565,8 @@ class Scene(Model):
                 raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(known)}")
         if self.images and not {"fat", "skin"} & set(self.needed):
             raise ValueError("images: need fat or skin among the layers: the skin bounds the moved image")
+        if self.muscle_barrier and "muscles" not in self.needed:
+            raise ValueError("muscle_barrier: needs muscles among the layers: it keeps these alone apart")
         if self.equilibria and not {"fat", "skin"} & set(self.needed):
             raise ValueError("equilibria: need fat or skin among the layers: they are sought for these alone")
         return self
