@@ -50,6 +50,7 @@ def deep(points, surface):
 
 
 def test_planes_let_muscles_cross_and_the_figures_say_so(caplog):
+    caplog.set_level("INFO")
     shapes = solve(layer(), ANGLE)
     low, high = surfaces(shapes)
     figures = shapes["low"].figures

@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.core import InputError
-
 from handpipe.skeleton.joints.angles import (
     UNIT,
     Angles,

@@ -271,7 +271,7 @@ class MuscleLayer:
         depths = bodies.depths(x, found, bones)
         if len(found.edges):
             place = bodies.place(x, found)
-            log.warning("muscles of %s cross, %.2f mm deep: %s", frame, depths.max(), place)
+            log.info("muscles of %s cross, %.2f mm deep: %s", frame, depths.max(), place)
         for index, muscle in enumerate(self.muscles):
             own = (found.bodies == index).any(axis=1)
             figures = {"body_crossings": float(own.sum()), "body_penetration": float(depths[index])}
