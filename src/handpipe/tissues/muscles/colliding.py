@@ -12,8 +12,8 @@ from scipy.spatial import cKDTree
 
 from handpipe.core import Array, BoolArray, IntArray
 from handpipe.fem.contact import Barrier, CollidingPairs
-from handpipe.mesh.contact import crossings, distance_to, ipctk
-from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.contact import crossings, ipctk
+from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.muscles.muscle import Muscle
 from handpipe.tissues.muscles.separation.overlap import Collider
 
@@ -38,7 +38,6 @@ class Bodies:
     with a vertex that a bone holds have copies of their own, which are tied: they collide with no bone, with
     no other tied triangle, and not with their own muscle.
 
-    originals: of each copy (k,) the free copy of the same surface vertex.
     names: of the bodies, muscles first; operator (k, n): from mesh vertices to copies; body, tied: of each
     vertex; bones: vertices (o, 3) and triangles, numbered from zero.
     """
@@ -46,7 +45,6 @@ class Bodies:
     names: tuple[str, ...]
     operator: sparse.csr_matrix
     triangles: IntArray
-    originals: IntArray
     body: IntArray
     tied: BoolArray
     bones: tuple[Array, IntArray]
@@ -59,13 +57,12 @@ class Bodies:
         x: Array,
     ) -> Bodies:
         """Bodies of muscles at x (n, 3), whose surfaces are `surfaces @ x`, and of posed bones."""
-        operators, triangles, body, tied, originals = list[sparse.csr_matrix](), [], [], [], []
+        operators, triangles, body, tied = list[sparse.csr_matrix](), [], [], []
         first = 0
         for index, (muscle, surface) in enumerate(zip(muscles, surfaces, strict=True)):
-            own, faces = Collider(muscle.name, muscle.body.surface, _held(muscle)).copies
+            own, faces = Collider(muscle.name, muscle.body.surface, held_vertices(muscle)).copies
             operators.append(surface[own])
             triangles.append(faces + first)
-            originals.append(own + first)
             body.append(np.full(len(own), index))
             tied.append(np.arange(len(own)) >= surface.shape[0])
             first += len(own)
@@ -75,8 +72,8 @@ class Bodies:
         body += [np.full(len(s.vertices), len(muscles) + i) for i, (_, s) in enumerate(known)]
         tied.append(np.ones(len(vertices), dtype=bool))
         names = (*(m.name for m in muscles), *(name for name, _ in known))
-        all_triangles, copied, bodies, bound = map(np.concatenate, (triangles, originals, body, tied))
-        return Bodies(names, operator, all_triangles, copied, bodies, bound, (vertices, faces))
+        all_triangles, bodies, bound = map(np.concatenate, (triangles, body, tied))
+        return Bodies(names, operator, all_triangles, bodies, bound, (vertices, faces))
 
     @property
     def count(self) -> int:
@@ -109,37 +106,6 @@ class Bodies:
             edges, triangles, np.column_stack([self.body[edges[:, 0]], self.body[triangles[:, 0]]])
         )
 
-    def depths(self, x: Array, found: Crossings, distances: Mapping[str, Distance]) -> Array:
-        """Depth (b,) in mm by body, of the deepest vertex of crossing edges and triangles in the other body.
-
-        distances: to bones by name, as posed as here.
-        """
-        surface, deepest = self.surface(x), np.zeros(len(self.names))
-        known: dict[int, Distance] = {}
-        if not len(found.edges):
-            return deepest
-        for one, other in np.unique(np.concatenate([found.bodies, found.bodies[:, ::-1]]), axis=0):
-            if other not in known:
-                own = distances.get(self.names[other])
-                known[other] = own or distance_to(self._alone(surface, other))
-            here = (np.sort(found.bodies, axis=1) == sorted((one, other))).all(axis=1)
-            ids = np.unique(np.concatenate([found.edges[here].ravel(), found.triangles[here].ravel()]))
-            points = surface.vertices[ids[(self.body[ids] == one) & ~self._bound[ids]]]
-            depth = known[other].depths(points).max(initial=0.0) if len(points) else 0.0
-            deepest[[one, other]] = np.maximum(deepest[[one, other]], depth)
-        return deepest
-
-    @cached_property
-    def _bound(self) -> BoolArray:
-        """Tied copies (k + o,) of muscles: what bones hold may lie in them."""
-        return self.tied & (np.arange(len(self.tied)) < self.count)
-
-    def _alone(self, surface: Surface, muscle: int) -> Surface:
-        """The closed surface of one muscle: without tied copies, which have the places of others."""
-        own = np.flatnonzero((self.body == muscle) & ~self.tied)
-        same = self.originals[self.triangles[(self.body[self.triangles[:, 0]] == muscle)]]
-        return Surface(surface.vertices[own], same - own[0])
-
     def barrier(self, x: Array, rest: Array, distance: float, stiffness: float) -> Barrier:
         """The barrier between all that may collide, from x (n, 3) without crossings."""
         pairs = CollidingPairs(allowed=self.allowed(True), rest=rest)
@@ -157,7 +123,7 @@ class Bodies:
         return f"{len(found.edges)} edges through triangles, most of {names} around ({place}) mm"
 
 
-def _held(muscle: Muscle) -> IntArray:
+def held_vertices(muscle: Muscle) -> IntArray:
     """Surface vertices that go with a bone: the firm ones, and those that can hardly move from them."""
     corners = np.unique(muscle.anchors.indices)
     weight = np.asarray(muscle.body.matrix[:, corners].sum(axis=1)).ravel()

@@ -9,6 +9,7 @@ import copy
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import permutations
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from handpipe.core import LAYERS, Array, Frame, IntArray, RigidTransform, Shape, Shapes, flesh_in
+from handpipe.core import LAYERS, Array, BoolArray, Frame, IntArray, RigidTransform, Shape, Shapes, flesh_in
 from handpipe.fem.contact import Attachment, Contact, Sliding, SurfaceContact, contact_pressures, left_deep
 from handpipe.fem.elements import Material, Validity
 from handpipe.fem.minimisation import Equilibrium, Record
@@ -27,9 +28,10 @@ from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, about, each
 from handpipe.mesh.tets import mass_lumped
 from handpipe.shapes.optimisation import MUSCLE
 from handpipe.tissues.muscles.barrier import Scene, kept_apart, no_room
-from handpipe.tissues.muscles.colliding import Bodies
+from handpipe.tissues.muscles.colliding import Bodies, held_vertices
 from handpipe.tissues.muscles.muscle import Muscle
 from handpipe.tissues.muscles.neighbours import SurfacePairs, pairs, sliding_vertices
+from handpipe.tissues.muscles.penetration import Penetration, Posed
 
 Planes = tuple[sparse.csr_matrix, Array, Array]  # what is apart (c, N), by places and normals (c, 3)
 
@@ -142,8 +144,8 @@ class MuscleLayer:
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """Each muscle's surface, and its tetrahedra under `{muscle}_mesh` with the field "strain" (m, 6).
 
-        The surfaces' figures tell how the contact of all muscles settled, and how many edges of a muscle
-        cross other bodies, how deep (mm); those of the tets whether they are valid.
+        The surfaces' figures tell how the contact of all muscles settled, and how deep a muscle lies in other
+        bodies or they in it (mm); those of the tets whether they are valid.
 
         Raises
         ------
@@ -161,14 +163,16 @@ class MuscleLayer:
             obstacles = [self._to_bones.to(name, bones[name].vertices, bone) for name, bone in posed.items()]
             free = [elastic, *constraints]
             settled = self._in_contact(free, x, obstacles, frame.name)
-            bodies = Bodies.of(self.muscles, self.surfaces, posed, settled.x)
             if self.options.barrier:
-                scene = self._scene(bodies, free, obstacles, frame.name)
-                settled = kept_apart(scene, settled, self.options.contacts)
-                bodies = Bodies.of(self.muscles, self.surfaces, posed, settled.x)  # bones near them now
+                bodies = Bodies.of(self.muscles, self.surfaces, posed, settled.x)
+                settled = kept_apart(
+                    self._scene(bodies, free, obstacles, frame.name), settled, self.options.contacts
+                )
+                self._require_apart(
+                    Bodies.of(self.muscles, self.surfaces, posed, settled.x), settled.x, frame
+                )
             shapes = self._shapes(frame.name, settled, strains, posed, settled.figures)
-            known = dict(zip(posed, obstacles, strict=True))
-            return self._with_crossings(shapes, bodies, settled.x, known, frame.name)
+            return self._with_penetration(shapes, dict(zip(posed, obstacles, strict=True)), frame.name)
         found = self._equilibrium([elastic, *constraints], x, frame.name)
         alone = Settled(found.x, 0, 0.0, solver=found.record.figures)
         return self._shapes(frame.name, alone, strains, posed, {})
@@ -261,23 +265,32 @@ class MuscleLayer:
         name = f"muscles of {frame}"
         return Scene(name, bodies, rest, young, self.options.contact, planes, solve)
 
-    def _with_crossings(
-        self, shapes: Shapes, bodies: Bodies, x: Array, bones: Mapping[str, Distance], frame: str
-    ) -> Shapes:
-        """The shapes with figures of how muscles cross other bodies; a warning names the place."""
+    def _require_apart(self, bodies: Bodies, x: Array, frame: Frame) -> None:
+        """Raise `ConvergenceError` where muscles behind a barrier cross, with bones near them at x (N, 3)."""
         found = bodies.crossings(x)
-        if self.options.barrier and len(found.edges):
-            raise no_room(f"muscles of {frame}", bodies, x, found)
-        depths = bodies.depths(x, found, bones)
         if len(found.edges):
-            place = bodies.place(x, found)
-            log.info("muscles of %s cross, %.2f mm deep: %s", frame, depths.max(), place)
-        for index, muscle in enumerate(self.muscles):
-            own = (found.bodies == index).any(axis=1)
-            figures = {"body_crossings": float(own.sum()), "body_penetration": float(depths[index])}
+            raise no_room(f"muscles of {frame.name}", bodies, x, found)
+
+    def _with_penetration(self, shapes: Shapes, bones: Mapping[str, Distance], frame: str) -> Shapes:
+        """The shapes with how deep muscles lie in bones and in one another."""
+        posed = []
+        for muscle, held in zip(self.muscles, self._held, strict=True):
             shape = shapes[muscle.name]
-            shapes[muscle.name] = replace(shape, figures={**shape.figures, **figures})
-        return shapes
+            surface = Surface(shape.vertices, shape.cells)
+            posed.append(Posed(muscle.name, surface, held, bool(shape.figures["cuts_itself"])))
+        found = Penetration.of(posed, bones)
+        log.info("muscles of %s penetrate by %.2f mm at most: %s", frame, found.depths.max(), found.place)
+        return shapes | {
+            m.name: replace(
+                shapes[m.name], figures={**shapes[m.name].figures, "body_penetration": float(depth)}
+            )
+            for m, depth in zip(self.muscles, found.depths, strict=True)
+        }
+
+    @cached_property
+    def _held(self) -> list[BoolArray]:
+        """Of each muscle, which of its surface's vertices (v,) go with a bone."""
+        return [np.isin(np.arange(len(m.body.surface.vertices)), held_vertices(m)) for m in self.muscles]
 
     def _mover(self, motion: Array) -> str:
         """The muscle that has the longest vector of a motion (N, 3)."""
