@@ -24,6 +24,7 @@ UNITS = {
     "inner_overlap": "mm",
     "level_bound": "mm",
     "spring_residual": "mm",
+    "body_penetration": "mm",
     "residual": "mN",
 }
 

@@ -357,9 +357,9 @@ class Dataset(Model):
         description="how bones show: as bright marrow within a dark shell, or as their strokes teach",
     )
     registration: Literal["surfaces", "images"] = Field(
-        "surfaces",
-        description="what tells a bone's motion: its surfaces, or these and then the images in the bone's "
-        "own region, for poses of one contrast",
+        "images",
+        description="what tells a bone's motion: its surfaces alone, or these and then, where they leave its "
+        "turn open, the images in the bone's own region",
     )
     joints: dict[Name, Joint]
     muscles: dict[Name, Muscle] = {}
@@ -533,6 +533,10 @@ class Scene(Model):
     mechanics: bool = Field(
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
     )
+    muscle_barrier: bool = Field(
+        False,
+        description="keep muscles out of bones, of one another and themselves: 4 to 6 times their time",
+    )
     equilibria: bool = Field(
         False,
         description="look for other equilibria of frames from other starts: at least twice the time of fat",
@@ -571,6 +575,8 @@ class Scene(Model):
                 raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(known)}")
         if self.images and not {"fat", "skin"} & set(self.needed):
             raise ValueError("images: need fat or skin among the layers: the skin bounds the moved image")
+        if self.muscle_barrier and "muscles" not in self.needed:
+            raise ValueError("muscle_barrier: needs muscles among the layers: it keeps these alone apart")
         if self.equilibria and not {"fat", "skin"} & set(self.needed):
             raise ValueError("equilibria: need fat or skin among the layers: they are sought for these alone")
         return self

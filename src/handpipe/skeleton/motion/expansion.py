@@ -26,9 +26,7 @@ from handpipe.skeleton.rig.rig import Rig
 
 
 def is_motion(path: str | Path) -> bool:
-    """Whether a file describes a motion and not frames.
-
-    Motions are keyframes, targets, random poses, contractions and tracked points.
+    """Whether a file describes a motion: keyframes, targets, random poses, contractions or tracked points.
 
     Parameters
     ----------
@@ -118,7 +116,7 @@ def expand_motion(
     kind = _kind(path)
     _require_tracks(path, kind, recording)
     if kind == "keyframes":
-        keys = read_keyframes(path, rig.limits)
+        keys = read_keyframes(path, rig.limits, {name: pose.angles for name, pose in rig.poses.items()})
         frames = angles_between(keys.times.times, keys.angles, rig.angle_names, keys.times.frames)
         return Motion(dict(zip(keys.times.frame_names, frames, strict=True)))
     if kind == "targets":
