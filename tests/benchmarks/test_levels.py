@@ -5,12 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from benchmarks.levels import measured
+from benchmarks.levels.contractions import coarser
 from benchmarks.levels.document import main, table
 from tests.levels.three_bones import random_frames, rig
 
 from handpipe.core import metrics
 from handpipe.levels import LearnedHand, TrainingSet, learn
+from handpipe.mesh.surfaces.surface import Surface
+from handpipe.tissues.fat.skin import Rigid, Skin
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +62,23 @@ def test_table_and_picture(tmp_path: Path) -> None:
             found[f"hand_{level}_{tissue}_error_mean"] = (0.25, "mm")
             found[f"hand_{level}_{tissue}_error_max"] = (2.0, "mm")
     found |= {"hand_l1_skin_error_mean_16": (0.4, "mm"), "hand_l1_skin_error_mean_32": (0.25, "mm")}
+    found |= {f"hand_l2_{what}_seconds": (0.012, "s") for what in ("skin", "organs", "everything")}
+    found |= {"hand_l2_skin_error_mean": (0.5, "mm"), "hand_l2_skin_error_max": (4.0, "mm")}
+    assert "| hand, L2 | 12.00; 12.00; 12.00 | 0.500; 4.0 |  |  |" in table(found)
     assert "| hand, L1 | 1.20; 1.20; 1.20 | 0.250; 2.0 |" in table(found)
     metrics.write(tmp_path / "levels.json", found)
     main([str(tmp_path / "levels.json"), "--output", str(tmp_path / "levels.png")])
     assert (tmp_path / "levels.png").stat().st_size > 5000
     assert (tmp_path / "levels.md").read_text(encoding="utf-8") == table(found)
+
+
+def test_the_coarser_skin_has_the_nodes_of_albrecht_and_its_rigid_parts() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=4, radius=40.0)
+    fine = Surface(np.asarray(mesh.vertices) * [1.0, 0.8, 1.4], np.asarray(mesh.faces))
+    ends = Rigid("palm", np.flatnonzero(fine.vertices[:, 2] < -40))
+    found = coarser(Skin(fine, {"cut_end": ends}))
+    assert 1500 <= len(found.surface.vertices) < len(fine.vertices)
+    places = found.surface.vertices[found.rigid["cut_end"].vertices, 2]
+    assert len(places) > 20
+    assert places.max() < -38
+    assert found.surface.volume() == pytest.approx(fine.volume(), rel=0.01)
