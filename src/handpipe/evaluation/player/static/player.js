@@ -1,0 +1,343 @@
+/* A page that moves a learned hand: sliders, fingertips to drag, layers to switch, errors and alarm in words. */
+
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { LearnedHand, normals, unpack } from "learned-hand";
+import { carried, reach } from "reach";
+
+const FIELD = 24; // degrees of the camera's opening
+const TIP = 2.5; // mm, radius of a point that is dragged
+const NEAR = 18; // pixels from such a point at which a pointer takes it
+const ITERATIONS = 4; // of the inverse kinematics a frame
+const CLOSE = 0.2; // mm from the pointer at which it ends
+const SECONDS = 1.5; // from pose to pose of the motion
+const KEPT = 60; // frames over which costs are averaged
+const DEGREE = Math.PI / 180;
+
+const make = (tag, properties = {}, ...children) => {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+};
+const plain = (name) => name.replaceAll("_", " ");
+const mean = (values) => values.reduce((a, b) => a + b, 0) / Math.max(values.length, 1);
+
+/** A body: bones are moved by a matrix, soft ones are ranges of the hand's arrays. */
+class Body {
+  constructor(data, number, hand, arrays) {
+    Object.assign(this, data);
+    this.hand = hand;
+    this.cells = arrays[`cells_${number}`];
+    const range = (array) => array.subarray(3 * this.start, 3 * this.end);
+    this.positions = new THREE.BufferAttribute(range(this.bone < 0 ? hand.vertices : hand.rest), 3);
+    this.normals = new THREE.BufferAttribute(range(hand.normals), 3);
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", this.positions);
+    geometry.setAttribute("normal", this.normals);
+    geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(this.cells), 1));
+    const srgb = arrays[`colours_${number}`];
+    if (srgb) geometry.setAttribute("color", new THREE.BufferAttribute(linear(srgb), 3));
+    this.material = new THREE.MeshStandardMaterial({
+      color: srgb ? 0xffffff : new THREE.Color().setRGB(...this.colour, THREE.SRGBColorSpace),
+      vertexColors: Boolean(srgb), roughness: 0.6, side: THREE.DoubleSide, transparent: this.opacity < 1, opacity: this.opacity,
+    });
+    this.meshes = [new THREE.Mesh(geometry, this.material)];
+    if (this.opacity < 1) { // depth first, so that only the foremost sheet blends
+      const depth = new THREE.MeshBasicMaterial({ colorWrite: false, side: THREE.DoubleSide, transparent: true });
+      this.meshes.unshift(new THREE.Mesh(geometry, depth));
+    }
+    this.meshes.forEach((mesh, order) => {
+      Object.assign(mesh, { renderOrder: 2 * number + order, frustumCulled: false, matrixAutoUpdate: false });
+    });
+    normals(hand.rest, this.cells, this.start, this.end, hand.normals);
+  }
+
+  place() {
+    const m = this.hand.motion, i = 12 * this.bone;
+    for (const mesh of this.meshes) mesh.matrix.set(...m.subarray(i, i + 12), 0, 0, 0, 1);
+  }
+
+  shade() {
+    normals(this.hand.vertices, this.cells, this.start, this.end, this.hand.normals);
+    this.positions.needsUpdate = this.normals.needsUpdate = true;
+  }
+
+  show(on) { for (const mesh of this.meshes) mesh.visible = on; }
+}
+
+function linear(srgb) {
+  const found = new Float32Array(srgb.length), colour = new THREE.Color();
+  for (let i = 0; i < srgb.length; i += 3) {
+    colour.setRGB(srgb[i] / 255, srgb[i + 1] / 255, srgb[i + 2] / 255, THREE.SRGBColorSpace).toArray(found, i);
+  }
+  return found;
+}
+
+class Player {
+  constructor(root, data, arrays) {
+    this.root = root;
+    this.data = data;
+    this.hand = new LearnedHand(arrays);
+    this.hand.normals = new Float32Array(this.hand.rest.length);
+    this.angles = new Float64Array(data.angles.length);
+    this.limits = data.angles.map((angle) => angle.limits);
+    this.level = "L1";
+    this.moved = true; // whether the hand has to be computed
+    this.asked = false; // whether a frame is on its way
+    this.costs = { vertices: [], normals: [], drawing: [], between: [] }; // ms of the last frames
+    this.canvas = this.find("canvas");
+    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true });
+    this.renderer.setPixelRatio(window.devicePixelRatio);
+    this.space = new THREE.Scene();
+    this.space.background = new THREE.Color(0xffffff);
+    this.camera = new THREE.PerspectiveCamera(FIELD, 1, 1, 10000);
+    this.addLights();
+    this.bodies = data.bodies.map((body, number) => new Body(body, number, this.hand, arrays));
+    for (const body of this.bodies) this.space.add(...body.meshes);
+    this.hidden = new Set(data.bodies.filter((body) => body.hidden).map((body) => body.layer));
+    this.addTips();
+    this.addControls();
+    this.listen();
+    new ResizeObserver(() => this.resize()).observe(this.find(".stage"));
+    this.resize();
+    this.hide();
+    this.look(Object.keys(data.views)[0]);
+  }
+
+  find(selector) { return this.root.querySelector(selector); }
+
+  addLights() {
+    for (const [x, y, z, strength] of [[-0.6, 0.8, 1, 2.0], [1, 0.1, 0.8, 0.9], [0, 0.6, -1, 0.8]]) {
+      const light = new THREE.DirectionalLight(0xffffff, strength);
+      light.position.set(x, y, z);
+      this.camera.add(light, light.target);
+    }
+    this.space.add(this.camera, new THREE.AmbientLight(0xffffff, 0.7));
+  }
+
+  addTips() {
+    const ball = new THREE.SphereGeometry(TIP, 16, 12);
+    this.tips = this.data.tips.map((tip) => {
+      const material = new THREE.MeshBasicMaterial({ color: 0x1f7fd0, depthTest: false, transparent: true, opacity: 0.75 });
+      const mesh = Object.assign(new THREE.Mesh(ball, material), { renderOrder: 1e6 });
+      this.space.add(mesh);
+      return { ...tip, mesh };
+    });
+  }
+
+  addControls() {
+    const { data } = this, button = (textContent, pressed) => {
+      const found = make("button", { type: "button", textContent });
+      found.addEventListener("click", pressed);
+      return found;
+    };
+    this.find(".views").replaceChildren(...Object.keys(data.views).map((view) => button(view, () => this.look(view))));
+    this.find(".poses").replaceChildren(...Object.entries(data.poses).map(([name, angles]) =>
+      button(plain(name), () => { this.stop(); this.set(angles); })));
+    this.find(".play").disabled = Object.keys(data.poses).length < 2;
+    this.sliders = data.angles.map(({ name, limits: [low, high] }) => {
+      const slider = make("input", { type: "range", step: 0.5, min: low / DEGREE, max: high / DEGREE, value: 0, name });
+      slider.addEventListener("input", () => { this.stop(); this.angles[this.sliders.indexOf(slider)] = slider.value * DEGREE; this.change(); });
+      return slider;
+    });
+    const fingers = [...new Set(data.angles.map((angle) => angle.finger))];
+    const order = ["thumb", "index", "middle", "ring", "little"];
+    fingers.sort((a, b) => (order.indexOf(a) + order.length + 1) % (order.length + 1) - (order.indexOf(b) + order.length + 1) % (order.length + 1));
+    this.find(".angles").replaceChildren(...fingers.flatMap((finger) => [
+      make("h2", { textContent: finger }),
+      ...this.sliders.filter((_, i) => data.angles[i].finger === finger).map((slider) =>
+        make("label", { className: "angle" }, plain(slider.name), slider, make("output"))),
+    ]));
+    const colours = new Map(data.bodies.map((body) => [body.layer, body.colour]));
+    this.find(".layers").replaceChildren(...[...colours].map(([layer, colour]) => {
+      const box = make("input", { type: "checkbox", checked: !this.hidden.has(layer) }), swatch = make("span", { className: "swatch" });
+      swatch.style.background = `rgb(${colour.map((c) => Math.round(255 * c))})`;
+      box.addEventListener("change", () => { this.hidden[box.checked ? "delete" : "add"](layer); this.hide(); });
+      return make("label", {}, box, swatch, layer);
+    }));
+    const skin = this.bodies.find((body) => body.layer === "skin"), opacity = this.find(".opacity");
+    opacity.disabled = skin === undefined;
+    opacity.value = skin?.opacity ?? 1;
+    opacity.addEventListener("input", () => {
+      for (const body of this.bodies) if (body.layer === "skin") body.material.opacity = Number(opacity.value);
+      this.draw();
+    });
+    this.find(".level").addEventListener("change", (e) => { this.level = e.target.value; this.errors(); this.change(); });
+    this.find(".play").addEventListener("click", () => (this.playing ? this.stop() : this.play()));
+    this.find(".rounding").textContent = `Shapes are rounded in this page, which moves a vertex by ${data.rounding.toFixed(3)} mm at most in learned poses. Bones are exact and have fewer triangles here.`;
+    this.errors();
+  }
+
+  /** The table of the level's errors on simulated frames that it was not learned from. */
+  errors() {
+    const layers = new Map();
+    for (const { layer, errors, start, end } of this.data.bodies) {
+      const found = errors[this.level];
+      if (!found) continue;
+      const row = layers.get(layer) ?? { sum: 0, count: 0, largest: 0 };
+      layers.set(layer, { sum: row.sum + found.mean * (end - start), count: row.count + end - start, largest: Math.max(row.largest, found.largest) });
+      this.find(".frames").textContent = `Distances of vertices at ${this.level} from ${found.frames} simulated frames that were not learned from.`;
+    }
+    const cells = (tag, texts) => make("tr", {}, ...texts.map((textContent) => make(tag, { textContent })));
+    this.find(".errors").replaceChildren(cells("th", ["", "mean, mm", "largest, mm"]),
+      ...[...layers].map(([layer, { sum, count, largest }]) => cells("td", [layer, (sum / count).toFixed(2), largest.toFixed(1)])));
+  }
+
+  listen() {
+    this.canvas.addEventListener("pointerdown", (e) => {
+      const tip = e.button === 0 ? this.tipAt(e) : undefined;
+      if (tip === undefined) return;
+      this.stop();
+      this.controls.enabled = false;
+      this.canvas.setPointerCapture(e.pointerId);
+      const place = tip.mesh.position.clone(), sight = this.camera.getWorldDirection(new THREE.Vector3());
+      this.drag = { tip, plane: new THREE.Plane().setFromNormalAndCoplanarPoint(sight, place), target: place.toArray() };
+    });
+    this.canvas.addEventListener("pointermove", (e) => {
+      if (!this.drag) { this.canvas.style.cursor = this.tipAt(e) ? "pointer" : ""; return; }
+      const hit = this.ray(e).intersectPlane(this.drag.plane, new THREE.Vector3());
+      if (hit) { this.drag.target = hit.toArray(); this.change(); }
+    });
+    for (const end of ["pointerup", "pointercancel"]) {
+      this.canvas.addEventListener(end, () => { this.drag = undefined; this.controls.enabled = true; });
+    }
+  }
+
+  ray(event) {
+    const box = this.canvas.getBoundingClientRect(), ray = new THREE.Raycaster();
+    const at = new THREE.Vector2(2 * (event.clientX - box.left) / box.width - 1, 1 - 2 * (event.clientY - box.top) / box.height);
+    ray.setFromCamera(at, this.camera);
+    return ray.ray;
+  }
+
+  /** Where the canvas shows a fingertip, in pixels of the page. */
+  onPage(tip) {
+    const box = this.canvas.getBoundingClientRect(), { x, y } = tip.mesh.position.clone().project(this.camera);
+    return [box.left + (x + 1) / 2 * box.width, box.top + (1 - y) / 2 * box.height];
+  }
+
+  tipAt(event) {
+    const far = (tip) => { const [x, y] = this.onPage(tip); return Math.hypot(event.clientX - x, event.clientY - y); };
+    return this.tips.filter((tip) => far(tip) < NEAR).sort((a, b) => far(a) - far(b))[0];
+  }
+
+  hide() {
+    for (const body of this.bodies) body.show(!this.hidden.has(body.layer));
+    this.change();
+  }
+
+  set(angles) { this.angles.set(angles); this.change(); }
+
+  change() { this.moved = true; this.draw(); }
+
+  play() {
+    this.playing = { began: performance.now(), from: [...this.angles], poses: Object.values(this.data.poses) };
+    this.find(".play").textContent = "Stop";
+    this.change();
+  }
+
+  stop() {
+    this.playing = null;
+    this.find(".play").textContent = "Play";
+  }
+
+  /** Angles of the motion from where it began through all poses, again and again. */
+  along(now) {
+    const { began, from, poses } = this.playing, time = Math.max(now - began, 0) / 1000 / SECONDS, n = Math.floor(time);
+    const before = n === 0 ? from : poses[(n - 1) % poses.length], after = poses[n % poses.length];
+    const share = (1 - Math.cos(Math.PI * (time - n))) / 2;
+    return before.map((angle, i) => angle + share * (after[i] - angle));
+  }
+
+  /** Computes the hand at the present angles; its costs in ms. */
+  compute() {
+    const shown = this.bodies.filter((body) => !this.hidden.has(body.layer)), soft = shown.filter((body) => body.bone < 0);
+    const began = performance.now();
+    this.hand.pose(this.angles, this.level, soft.map(({ start, end }) => [start, end]));
+    const posed = performance.now();
+    for (const body of shown) if (body.bone < 0) body.shade(); else body.place();
+    for (const { bone, point, mesh } of this.tips) mesh.position.set(...carried(this.hand.motion, bone, point));
+    return [posed - began, performance.now() - posed];
+  }
+
+  /** Asks for one frame, however many changes there are until it is drawn. */
+  draw() {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame((now) => { this.asked = false; this.frame(now); });
+  }
+
+  frame(now) {
+    if (this.playing) this.angles.set(this.along(now));
+    if (this.drag) {
+      const { tip, target } = this.drag;
+      const left = reach(this.hand, this.angles, this.limits, tip.bone, tip.point, target, ITERATIONS);
+      if (left > CLOSE && Math.abs(left - this.drag.left) > CLOSE / 10) this.change(); // nearer in the next frame
+      this.drag.left = left;
+    }
+    const moved = this.moved || this.playing !== null;
+    this.moved = this.moved && this.asked;
+    const computed = moved ? this.compute() : [];
+    const began = performance.now();
+    this.renderer.render(this.space, this.camera);
+    if (moved) this.tell(computed, performance.now() - began, now);
+    if (this.playing) this.draw();
+  }
+
+  /** Sliders, alarm and costs in words. */
+  tell([vertices, shading], drawing, now) {
+    this.sliders.forEach((slider, i) => {
+      slider.value = this.angles[i] / DEGREE;
+      slider.nextSibling.textContent = `${(this.angles[i] / DEGREE).toFixed(0)}°`;
+    });
+    const distance = this.hand.distance(this.angles), alarm = this.find(".alarm");
+    alarm.classList.toggle("on", distance > 1);
+    alarm.textContent = distance > 1
+      ? `This pose is unlike the learned ones (${distance.toFixed(1)} times their largest distance): the stated errors do not hold.`
+      : `This pose is like the learned ones (${distance.toFixed(1)} of their largest distance): the stated errors hold.`;
+    const between = now - (this.last ?? -Infinity), values = { vertices, normals: shading, drawing };
+    this.last = now;
+    if (between < 1000) values.between = between; // else the hand was at rest
+    for (const [name, value] of Object.entries(values)) { this.costs[name].push(value); this.costs[name].splice(0, this.costs[name].length - KEPT); }
+    const { costs } = this, rate = costs.between.length ? `, ${(1000 / mean(costs.between)).toFixed(0)} frames a second` : "";
+    this.find(".cost").textContent = `A frame in motion: vertices ${mean(costs.vertices).toFixed(1)} ms, normals ${mean(costs.normals).toFixed(1)} ms, drawing calls ${mean(costs.drawing).toFixed(1)} ms${rate}.`;
+  }
+
+  /** Puts the camera on a side of the hand at rest. */
+  look(view) {
+    const [x, y, z, ...up] = this.data.views[view], box = new THREE.Box3().setFromArray(this.hand.rest);
+    const { center, radius } = box.getBoundingSphere(new THREE.Sphere());
+    const half = Math.atan(Math.tan(FIELD * DEGREE / 2) * Math.min(this.camera.aspect, 1));
+    this.camera.up.set(...up);
+    this.camera.position.set(x, y, z).multiplyScalar(1.02 * radius / Math.sin(half)).add(center);
+    this.camera.near = radius / 50;
+    this.camera.far = 50 * radius;
+    this.camera.updateProjectionMatrix();
+    this.controls?.dispose(); // they take over the camera's upward direction when they are made
+    this.controls = new OrbitControls(this.camera, this.canvas);
+    this.controls.target.copy(center);
+    this.controls.update();
+    this.controls.addEventListener("change", () => this.draw());
+    this.draw();
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.find(".stage");
+    if (!width || !height) return;
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.draw();
+  }
+}
+
+const main = document.querySelector("main");
+try {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const arrays = await unpack(data.arrays, document.getElementById("packed").textContent);
+  main.player = new Player(main, data, arrays);
+} catch (error) {
+  const words = `The hand cannot be shown: ${error.message}. The page needs WebGL 2 and a browser from 2023 or later.`;
+  main.querySelector(".alarm").textContent = words;
+  throw error;
+}
