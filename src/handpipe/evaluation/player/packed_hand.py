@@ -15,7 +15,8 @@ from handpipe.levels import LearnedHand
 
 ROUNDING = 0.005  # mm that the rounded shapes of a part may move a vertex by along an axis, if independent
 ALIGNED = 8  # bytes, at whose multiples arrays begin
-KINDS = {"f4": "Float32Array", "f8": "Float64Array", "i2": "Int16Array", "i4": "Int32Array", "u1": "Uint8Array"}
+FLOATS = {"f4": "Float32Array", "f8": "Float64Array"}
+KINDS = {**FLOATS, "i2": "Int16Array", "i4": "Int32Array", "u1": "Uint8Array"}  # names in the script
 
 
 def packed_hand(hand: LearnedHand, further: Mapping[str, Array]) -> tuple[dict[str, Any], str, float]:
@@ -63,7 +64,10 @@ def packed_hand(hand: LearnedHand, further: Mapping[str, Array]) -> tuple[dict[s
 
 
 def _rounded_shapes(hand: LearnedHand) -> tuple[dict[str, Array], float]:
-    """Rows, parts and integers of the shapes with their steps (K,), and what rounding moves at most in mm."""
+    """Rows, parts and integers of the shapes with their steps (K,), and what rounding moves at most in mm.
+
+    A row has x, y, z of each shape of its part, one shape after the other.
+    """
     rows, parts, starts, basis = hand.correctives.shapes
     ends = hand.correctives.drivers.ends
     sizes = 3 * np.diff(ends)[parts]
@@ -75,7 +79,7 @@ def _rounded_shapes(hand: LearnedHand) -> tuple[dict[str, Array], float]:
         values = basis[starts[own][:, None] + places].reshape(len(own), 3, end - start).astype(float)
         amounts = hand.correctives.learned_amounts(part)
         rounded, steps[start:end] = _rounded(values, amounts)
-        integers[first[own][:, None] + places] = rounded.reshape(len(own), -1)
+        integers[first[own][:, None] + places] = rounded.transpose(0, 2, 1).reshape(len(own), len(places))
         apart = (values - rounded * steps[start:end]) @ amounts.T
         moved[own] = np.linalg.norm(apart, axis=1).max(axis=1, initial=0.0)
     by_vertex = np.diff(np.append(0.0, np.cumsum(moved))[rows])
@@ -86,8 +90,8 @@ def _rounded_shapes(hand: LearnedHand) -> tuple[dict[str, Array], float]:
 def _rounded(values: Array, amounts: Array) -> tuple[Array, Array]:
     """Integers of shapes (m, 3, K), and the steps (K,) between them.
 
-    The steps are finer where learned poses, with amounts (F, K), need more of a shape, so that most integers are
-    small and compress well.
+    The steps are finer where learned poses, with amounts (F, K), need more of a shape, so that most integers
+    are small and compress well.
     """
     largest = np.maximum(np.abs(amounts).max(axis=0, initial=0.0), np.finfo(np.float32).tiny)
     most = np.maximum(np.abs(values).max(axis=(0, 1), initial=0.0), np.finfo(np.float32).tiny)

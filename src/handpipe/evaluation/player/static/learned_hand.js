@@ -37,10 +37,7 @@ export class LearnedHand {
     this.count = this.rest.length / 3;
     this.bones = this.skeleton_parents.length + 1;
     this.scaled = new Float64Array(this.lower.length);
-    this.amounts = new Float64Array(this.steps.length).fill(NaN); // of the shapes, in which their steps are
-    this.version = new Int32Array(this.drivers_ends.length - 1); // of each part: how often its amounts have changed
-    this.added = new Float32Array(3 * this.parts.length); // by row of a vertex: what its part adds, mm
-    this.current = new Int32Array(this.parts.length); // by row: the part's version that this is of
+    this.amounts = new Float64Array(this.steps.length); // of the shapes, in which their steps are
     this.starts = new Int32Array(this.parts.length); // by row: its first integer
     for (let r = 1; r < this.parts.length; r++) this.starts[r] = this.starts[r - 1] + 3 * this.shapesOf(this.parts[r - 1]);
     this.points = new Float32Array(this.rest); // neutral points with correctives
@@ -92,7 +89,7 @@ export class LearnedHand {
     const dofs = this.skeleton_dofs[j], t = angles.slice(this.skeleton_first[j], this.skeleton_first[j] + dofs);
     const clamped = t.map((v, i) => Math.min(Math.max(v, this.skeleton_lower[3 * j + i]), this.skeleton_upper[3 * j + i]));
     const squares = t.map((v, i) => clamped[i] * (2 * v - clamped[i]));
-    const terms = dofs === 2 ? [...t, t[0] * t[1], ...squares] : [...t, ...squares];
+    const terms = dofs === 2 ? [...t, squares[0], t[0] * t[1], squares[1]] : [...t, ...squares];
     if (dofs === 3) terms.push(t[0] * t[1], t[0] * t[2], t[1] * t[2]);
     const vector = [0, 0, 0], shift = [0, 0, 0];
     terms.forEach((term, i) => {
@@ -116,7 +113,7 @@ export class LearnedHand {
   /** Amounts of all shapes at scaled angles. */
   drive() {
     const { drivers_at: at, drivers_of_part: which, drivers_known: known, drivers_ends: ends } = this;
-    for (let p = 0; p < this.version.length; p++) {
+    for (let p = 0; p < ends.length - 1; p++) {
       const dofs = at[p + 1] - at[p], shapes = this.shapesOf(p), found = new Float64Array(shapes);
       const count = shapes ? (this.drivers_gains_at[p + 1] - this.drivers_gains_at[p]) / shapes : 0;
       const degree = this.drivers_kinds[2 * p], breadth = this.drivers_kinds[2 * p + 1];
@@ -131,31 +128,8 @@ export class LearnedHand {
         const value = degree > 0 ? linear ** degree : linear + Math.exp(-squared / (2 * breadth * breadth));
         for (let k = 0; k < shapes; k++) found[k] += value * this.drivers_gains[gain + k];
       }
-      let changed = false;
-      for (let k = 0; k < shapes; k++) {
-        const amount = found[k] * this.steps[ends[p] + k];
-        changed ||= amount !== this.amounts[ends[p] + k];
-        this.amounts[ends[p] + k] = amount;
-      }
-      if (changed) this.version[p]++;
+      for (let k = 0; k < shapes; k++) this.amounts[ends[p] + k] = found[k] * this.steps[ends[p] + k];
     }
-  }
-
-  /** What a part adds to the vertex of a row. */
-  add(r) {
-    const { amounts, basis } = this, part = this.parts[r], n = this.shapesOf(part);
-    const first = this.drivers_ends[part], start = this.starts[r];
-    let x = 0, y = 0, z = 0;
-    for (let k = 0; k < n; k++) {
-      const a = amounts[first + k], i = start + k;
-      x += a * basis[i];
-      y += a * basis[i + n];
-      z += a * basis[i + 2 * n];
-    }
-    this.added[3 * r] = x;
-    this.added[3 * r + 1] = y;
-    this.added[3 * r + 2] = z;
-    this.current[r] = this.version[part];
   }
 
   /** Moves the hand to angles in rad at a level; `vertices` has the result for ranges [start, end) of vertices. */
@@ -172,15 +146,19 @@ export class LearnedHand {
     return this.vertices;
   }
 
+  /** Neutral points with what the parts add; each row of a vertex has x, y, z of every shape of its part. */
   correct(start, end) {
-    const { rest, rows, parts, added, points, version, current } = this;
+    const { rest, rows, parts, starts, basis, amounts, points, drivers_ends: ends } = this;
     for (let v = start; v < end; v++) {
       let x = rest[3 * v], y = rest[3 * v + 1], z = rest[3 * v + 2];
       for (let r = rows[v]; r < rows[v + 1]; r++) {
-        if (current[r] !== version[parts[r]]) this.add(r); // parts that do not change are not summed again
-        x += added[3 * r];
-        y += added[3 * r + 1];
-        z += added[3 * r + 2];
+        const last = ends[parts[r] + 1];
+        for (let k = ends[parts[r]], i = starts[r]; k < last; k++, i += 3) {
+          const amount = amounts[k];
+          x += amount * basis[i];
+          y += amount * basis[i + 1];
+          z += amount * basis[i + 2];
+        }
       }
       points[3 * v] = x;
       points[3 * v + 1] = y;

@@ -10,6 +10,7 @@ const TIP = 2.5; // mm, radius of a point that is dragged
 const NEAR = 18; // pixels from such a point at which a pointer takes it
 const ITERATIONS = 4; // of the inverse kinematics a frame
 const CLOSE = 0.2; // mm from the pointer at which it ends
+const FRAMES = 60; // after the pointer's last motion, after which it ends
 const SECONDS = 1.5; // from pose to pose of the motion
 const KEPT = 60; // frames over which costs are averaged
 const DEGREE = Math.PI / 180;
@@ -191,12 +192,14 @@ class Player {
       this.controls.enabled = false;
       this.canvas.setPointerCapture(e.pointerId);
       const place = tip.mesh.position.clone(), sight = this.camera.getWorldDirection(new THREE.Vector3());
-      this.drag = { tip, plane: new THREE.Plane().setFromNormalAndCoplanarPoint(sight, place), target: place.toArray() };
+      this.drag = { tip, plane: new THREE.Plane().setFromNormalAndCoplanarPoint(sight, place) };
     });
     this.canvas.addEventListener("pointermove", (e) => {
       if (!this.drag) { this.canvas.style.cursor = this.tipAt(e) ? "pointer" : ""; return; }
-      const hit = this.ray(e).intersectPlane(this.drag.plane, new THREE.Vector3());
-      if (hit) { this.drag.target = hit.toArray(); this.change(); }
+      const ray = this.ray(e), hit = ray.intersectPlane(this.drag.plane, new THREE.Vector3());
+      if (!hit) return;
+      Object.assign(this.drag, { target: hit.toArray(), sight: ray.direction.toArray(), frames: FRAMES });
+      this.change();
     });
     for (const end of ["pointerup", "pointercancel"]) {
       this.canvas.addEventListener(end, () => { this.drag = undefined; this.controls.enabled = true; });
@@ -269,11 +272,9 @@ class Player {
 
   frame(now) {
     if (this.playing) this.angles.set(this.along(now));
-    if (this.drag) {
-      const { tip, target } = this.drag;
-      const left = reach(this.hand, this.angles, this.limits, tip.bone, tip.point, target, ITERATIONS);
-      if (left > CLOSE && Math.abs(left - this.drag.left) > CLOSE / 10) this.change(); // nearer in the next frame
-      this.drag.left = left;
+    if (this.drag?.target) {
+      this.drag.left = reach(this.hand, this.angles, this.limits, { ...this.drag.tip, ...this.drag }, ITERATIONS);
+      if (this.drag.left > CLOSE && this.drag.frames-- > 0) this.change(); // nearer in the next frame
     }
     const moved = this.moved || this.playing !== null;
     this.moved = this.moved && this.asked;
@@ -293,8 +294,8 @@ class Player {
     const distance = this.hand.distance(this.angles), alarm = this.find(".alarm");
     alarm.classList.toggle("on", distance > 1);
     alarm.textContent = distance > 1
-      ? `This pose is unlike the learned ones (${distance.toFixed(1)} times their largest distance): the stated errors do not hold.`
-      : `This pose is like the learned ones (${distance.toFixed(1)} of their largest distance): the stated errors hold.`;
+      ? `This pose is unlike the learned ones (${distance.toFixed(2)} times their largest distance): the stated errors do not hold.`
+      : `This pose is like the learned ones (${distance.toFixed(2)} of their largest distance): the stated errors hold.`;
     const between = now - (this.last ?? -Infinity), values = { vertices, normals: shading, drawing };
     this.last = now;
     if (between < 1000) values.between = between; // else the hand was at rest
