@@ -1,4 +1,4 @@
-"""The page that moves a learned hand, in a real browser: vertices as in Python, sliders, fingertips, layers."""
+"""The page that moves a learned hand, in a real browser: vertices, sliders, fingertips, layers."""
 
 import base64
 import json
@@ -119,7 +119,7 @@ def test_the_alarms_distance_is_that_of_python_and_its_words_follow(page, hand: 
         settled(page)
         unlike = hand.distance(angles) > 1
         assert ("is unlike the learned ones" in said.text_content()) == unlike
-        assert ("do not hold" in said.text_content()) == unlike
+        assert ("do not apply" in said.text_content()) == unlike
     assert hand.distance(FAR) > 1 >= hand.distance(POSES[1])
 
 

@@ -12,6 +12,7 @@ from importlib.resources.abc import Traversable
 MODULES = {
     "three": "three-0.170.0.module.min.js",
     "three/addons/controls/OrbitControls.js": "OrbitControls-0.170.0.js",
+    "space": "space.js",
 }
 
 
@@ -21,7 +22,7 @@ def page_scripts() -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        `import_map`: JSON in which each library is a data URI. `viewer`: the module that draws.
+        `import_map`: JSON in which each module is a data URI. `viewer`: the module that draws.
     """
     return {"import_map": import_map({}), "viewer": (_static() / "viewer.js").read_text(encoding="utf-8")}
 
@@ -32,7 +33,7 @@ def import_map(further: Mapping[str, bytes]) -> str:
     Parameters
     ----------
     further : mapping of str to bytes
-        Modules beside three.js and its controls, by the names that scripts import.
+        Modules beside three.js and what views share, by the names that scripts import.
 
     Returns
     -------

@@ -1,11 +1,10 @@
 /* A page that moves a learned hand: sliders, fingertips to drag, layers to switch, errors and alarm in words. */
 
 import * as THREE from "three";
-import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { LearnedHand, normals, unpack } from "learned-hand";
 import { carried, reach } from "reach";
+import { Space, looks, meshesOf } from "space";
 
-const FIELD = 24; // degrees of the camera's opening
 const TIP = 2.5; // mm, radius of a point that is dragged
 const NEAR = 18; // pixels from such a point at which a pointer takes it
 const ITERATIONS = 4; // of the inverse kinematics a frame
@@ -36,20 +35,9 @@ class Body {
     geometry.setAttribute("position", this.positions);
     geometry.setAttribute("normal", this.normals);
     geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(this.cells), 1));
-    const srgb = arrays[`colours_${number}`];
-    if (srgb) geometry.setAttribute("color", new THREE.BufferAttribute(linear(srgb), 3));
-    this.material = new THREE.MeshStandardMaterial({
-      color: srgb ? 0xffffff : new THREE.Color().setRGB(...this.colour, THREE.SRGBColorSpace),
-      vertexColors: Boolean(srgb), roughness: 0.6, side: THREE.DoubleSide, transparent: this.opacity < 1, opacity: this.opacity,
-    });
-    this.meshes = [new THREE.Mesh(geometry, this.material)];
-    if (this.opacity < 1) { // depth first, so that only the foremost sheet blends
-      const depth = new THREE.MeshBasicMaterial({ colorWrite: false, side: THREE.DoubleSide, transparent: true });
-      this.meshes.unshift(new THREE.Mesh(geometry, depth));
-    }
-    this.meshes.forEach((mesh, order) => {
-      Object.assign(mesh, { renderOrder: 2 * number + order, frustumCulled: false, matrixAutoUpdate: false });
-    });
+    this.material = looks(geometry, data, arrays[`colours_${number}`]);
+    this.meshes = meshesOf(geometry, this.material, number);
+    for (const mesh of this.meshes) Object.assign(mesh, { frustumCulled: false, matrixAutoUpdate: false });
     normals(hand.rest, this.cells, this.start, this.end, hand.normals);
   }
 
@@ -66,14 +54,6 @@ class Body {
   show(on) { for (const mesh of this.meshes) mesh.visible = on; }
 }
 
-function linear(srgb) {
-  const found = new Float32Array(srgb.length), colour = new THREE.Color();
-  for (let i = 0; i < srgb.length; i += 3) {
-    colour.setRGB(srgb[i] / 255, srgb[i + 1] / 255, srgb[i + 2] / 255, THREE.SRGBColorSpace).toArray(found, i);
-  }
-  return found;
-}
-
 class Player {
   constructor(root, data, arrays) {
     this.root = root;
@@ -87,41 +67,25 @@ class Player {
     this.asked = false; // whether a frame is on its way
     this.costs = { vertices: [], normals: [], drawing: [], between: [] }; // ms of the last frames
     this.canvas = this.find("canvas");
-    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true });
-    this.renderer.setPixelRatio(window.devicePixelRatio);
-    this.space = new THREE.Scene();
-    this.space.background = new THREE.Color(0xffffff);
-    this.camera = new THREE.PerspectiveCamera(FIELD, 1, 1, 10000);
-    this.addLights();
+    this.space = new Space(this.canvas, this.find(".stage"), () => this.draw());
     this.bodies = data.bodies.map((body, number) => new Body(body, number, this.hand, arrays));
-    for (const body of this.bodies) this.space.add(...body.meshes);
+    for (const body of this.bodies) this.space.scene.add(...body.meshes);
     this.hidden = new Set(data.bodies.filter((body) => body.hidden).map((body) => body.layer));
     this.addTips();
     this.addControls();
     this.listen();
-    new ResizeObserver(() => this.resize()).observe(this.find(".stage"));
-    this.resize();
     this.hide();
     this.look(Object.keys(data.views)[0]);
   }
 
   find(selector) { return this.root.querySelector(selector); }
 
-  addLights() {
-    for (const [x, y, z, strength] of [[-0.6, 0.8, 1, 2.0], [1, 0.1, 0.8, 0.9], [0, 0.6, -1, 0.8]]) {
-      const light = new THREE.DirectionalLight(0xffffff, strength);
-      light.position.set(x, y, z);
-      this.camera.add(light, light.target);
-    }
-    this.space.add(this.camera, new THREE.AmbientLight(0xffffff, 0.7));
-  }
-
   addTips() {
     const ball = new THREE.SphereGeometry(TIP, 16, 12);
     this.tips = this.data.tips.map((tip) => {
       const material = new THREE.MeshBasicMaterial({ color: 0x1f7fd0, depthTest: false, transparent: true, opacity: 0.75 });
       const mesh = Object.assign(new THREE.Mesh(ball, material), { renderOrder: 1e6 });
-      this.space.add(mesh);
+      this.space.scene.add(mesh);
       return { ...tip, mesh };
     });
   }
@@ -189,33 +153,26 @@ class Player {
       const tip = e.button === 0 ? this.tipAt(e) : undefined;
       if (tip === undefined) return;
       this.stop();
-      this.controls.enabled = false;
+      this.space.controls.enabled = false;
       this.canvas.setPointerCapture(e.pointerId);
-      const place = tip.mesh.position.clone(), sight = this.camera.getWorldDirection(new THREE.Vector3());
+      const place = tip.mesh.position.clone(), sight = this.space.camera.getWorldDirection(new THREE.Vector3());
       this.drag = { tip, plane: new THREE.Plane().setFromNormalAndCoplanarPoint(sight, place) };
     });
     this.canvas.addEventListener("pointermove", (e) => {
       if (!this.drag) { this.canvas.style.cursor = this.tipAt(e) ? "pointer" : ""; return; }
-      const ray = this.ray(e), hit = ray.intersectPlane(this.drag.plane, new THREE.Vector3());
+      const { ray } = this.space.rayAt(e), hit = ray.intersectPlane(this.drag.plane, new THREE.Vector3());
       if (!hit) return;
       Object.assign(this.drag, { target: hit.toArray(), sight: ray.direction.toArray(), frames: FRAMES });
       this.change();
     });
     for (const end of ["pointerup", "pointercancel"]) {
-      this.canvas.addEventListener(end, () => { this.drag = undefined; this.controls.enabled = true; });
+      this.canvas.addEventListener(end, () => { this.drag = undefined; this.space.controls.enabled = true; });
     }
-  }
-
-  ray(event) {
-    const box = this.canvas.getBoundingClientRect(), ray = new THREE.Raycaster();
-    const at = new THREE.Vector2(2 * (event.clientX - box.left) / box.width - 1, 1 - 2 * (event.clientY - box.top) / box.height);
-    ray.setFromCamera(at, this.camera);
-    return ray.ray;
   }
 
   /** Where the canvas shows a fingertip, in pixels of the page. */
   onPage(tip) {
-    const box = this.canvas.getBoundingClientRect(), { x, y } = tip.mesh.position.clone().project(this.camera);
+    const box = this.canvas.getBoundingClientRect(), { x, y } = tip.mesh.position.clone().project(this.space.camera);
     return [box.left + (x + 1) / 2 * box.width, box.top + (1 - y) / 2 * box.height];
   }
 
@@ -280,7 +237,7 @@ class Player {
     this.moved = this.moved && this.asked;
     const computed = moved ? this.compute() : [];
     const began = performance.now();
-    this.renderer.render(this.space, this.camera);
+    this.space.render();
     if (moved) this.tell(computed, performance.now() - began, now);
     if (this.playing) this.draw();
   }
@@ -294,8 +251,8 @@ class Player {
     const distance = this.hand.distance(this.angles), alarm = this.find(".alarm");
     alarm.classList.toggle("on", distance > 1);
     alarm.textContent = distance > 1
-      ? `This pose is unlike the learned ones (${distance.toFixed(2)} times their largest distance): the stated errors do not hold.`
-      : `This pose is like the learned ones (${distance.toFixed(2)} of their largest distance): the stated errors hold.`;
+      ? `This pose is unlike the learned ones (${distance.toFixed(2)} times their largest distance): the stated errors do not apply.`
+      : `This pose is like the learned ones (${distance.toFixed(2)} of their largest distance): the stated errors apply.`;
     const between = now - (this.last ?? -Infinity), values = { vertices, normals: shading, drawing };
     this.last = now;
     if (between < 1000) values.between = between; // else the hand was at rest
@@ -306,29 +263,8 @@ class Player {
 
   /** Puts the camera on a side of the hand at rest. */
   look(view) {
-    const [x, y, z, ...up] = this.data.views[view], box = new THREE.Box3().setFromArray(this.hand.rest);
-    const { center, radius } = box.getBoundingSphere(new THREE.Sphere());
-    const half = Math.atan(Math.tan(FIELD * DEGREE / 2) * Math.min(this.camera.aspect, 1));
-    this.camera.up.set(...up);
-    this.camera.position.set(x, y, z).multiplyScalar(1.02 * radius / Math.sin(half)).add(center);
-    this.camera.near = radius / 50;
-    this.camera.far = 50 * radius;
-    this.camera.updateProjectionMatrix();
-    this.controls?.dispose(); // they take over the camera's upward direction when they are made
-    this.controls = new OrbitControls(this.camera, this.canvas);
-    this.controls.target.copy(center);
-    this.controls.update();
-    this.controls.addEventListener("change", () => this.draw());
-    this.draw();
-  }
-
-  resize() {
-    const { clientWidth: width, clientHeight: height } = this.find(".stage");
-    if (!width || !height) return;
-    this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
-    this.draw();
+    const box = new THREE.Box3().setFromArray(this.hand.rest);
+    this.space.look(this.data.views[view], box.getBoundingSphere(new THREE.Sphere()));
   }
 }
 
