@@ -15,11 +15,12 @@ from handpipe.evaluation.player.packed_hand import packed_hand
 from handpipe.evaluation.sides import AXES, view_directions
 from handpipe.evaluation.viewer import import_map
 from handpipe.hand import FINGERS, colour, opacity, tissue, vertex_colours
-from handpipe.levels import LearnedHand
+from handpipe.levels import Errors, LearnedBody, LearnedHand
 from handpipe.skeleton.rig import Rig, hand_directions
 
 SCRIPTS = {"learned-hand": "learned_hand.js", "reach": "reach.js"}  # modules of the page by their names
 OTHER = "other joints"
+DIGITS = 3  # of a slider's limits in degrees
 SHEETS = "fascia"  # layers so named cover others: the page begins without them
 
 
@@ -50,22 +51,34 @@ def write_player(path: str | Path, subject: str, hand: LearnedHand, rig: Rig, si
         "tips": _tips(drawn),
         "views": _views(rig, side),
     }
-    static = files("handpipe.evaluation.player") / "static"
-    scripts = {name: (static / file).read_bytes() for name, file in SCRIPTS.items()}
+    page = _template().render(
+        subject=subject,
+        data=data,
+        fingers=_fingers(data["angles"]),
+        layers={body["layer"]: body for body in data["bodies"]},
+        errors=_errors(drawn),
+        frames=max((e.frames for body in drawn.bodies.values() for e in body.errors.values()), default=0),
+        packed=packed,
+        import_map=import_map({name: _script(file) for name, file in SCRIPTS.items()}),
+        player=_script("player.js").decode("utf-8"),
+    )
+    write_text(path, page)
+
+
+def _script(file: str) -> bytes:
+    return (files("handpipe.evaluation.player") / "static" / file).read_bytes()
+
+
+def _template() -> jinja2.Template:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("handpipe.evaluation.player", "."),
         autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}
-    page = environment.get_template("player.html.jinja").render(
-        subject=subject,
-        data=data,
-        packed=packed,
-        import_map=import_map(scripts),
-        player=(static / "player.js").read_text(encoding="utf-8"),
-    )
-    write_text(path, page)
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # poses and views keep their order
+    return environment.get_template("player.html.jinja")
 
 
 def _angles(hand: LearnedHand, rig: Rig) -> list[dict[str, Any]]:
@@ -96,9 +109,35 @@ def _bodies(hand: LearnedHand) -> list[dict[str, Any]]:
                 "start": start,
                 "end": end,
                 "bone": hand.bones.index(name) if layer == RIGID_LAYER else -1,
-                "errors": {level: vars(errors) for level, errors in body.errors.items()},
             }
         )
+    return found
+
+
+def _fingers(angles: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Angles with their limits in degrees by finger, as the sliders have them."""
+    found: dict[str, list[dict[str, Any]]] = {name: [] for name in (OTHER, *FINGERS)}
+    for angle in angles:
+        degrees = np.round(np.degrees(angle["limits"]), DIGITS).tolist()
+        found[angle["finger"]].append({"name": angle["name"], "degrees": degrees})
+    return {finger: own for finger, own in found.items() if own}
+
+
+def _errors(hand: LearnedHand) -> dict[str, dict[str, Errors]]:
+    """Mean and largest error in mm of each tissue by level, and the number of frames."""
+    found: dict[str, dict[str, Errors]] = {}
+    bodies: dict[str, list[LearnedBody]] = {}
+    for name, body in hand.bodies.items():
+        if body.errors:
+            bodies.setdefault(tissue(*name).replace("_", " "), []).append(body)
+    for layer, own in bodies.items():
+        counts = [len(body.rest) for body in own]
+        for level in own[0].errors:
+            errors = [body.errors[level] for body in own]
+            mean = float(np.average([e.mean for e in errors], weights=counts))
+            found.setdefault(layer, {})[level] = Errors(
+                mean, max(e.largest for e in errors), errors[0].frames
+            )
     return found
 
 

@@ -14,12 +14,6 @@ const SECONDS = 1.5; // from pose to pose of the motion
 const KEPT = 60; // frames over which costs are averaged
 const DEGREE = Math.PI / 180;
 
-const make = (tag, properties = {}, ...children) => {
-  const element = Object.assign(document.createElement(tag), properties);
-  element.append(...children);
-  return element;
-};
-const plain = (name) => name.replaceAll("_", " ");
 const mean = (values) => values.reduce((a, b) => a + b, 0) / Math.max(values.length, 1);
 
 /** A body: bones are moved by a matrix, soft ones are ranges of the hand's arrays. */
@@ -72,7 +66,7 @@ class Player {
     for (const body of this.bodies) this.space.scene.add(...body.meshes);
     this.hidden = new Set(data.bodies.filter((body) => body.hidden).map((body) => body.layer));
     this.addTips();
-    this.addControls();
+    this.bindControls();
     this.listen();
     this.hide();
     this.look(Object.keys(data.views)[0]);
@@ -90,62 +84,26 @@ class Player {
     });
   }
 
-  addControls() {
-    const { data } = this, button = (textContent, pressed) => {
-      const found = make("button", { type: "button", textContent });
-      found.addEventListener("click", pressed);
-      return found;
+  /** What the page's buttons, sliders and boxes do. */
+  bindControls() {
+    const each = (selector, event, act) => {
+      for (const element of this.root.querySelectorAll(selector)) element.addEventListener(event, () => act(element));
     };
-    this.find(".views").replaceChildren(...Object.keys(data.views).map((view) => button(view, () => this.look(view))));
-    this.find(".poses").replaceChildren(...Object.entries(data.poses).map(([name, angles]) =>
-      button(plain(name), () => { this.stop(); this.set(angles); })));
-    this.find(".play").disabled = Object.keys(data.poses).length < 2;
-    this.sliders = data.angles.map(({ name, limits: [low, high] }) => {
-      const slider = make("input", { type: "range", step: 0.5, min: low / DEGREE, max: high / DEGREE, value: 0, name });
-      slider.addEventListener("input", () => { this.stop(); this.angles[this.sliders.indexOf(slider)] = slider.value * DEGREE; this.change(); });
-      return slider;
-    });
-    const fingers = [...new Set(data.angles.map((angle) => angle.finger))];
-    const order = ["thumb", "index", "middle", "ring", "little"];
-    fingers.sort((a, b) => (order.indexOf(a) + order.length + 1) % (order.length + 1) - (order.indexOf(b) + order.length + 1) % (order.length + 1));
-    this.find(".angles").replaceChildren(...fingers.flatMap((finger) => [
-      make("h2", { textContent: finger }),
-      ...this.sliders.filter((_, i) => data.angles[i].finger === finger).map((slider) =>
-        make("label", { className: "angle" }, plain(slider.name), slider, make("output"))),
-    ]));
-    const colours = new Map(data.bodies.map((body) => [body.layer, body.colour]));
-    this.find(".layers").replaceChildren(...[...colours].map(([layer, colour]) => {
-      const box = make("input", { type: "checkbox", checked: !this.hidden.has(layer) }), swatch = make("span", { className: "swatch" });
-      swatch.style.background = `rgb(${colour.map((c) => Math.round(255 * c))})`;
-      box.addEventListener("change", () => { this.hidden[box.checked ? "delete" : "add"](layer); this.hide(); });
-      return make("label", {}, box, swatch, layer);
-    }));
-    const skin = this.bodies.find((body) => body.layer === "skin"), opacity = this.find(".opacity");
-    opacity.disabled = skin === undefined;
-    opacity.value = skin?.opacity ?? 1;
-    opacity.addEventListener("input", () => {
-      for (const body of this.bodies) if (body.layer === "skin") body.material.opacity = Number(opacity.value);
+    each(".views button", "click", ({ value }) => this.look(value));
+    each(".poses button", "click", ({ value }) => { this.stop(); this.set(this.data.poses[value]); });
+    each(".play", "click", () => (this.playing ? this.stop() : this.play()));
+    each(".level", "change", ({ value }) => { this.level = value; this.change(); });
+    each(".layers input", "change", ({ value, checked }) => { this.hidden[checked ? "delete" : "add"](value); this.hide(); });
+    each(".opacity", "input", ({ value }) => {
+      for (const body of this.bodies) if (body.layer === "skin") body.material.opacity = Number(value);
       this.draw();
     });
-    this.find(".level").addEventListener("change", (e) => { this.level = e.target.value; this.errors(); this.change(); });
-    this.find(".play").addEventListener("click", () => (this.playing ? this.stop() : this.play()));
-    this.find(".rounding").textContent = `Shapes are rounded in this page, which moves a vertex by ${data.rounding.toFixed(3)} mm at most in learned poses. Bones are exact and have fewer triangles here.`;
-    this.errors();
-  }
-
-  /** The table of the level's errors on simulated frames that it was not learned from. */
-  errors() {
-    const layers = new Map();
-    for (const { layer, errors, start, end } of this.data.bodies) {
-      const found = errors[this.level];
-      if (!found) continue;
-      const row = layers.get(layer) ?? { sum: 0, count: 0, largest: 0 };
-      layers.set(layer, { sum: row.sum + found.mean * (end - start), count: row.count + end - start, largest: Math.max(row.largest, found.largest) });
-      this.find(".frames").textContent = `Distances of vertices at ${this.level} from ${found.frames} simulated frames that were not learned from.`;
-    }
-    const cells = (tag, texts) => make("tr", {}, ...texts.map((textContent) => make(tag, { textContent })));
-    this.find(".errors").replaceChildren(cells("th", ["", "mean, mm", "largest, mm"]),
-      ...[...layers].map(([layer, { sum, count, largest }]) => cells("td", [layer, (sum / count).toFixed(2), largest.toFixed(1)])));
+    this.sliders = this.data.angles.map(({ name }) => this.find(`input[name="${name}"]`));
+    each(".angles input", "input", (slider) => {
+      this.stop();
+      this.angles[this.sliders.indexOf(slider)] = slider.value * DEGREE;
+      this.change();
+    });
   }
 
   listen() {
@@ -246,7 +204,7 @@ class Player {
   tell([vertices, shading], drawing, now) {
     this.sliders.forEach((slider, i) => {
       slider.value = this.angles[i] / DEGREE;
-      slider.nextSibling.textContent = `${(this.angles[i] / DEGREE).toFixed(0)}°`;
+      slider.nextElementSibling.textContent = `${(this.angles[i] / DEGREE).toFixed(0)}°`;
     });
     const distance = this.hand.distance(this.angles), alarm = this.find(".alarm");
     alarm.classList.toggle("on", distance > 1);
