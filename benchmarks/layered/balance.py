@@ -18,6 +18,7 @@ from handpipe.fem.potentials import Elastic
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import mass_lumped
 from handpipe.tissues.fat.layer import TissueLayer
+from handpipe.tissues.fat.tissue import Tissue
 from handpipe.tissues.muscles import MuscleLayer
 
 SMALL_STRAIN = 1e-3  # whose forces are the least by which a vertex is measured
@@ -119,8 +120,15 @@ def of_tissue(layer: TissueLayer, frame: Frame, shapes: Mapping[str, Shapes]) ->
         touch = TOUCH if settled else np.inf  # unsettled: planes of the frame are not those of here
         rows = potential.heights(at) < touch if isinstance(potential, Contact) else np.full(len(at), True)
         pushed |= abs(potential.operator).T @ rows > 0
+    pushed |= _near_skin(tissue, x)
     given = layer.elastic_bodies(frame.bones)[layer.name + "_mesh"]
     return unbalance(_body(given, springs, pushed), x)
+
+
+def _near_skin(tissue: Tissue, x: Array) -> BoolArray:
+    """Vertices (n,) that the barrier of the skin against itself may push."""
+    barrier = tissue.skin_barrier() if tissue.skin_contact else None
+    return np.zeros(len(x), dtype=np.bool_) if barrier is None else barrier.force_sizes(x) > 0
 
 
 def of_muscles(layer: MuscleLayer, frame: Frame, shapes: Mapping[str, Shapes]) -> Unbalance:

@@ -13,7 +13,7 @@ from handpipe.imaging.volumes import Volume, read_labels, read_volume
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.bones import read_surfaces
 from handpipe.skeleton.bones.registration_result import Registration
-from handpipe.skeleton.registration import register_pose
+from handpipe.skeleton.registration import PoseImages, register_pose
 from handpipe.stages.images import merge_labels, paint_strokes, prepare_image, propose_seeds, segment_pose
 
 CHECKOUT = Path(__file__).parents[2]
@@ -77,7 +77,9 @@ class Knee:
 
     def registered(self, source: str, target: str) -> dict[str, Registration]:
         """Registrations of the bones of one pose into the other."""
-        return register_pose(self.dataset, self.surfaces(source), self.surfaces(target))
+        part = "whole" if source == STRAIGHT else "marrow"  # that of the bent pose is not kept
+        images = PoseImages(self.volume(source), self.volume(target), self.surfaces(source, part))
+        return register_pose(self.dataset, self.surfaces(source), self.surfaces(target), images)
 
     def _segment(self, pose: str) -> None:
         """Seeds, labels and surfaces of a pose: strokes in the straight one, proposed seeds in the other."""

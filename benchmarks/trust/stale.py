@@ -56,7 +56,8 @@ BY_TRUTH = (
     "evaluate_muscles evaluate_registration evaluate_segmentation evaluate_skin evaluate_tendons fit_rig"
 )
 IMAGE_READERS = (
-    "correct_bone extract_muscle_shapes merge_labels register_tendon report segment_pose separate_fat_water"
+    "correct_bone extract_muscle_shapes merge_labels register_bones register_tendon report segment_pose "
+    "separate_fat_water"
 )
 ECHOES = [
     {"time_ms": time, "magnitude": f"echoes/{time}.nii.gz", "phase": f"echoes/{time}-phase.nii.gz"}
@@ -71,7 +72,7 @@ CHANGES = [
                 "moved",
                 f"{BY_TRUTH} correct_bone extract_muscle extract_muscle_shapes extract_tendon "
                 "fit_fat_strains make_bone_fascia make_muscle_fascia make_skin merge_labels place_templates "
-                "register_tendon report segment_pose separate_fat_water",
+                "register_bones register_tendon report segment_pose separate_fat_water",
             ),
             "hand": ("left", "evaluate_frames report simulate"),
             "poses.fist.role": (
@@ -102,7 +103,7 @@ CHANGES = [
             "bones.distal2.template": ("new/distal2.ply", "place_templates"),
             "other_labels.sesamoid1": (9, "correct_bone merge_labels segment_pose"),
             "contrast": ("learned", "correct_bone merge_labels segment_pose"),
-            "registration": ("images", "register_bones"),
+            "registration": ("surfaces", "register_bones"),
             "joints.DIP2.parent": (
                 "proximal2",
                 "fit_rig make_bone_fascia merge_labels mesh_soft_tissue register_bones",

@@ -493,6 +493,7 @@ def _tets(folder: Path) -> list[Row]:
     mixed[2] = mixed[2][[1, 0, 2, 3]]
     middles = np.vstack([corners, (corners[[0, 0, 0, 1, 1, 2]] + corners[[1, 2, 4, 2, 4, 4]]) / 2])
     quadratic = np.array([[0, 1, 2, 4, 8, 11, 9, 10, 12, 13]])
+    hinged = np.vstack([tets, [[4, 5, 8, 9]]])  # on an edge of the cube
     nan = corners.copy()
     nan[0] = np.nan
     for defect, reader, reason in (
@@ -515,6 +516,11 @@ def _tets(folder: Path) -> list[Row]:
             "two parts",
             write("m.vtk", np.vstack([corners, corners + 20]), [("tetra", np.vstack([tets, tets + 8]))]),
             "in 2 parts",
+        ),
+        (
+            "two parts that share an edge",
+            write("r.vtk", np.vstack([corners, [[30.0, 0, 0], [30, 9, 9]]]), [("tetra", hinged)]),
+            "in 2 parts that share no face",
         ),
         ("index beyond the vertices", write("n.vtk", corners, [("tetra", tets + 3)]), "do not exist"),
     ):

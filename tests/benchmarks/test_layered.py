@@ -9,15 +9,19 @@ import pytest
 from benchmarks.layered import balance, measures, table
 from benchmarks.layered.case import Case, Check, Outcome, Solved
 from benchmarks.layered.cases import CASES, input_errors
-from benchmarks.layered.judging import REFUSED, RIGHT, WRONG, judged, wrong_in
+from benchmarks.layered.judging import BALANCED, REFUSED, RIGHT, WRONG, judged, wrong_in
 from benchmarks.layered.measures import Measured
 from tests.benchmarks.layered_limb import limb
 from tests.fem.bodies import box
+from tests.tissues.fat import test_skin_on_skin as prongs
 
 from handpipe.core import metrics
 from handpipe.core.errors import ConvergenceError
+from handpipe.core.layers import Frame
+from handpipe.core.rigid import RigidTransform
 from handpipe.fem.elements.materials import Material
 from handpipe.fem.potentials.elastic import Elastic
+from handpipe.tissues.fat.layer import TissueLayer
 
 # Rows that the limb has a test of; the finger has more: a truth, strains of examples, a flesh. `start-half`
 # ends 0.057 mm off on the limb, too: it is a known fault (docs/limitations.md).
@@ -89,6 +93,22 @@ def test_forces_of_the_judge_are_derivatives_of_the_energy():
     assert balance.unbalance(body, x).largest > 0.01
     opposed = replace(body, springs=[pulls])
     assert balance.unbalance(opposed, x).largest < 1e-12
+
+
+def test_the_judge_knows_the_reach_of_the_barrier_of_the_skin():
+    """Two prongs pressed together are at rest by no spring or plane alone; moved elsewhere they are not."""
+    frame = Frame("pressed", {}, {"palm": RigidTransform.identity(), **prongs.together(2.8)})
+    layer, below = TissueLayer("fat", prongs.tissue()), prongs.below(prongs.together(2.8))
+    shapes = {**below, "fat": layer.solve(frame, below)}
+    found = balance.of_tissue(layer, frame, shapes)
+    x, barrier = shapes["fat"]["fat_mesh"].vertices, layer.tissue.skin_barrier()
+    assert found.largest < BALANCED and found.judged > 0.2
+    free = replace(layer.tissue, skin_contact=False)
+    blind = balance.of_tissue(TissueLayer("fat", free), frame, shapes)
+    assert blind.largest > BALANCED
+    moved = x + 0.1 * (barrier.force_sizes(x) == 0)[:, None] * np.random.default_rng(2).normal(size=x.shape)
+    shapes["fat"] = shapes["fat"] | {"fat_mesh": replace(shapes["fat"]["fat_mesh"], vertices=moved)}
+    assert balance.of_tissue(layer, frame, shapes).largest > BALANCED
 
 
 def test_inverted_tets_bones_outside_and_skin_in_itself_are_found(subject):

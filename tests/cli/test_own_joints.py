@@ -12,56 +12,15 @@ from handpipe.cli import main
 from handpipe.core import RigidTransform, metrics
 from handpipe.core.configuration import Dataset, load_dataset, load_scene
 from handpipe.skeleton.bones import read_registrations, write_registrations
+from handpipe.skeleton.motion import motion_frame_names
 from handpipe.skeleton.rig import Rig
-from handpipe.stages.images import merge_labels, propose_seeds, segment_pose
-from handpipe.stages.skeleton import fit_rig, register_bones
 
+from .built import rig_of, to_the_rig
 from .wrist import CENTRE, made_up
 
 NAME = "my-wrist"
 ASKED = ["init", NAME, "--volumes", "mine", "--hand", "right", "--joint", "radius-lunate"]
 FIXED = ["--joint", "radius-ulna:fixed"]
-
-
-def to_the_rig(dataset: Dataset, folder: Path) -> Rig:
-    """The workflow's stages in its order, without Snakemake; strokes of neutral alone."""
-
-    def file(pose: str, name: str) -> Path:
-        (folder / pose).mkdir(parents=True, exist_ok=True)
-        return folder / pose / name
-
-    neutral = dataset.neutral
-    for pose in (neutral, *dataset.examples):
-        volume, drawn = dataset.path(dataset.poses[pose].volume), dataset.poses[pose].seeds
-        path = file(pose, "seeds.nii.gz") if drawn is None else dataset.path(drawn)
-        if drawn is None:
-            given = propose_seeds.Inputs(volume, file(neutral, "surfaces.h5"))
-            found = propose_seeds.Outputs(path, file(pose, "seeds.json"), file(pose, "located.h5"))
-            propose_seeds.propose_seeds(given, found, dataset, pose)
-        claims = file(pose, "bones.h5")
-        segment_pose.segment_pose(segment_pose.Inputs(volume, path), claims, dataset, pose, ())
-        looks = None if pose == neutral else file(neutral, "looks.json")
-        names = ("labels.nii.gz", "labels.json", "surfaces.h5", "looks.json")
-        merge_labels.merge_labels(
-            merge_labels.Inputs(volume, path, claims, (), (), looks),
-            merge_labels.Outputs(*(file(pose, name) for name in names)),
-            dataset,
-            pose,
-        )
-        surfaces = register_bones.Inputs(file(neutral, "surfaces.h5"), file(pose, "surfaces.h5"))
-        register_bones.register_bones(surfaces, file(pose, "moved.h5"), dataset, pose)
-    return rig_of(dataset, folder)
-
-
-def rig_of(dataset: Dataset, folder: Path) -> Rig:
-    """The rig of registered bones, written beside them."""
-    moved = [folder / pose / "moved.h5" for pose in dataset.poses]
-    outputs = fit_rig.Outputs(
-        *(folder / name for name in ("rig.h5", "rig.json", "table.json", "limits.json"))
-    )
-    inputs = fit_rig.Inputs(folder / dataset.neutral / "surfaces.h5", moved, ())
-    fit_rig.fit_rig(inputs, outputs, dataset, False)
-    return Rig.load(outputs.rig)
 
 
 @pytest.fixture(scope="module")
@@ -87,9 +46,13 @@ def test_check_accepts_what_init_writes(
     ends = {(j.parent, j.child): j.angles for j in dataset.joints.values()}
     ball = ("radius_lunate_x", "radius_lunate_y", "radius_lunate_z")
     assert ends == {("radius", "lunate"): ball, ("radius", "ulna"): ()}
-    assert load_scene(f"config/scenes/{NAME}.yaml").layers == ("bones", "skin")
-    header, *_, last = Path(f"config/scenes/{NAME}.csv").read_text().splitlines()
-    assert header == "frame,radius_lunate_x [deg]" and last == "bent2,9.0"
+    scene = load_scene(f"config/scenes/{NAME}.yaml")
+    assert scene.layers == ("bones", "skin")
+    frames = motion_frame_names(scene.frames, {})
+    keys = [name for name in frames if "+" not in name]
+    poses = ["deviated", "extended", "flexed"]  # ball joints move as the poses do, there and back
+    assert [key for key in keys if "-" not in key] == ["neutral", *poses] and len(keys) == 7
+    assert Path(f"config/scenes/{NAME}.csv").read_text().splitlines()[0] == "key,time [frame],pose"
 
 
 @pytest.fixture(scope="module")

@@ -132,6 +132,9 @@ def test_an_aid_is_no_layer_to_ask_for():
 
 
 def test_scene_needs_exactly_what_its_layers_stand_on():
+    with pytest.raises(ValueError, match="muscle_barrier: needs muscles"):
+        Scene(layers=("bones", "skin"), frames="x.csv", muscle_barrier=True)
+    assert Scene(layers=("muscles",), frames="x.csv", muscle_barrier=True).muscle_barrier
     assert Scene(layers=("bones", "skin"), frames="x.csv").needed == ["bones", "skin"]
     assert Scene(layers=("muscles",), frames="x.csv").needed == ["bones", "flesh", "muscles"]
     assert Scene(layers=("fat", "skin"), frames="x.csv").needed == list(LAYERS)

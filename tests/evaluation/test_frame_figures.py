@@ -32,7 +32,7 @@ def rows() -> list[dict]:
     bad = {
         "muscles": {
             "m1": body(contact_motion=0.01, contact_unsettled=0.0, cuts_itself=1.0),
-            "m2": body(contact_motion=0.2, contact_unsettled=1.0),
+            "m2": body(contact_motion=0.2, contact_unsettled=1.0, body_crossings=12.0, body_penetration=0.7),
         },
         "fat": {
             "fat": body(inverted_tets=2.0, least_det=-0.14, inner_overlap=1.6),
@@ -63,6 +63,8 @@ def test_metrics_are_the_worst_over_frames() -> None:
         "fat_least_det": (-0.14, "1"),
         "fat_inner_overlap": (1.6, "mm"),
         "muscles_cuts_itself": (1.0, "1"),
+        "muscles_body_crossings": (12.0, "1"),
+        "muscles_body_penetration": (0.7, "mm"),
         "fat_skin_overlap": (0.05, "mm"),
         "fat_skin_crossings": (7.0, "1"),
         "fat_skin_gap": (0.0, "mm"),
@@ -76,6 +78,7 @@ def test_warnings_name_frame_layer_and_size() -> None:
         "Scene close: bones penetrate each other: good (a b, 0.40 mm).",
         "Scene close: contact has not settled: tangled (muscles).",
         "Scene close: an organ folds into itself: tangled (muscles).",
+        "Scene close: muscles lie in bones or in one another: tangled (muscles: 0.70 mm).",
         "Scene close: inverted tets are handed on: tangled (fat: 2, least det F -0.14).",
         "Scene close: tissue penetrates the organs inside: tangled (fat: 1.60 mm).",
         "Scene close: the skin penetrates itself: tangled (fat: 0.05 mm).",

@@ -90,7 +90,8 @@ def test_keyframes_through_both_stages(tmp_path, rig):
     assert found["continuity_max"][1] == "mm/deg"
     assert found["frames_with_other_equilibria"] == (1.0, "frames") and found["other_skin_max"] == (2.5, "mm")
     warnings = [text for text in frame_warnings("keys", list(rows.values())) if "equilibria" in text]
-    assert len(warnings) == 1 and "bent (skin up to 2.50 mm away from the blend of the bones" in warnings[0]
+    where = "skin up to 2.50 mm from the frame's, elastic energy 1.100 of the frame's"
+    assert len(warnings) == 1 and f"bent ({where}; start: blend of the bones)" in warnings[0]
     assert "open (skin" not in warnings[0]
 
 

@@ -64,6 +64,15 @@ def test_a_frame_that_is_no_pose_is_refused_by_name(frame, named):
     assert failure.frame == "bad" and named in failure.reason
 
 
+def test_a_frame_is_checked_once_for_all_layers(monkeypatch):
+    checked = []
+    monkeypatch.setattr("handpipe.hand.simulation._require_rigid", lambda frame: checked.append(frame.name))
+    layers = [_Shifted("bones", ()), _Shifted("muscles", ("bones",)), _Shifted("fat", ("muscles",))]
+    simulate_frame(_frame(0.5), layers)
+    simulate([_frame(1.0)], layers)
+    assert checked == ["lift0.5", "lift1.0"]
+
+
 def test_a_layer_that_the_subject_lacks_is_no_obstacle():
     fat = _Shifted("fat", ("bones", "tendons"))
     simulate_frame(_frame(0.0), [_Shifted("bones", ()), fat])

@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from handpipe.core.rigid import RigidTransform
 from handpipe.mesh.surfaces.anchors import Anchors
+from handpipe.mesh.surfaces.surface import Surface
 
 from .shapes import sphere
 
@@ -46,3 +47,15 @@ def test_feet_are_closest_places():
     feet = Anchors.attach(points, BALL).feet(BALL.vertices)
     radial = points / np.linalg.norm(points, axis=1, keepdims=True)
     np.testing.assert_allclose(feet, 5.0 * radial, atol=0.1)
+
+
+def test_triangles_without_area_carry_no_point():
+    """A triangle is cut in two at the middle of an edge, with a sliver without area along that edge."""
+    vertices = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0], [2, 0, 0], [2, -4, 0]])
+    sliver = [0, 3, 1]  # igl finds the first of triangles that are equally near
+    surface = Surface(vertices, np.array([sliver, [0, 1, 2], [0, 4, 3], [3, 4, 1]]))
+    points = np.array([[1.0, 0.0, 0.5], [3.0, 0.0, -0.5], [2.0, 0.0, 0.0]])
+    anchors = Anchors.attach(points, surface)
+    np.testing.assert_allclose(anchors(vertices), points, atol=1e-12)
+    motion = RigidTransform(Rotation.from_rotvec([0.4, -1.2, 0.3]).as_matrix(), np.array([7.0, 1.0, -2.0]))
+    np.testing.assert_allclose(anchors(motion(vertices)), motion(points), atol=1e-12)

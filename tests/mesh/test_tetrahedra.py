@@ -1,7 +1,11 @@
+from pathlib import Path
+
+import meshio
 import numpy as np
 import pytest
 
 from handpipe.core.errors import InputError
+from handpipe.mesh.tets.tet_files import read_tets
 from handpipe.mesh.tets.tetrahedra import TetMesh
 
 from .shapes import box_tets
@@ -40,3 +44,22 @@ def test_nan_and_dangling_corners_are_refused():
         TetMesh(REGULAR.vertices * np.nan, REGULAR.tets).checked("memory")
     with pytest.raises(InputError, match="do not exist"):
         TetMesh(REGULAR.vertices, REGULAR.tets + 1).checked("memory")
+
+
+@pytest.mark.parametrize("shared", [1, 2])
+def test_a_file_of_parts_that_hang_together_at_a_vertex_or_an_edge_is_refused(
+    tmp_path: Path, shared: int
+) -> None:
+    mesh, path = box_tets(2), tmp_path / "hinged.vtk"
+    vertices = 20.0 * mesh.vertices
+    edge = mesh.tets[0][:shared]
+    beside = vertices[edge[0]] + [[-30.0, -3, -5], [-7, -30, -2], [-4, -9, -30]]
+    added = np.concatenate([edge, len(vertices) + np.arange(4 - shared)])
+    points = np.vstack([vertices, beside[: 4 - shared]])
+    if np.linalg.det(points[added[1:]] - points[added[0]]) < 0:
+        added[-2:] = added[:-3:-1]
+    meshio.write(path, meshio.Mesh(points, [("tetra", np.vstack([mesh.tets, added]))]))
+    with pytest.raises(InputError, match=r"in 2 parts that share no face, of 48, 1 tets"):
+        read_tets(path)
+    meshio.write(path, meshio.Mesh(vertices, [("tetra", mesh.tets)]))
+    assert len(read_tets(path).tets) == 48

@@ -72,3 +72,16 @@ def test_without_a_moving_joint_nothing_is_told() -> None:
     rig = Rig("a", (rigid,), {"a": corner, "b": corner}, {})
     assert hand_directions(rig, "right") is None
     assert middle_finger(rig) == ("a", "b")
+
+
+def test_a_ball_joint_without_a_flexion_tells_no_direction() -> None:
+    """Its axes are those of the image, in any order."""
+    corner = Surface(np.eye(4, 3), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    known = five_fingers.rig(residuals=False).joints[0]
+    angles = tuple(f"radius_lunate_{axis}" for axis in "xyz")
+    fit = replace(known.fit, axes=Axes(np.eye(3), (0, 1, 2)))
+    ball = RigJoint("radius_lunate", "a", "b", angles, np.tile([-1.0, 1.0], (3, 1)), fit)
+    surfaces = {"a": corner, "b": corner.moved(corner.vertices + [5.0, 0, 0])}
+    assert hand_directions(Rig("a", (ball,), surfaces, {}), "right") is None
+    named = replace(ball, angles=("radius_lunate_flexion", *angles[1:]))
+    assert hand_directions(Rig("a", (named,), surfaces, {}), "right") is not None

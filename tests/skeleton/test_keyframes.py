@@ -1,12 +1,16 @@
 """Keyframes become frames at their times and stay between their keys; wrong files are refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from five_fingers import rig
 
 from handpipe.core.configuration import Recording
 from handpipe.core.errors import InputError
+from handpipe.core.rigid import RigidTransform
 from handpipe.skeleton.drivers import read_frames, write_angles
+from handpipe.skeleton.joints.joint_tree import FittedPose
 from handpipe.skeleton.motion import expand_motion, is_motion, motion_frame_names
 from handpipe.skeleton.motion.interpolation import spline
 
@@ -43,6 +47,20 @@ def test_an_angle_passes_by_a_key_that_does_not_give_it(tmp_path):
     assert np.degrees(bends[0]) == pytest.approx(-5)
     # Two keys alone: the monotone cubic between them is a straight line, whatever the third key's time.
     assert np.degrees(bends) == pytest.approx(-5 + 85 * np.arange(32) / 31.5)
+
+
+def test_a_key_takes_the_angles_of_a_scanned_pose_but_for_those_that_it_gives(tmp_path):
+    angles = dict.fromkeys(RIG.angle_names, 0.0) | {"PIP2_flexion": 0.5, "MP2_flexion": 0.3}
+    known = replace(RIG, poses=RIG.poses | {"hook": FittedPose(RigidTransform.identity(), angles)})
+    text = "key,time [frame],pose,MP2_flexion [deg]\na,0,,0\nb,4,hook,\nc,8,hook,10\n"
+    path = written(tmp_path, text)
+    assert len(motion_frame_names(path, RIG.limits)) == 9  # the plan of a build knows no rig
+    found = expand_motion(path, known).frames
+    assert found["a"]["PIP2_flexion"] == pytest.approx(0.5)  # passed by: no key gives it before
+    assert (found["b"]["PIP2_flexion"], found["b"]["MP2_flexion"]) == pytest.approx((0.5, 0.3))
+    assert (found["c"]["PIP2_flexion"], found["c"]["MP2_flexion"]) == pytest.approx((0.5, np.radians(10)))
+    with pytest.raises(InputError, match=r"row 3 \(key b\), pose: 'hook' is no pose that the rig explains"):
+        expand_motion(path, replace(RIG, poses={}))
 
 
 def test_seconds_are_twenty_four_frames(tmp_path):
@@ -102,7 +120,7 @@ def test_expanded_angles_are_read_again_as_frames(tmp_path):
 def test_a_table_of_angles_is_no_motion(tmp_path):
     path = written(tmp_path, "frame,PIP2_flexion [deg]\na,3\n")
     assert not is_motion(path)
-    with pytest.raises(InputError, match="holds no keyframes, targets or tracked points"):
+    with pytest.raises(InputError, match="holds no keyframes, targets, contractions or tracked points"):
         expand_motion(path, RIG)
 
 

@@ -1,6 +1,7 @@
 """A neutral bone that lost an end is doubted by name; whole ones are not."""
 
 import numpy as np
+import pytest
 import trimesh
 
 from handpipe.core.configuration.config import Joint
@@ -42,3 +43,25 @@ def test_a_bone_without_its_end_is_named_with_what_to_draw() -> None:
 
 def test_a_lost_tip_of_a_distal_phalanx_is_told_by_its_length() -> None:
     assert set(neutral_doubts(ray(kept=0.7, lost="distal3"), JOINTS)) == {"distal3"}
+
+
+def test_the_length_of_a_bone_that_the_image_cuts_says_nothing() -> None:
+    marrows = ray(kept=0.7, lost="distal3")
+    assert neutral_doubts(marrows, JOINTS, cut=("distal3",)) == {}
+    # Nor does it tell the hand's scale: with two bones that are cut, two remain, which are too few to judge.
+    assert neutral_doubts(marrows, JOINTS, cut=("metacarpal3", "proximal3")) == {}
+
+
+def test_a_gap_between_bones_that_the_hand_does_not_know_is_logged_alone(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    whole = ray(kept=0.6)
+    names = dict(zip(RAY, ("radius", "capitate", "hamate", "ulna"), strict=True))
+    marrows = {names[bone]: marrow for bone, marrow in whole.items()}
+    joints = {
+        name: joint.model_copy(update={"parent": names[joint.parent], "child": names[joint.child]})
+        for name, joint in JOINTS.items()
+    }
+    assert neutral_doubts(marrows, joints) == {}
+    assert "joint joint1 gapes by" in caplog.text and "capitate or hamate" in caplog.text
+    assert "joint0" not in caplog.text

@@ -14,7 +14,7 @@ from .running import CHECKOUT, planned, run, watching, working_copy
 
 # Bars on the figures that the stages measure against truth: the largest value that passes.
 AT_MOST = [
-    ("registration", "rotation_error_mean", 1.0, "deg"),
+    ("registration", "rotation_error_mean", 0.3, "deg"),
     ("registration", "translation_error_mean", 0.25, "mm"),
     ("rig", "rotation_error_mean", 1.0, "deg"),
     ("rig", "translation_error_mean", 0.25, "mm"),

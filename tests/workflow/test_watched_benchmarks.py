@@ -83,9 +83,11 @@ def jobs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     (folder / "watched").mkdir()
     merged = ("scans", "trust", "layered")
     files = [paths.benchmark_of(f"{name}.json") for name in merged]
-    rules = [f"benchmark_{name}" for name in (*merged, "fidelity", "fidelity_figures")]
+    drawn = ("fidelity", "levels")
+    files += [paths.benchmark_of(f"{name}.png") for name in drawn]
+    rules = [f"benchmark_{name}" for name in (*merged, *drawn, *(f"{name}_figures" for name in drawn))]
     for targets in (
-        (*files, paths.benchmark_of("fidelity.png"), "--allowed-rules", *rules),
+        (*files, "--allowed-rules", *rules),
         [f"benchmark_{name}" for name in MEASURED],
     ):
         process = run(folder, "-j2", *targets, environment=watching(folder / "watched"))

@@ -464,18 +464,9 @@ LEVELS = {  # parts of the benchmark of levels: subject, and scene of random pos
 }
 
 
-def frames_of_levels(wildcards):
-    """The simulated frames of a part, and what simulates some of them again."""
-    subject, name = LEVELS[wildcards.part]
-    simulated = expand(
-        paths.SCENE_CHUNK, subject=subject, scene=name, chunk=chunks(subject, name)
-    )
-    return [*simulated, *as_built(subject, name)]
-
-
 rule benchmark_levels_part:
     input:
-        frames_of_levels,
+        lambda w: simulated_frames(*LEVELS[w.part]),
     output:
         paths.benchmark_of("levels/{part}.json"),
     log:

@@ -1005,6 +1005,13 @@ def as_built(subject, name):
     return [dataset_file(subject), file, *expand(built, subject=subject)]
 
 
+def simulated_frames(subject, name):
+    """The frames of a scene, and what a benchmark reads to simulate some of them again."""
+    numbers = chunks(subject, name)
+    made = expand(paths.SCENE_CHUNK, subject=subject, scene=name, chunk=numbers)
+    return [*made, *as_built(subject, name)]
+
+
 def compared_with_truth(subject):
     """What a benchmark reads of a built subject to compare it, and its raw scans, with the truth."""
     data = checked(load_dataset, dataset_file(subject))

@@ -21,6 +21,7 @@ rule propose_seeds:
     params:
         dataset=reads(
             *image_of(),
+            "neutral",
             "segmentation",
             "bones.*.label",
             "joints.*.parent",

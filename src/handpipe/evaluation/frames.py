@@ -14,6 +14,7 @@ from handpipe.hand import UNITS as ARTIFACT_UNITS
 UNITS = ARTIFACT_UNITS | {"inverted_tets": "tets"}
 LEAST = ("least_det", "skin_gap")  # figures whose smallest value is the worst
 OVERLAP = 0.01  # mm; the report omits a smaller overlap of the skin
+PENETRATION = 0.25  # mm, of muscles in bones and in one another: half of what is wrong of a muscle's surface
 INNER_OVERLAP = 0.5  # mm; half a voxel of a usual scan: less is within the error of the bodies' surfaces
 REACHED = 1.0  # mm; a target that is farther is not met
 COMPRESSION = 0.01  # of a tendon's pull; the report omits a smaller compression
@@ -215,6 +216,8 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
         if name.endswith("_skin_crossings") and _positive(row, name):
             layer = name.removesuffix("_skin_crossings")
             yield "the skin crosses itself", f"{layer}: {_number(row, name):.0f} edges through triangles"
+        if name.endswith("_body_penetration") and _positive(row, name, PENETRATION):
+            yield "muscles lie in bones or in one another", _depth(row, name, "_body_penetration")
         if name.endswith("_skin_overlap") and _positive(row, name, OVERLAP):
             yield "the skin penetrates itself", _depth(row, name, "_skin_overlap")
         if name.endswith("_inner_overlap") and _positive(row, name, INNER_OVERLAP):
@@ -231,11 +234,12 @@ def _doubts(row: Row) -> Iterable[tuple[str, str]]:
         where = f"{row['pop_body']}: {_number(row, 'unexplained'):.2f} mm beyond what its bones explain"
         yield "the shape jumps from the frame before", f"{where}, {_number(row, 'joint_motion'):.1f} deg"
     if _positive(row, "other_equilibria"):
-        energy = f"with {_number(row, 'other_energy'):.3f} of the elastic energy"
+        energy = f"elastic energy {_number(row, 'other_energy'):.3f} of the frame's"
         where = (
-            f"skin up to {_number(row, 'other_skin_max'):.2f} mm away from the {row['other_start']}, {energy}"
+            f"skin up to {_number(row, 'other_skin_max'):.2f} mm from the frame's, {energy}; "
+            f"start: {row['other_start']}"
         )
-        yield "other starts lead to other equilibria; the one from the examples' shapes is taken", where
+        yield "there are other equilibria; the one from the examples' shapes is taken", where
     if _positive(row, "target_distance", REACHED):
         yield "targets are not reached", f"{_number(row, 'target_distance'):.1f} mm are left"
     if _positive(row, "bridged"):

@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 
 SIZE = (520, 390)  # pixels of a picture
 UNTOLD = (
-    "No joint of this subject moves, so that nothing tells its anatomical directions: pictures are drawn "
+    "No joint of this subject tells its anatomical directions, as a flexion does: pictures are drawn "
     "along the axes of the neutral image, x for distal, y for radial, z for dorsal, and slices are left out."
 )
 

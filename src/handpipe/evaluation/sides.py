@@ -11,7 +11,7 @@ import numpy as np
 from handpipe.core import Array, Frame
 from handpipe.skeleton.rig import HandDirections, Rig, hand_directions
 
-AXES = HandDirections(np.eye(3)[0], np.eye(3)[2], np.eye(3)[1], "")  # of a subject in which no joint moves
+AXES = HandDirections(np.eye(3)[0], np.eye(3)[2], np.eye(3)[1], "")  # of a subject whose joints tell none
 # Name of the view: the side on which the camera is, and what points upwards.
 VIEWS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {

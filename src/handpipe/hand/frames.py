@@ -23,6 +23,7 @@ UNITS = {
     "skin_gap": "mm",
     "inner_overlap": "mm",
     "level_bound": "mm",
+    "body_penetration": "mm",
     "residual": "mN",
 }
 

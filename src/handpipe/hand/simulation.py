@@ -86,6 +86,7 @@ def simulate_frame(
     ----------
     Zheng 2022 §3, Fig. 5.
     """
+    _require_rigid(frame)
     shapes: dict[str, Shapes] = dict(known or {})
     for layer in layers:
         _solve(frame, layer, shapes)
@@ -137,6 +138,8 @@ def _attempt(frame: Frame, layers: Sequence[Layer]) -> SimulatedFrame | Failure:
     shapes: dict[str, Shapes] = {}
     for layer in layers:
         try:
+            if not shapes:  # the first layer is to name a frame that is no posture
+                _require_rigid(frame)
             _solve(frame, layer, shapes)
         except HandpipeError as error:
             failure = Failure(frame.name, layer.name, str(error))
@@ -153,7 +156,6 @@ def _solve(frame: Frame, layer: Layer, shapes: dict[str, Shapes]) -> None:
     """Add a layer's shapes to those of the layers below it, unless they are known."""
     if layer.name in shapes:
         return
-    _require_rigid(frame)
     start = time.perf_counter()
     shapes[layer.name] = layer.solve(frame, {name: shapes[name] for name in layer.needs if name in shapes})
     log.info("frame %s: %s in %.1f s", frame.name, layer.name, time.perf_counter() - start)

@@ -357,9 +357,9 @@ class Dataset(Model):
         description="how bones show: as bright marrow within a dark shell, or as their strokes teach",
     )
     registration: Literal["surfaces", "images"] = Field(
-        "surfaces",
-        description="what tells a bone's motion: its surfaces, or these and then the images in the bone's "
-        "own region, for poses of one contrast",
+        "images",
+        description="what tells a bone's motion: its surfaces alone, or these and then, where they leave its "
+        "turn open, the images in the bone's own region",
     )
     joints: dict[Name, Joint]
     muscles: dict[Name, Muscle] = {}
@@ -509,7 +509,8 @@ class Scene(Model):
     layers: tuple[str, ...]
     frames: Path = Field(
         description="CSV of joint angles in degrees, one frame a row, or of keyframes; BVH; hand landmarks "
-        "(JSON, CSV); targets of inverse kinematics (YAML); a recording of tracked points (CSV)"
+        "(JSON, CSV); targets of inverse kinematics (YAML); contractions of muscles (CSV); a recording of "
+        "tracked points (CSV)"
     )
     recording: Recording | None = Field(
         None, description="of tracked points in `frames`; the scene is skipped where that file is absent"
@@ -527,6 +528,10 @@ class Scene(Model):
     )
     mechanics: bool = Field(
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
+    )
+    muscle_barrier: bool = Field(
+        False,
+        description="keep muscles out of bones, of one another and themselves: 4 to 6 times their time",
     )
     equilibria: bool = Field(
         False,
@@ -560,6 +565,8 @@ class Scene(Model):
                 raise ValueError(f"layers: {layer!r} is not a layer; the layers are {', '.join(known)}")
         if self.images and not {"fat", "skin"} & set(self.needed):
             raise ValueError("images: need fat or skin among the layers: the skin bounds the moved image")
+        if self.muscle_barrier and "muscles" not in self.needed:
+            raise ValueError("muscle_barrier: needs muscles among the layers: it keeps these alone apart")
         if self.equilibria and not {"fat", "skin"} & set(self.needed):
             raise ValueError("equilibria: need fat or skin among the layers: they are sought for these alone")
         return self

@@ -43,7 +43,7 @@ def import_map(further: Mapping[str, bytes]) -> str:
     modules = {name: (_static() / file).read_bytes() for name, file in MODULES.items()}
     prefix = "data:text/javascript;base64,"
     encoded = {
-        name: prefix + base64.b64encode(text).decode("ascii") for name, text in (modules | further).items()
+        name: prefix + base64.b64encode(text).decode("ascii") for name, text in {**modules, **further}.items()
     }
     return json.dumps({"imports": encoded})
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.fem.contact.barrier import Barrier, CollidingPairs
+    from handpipe.fem.contact.barrier import Barrier, CollidingPairs, ConvexBarrier
     from handpipe.fem.contact.constraints import (
         Attachment,
         Contact,
@@ -26,6 +26,7 @@ __all__ = [
     "Barrier",
     "CollidingPairs",
     "Contact",
+    "ConvexBarrier",
     "Operator",
     "PointPotential",
     "Sliding",

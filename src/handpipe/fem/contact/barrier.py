@@ -307,6 +307,24 @@ class Barrier:
         return self._last
 
 
+class ConvexBarrier:
+    """A barrier with a Hessian that is always projected: contact directions change little within a step.
+
+    Parameters
+    ----------
+    barrier : Barrier
+        The barrier.
+    """
+
+    def __init__(self, barrier: Barrier) -> None:
+        self.barrier = barrier
+        self.value, self.gradient, self.max_step = barrier.value, barrier.gradient, barrier.max_step
+
+    def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
+        """Second derivative (3n, 3n) in mN/mm without negative eigenvalues of pairs; `project` is ignored."""
+        return self.barrier.convex_hessian(x)
+
+
 def pressure_ratio(gap: Array | float) -> Array:
     """Pressure between parallel surfaces over the barrier's stiffness, at gaps in activation distances.
 

@@ -235,7 +235,7 @@ class SurfaceContact(PointPotential):
     """
 
     one_sided = True
-    far = 1.0  # mm beyond the thickness
+    far = 0.25  # mm beyond the thickness
 
     def __init__(
         self,
@@ -317,11 +317,6 @@ class SurfaceContact(PointPotential):
         signed, normals, shapes = (np.concatenate(values) for values in zip(*found, strict=True))
         return signed, normals, shapes
 
-    def _distance_hessians(self, points: Array) -> Array:
-        """Second derivatives (k, 3, 3) of the signed distances."""
-        signed, _, shapes = self._query(points)
-        return shapes / np.where(np.abs(signed) > ON_SURFACE, signed, 1.0)[:, None, None]
-
     def depths(self, points: Array) -> Array:
         """How far (k,) each point is beneath the thickness; negative where it is free."""
         return self.thickness - self._query(points)[0]
@@ -343,12 +338,21 @@ class SurfaceContact(PointPotential):
 
     def stiffnesses(self, points: Array, project: bool) -> Array:
         """Second derivative (k, 3, 3) in mN/mm; `project` drops the curvature of the distance outside."""
-        _, first, second = penalty(self.depths(points), self.onset)
-        curved = -(self.stiffness * first)[:, None, None] * self._distance_hessians(points)
+        depths, found = self.depths(points), np.zeros((len(points), 3, 3))
+        active = np.flatnonzero(depths > 0.0)
+        _, first, second = penalty(depths[active], self.onset)
+        signed, normals, shapes = (values[active] for values in self._query(points))
+        stiffness = self.stiffness[active]
+        curved = -(stiffness * first)[:, None, None] * _distance_hessians(signed, shapes)
         if project:  # a point outside is pushed on from an edge, along which its energy is concave
-            curved[self._query(points)[0] > 0] = 0.0
-        normals = self._query(points)[1]
-        return (self.stiffness * second)[:, None, None] * dyads(normals) + curved
+            curved[signed > 0] = 0.0
+        found[active] = (stiffness * second)[:, None, None] * dyads(normals) + curved
+        return found
+
+
+def _distance_hessians(signed: Array, shapes: Array) -> Array:
+    """Second derivatives (k, 3, 3) of signed distances (k,) with shape operators (k, 3, 3)."""
+    return shapes / np.where(np.abs(signed) > ON_SURFACE, signed, 1.0)[:, None, None]
 
 
 def _measured(distance: Distance, points: Array) -> tuple[Array, Array, Array]:

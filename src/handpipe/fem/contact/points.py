@@ -139,6 +139,10 @@ def _scatter(
 ) -> None:
     at = 0
     for c in range(len(indptr) - 1):
+        members = indptr[c + 1] - indptr[c]
+        if not blocks[c].any():  # most points of one-sided contact are free
+            at += members * members
+            continue
         for p in range(indptr[c], indptr[c + 1]):
             stride = strides[indices[p]]
             for q in range(indptr[c], indptr[c + 1]):

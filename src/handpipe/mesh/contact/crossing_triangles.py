@@ -9,15 +9,18 @@ from handpipe.mesh.contact.contact_toolkit import ipctk
 from handpipe.mesh.surfaces.surface import Surface
 
 ROUNDING = 1e-12  # mm^3, of six times a volume
+FACING = 0.3  # length of the difference of two normals: below it, the sheets do not face one another
 
 
-def crossings(surface: Surface) -> IntArray:
+def crossings(surface: Surface, allowed: ipctk.CollisionFilter | None = None) -> IntArray:
     """Where edges of a surface pass through its triangles.
 
     Parameters
     ----------
     surface : Surface
         Surface in mm.
+    allowed : CollisionFilter, optional
+        Which pairs of vertices may collide; an edge and a triangle of which no pair may are left out.
 
     Returns
     -------
@@ -26,6 +29,8 @@ def crossings(surface: Surface) -> IntArray:
     """
     edges, triangles, points = surface.edges(), surface.triangles, surface.vertices
     search = ipctk.LBVH()
+    if allowed is not None:
+        search.can_vertices_collide = allowed
     search.build(points, edges.astype(np.int32), triangles.astype(np.int32))
     near = search.detect_edge_face_candidates()
     pairs = np.array([(c.edge_id, c.face_id) for c in near], dtype=np.int64).reshape(-1, 2)
@@ -33,6 +38,25 @@ def crossings(surface: Surface) -> IntArray:
     apart = (ends[:, :, None] != corners[:, None, :]).all(axis=(1, 2))
     pairs, ends, corners = pairs[apart], points[ends[apart]], points[corners[apart]]
     return pairs[_cross(ends, corners)]
+
+
+def ways_out(between: Array, own: Array) -> Array:
+    """Directions that part two sheets where they cross.
+
+    Parameters
+    ----------
+    between : array (c, 3)
+        Differences of the unit normals of the crossed sheet and of the other one.
+    own : array (c, 3)
+        Unit normals of the crossed triangles.
+
+    Returns
+    -------
+    array (c, 3)
+        Directions of the differences; `own` where the sheets do not face one another.
+    """
+    lengths = np.linalg.norm(between, axis=1, keepdims=True)
+    return np.where(lengths > FACING, between / np.maximum(lengths, FACING), own)
 
 
 def _cross(ends: Array, corners: Array) -> BoolArray:

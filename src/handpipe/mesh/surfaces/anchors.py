@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.core import Array, IntArray
-from handpipe.mesh.surfaces.barycentric import barycentric_weights
+from handpipe.mesh.surfaces.barycentric import barycentric_weights, flat
 from handpipe.mesh.surfaces.surface import Surface
 
 
@@ -33,13 +33,15 @@ class Anchors:
 
     @staticmethod
     def attach(points: Array, surface: Surface) -> Anchors:
-        """Anchor points (n, 3) at their closest places on a surface."""
+        """Anchor points (n, 3) at their closest places on a surface; never in a triangle without area."""
+        # Its neighbours have the same places, and normals.
+        whole = surface.triangles[~flat(surface.vertices[surface.triangles])]
         # Beyond an edge several triangles are equally close, and their normals carry a point to different
         # places: igl's choice of them stays what it was in earlier results.
         _, triangles, closest = igl.point_mesh_squared_distance(
-            np.ascontiguousarray(points, dtype=np.float64), surface.vertices, surface.triangles
+            np.ascontiguousarray(points, dtype=np.float64), surface.vertices, whole
         )
-        corners = surface.triangles[triangles]
+        corners = whole[triangles]
         a, b, c = np.moveaxis(surface.vertices[corners], 1, 0)
         normal = np.cross(b - a, c - a)
         heights = np.einsum("ni,ni->n", points - closest, normal) / np.sqrt(

@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from handpipe.core import InputError, IntArray
 from handpipe.mesh.surfaces.surface import METRES, MICROMETRES
+from handpipe.mesh.tets.operators import tet_neighbours, tet_pieces
 from handpipe.mesh.tets.tetrahedra import FACES, TetMesh
 
 log = logging.getLogger(__name__)
@@ -52,7 +53,8 @@ def read_tets(path: str | Path) -> TetMesh:
     ------
     InputError
         Where the file is missing or malformed; where it has no tets, quadratic tets, or other solid elements;
-        where tets are inverted, flat, or there twice, three share a face, or the mesh is in several parts;
+        where tets are inverted, flat, or there twice, three share a face, or the mesh is in several parts, or
+        in parts that hang together at a vertex or an edge alone;
         where it looks like metres or micrometres.
     """
     path = Path(path)
@@ -166,8 +168,16 @@ def _check_faces(path: Path, mesh: TetMesh) -> None:
 def _check_parts(path: Path, mesh: TetMesh) -> None:
     n = len(mesh.vertices)
     rows, columns = np.repeat(mesh.tets[:, 0], 3), mesh.tets[:, 1:].ravel()
-    count, labels = connected_components(coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n)))
-    if count > 1:
-        sizes = np.sort(np.bincount(labels[mesh.tets[:, 0]]))[::-1]
-        problem = f"are in {count} parts that share no vertex, of {', '.join(map(str, sizes[:4]))} tets"
-        raise InputError(path, "tets", problem, "Give one part, or join them")
+    _, labels = connected_components(coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n)))
+    _require_one(path, labels[mesh.tets[:, 0]], "vertex", "Give one part, or join them")
+    pieces = tet_pieces(len(mesh.tets), tet_neighbours(mesh.tets))
+    _require_one(path, pieces, "face", "They turn about vertices or edges: join them by faces")
+
+
+def _require_one(path: Path, parts: IntArray, shared: str, remedy: str) -> None:
+    """Raise `InputError` where tets, each with the number of its part, are in several."""
+    sizes = np.sort(np.bincount(parts))[::-1]
+    if len(sizes) > 1:
+        named = ", ".join(map(str, sizes[:4]))
+        problem = f"are in {len(sizes)} parts that share no {shared}, of {named} tets"
+        raise InputError(path, "tets", problem, remedy)

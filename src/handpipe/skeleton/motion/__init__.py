@@ -1,13 +1,15 @@
-"""Motions: keyframes, targets of inverse kinematics, tracked points; each becomes angles of frames."""
+"""Motions: keyframes, targets of inverse kinematics, contractions, tracked points; each becomes angles."""
 
 from typing import TYPE_CHECKING
 
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.skeleton.motion.contraction_motion import write_contractions
     from handpipe.skeleton.motion.expansion import expand_motion, is_motion, motion_frame_names
     from handpipe.skeleton.motion.motion import Motion
+    from handpipe.skeleton.motion.times import RATE
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["Motion", "expand_motion", "is_motion", "motion_frame_names"]
+__all__ = ["RATE", "Motion", "expand_motion", "is_motion", "motion_frame_names", "write_contractions"]

@@ -9,6 +9,11 @@ from handpipe.core import InputError
 from handpipe.core.configuration import Recording
 from handpipe.skeleton.drivers.landmarks import Hand
 from handpipe.skeleton.joints.angles import Limits
+from handpipe.skeleton.motion.contraction_motion import (
+    is_contraction_table,
+    read_contraction_motion,
+    read_contractions,
+)
 from handpipe.skeleton.motion.interpolation import angles_between
 from handpipe.skeleton.motion.keyframes import is_keyframe_table, read_keyframes
 from handpipe.skeleton.motion.motion import Motion
@@ -21,7 +26,7 @@ from handpipe.skeleton.rig.rig import Rig
 
 
 def is_motion(path: str | Path) -> bool:
-    """Whether a file describes a motion and not frames: keyframes, targets, random poses or tracked points.
+    """Whether a file describes a motion: keyframes, targets, random poses, contractions or tracked points.
 
     Parameters
     ----------
@@ -47,7 +52,7 @@ def motion_frame_names(
     Parameters
     ----------
     path : str or Path
-        Keyframes, targets, random poses or tracked points.
+        Keyframes, targets, random poses, contractions or tracked points.
     limits : mapping of str to (float, float)
         Lower and upper limit of every angle in rad.
     bones : sequence of str, optional
@@ -73,6 +78,8 @@ def motion_frame_names(
         return read_keyframes(path, limits).times.frame_names
     if kind == "targets":
         return read_targets(path, limits, tuple(bones))[1].frame_names
+    if kind == "contractions":
+        return read_contractions(path).times.frame_names
     if kind == "random":
         return random_names(path)
     chosen = _recording(path, kind, recording)
@@ -87,7 +94,8 @@ def expand_motion(
     Parameters
     ----------
     path : str or Path
-        Keyframes (CSV), targets of inverse kinematics or random poses (YAML), or tracked points (CSV).
+        Keyframes or contractions (CSV), targets of inverse kinematics or random poses (YAML), or tracked
+        points (CSV).
     rig : Rig
         Rig that the motion moves.
     hand : str
@@ -108,11 +116,13 @@ def expand_motion(
     kind = _kind(path)
     _require_tracks(path, kind, recording)
     if kind == "keyframes":
-        keys = read_keyframes(path, rig.limits)
+        keys = read_keyframes(path, rig.limits, {name: pose.angles for name, pose in rig.poses.items()})
         frames = angles_between(keys.times.times, keys.angles, rig.angle_names, keys.times.frames)
         return Motion(dict(zip(keys.times.frame_names, frames, strict=True)))
     if kind == "targets":
         return read_target_motion(path, rig)
+    if kind == "contractions":
+        return read_contraction_motion(path, rig)
     if kind == "random":
         return read_random_poses(path, rig)
     return read_tracked_motion(path, rig, hand, _recording(path, kind, recording))
@@ -123,6 +133,8 @@ def _kind(path: str | Path) -> str | None:
         return "random" if is_random_file(path) else "targets"
     if is_keyframe_table(path):
         return "keyframes"
+    if is_contraction_table(path):
+        return "contractions"
     return "track" if is_track_table(path) else None
 
 
@@ -136,6 +148,9 @@ def _require_tracks(path: str | Path, kind: str | None, recording: Recording | N
 def _recording(path: str | Path, kind: str | None, recording: Recording | None) -> Recording:
     """What a scene says of tracked points; raises `InputError` for a file that holds none."""
     if kind is None:
-        remedy = "Give a table whose first column is `key`, targets as .yaml, or tracked points"
-        raise InputError(path, "frames", "holds no keyframes, targets or tracked points", remedy)
+        remedy = (
+            "Give a table whose first column is `key` or `contraction`, targets as .yaml, or tracked points"
+        )
+        problem = "holds no keyframes, targets, contractions or tracked points"
+        raise InputError(path, "frames", problem, remedy)
     return recording or Recording.model_validate({})

@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 from scipy import ndimage
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from handpipe.core import Array, BoolArray, RigidTransform, evenly
@@ -47,6 +48,8 @@ FEWEST_BONES = (
 )
 FARTHEST = 3.0  # stated deviations of the surfaces' registration, beyond which images show something else
 LEAST_FARTHEST = np.array([np.radians(3.0), 1.0])  # rad and voxels that this is taken of at least
+KNOWN = 0.5  # deg that surfaces state of a turn, up to which it is kept: enough for a rig
+BETTER = 0.75  # of the turn's deviation by surfaces that images state at most: tissue on a bone may slide
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class PoseImages:
     bones: Mapping[str, Surface]
 
     def refined(self, bone: str, found: Registration) -> Registration:
-        """A bone's registration by its surfaces, refined by the images.
+        """A bone's registration by its surfaces, its turn refined by the images.
 
         Parameters
         ----------
@@ -78,10 +81,14 @@ class PoseImages:
         Returns
         -------
         Registration
-            The refined transform with its covariance. Images of different contrast leave the deviation that
-            the surfaces state; where both ways differ by more than this, the surfaces' transform is kept and
+            The registration turned about the bone's middle, with its covariance. A bone keeps its
+            registration where the surfaces know its turn to half a degree, and where the images do not
+            know it better by a quarter. Images of different contrast leave the deviation that the
+            surfaces state; where both ways differ by more than this, the surfaces' transform is kept and
             its covariance holds the difference.
         """
+        if found.rotation_deviation < KNOWN:
+            return found
         crop, region = self._region(bone)
         if np.count_nonzero(region) < FEWEST:
             LOG.warning("%s: too few voxels to refine its registration by the images", bone)
@@ -94,17 +101,21 @@ class PoseImages:
                 "%s: its images have little in common (%.2f); its surfaces tell its place", bone, related
             )
             return found
+        turned = _turned(found, transform, covariance, self._middle(bone))
+        if turned.rotation_deviation > BETTER * found.rotation_deviation:
+            LOG.info("%s: its images do not tell its turn much better", bone)
+            return found
         apart = _between(found.transform, transform, self._middle(bone))
         if self._is_far(bone, found, apart):
             return replace(found, covariance=found.covariance + np.outer(apart, apart))
         alike = pair.correlation(transform)
         if alike < ALIKE:
-            covariance = larger(found.covariance, covariance)
+            turned = replace(turned, covariance=larger(found.covariance, turned.covariance))
         LOG.info(
-            "%s: refined by %.2f deg and %.2f mm; correlation of the images %.2f",
-            *(bone, np.degrees(np.linalg.norm(apart[:3])), np.linalg.norm(apart[3:]), alike),
+            "%s: turned by %.2f deg by the images, whose correlation is %.2f",
+            *(bone, np.degrees(np.linalg.norm(apart[:3])), alike),
         )
-        return replace(found, transform=transform, covariance=covariance)
+        return turned
 
     def placed_together(self, found: Mapping[str, Registration]) -> dict[str, Registration]:
         """Registrations in which intensities place the bones whose images are of unlike contrast.
@@ -117,17 +128,20 @@ class PoseImages:
         Returns
         -------
         dict of str to Registration
-            The transforms with their covariances. A bone keeps its registration where its images are alike
-            and where they tell its turn less well, and every bone does where there are fewer than eight. A
+            The transforms with their covariances. A bone keeps its registration where its turn is known to
+            half a degree, where its images are alike, and where they tell its turn less well; every
+            bone does where there are fewer than eight. A
             bone keeps its transform where the images place it farther away than its deviations explain; then
             its covariance holds the difference.
         """
-        regions = self._compared(found)
-        count = sum(len(region.points) for region in regions.values())
+        open_ones = {bone: one for bone, one in found.items() if one.rotation_deviation >= KNOWN}
+        regions = self._compared(open_ones)
         alike = {bone: region.correlation(found[bone].transform) for bone, region in regions.items()}
         unlike = [bone for bone, correlation in alike.items() if correlation < ALIKE]
         if not unlike:
             return dict(found)
+        regions |= self._compared({bone: one for bone, one in found.items() if bone not in open_ones})
+        count = sum(len(region.points) for region in regions.values())
         if len(regions) < FEWEST_BONES:
             LOG.info("%d bones are too few to tell how the images' intensities go together", len(regions))
             return dict(found)
@@ -281,6 +295,13 @@ class _Pair:
     def correlation(self, transform: RigidTransform) -> float:
         """Correlation of both images' intensities in the region."""
         return float(np.corrcoef(self.neutral.values[self.region], self.warped(transform)[self.region])[0, 1])
+
+
+def _turned(found: Registration, by_images: RigidTransform, covariance: Array, middle: Array) -> Registration:
+    """The registration turned about its middle as images say; they may shift fat and distort places."""
+    turn = np.append(_between(found.transform, by_images, middle)[:3], np.zeros(3))
+    both = block_diag(covariance[:3, :3], found.covariance[3:, 3:])
+    return replace(found, transform=moved(found.transform, turn, middle), covariance=both)
 
 
 def _between(first: RigidTransform, second: RigidTransform, middle: Array) -> Array:

@@ -1,12 +1,14 @@
 """Which neutral bones are too short or too far from their neighbours to be whole.
 
 No other pose tells a neutral bone's size. Published lengths of the hand's segments do, up to the hand's own
-scale, and so do the joints: bones that meet in a joint nearly touch.
+scale, and so do the hand's joints: bones that meet in a joint nearly touch. Joints of other names may join
+bones that do not touch, as radius and capitate; a gap there is only logged.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -25,6 +27,8 @@ LENGTHS = {
         KINDS if len(ray) == 4 else ("metacarpal", "proximal", "distal"), ray, strict=True
     )
 }
+log = logging.getLogger(__name__)
+
 SHELLS = 1.4  # mm of cortex at both ends together, which the marrow lacks
 FEWEST = 3  # bones of known length that tell the hand's scale
 SHORT, LONG = 0.82, 1.25  # of the length that the hand's other bones suggest
@@ -32,7 +36,9 @@ CLEARLY = 0.85  # times the other bone's relative length: shorter by more than h
 GAP = 5.0  # mm between the marrows of bones that meet: two thin shells and cartilage are 2 to 4 mm
 
 
-def neutral_doubts(marrows: Mapping[str, Surface], joints: Mapping[str, Joint]) -> dict[str, str]:
+def neutral_doubts(
+    marrows: Mapping[str, Surface], joints: Mapping[str, Joint], cut: Collection[str] = ()
+) -> dict[str, str]:
     """Bones that look cut short or too long in the neutral pose.
 
     Parameters
@@ -42,13 +48,16 @@ def neutral_doubts(marrows: Mapping[str, Surface], joints: Mapping[str, Joint]) 
         are judged.
     joints : mapping of str to Joint
         Joints of the dataset. If a joint gapes, the bone that is too short for the hand is doubted, or both.
+        Of a joint without a bone of `LENGTHS` the log names the gap, and no bone is doubted.
+    cut : collection of str
+        Bones that the volume's border cuts: their lengths say nothing.
 
     Returns
     -------
     dict of str to str
         Reasons by bone, with what to draw.
     """
-    sizes = relative_lengths(marrows)
+    sizes = relative_lengths({bone: marrow for bone, marrow in marrows.items() if bone not in cut})
     reasons: dict[str, list[str]] = {}
     for bone, size in sizes.items():
         if not SHORT < size < LONG:
@@ -63,10 +72,12 @@ def neutral_doubts(marrows: Mapping[str, Surface], joints: Mapping[str, Joint]) 
         gap, middle = _gap(marrows[joint.parent], marrows[joint.child])
         if gap > GAP:
             x, y, z = middle
-            text = (
-                f"its joint {name} gapes by {gap:.1f} mm about ({x:.1f}, {y:.1f}, {z:.1f}) mm: draw a stroke "
-                f"in the marrow of {joint.parent} or {joint.child} that is missing there"
-            )
+            where = f"gapes by {gap:.1f} mm about ({x:.1f}, {y:.1f}, {z:.1f}) mm"
+            remedy = f"draw a stroke in the marrow of {joint.parent} or {joint.child} that is missing there"
+            if not {joint.parent, joint.child} & {*LENGTHS}:
+                log.warning("joint %s %s: if its bones meet there, %s", name, where, remedy)
+                continue
+            text = f"its joint {name} {where}: {remedy}"
             for bone in _at_fault(joint, sizes):
                 reasons.setdefault(bone, []).append(text)
     return {bone: "; ".join(texts) for bone, texts in reasons.items()}

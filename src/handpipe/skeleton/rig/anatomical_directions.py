@@ -12,6 +12,7 @@ from handpipe.core import Array, RigidTransform
 from handpipe.skeleton.joints.joint_tree import JointTree, RigJoint
 
 AGREE = 0.7  # least cosine between the directions of two fingers; a thumb's differ more
+BALL = 3  # angles of a ball joint
 MOVING = 3  # joints of a finger that move: at its knuckle and its two hinges
 
 
@@ -82,7 +83,8 @@ def hand_directions(rig: JointTree, hand: Literal["right", "left"]) -> HandDirec
     Returns
     -------
     HandDirections or None
-        Directions in the neutral frame; None where no joint of the rig moves.
+        Directions in the neutral frame; None where no joint of the rig tells them: none moves, or those that
+        move are ball joints without a flexion.
     """
     rays = _fingers(rig)
     if not rays:
@@ -118,7 +120,7 @@ def middle_finger(rig: JointTree) -> tuple[str, ...]:
 
 def _fingers(rig: JointTree) -> list[_Ray]:
     """Rays whose directions agree with those of most others."""
-    found = [_ray(chain, rig) for chain in _chains(rig) if any(j.angles for j in chain)]
+    found = [_ray(chain, rig) for chain in _chains(rig) if any(map(_tells, chain))]
     if not found:
         return []
     # Of rays that agree with equally many, one with two hinges is a finger rather than a thumb.
@@ -151,8 +153,13 @@ def _bones_of(chain: list[RigJoint], rig: JointTree) -> tuple[str, ...]:
     return (chain[0].parent, *(joint.child for joint in chain)) if chain else (rig.root,)
 
 
+def _tells(joint: RigJoint) -> bool:
+    """Whether a joint has a flexion: a ball joint's axes are any three, unless one is named so."""
+    return 0 < len(joint.angles) < BALL or any(name.endswith("flexion") for name in joint.angles)
+
+
 def _ray(chain: list[RigJoint], rig: JointTree) -> _Ray:
-    moving = [i for i, joint in enumerate(chain) if joint.angles]
+    moving = [i for i, joint in enumerate(chain) if _tells(joint)]
     first = moving[-MOVING] if len(moving) >= MOVING else moving[0]
     joint = chain[first]
     distal = joint.fit.centre - rig.surfaces[joint.parent].vertices.mean(axis=0)

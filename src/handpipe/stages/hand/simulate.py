@@ -17,6 +17,7 @@ from handpipe.hand import simulate as simulate_frames
 from handpipe.skeleton.drivers import read_frames
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
+from handpipe.tissues.muscles import MuscleLayer
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,11 @@ def simulate(
         for name, angles in frames[first : first + scene.chunk]
     ]
     layers = load_layers(scene.needed, dataset, inputs.layers, rig.surfaces)
-    key = key_of([inputs.rig, *inputs.layers], {**made_of, "layers": scene.needed})
+    asked: dict[str, str | Sequence[str]] = {"layers": scene.needed}
+    if scene.muscle_barrier:
+        layers = [x.behind_barrier() if isinstance(x, MuscleLayer) else x for x in layers]
+        asked["muscle_barrier"] = "true"
+    key = key_of([inputs.rig, *inputs.layers], {**made_of, **asked})
 
     def keep(found: Simulated) -> None:
         """Finished frames beside the output, but for the last frame: the output follows."""

@@ -78,7 +78,8 @@ def merge_labels(inputs: Inputs, outputs: Outputs, dataset: Dataset, pose: str) 
         if name not in left_out
     }
     if pose == dataset.neutral:
-        for name, reason in neutral_doubts(marrows, dataset.joints).items():
+        cut = {name for name, look in looks.items() if look.cut_off}
+        for name, reason in neutral_doubts(marrows, dataset.joints, cut).items():
             log.warning("%s: doubted, since %s", name, reason)
             if name not in answered:
                 left_out[name] = reason

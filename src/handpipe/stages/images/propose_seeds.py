@@ -68,8 +68,9 @@ def propose_seeds(
         if link.gapes:
             named = " or ".join(body for i in (link.parent, link.child) for body in hand.bodies[i].bones)
             log.warning(
-                "joint %s: its bones are %.1f mm apart in neutral: one of them lacks its end there, and its"
-                " place in other poses is doubtful; draw scribbles of %s under poses.%s.scribbles",
+                "joint %s: its bones are %.1f mm apart in neutral. If they meet there, one of them lacks its "
+                "end, and its place in other poses is doubtful: draw scribbles of %s under "
+                "poses.%s.scribbles",
                 *(link.name, link.neutral_gap, named, dataset.neutral),
             )
     if marked:

@@ -87,7 +87,7 @@ def _restarted(
     try:
         found = layer.at_rest(frame, shapes, [start])
     except ConvergenceError as error:
-        log.warning("%s of %s: no equilibrium from the %s: %s", layer.name, frame.name, name, error)
+        log.warning("%s of %s: no equilibrium is found; start: %s. %s", layer.name, frame.name, name, error)
         return Restart(name, reason=str(error))
     before = _tets_of(layer, shapes)
     apart = np.linalg.norm(tissue.skin_matrix @ (found.x - before), axis=1)
@@ -96,9 +96,10 @@ def _restarted(
     restart = Restart(name, float(apart.mean()), float(apart.max()), float(share), found.rests)
     if restart.other:
         text = (
-            "%s of %s: another equilibrium from the %s: skin up to %.2f mm away, energy %.3f of the frame's"
+            "%s of %s: there is another equilibrium. Its skin is up to %.2f mm from the frame's, its elastic "
+            "energy %.3f of the frame's; start: %s"
         )
-        log.warning(text, layer.name, frame.name, name, restart.largest, restart.energy)
+        log.warning(text, layer.name, frame.name, restart.largest, restart.energy, name)
     return restart
 
 

@@ -8,11 +8,9 @@ from scipy import sparse
 from handpipe.core import Array, IntArray
 from handpipe.fem.contact import Contact
 from handpipe.fem.potentials import Potential
-from handpipe.mesh.contact import SelfContact, crossings, self_contact
+from handpipe.mesh.contact import SelfContact, crossings, self_contact, ways_out
 from handpipe.mesh.surfaces import Surface, barycentric_matrix
 from handpipe.tissues.fat.skin_contact import BITE, DEEP, TOUCH
-
-FACING = 0.3  # length of the difference of two normals: below it, the sheets do not face one another
 
 
 def crossing_vertices(skin: Surface) -> IntArray:
@@ -55,10 +53,8 @@ def _from_crossings(
     places, on_edges = _places(skin, edges, triangles)
     feet = barycentric_matrix(places, triangles, skin.vertices)
     normals = skin.vertex_normals()
-    between = feet @ normals - on_edges @ normals
-    lengths = np.linalg.norm(between, axis=1, keepdims=True)
     own = skin.triangle_normals()[pairs[:, 1]]
-    directions = np.where(lengths > FACING, between / np.maximum(lengths, FACING), own)
+    directions = ways_out(feet @ normals - on_edges @ normals, own)
     targets = margins[edges].max(axis=1)[:, None] * directions
     return Contact((on_edges - feet) @ matrix, targets, directions, feet @ stiffness)
 

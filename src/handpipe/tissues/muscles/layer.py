@@ -5,11 +5,13 @@ It is one static equilibrium of all muscles that may touch one another (Zheng 20
 
 from __future__ import annotations
 
+import copy
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -24,6 +26,8 @@ from handpipe.mesh.contact import cuts_itself
 from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, about, each_moved
 from handpipe.mesh.tets import mass_lumped
 from handpipe.shapes.optimisation import MUSCLE
+from handpipe.tissues.muscles.barrier import Scene, kept_apart, no_room
+from handpipe.tissues.muscles.colliding import Bodies
 from handpipe.tissues.muscles.muscle import Muscle
 from handpipe.tissues.muscles.neighbours import SurfacePairs, pairs, sliding_vertices
 
@@ -33,6 +37,14 @@ log = logging.getLogger(__name__)
 
 BITE = 0.5  # mm of depth, at most, that one set of planes resolves: more at once throws thin muscles far off
 GUARDED = 5.0  # mm from a bone's box within which vertices are kept out of it, until planes are renewed
+# mm and 1: tolerances of a start; it may end before it has converged
+ROUGHLY: dict[str, Any] = {
+    "displacement_tolerance": 0.01,
+    "force_tolerance": 1.0,
+    "max_iterations": 30,
+    "allow_partial": True,
+    "untangle": False,
+}
 STILL, LOOSE, LONGEST = 1e-3, 1e-3, 3.0  # mm, 1 and mm: tolerances of moves and forces, and the longest step
 
 
@@ -54,6 +66,9 @@ class SimulationOptions:
         Distance in mm within which neighbours slide on one another.
     touch : float
         Distance in mm within which neighbours have contact planes.
+    barrier : bool
+        Whether a barrier keeps muscles out of bones, of one another and of themselves; else contact planes
+        alone, and crossings are counted and named.
     contacts : Limits
         How often planes are renewed. A vertex that moves by more than `touch` after that may be inside a
         neighbour without a plane against it: that motion is gross.
@@ -66,6 +81,7 @@ class SimulationOptions:
     sliding: float = 4.0
     near: float = 1.0
     touch: float = 0.4
+    barrier: bool = False
     contacts: Limits = Limits(renewals=20, settled=0.05, gross=0.4)
 
 
@@ -111,6 +127,12 @@ class MuscleLayer:
         self._to_bones = BodyDistances()
         self.slides = sliding_vertices([neutral, *examples], self.options.near) if contact else {}
 
+    def behind_barrier(self) -> MuscleLayer:
+        """The same layer, its muscles kept apart by a barrier."""
+        other = copy.copy(self)
+        other.options = replace(self.options, barrier=True)
+        return other
+
     def _lifted(self, own: sparse.csr_matrix, index: int) -> sparse.csr_matrix:
         """Matrix (k, N) on all vertices from one (k, n) on those of one muscle."""
         part = self.parts[index]
@@ -120,13 +142,13 @@ class MuscleLayer:
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """Each muscle's surface, and its tetrahedra under `{muscle}_mesh` with the field "strain" (m, 6).
 
-        The surfaces' figures tell how the contact of all muscles settled, those of the tets whether they are
-        valid.
+        The surfaces' figures tell how the contact of all muscles settled, and how many edges of a muscle
+        cross other bodies, how deep (mm); those of the tets whether they are valid.
 
         Raises
         ------
         ConvergenceError
-            Where there is no equilibrium.
+            Where there is no equilibrium, or muscles cannot be kept apart behind the barrier.
         """
         bones = {n: Surface(s.rest, s.cells) for n, s in below["bones"].items()}
         strains = [m.strains(frame.bones) for m in self.muscles]
@@ -136,8 +158,17 @@ class MuscleLayer:
         constraints = [self._attachments(frame.bones), *self._bed(x)]
         posed = each_moved(bones, frame.bones)
         if self.contact:
-            settled = self._in_contact([elastic, *constraints], x, bones, posed, frame.name)
-            return self._shapes(frame.name, settled, strains, posed, settled.figures)
+            obstacles = [self._to_bones.to(name, bones[name].vertices, bone) for name, bone in posed.items()]
+            free = [elastic, *constraints]
+            settled = self._in_contact(free, x, obstacles, frame.name)
+            bodies = Bodies.of(self.muscles, self.surfaces, posed, settled.x)
+            if self.options.barrier:
+                scene = self._scene(bodies, free, obstacles, frame.name)
+                settled = kept_apart(scene, settled, self.options.contacts)
+                bodies = Bodies.of(self.muscles, self.surfaces, posed, settled.x)  # bones near them now
+            shapes = self._shapes(frame.name, settled, strains, posed, settled.figures)
+            known = dict(zip(posed, obstacles, strict=True))
+            return self._with_crossings(shapes, bodies, settled.x, known, frame.name)
         found = self._equilibrium([elastic, *constraints], x, frame.name)
         alone = Settled(found.x, 0, 0.0, solver=found.record.figures)
         return self._shapes(frame.name, alone, strains, posed, {})
@@ -197,12 +228,10 @@ class MuscleLayer:
         self,
         free: list[Potential],
         x: Array,
-        rest: Mapping[str, Surface],
-        bones: Mapping[str, Surface],
+        obstacles: Sequence[Distance],
         frame: str,
     ) -> Settled:
         """Equilibria with the neighbours' contact planes renewed until the shapes have settled."""
-        obstacles = [self._to_bones.to(name, rest[name].vertices, bone) for name, bone in bones.items()]
         records: list[Record] = []
 
         def in_place(x: Array) -> Array:
@@ -215,32 +244,74 @@ class MuscleLayer:
         settled = settle(in_place, x, self.options.contacts, name, mover=self._mover, parts=self.parts)
         return replace(settled, solver=records[settled.chosen - 1].figures)
 
+    def _scene(
+        self, bodies: Bodies, free: list[Potential], obstacles: Sequence[Distance], frame: str
+    ) -> Scene:
+        """What the barrier needs of the muscles in a frame."""
+
+        def planes(x: Array, margin: float | None) -> list[Potential]:
+            if margin is None:
+                return self._neighbours(x, self.surfaces, None)
+            return self._contacts(obstacles, x, margin)
+
+        def solve(contact: list[Potential], start: Array, exactly: bool) -> Equilibrium:
+            return self._equilibrium([*free, *contact], start, frame, exactly)
+
+        young, rest = float(np.max(self.options.material.young)), self.elastic.vertices
+        name = f"muscles of {frame}"
+        return Scene(name, bodies, rest, young, self.options.contact, planes, solve)
+
+    def _with_crossings(
+        self, shapes: Shapes, bodies: Bodies, x: Array, bones: Mapping[str, Distance], frame: str
+    ) -> Shapes:
+        """The shapes with figures of how muscles cross other bodies; a warning names the place."""
+        found = bodies.crossings(x)
+        if self.options.barrier and len(found.edges):
+            raise no_room(f"muscles of {frame}", bodies, x, found)
+        depths = bodies.depths(x, found, bones)
+        if len(found.edges):
+            place = bodies.place(x, found)
+            log.info("muscles of %s cross, %.2f mm deep: %s", frame, depths.max(), place)
+        for index, muscle in enumerate(self.muscles):
+            own = (found.bodies == index).any(axis=1)
+            figures = {"body_crossings": float(own.sum()), "body_penetration": float(depths[index])}
+            shape = shapes[muscle.name]
+            shapes[muscle.name] = replace(shape, figures={**shape.figures, **figures})
+        return shapes
+
     def _mover(self, motion: Array) -> str:
         """The muscle that has the longest vector of a motion (N, 3)."""
         worst = int(np.argmax((motion**2).sum(axis=1)))
         return next(m.name for m, p in zip(self.muscles, self.parts, strict=True) if worst < p.stop)
 
-    def _contacts(self, bones: Sequence[Distance], x: Array) -> list[Potential]:
-        """Contact of the muscles with bones and with one another, with vertices at x (N, 3)."""
-        return [*self._bone_contacts(bones, x, self.free_points), *self._neighbours(x, self.surfaces)]
+    def _contacts(self, bones: Sequence[Distance], x: Array, margin: float = 0.0) -> list[Potential]:
+        """Contact of the muscles with bones and with one another, with vertices at x (N, 3).
+
+        margin: mm that they keep off.
+        """
+        of_bones = self._bone_contacts(bones, x, self.free_points, margin)
+        return [*of_bones, *self._neighbours(x, self.surfaces, margin)]
 
     def _bone_contacts(
-        self, bones: Sequence[Distance], x: Array, free_points: sparse.csr_matrix
+        self, bones: Sequence[Distance], x: Array, free_points: sparse.csr_matrix, margin: float = 0.0
     ) -> list[Potential]:
         """Contact with every bone of the free surface vertices, `free_points @ x`, that are near it."""
         points = free_points @ x
         near = [about(points, bone.surface, GUARDED) for bone in bones]
         contacts = [
-            SurfaceContact(free_points[ids], bone, self.options.contact)
+            SurfaceContact(free_points[ids], bone, self.options.contact, thickness=margin)
             for ids, bone in zip(near, bones, strict=True)
             if len(ids)
         ]
         return [*SurfaceContact.stacked(contacts)]
 
-    def _neighbours(self, x: Array, surfaces: Sequence[sparse.csr_matrix]) -> list[Potential]:
+    def _neighbours(
+        self, x: Array, surfaces: Sequence[sparse.csr_matrix], margin: float | None = 0.0
+    ) -> list[Potential]:
         """Contact and sliding of muscles against one another at their present places, `surfaces @ x`.
 
-        Vertices that a bone holds go with it and push nobody, as in stage 2.
+        margin: mm that contact keeps them off; None: sliding alone. Vertices that a bone holds go with it and
+        push nobody, as in stage 2.
         """
         posed = {m.name: m.body.surface.moved(s @ x) for m, s in zip(self.muscles, surfaces, strict=True)}
         distances = {name: Distance(surface) for name, surface in posed.items()}
@@ -255,7 +326,9 @@ class MuscleLayer:
             touch, slide = near.within(self.options.touch), near.only(self.slides.get((a, b)))
             # Deep vertices come out of the neighbour by `BITE` before planes are renewed.
             left = left_deep(touch.gaps, touch.normals, BITE)
-            touching.append((_apart(touch, operators[a], operators[b]), left, touch.normals))
+            if margin is not None:
+                left = left + margin * touch.normals
+                touching.append((_apart(touch, operators[a], operators[b]), left, touch.normals))
             # Neighbours do not gape: the gap along the normal stays what it was in the known poses.
             kept = slide.rest[:, None] * slide.normals
             sliding.append((_apart(slide, operators[a], operators[b]), kept, slide.normals))
@@ -264,7 +337,10 @@ class MuscleLayer:
             *_stacked(Sliding, sliding, self.options.sliding),
         ]
 
-    def _equilibrium(self, potentials: Sequence[Potential], x: Array, frame: str) -> Equilibrium:
+    def _equilibrium(
+        self, potentials: Sequence[Potential], x: Array, frame: str, exactly: bool = True
+    ) -> Equilibrium:
+        """The equilibrium near x (n, 3); not `exactly`: what a start of another solve needs."""
         options = equilibrium.Options(
             displacement_tolerance=STILL,
             force_tolerance=LOOSE,
@@ -273,6 +349,8 @@ class MuscleLayer:
             single=True,
             name=f"muscles of {frame}",
         )
+        if not exactly:
+            options = replace(options, **ROUGHLY)
         return equilibrium.solve(potentials, x, options=options)
 
     def _shapes(

@@ -2,14 +2,15 @@
 
 import * as THREE from "three";
 import { LearnedHand, normals, unpack } from "learned-hand";
-import { carried, reach } from "reach";
+import { carried, reach, reachAfresh } from "reach";
 import { Space, looks, meshesOf } from "space";
 
 const TIP = 2.5; // mm, radius of a point that is dragged
 const NEAR = 18; // pixels from such a point at which a pointer takes it
 const ITERATIONS = 4; // of the inverse kinematics a frame
 const CLOSE = 0.2; // mm from the pointer at which it ends
-const FRAMES = 60; // after the pointer's last motion, after which it ends
+const FRAMES = 30; // after the pointer's last motion, after which it ends
+const AFRESH = 20; // such frames left, at which it tries another start: a stretched finger bends to either side
 const SECONDS = 1.5; // from pose to pose of the motion
 const KEPT = 60; // frames over which costs are averaged
 const DEGREE = Math.PI / 180;
@@ -59,6 +60,7 @@ class Player {
     this.level = "L1";
     this.moved = true; // whether the hand has to be computed
     this.asked = false; // whether a frame is on its way
+    this.playing = null; // the motion through the poses
     this.costs = { vertices: [], normals: [], drawing: [], between: [] }; // ms of the last frames
     this.canvas = this.find("canvas");
     this.space = new Space(this.canvas, this.find(".stage"), () => this.draw());
@@ -188,7 +190,10 @@ class Player {
   frame(now) {
     if (this.playing) this.angles.set(this.along(now));
     if (this.drag?.target) {
-      this.drag.left = reach(this.hand, this.angles, this.limits, { ...this.drag.tip, ...this.drag }, ITERATIONS);
+      const { tip, frames, ...pointer } = this.drag, goal = { ...tip, ...pointer };
+      let left = reach(this.hand, this.angles, this.limits, goal, ITERATIONS);
+      if (left > CLOSE && frames === AFRESH) left = reachAfresh(this.hand, this.angles, this.limits, goal, left);
+      this.drag.left = left;
       if (this.drag.left > CLOSE && this.drag.frames-- > 0) this.change(); // nearer in the next frame
     }
     const moved = this.moved || this.playing !== null;

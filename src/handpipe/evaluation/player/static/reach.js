@@ -3,6 +3,7 @@
 const STEP = 1e-4; // rad, of the differences that give the derivatives
 const MOST = 0.15; // rad that an angle turns in one iteration
 const EASE = 0.02; // of its way to the middle of its range that an angle goes in one iteration, where the target allows it
+const AFRESH = 40; // iterations from another start
 const DAMPING = 8; // mm a rad, beside lever arms of some 50 mm
 
 /** Numbers of the angles on the way from a bone to the root. */
@@ -50,6 +51,16 @@ export function reach(hand, angles, limits, { bone, point, target, sight }, iter
     place = here();
   }
   return Math.hypot(...left(place));
+}
+
+/** The same from the middle of the joints' ranges; kept if it comes nearer by a millimetre than the distance `left`. */
+export function reachAfresh(hand, angles, limits, goal, left) {
+  const other = angles.slice();
+  for (const a of chain(hand, goal.bone)) other[a] = (limits[a][0] + limits[a][1]) / 2;
+  const found = reach(hand, other, limits, goal, AFRESH);
+  if (found > left - 1) return left;
+  angles.set(other);
+  return found;
 }
 
 /** One damped step. Angles that it would take beyond a limit stay at it, and the others take it without them.

@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from handpipe.core import Array, BoolArray, ConvergenceError, IntArray, artifacts
-from handpipe.fem.contact import Barrier, CollidingPairs
+from handpipe.fem.contact import Barrier, CollidingPairs, ConvexBarrier
 from handpipe.fem.potentials import Potential
 from handpipe.fem.solver import equilibrium
 from handpipe.mesh.surfaces import Distance, Surface
@@ -247,11 +247,11 @@ def _grown(scene: _Scene, rest: Array, start: Array, options: SeparationOptions)
     x, iterations = start, 0
     # Behind a barrier of long range, bodies move apart before they touch.
     for times in BARRIER_RANGES:
-        soft = _Convex(barrier.reaching(times * options.clearance))
+        soft = ConvexBarrier(barrier.reaching(times * options.clearance))
         forces: list[Potential] = [plate, soft] if times > PRESSURE_RANGE else [plate, soft, volumes]
         found = equilibrium.solve(forces, x, options=loose)
         x, iterations = found.x, iterations + found.record.iterations
-    hard = _Convex(barrier)
+    hard = ConvexBarrier(barrier)
     for _ in range(MOST_ROUNDS):
         found = equilibrium.solve([plate, hard, volumes], x, options=settings)
         x, iterations = found.x, iterations + found.record.iterations
@@ -293,14 +293,3 @@ def _compliance(surface: Surface, plate: sparse.csr_matrix) -> float:
     """Change of a free surface's volume per unit of its pressure, in mm^3 per mm."""
     gradient = volume_gradient(surface)
     return float(np.vdot(gradient, splu(plate.tocsc()).solve(gradient)))
-
-
-class _Convex:
-    """A barrier with a Hessian that is always projected: contact directions change little within a step."""
-
-    def __init__(self, barrier: Barrier) -> None:
-        self.barrier = barrier
-        self.value, self.gradient, self.max_step = barrier.value, barrier.gradient, barrier.max_step
-
-    def hessian(self, x: Array, project: bool = False) -> sparse.csr_matrix:
-        return self.barrier.convex_hessian(x)
