@@ -12,7 +12,8 @@ import pytest
 from scipy.optimize import minimize
 
 from handpipe.core.configuration import load_dataset
-from handpipe.evaluation.player import drawn_hand, write_player
+from handpipe.evaluation.player import write_player
+from handpipe.evaluation.player.drawn_hand import drawn_hand
 from handpipe.levels.fast_skeleton import FastSkeleton
 from handpipe.levels.learned_hand import LearnedHand
 from handpipe.levels.learning import learn

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.evaluation.player.drawn_hand import drawn_hand
     from handpipe.evaluation.player.page import write_player
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["drawn_hand", "write_player"]
+__all__ = ["write_player"]

@@ -49,7 +49,7 @@ def drawn_hand(hand: LearnedHand, triangles: int = TRIANGLES) -> LearnedHand:
 
 def _own_bones(numbers: list[int], counts: list[int]) -> tuple[IntArray, Array]:
     """Bones and weights (n, 4) of points that follow one bone each."""
-    joints, weights = (np.zeros((sum(counts), 4), kind) for kind in (np.int64, np.float64))
+    joints, weights = np.zeros((sum(counts), 4), np.int64), np.zeros((sum(counts), 4))
     joints[:, 0] = np.repeat(np.array(numbers, np.int64), counts)
     weights[:, 0] = 1.0
     return joints, weights

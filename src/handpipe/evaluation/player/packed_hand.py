@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handpipe.core import Array
 from handpipe.levels import LearnedHand
@@ -19,7 +20,7 @@ FLOATS = {"f4": "Float32Array", "f8": "Float64Array"}
 KINDS = {**FLOATS, "i2": "Int16Array", "i4": "Int32Array", "u1": "Uint8Array"}  # names in the script
 
 
-def packed_hand(hand: LearnedHand, further: Mapping[str, Array]) -> tuple[dict[str, Any], str, float]:
+def packed_hand(hand: LearnedHand, further: Mapping[str, NDArray]) -> tuple[dict[str, Any], str, float]:
     """Pack what evaluates a hand.
 
     Parameters
@@ -40,7 +41,7 @@ def packed_hand(hand: LearnedHand, further: Mapping[str, Array]) -> tuple[dict[s
     """
     shapes, rounding = _rounded_shapes(hand)
     drivers, alarm, correctives = hand.correctives.drivers, hand.alarm, hand.correctives
-    arrays: dict[str, Array] = {
+    arrays: dict[str, NDArray] = {
         "rest": hand.rest,
         "joints": hand.joints.astype("u1"),
         "weights": hand.weights.astype("f4"),
@@ -63,7 +64,7 @@ def packed_hand(hand: LearnedHand, further: Mapping[str, Array]) -> tuple[dict[s
     return index, base64.b64encode(gzip.compress(bytes(blob), mtime=0)).decode("ascii"), rounding
 
 
-def _rounded_shapes(hand: LearnedHand) -> tuple[dict[str, Array], float]:
+def _rounded_shapes(hand: LearnedHand) -> tuple[dict[str, NDArray], float]:
     """Rows, parts and integers of the shapes with their steps (K,), and what rounding moves at most in mm.
 
     A row has x, y, z of each shape of its part, one shape after the other.
@@ -83,7 +84,7 @@ def _rounded_shapes(hand: LearnedHand) -> tuple[dict[str, Array], float]:
         apart = (values - rounded * steps[start:end]) @ amounts.T
         moved[own] = np.linalg.norm(apart, axis=1).max(axis=1, initial=0.0)
     by_vertex = np.diff(np.append(0.0, np.cumsum(moved))[rows])
-    shapes = {"rows": rows, "parts": parts, "basis": integers, "steps": steps}
+    shapes: dict[str, NDArray] = {"rows": rows, "parts": parts, "basis": integers, "steps": steps}
     return shapes, float(by_vertex.max(initial=0.0))
 
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import jinja2
 import numpy as np
+from numpy.typing import NDArray
 
-from handpipe.core import Array, Shape, write_text
+from handpipe.core import Shape, write_text
 from handpipe.evaluation.player.drawn_hand import RIGID_LAYER, drawn_hand
 from handpipe.evaluation.player.packed_hand import packed_hand
 from handpipe.evaluation.sides import AXES, view_directions
@@ -42,7 +43,7 @@ def write_player(path: str | Path, subject: str, hand: LearnedHand, rig: Rig, si
     """
     drawn = drawn_hand(hand)
     index, packed, rounding = packed_hand(drawn, _colours_and_cells(drawn))
-    data = {
+    data: dict[str, Any] = {
         "arrays": index,
         "rounding": rounding,
         "angles": _angles(drawn, rig),
@@ -141,8 +142,8 @@ def _errors(hand: LearnedHand) -> dict[str, dict[str, Errors]]:
     return found
 
 
-def _colours_and_cells(hand: LearnedHand) -> dict[str, Array]:
-    found = {}
+def _colours_and_cells(hand: LearnedHand) -> dict[str, NDArray]:
+    found: dict[str, NDArray] = {}
     for number, ((layer, name), body) in enumerate(hand.bodies.items()):
         shape = Shape(body.rest, body.rest, body.cells, dict(body.fields))
         rgb = vertex_colours(tissue(layer, name), shape)
