@@ -216,9 +216,9 @@ class Player {
     alarm.textContent = distance > 1
       ? `This pose is unlike the learned ones (${distance.toFixed(2)} times their largest distance): the stated errors do not apply.`
       : `This pose is like the learned ones (${distance.toFixed(2)} of their largest distance): the stated errors apply.`;
-    const between = now - (this.last ?? -Infinity), values = { vertices, normals: shading, drawing };
-    this.last = now;
-    if (between < 1000) values.between = between; // else the hand was at rest
+    const values = { vertices, normals: shading, drawing };
+    if (this.last !== undefined) values.between = now - this.last;
+    this.last = this.playing || this.drag ? now : undefined; // at rest no frame follows at once
     for (const [name, value] of Object.entries(values)) { this.costs[name].push(value); this.costs[name].splice(0, this.costs[name].length - KEPT); }
     const { costs } = this, rate = costs.between.length ? `, ${(1000 / mean(costs.between)).toFixed(0)} frames a second` : "";
     this.find(".cost").textContent = `A frame in motion: vertices ${mean(costs.vertices).toFixed(1)} ms, normals ${mean(costs.normals).toFixed(1)} ms, drawing calls ${mean(costs.drawing).toFixed(1)} ms${rate}.`;
