@@ -39,6 +39,7 @@ RULES = sorted((CHECKOUT / "workflow" / "rules").glob("*.smk"))
 NOT_WATCHED = {
     "zanatomy_hand": "90 s, with data of others: tests/synthetic/test_zanatomy_hand.py watches its stage",
     "learn_levels": "needs ten frames: test_levels.py watches it",
+    "export_player": "shows learned frames: test_levels.py watches it",
     "animate": "shows learned frames: test_levels.py watches it",
     "animate_springs": "for scenes at level L2: test_levels.py watches it",
 }

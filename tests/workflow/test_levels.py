@@ -2,13 +2,16 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from handpipe.cli import main
 from handpipe.hand.frames import read_frames
 
-from .running import planned, run, watching
+from .running import ENVIRONMENT, TOY, planned, run, watching
 
 RANDOM = "random: {count: 10, seed: 1, around: scans}\n"
 LEARNED = "layers: [skin]\nframes: config/scenes/targets/draw.yaml\nchunk: 10\n"
@@ -46,6 +49,33 @@ def test_frames_are_learned_and_their_table_has_bounds_and_distances(folder: Pat
     assert all(row["skin_level_bound"] > 0 and row["skin_level_distance"] >= 0 for row in rows)
     frames = read_frames(folder / "results/small/simulation/shown/frames-0.h5")
     assert [frame.name for frame, _ in frames] == ["rest", "bent"]
+
+
+def test_the_page_of_a_learned_hand_is_built_by_the_command(folder: Path) -> None:
+    page = "results/small/simulation/drawn/player.html"
+    watched = folder / "watched-player"
+    watched.mkdir()
+    arguments = ("play", "small", "--scene", "shown", "--no-browser")
+    process = subprocess.run(
+        [sys.executable, "-m", "handpipe.cli", *arguments, TOY, "--cores", "2"],
+        cwd=folder,
+        env=ENVIRONMENT | watching(watched),
+        encoding="utf-8",
+        capture_output=True,
+        check=False,
+    )
+    assert process.returncode == 0, process.stderr[-5000:]
+    assert process.stdout.splitlines()[-1] == page
+    assert "small" in (folder / page).read_text(encoding="utf-8").partition("</title>")[0]
+    jobs = [json.loads(path.read_text(encoding="utf-8")) for path in watched.glob("*.json")]
+    assert "export_player" in {job["rule"] for job in jobs}
+    assert [job for job in jobs if job["undeclared"]] == []
+
+
+def test_a_page_of_no_scene_is_refused(folder: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(folder)
+    assert main(["play", "small", "--scene", "none"]) == 1
+    assert "config/scenes/none.yaml: file: does not exist" in capsys.readouterr().err
 
 
 def test_a_scene_without_the_layers_is_refused_before_anything_is_built(folder: Path) -> None:

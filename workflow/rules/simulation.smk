@@ -76,6 +76,28 @@ rule learn_levels:
         "../scripts/learn_levels.py"
 
 
+rule export_player:
+    input:
+        rig=paths.RIG,
+        levels=paths.SCENE_LEVELS,
+    output:
+        paths.SCENE_PLAYER,
+    log:
+        paths.log_of("export_player", "scene"),
+    benchmark:
+        paths.cost_of("export_player", "scene")
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    params:
+        dataset=reads("name", "hand"),
+    message:
+        "{wildcards.subject}: the hand learned from {wildcards.scene} as a page to play with"
+    script:
+        "../scripts/export_player.py"
+
+
 rule animate:
     input:
         rig=paths.RIG,

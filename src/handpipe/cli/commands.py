@@ -16,7 +16,7 @@ from handpipe.cli import export as exports
 from handpipe.cli import status as progress
 from handpipe.cli.first_scene import scene_files
 from handpipe.core import HandpipeError, InputError, paths, reported
-from handpipe.core.configuration import Dataset, every_fault, load_dataset
+from handpipe.core.configuration import Dataset, every_fault, load_dataset, load_scene
 from handpipe.hand import faults
 from handpipe.synthetic import generators
 
@@ -161,6 +161,31 @@ def view(subject: Subject) -> None:
         raise InputError(report, "file", "has not been built", f"Run: handpipe build {subject}")
     print(report)
     webbrowser.open(report.resolve().as_uri())
+
+
+@app.command()
+def play(
+    subject: Subject,
+    scene: Annotated[
+        str, typer.Option("--scene", metavar="SCENE", help="of random poses, or at a level that is learned")
+    ],
+    configfile: Configuration = None,
+    cores: Annotated[int | None, typer.Option(min=1, help="jobs at a time")] = None,
+    browser: Annotated[bool, typer.Option(help="open the page; its address is printed anyway")] = True,
+) -> int:
+    """Open a page that moves the hand learned from a scene; build what is missing first."""
+    _dataset_file(subject)
+    file = scene_files(scene)[0]
+    if not file.is_file():
+        raise InputError(file, "file", "does not exist", "Name a scene of random poses (docs/levels.md)")
+    learned = load_scene(file).learned or scene
+    page = paths.at(paths.SCENE_PLAYER, subject=subject, scene=learned)
+    if workflow.run(workflow.Build(subject, [learned], configfile, str(page)), cores) != 0:
+        return 1
+    print(page)
+    if browser:
+        webbrowser.open(page.resolve().as_uri())
+    return 0
 
 
 @app.command()

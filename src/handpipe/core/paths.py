@@ -95,6 +95,7 @@ SCENE_EQUILIBRIA = f"{SIMULATION}/{{scene}}/equilibria-{{chunk}}.json"
 SCENE_ANGLES = f"{SIMULATION}/{{scene}}/angles.csv"  # of a motion
 SCENE_LEVELS = f"{SIMULATION}/{{scene}}/levels.h5"  # learned from its frames
 SCENE_PORTABLE = f"{SIMULATION}/{{scene}}/levels.npz"  # the same for other programs
+SCENE_PLAYER = f"{SIMULATION}/{{scene}}/player.html"  # a page that plays it
 SCENE_GLB = f"{SIMULATION}/{{scene}}/{{scene}}.glb"
 SCENE_VTK = f"{SIMULATION}/{{scene}}/vtk"
 SCENE_OBJ = f"{SIMULATION}/{{scene}}/obj"

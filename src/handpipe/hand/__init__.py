@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from handpipe.hand.labelled import labelled_bones, labelled_muscles, names_of_labels, require_seeds
     from handpipe.hand.layer_loading import load_layers
     from handpipe.hand.moved_image import grid_around, places_in_neutral, skin_of
-    from handpipe.hand.part import part_of
+    from handpipe.hand.part import FINGERS, part_of
     from handpipe.hand.resume import key_of
     from handpipe.hand.simulation import Failure, Simulated, SimulatedFrame, simulate, simulate_frame
     from handpipe.hand.subject import (
@@ -40,6 +40,7 @@ else:
 __all__ = [
     "CarriedTemplate",
     "Continuity",
+    "FINGERS",
     "Failure",
     "POP",
     "Simulated",

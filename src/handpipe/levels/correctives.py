@@ -11,7 +11,7 @@ import numpy as np
 
 from handpipe.core import Array, IntArray
 from handpipe.levels import kernels
-from handpipe.levels.regression import Regression, fit_regression
+from handpipe.levels.regression import Regression, fit_regression, kernel_of
 
 log = logging.getLogger(__name__)
 LEAST_WEIGHT = 0.05  # of a bone at a vertex that its part has
@@ -38,6 +38,15 @@ class Correctives:
         out = np.zeros(self.drivers.ends[-1])
         kernels.coefficients(scaled(angles, self.lower, self.upper), self.drivers, out)
         return single(out)
+
+    def learned_amounts(self, part: int) -> Array:
+        """Coefficients (F, K) of a part's shapes in the F learned poses."""
+        drivers = self.drivers
+        angles, shapes = (int(at[part + 1] - at[part]) for at in (drivers.at, drivers.ends))
+        known = drivers.known[drivers.known_at[part] : drivers.known_at[part + 1]].reshape(-1, angles)
+        gains = drivers.gains[drivers.gains_at[part] : drivers.gains_at[part + 1]].reshape(-1, shapes)
+        degree, width = drivers.kinds[part]
+        return np.asarray(kernel_of((int(degree), width), known, known) @ gains)
 
     def add(self, rest: Array, angles: Array, out: Array) -> None:
         """Neutral points (n, 3) with the shapes at angles (a,) in rad added, into out (n, 3), mm."""

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.evaluation.viewer.inlined import page_scripts
+    from handpipe.evaluation.viewer.inlined import import_map, page_scripts
     from handpipe.evaluation.viewer.scene_data import view_data
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["page_scripts", "view_data"]
+__all__ = ["import_map", "page_scripts", "view_data"]

@@ -1,12 +1,12 @@
-"""Levels below the simulation: learned from a scene's frames, scenes that show them, and springs."""
+"""Levels below the simulation: learned from frames, or of springs; shown by scenes, and played on a page."""
 
 from typing import TYPE_CHECKING
 
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.stages.levels import animate, animate_springs, learn_levels
+    from handpipe.stages.levels import animate, animate_springs, export_player, learn_levels
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["animate", "animate_springs", "learn_levels"]
+__all__ = ["animate", "animate_springs", "export_player", "learn_levels"]

@@ -1,9 +1,8 @@
 /* The 3D view of a report: one canvas, the scenes of the page by their JSON, drawn by three.js. */
 
 import * as THREE from "three";
-import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { Space, looks, meshesOf } from "space";
 
-const FIELD = 24; // degrees of the camera's opening
 const STEP = 0.1; // radians or octaves that a key turns or zooms
 const KEYS = { ArrowLeft: [-STEP, 0], ArrowRight: [STEP, 0], ArrowUp: [0, -STEP], ArrowDown: [0, STEP] };
 
@@ -23,28 +22,10 @@ class Body {
     this.geometry = new THREE.BufferGeometry();
     this.geometry.setAttribute("position", this.positions);
     this.geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(bytes(data.triangles)), 1));
-    const byVertex = data.colours !== undefined; // of vertices: nails on the skin
-    if (byVertex) {
-      const srgb = new Uint8Array(bytes(data.colours)), colour = new THREE.Color();
-      const linear = new Float32Array(srgb.length);
-      for (let i = 0; i < srgb.length; i += 3) {
-        colour.setRGB(srgb[i] / 255, srgb[i + 1] / 255, srgb[i + 2] / 255, THREE.SRGBColorSpace).toArray(linear, i);
-      }
-      this.geometry.setAttribute("color", new THREE.BufferAttribute(linear, 3));
-    }
-    const material = new THREE.MeshStandardMaterial({
-      color: byVertex ? 0xffffff : new THREE.Color().setRGB(...data.colour, THREE.SRGBColorSpace),
-      vertexColors: byVertex, roughness: 0.6, side: THREE.DoubleSide, transparent: !this.opaque, opacity: data.opacity,
-    });
-    this.mesh = new THREE.Mesh(this.geometry, material);
+    const srgb = data.colours && new Uint8Array(bytes(data.colours)); // of vertices: nails on the skin
+    this.meshes = meshesOf(this.geometry, looks(this.geometry, data, srgb), order);
+    this.mesh = this.meshes.at(-1);
     this.mesh.userData.body = this;
-    this.mesh.renderOrder = 2 * order + 1;
-    this.meshes = [this.mesh];
-    if (!this.opaque) { // depth first, so that only the foremost sheet blends
-      const depth = new THREE.MeshBasicMaterial({ colorWrite: false, side: THREE.DoubleSide, transparent: true });
-      this.meshes.unshift(new THREE.Mesh(this.geometry, depth));
-      this.meshes[0].renderOrder = 2 * order;
-    }
   }
 
   show(frame) {
@@ -70,35 +51,21 @@ class Viewer {
   constructor(figure) {
     this.figure = figure;
     this.canvas = this.find("canvas");
-    this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true });
-    this.renderer.setPixelRatio(window.devicePixelRatio);
-    this.space = new THREE.Scene();
-    this.space.background = new THREE.Color(0xffffff);
-    this.camera = new THREE.PerspectiveCamera(FIELD, 1, 1, 10000);
-    this.addLights();
+    this.asked = false; // whether a picture is on its way
+    this.space = new Space(this.canvas, this.find(".stage"), () => this.draw());
     this.bodies = [];
     this.hidden = new Set(); // layers
     this.known = new Set(); // layers of which a scene has told whether they are hidden at first
-    this.asked = false; // whether a picture is on its way
     this.playing = null;
     this.listen();
     this.open(this.find("select.scene").value);
-    new ResizeObserver(() => this.resize()).observe(this.find(".stage"));
-    this.resize();
   }
+
+  get camera() { return this.space.camera; }
+
+  get controls() { return this.space.controls; }
 
   find(selector) { return this.figure.querySelector(selector); }
-
-  /** Three lights that move with the camera: key, fill, and from behind. */
-  addLights() {
-    const places = [[-0.6, 0.8, 1, 2.0], [1, 0.1, 0.8, 0.9], [0, 0.6, -1, 0.8]];
-    for (const [x, y, z, strength] of places) {
-      const light = new THREE.DirectionalLight(0xffffff, strength);
-      light.position.set(x, y, z);
-      this.camera.add(light, light.target);
-    }
-    this.space.add(this.camera, new THREE.AmbientLight(0xffffff, 0.7));
-  }
 
   listen() {
     this.find("select.scene").addEventListener("change", (e) => this.open(e.target.value));
@@ -113,11 +80,11 @@ class Viewer {
   /** Shows the scene whose JSON has an id. */
   open(id) {
     this.stop();
-    for (const body of this.bodies) { this.space.remove(...body.meshes); body.dispose(); }
+    for (const body of this.bodies) { this.space.scene.remove(...body.meshes); body.dispose(); }
     this.picked = null;
     this.scene = JSON.parse(document.getElementById(id).textContent);
     this.bodies = this.scene.bodies.map((data, order) => new Body(data, this.scene, order));
-    for (const body of this.bodies) this.space.add(...body.meshes);
+    for (const body of this.bodies) this.space.scene.add(...body.meshes);
     const { frames, total } = this.scene, slider = this.find("input.frame");
     slider.max = frames.length - 1;
     this.find("button.play").disabled = slider.disabled = frames.length < 2;
@@ -194,21 +161,7 @@ class Viewer {
 
   /** Puts the camera on a side of the hand as it is in this frame; without a name, on +z. */
   look(view) {
-    const [x, y, z, ...up] = view ? this.scene.views[view][this.frame] : [0, 0, 1, 0, 1, 0];
-    const { center, radius } = this.extent();
-    const half = Math.atan(Math.tan(THREE.MathUtils.degToRad(FIELD) / 2) * Math.min(this.camera.aspect, 1));
-    this.camera.up.set(...up);
-    this.camera.position.set(x, y, z).multiplyScalar(1.02 * radius / Math.sin(half)).add(center);
-    this.camera.lookAt(center);
-    this.camera.near = radius / 50;
-    this.camera.far = 50 * radius;
-    this.camera.updateProjectionMatrix();
-    this.controls?.dispose(); // they take over the camera's upward direction when they are made
-    this.controls = new OrbitControls(this.camera, this.canvas);
-    this.controls.target.copy(center);
-    this.controls.update();
-    this.controls.addEventListener("change", () => this.draw());
-    this.draw();
+    this.space.look(view ? this.scene.views[view][this.frame] : [0, 0, 1, 0, 1, 0], this.extent());
   }
 
   key(event) {
@@ -234,23 +187,9 @@ class Viewer {
     this.draw();
   }
 
-  resize() {
-    const { clientWidth: width, clientHeight: height } = this.find(".stage");
-    if (!width || !height) return;
-    this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
-    this.draw();
-  }
-
   /** The body under the pointer: the foremost opaque one, or else the foremost. */
   pick(event) {
-    const box = this.canvas.getBoundingClientRect();
-    const at = new THREE.Vector2(
-      2 * (event.clientX - box.left) / box.width - 1, 1 - 2 * (event.clientY - box.top) / box.height,
-    );
-    const ray = new THREE.Raycaster();
-    ray.setFromCamera(at, this.camera);
+    const ray = this.space.rayAt(event);
     const visible = this.bodies.map((b) => b.mesh).filter((mesh) => mesh.visible);
     const hits = ray.intersectObjects(visible, false).map((hit) => hit.object.userData.body);
     return hits.find((body) => body.opaque) ?? hits[0] ?? null;
@@ -275,7 +214,7 @@ class Viewer {
     requestAnimationFrame(() => {
       this.asked = false;
       this.point();
-      this.renderer.render(this.space, this.camera);
+      this.space.render();
     });
   }
 }
