@@ -36,7 +36,7 @@ class Change:
     """A new value of a field, and the rules whose jobs have to run again of themselves, not behind others.
 
     where: "person", a scanned subject with all that people may give; a generated subject's name; "scene";
-    "tracked", a scene of tracked points; or "config".
+    "tracked", a scene of tracked points; "learned", one at a level; or "config".
     """
 
     where: str
@@ -189,6 +189,7 @@ CHANGES = [
             "obj": (True, "export_obj require_frames"),
             "rigged": (True, "export_rigged require_frames"),
             "equilibria": (True, "evaluate_frames find_equilibria"),
+            "muscle_barrier": (True, "simulate"),
             "mechanics": (True, "export_mechanics require_frames"),
             "movie": (True, "render_movie require_frames"),
             "images": (True, "evaluate_images move_image move_images report require_frames"),
@@ -204,6 +205,13 @@ CHANGES = [
             "recording.count": (7, "expand_motion"),
             "recording.smooth": (0.05, "expand_motion"),
             "recording.bridge": (0.1, "expand_motion"),
+        },
+    ),
+    *_changes(
+        "learned",
+        {
+            "level": ("L1", "animate"),
+            "learned": ("random-other", "animate expand_motion learn_levels simulate"),
         },
     ),
     *_changes(
@@ -234,14 +242,31 @@ CHANGES = [
 ALWAYS = {"person": {"check_subject"}}
 # Fields that name the subject or its kind: with another value it is another subject, built anew.
 IDENTITY = {"name", "like", "generator", "anatomy", "units", "subjects"}
-SCENE_OF = {"phantom-hand": "hand-poses", "knee": "knee", "tracked": "waves"}  # of the others: flexion
-KINDS = {"scene": "scene", "tracked": "scene", "config": "config"}  # of schemas; of the others: dataset
-SCENES = {"scene": "flexion", "tracked": "waves"}  # files of scenes, by `Change.where`
+SCENE_OF = {
+    "phantom-hand": "hand-poses",
+    "knee": "knee",
+    "tracked": "waves",
+    "learned": "learned",
+}  # of the others: flexion
+KINDS = {
+    "scene": "scene",
+    "tracked": "scene",
+    "learned": "scene",
+    "config": "config",
+}  # of schemas; of the others: dataset
+SCENES = {"scene": "flexion", "tracked": "waves", "learned": "learned"}  # files of scenes, by `Change.where`
 TRACKED = {
     "layers": ["bones"],
     "frames": "waves.csv",
     "chunk": 4,
     "recording": {"side": "right", "rate": 50, "count": 8},
+}
+LEARNED = {
+    "layers": ["bones", "skin"],
+    "frames": "config/scenes/flexion.csv",
+    "chunk": 4,
+    "level": "L0",
+    "learned": "random-finger",
 }
 
 
@@ -267,6 +292,7 @@ class Workbench:
             "knee": _dataset(self.folder, "knee") | {"anatomy": "images"},
             "scene": yaml.safe_load(scene.read_text(encoding="utf-8")),
             "tracked": TRACKED,
+            "learned": LEARNED,
             "config": {},
         }
 
@@ -277,6 +303,7 @@ class Workbench:
             for name in ("person", "phantom-finger", "phantom-hand", "knee"):
                 self.write(f"datasets/{name}", self.contents[name])
             self.write("scenes/waves", self.contents["tracked"])
+            self.write("scenes/learned", self.contents["learned"])
             self._plans[kind] = self.plan(kind)
         return self._plans[kind]
 
@@ -294,8 +321,8 @@ class Workbench:
             self.write(name, old)
 
     def plan(self, kind: str, **config: Any) -> JobPlan:
-        """The plan of a subject, or of "tracked", the person with the scene of tracked points."""
-        subject = "person" if kind == "tracked" else kind
+        """The plan of a subject, or of the person with the scene "tracked" or "learned"."""
+        subject = "person" if kind in SCENES else kind
         given = {"subjects": [subject], "scenes": [SCENE_OF.get(kind, "flexion")], **config}
         return plan(self.folder, ["all"], given)
 
@@ -346,6 +373,7 @@ def workbench() -> Iterator[Workbench]:
         shutil.copy(CHECKOUT / "Snakefile", folder)
         scenes = folder / "config" / "scenes"
         shutil.copy(scenes / "flexion.csv", scenes / "moved.csv")
+        shutil.copy(scenes / "random-finger.yaml", scenes / "random-other.yaml")
         write_waves(folder / "waves.csv")
         yield Workbench(folder)
 

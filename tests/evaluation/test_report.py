@@ -294,7 +294,7 @@ def test_axes_take_the_place_of_directions_only_with_a_warning(dataset: Dataset,
     frame, layers = simulated("flat", 0.0)
     write_report(tmp_path / "report.html", ReportInput(dataset, None, [PoseView(frame, layers, "neutral")]))
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "nothing tells its anatomical directions" in text and "ulnar" not in text
+    assert "No joint of this subject tells its anatomical directions" in text and "ulnar" not in text
 
 
 def test_a_muscle_is_not_drawn_twice():

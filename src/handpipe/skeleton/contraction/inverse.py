@@ -11,8 +11,8 @@ from scipy.optimize import lsq_linear
 from handpipe.core import Array
 from handpipe.skeleton.contraction.dynamics import HandState, MuscleDrive
 
-DEGREE = np.radians(1.0)  # of error, which counts as much as a contraction of WORTH
-WORTH = 3.0
+DEGREE = np.radians(1.0)  # rad
+WORTH = 3.0  # contraction that counts as much as an error of one degree
 ROUNDS = 4  # of a frame, in which the response is linearised anew
 STILL = 1e-4  # change of a contraction
 
