@@ -17,7 +17,7 @@ from handpipe.levels.mass_spring.springs import Springs, forces
 log = logging.getLogger(__name__)
 MEMORY = 5  # earlier steps that are used
 SUFFICIENT = 1e-4  # of the predicted decrease of energy
-HALVINGS = 20
+HALVINGS = 20  # of a step, at most
 
 
 @dataclass(frozen=True, eq=False)
