@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from benchmarks.documents import write_document
 from benchmarks.fidelity.chain import POINTS
-from handpipe.core import Metrics, artifacts, metrics
+from handpipe.core import Metrics
 
 SECONDS = "frame_seconds_mean"
 SHOWN = {
@@ -54,12 +53,7 @@ def picture(found: Metrics) -> Figure:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Draw the picture and write the table."""
     parser = argparse.ArgumentParser(prog="benchmarks.fidelity.document", description=__doc__)
-    parser.add_argument("figures", type=Path, help="JSON of all parts")
-    parser.add_argument("--output", type=Path, required=True, help="PNG to be written")
-    options = parser.parse_args(arguments)
-    found = metrics.read(options.figures)
-    FigureCanvasAgg(picture(found)).print_figure(options.output, dpi=110)
-    artifacts.write_text(options.output.with_suffix(".md"), table(found))
+    write_document(parser, picture, table, arguments)
 
 
 if __name__ == "__main__":

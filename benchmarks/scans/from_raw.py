@@ -135,8 +135,8 @@ def compared(case: Case, results: Path) -> Metrics:
     return {"typed_values": (float(len(typed)), "1")} | found
 
 
-def arrange(case: Case, results: Path, folder: Path) -> None:
-    """The project's workflow in a folder, beside raw scans of the plain subject; what is there is kept."""
+def copy_workflow(folder: Path) -> None:
+    """Copy the project's workflow to a folder; what else is there is kept."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in PROJECT:
         source = CHECKOUT / name
@@ -144,6 +144,11 @@ def arrange(case: Case, results: Path, folder: Path) -> None:
             shutil.copytree(source, folder / name, dirs_exist_ok=True)
         else:
             shutil.copy(source, folder / name)
+
+
+def arrange(case: Case, results: Path, folder: Path) -> None:
+    """The project's workflow in a folder, beside raw scans of the plain subject; what is there is kept."""
+    copy_workflow(folder)
     link = folder / "results" / case.plain
     link.parent.mkdir(exist_ok=True)
     if not link.exists():

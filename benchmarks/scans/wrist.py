@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import argparse
 import logging
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.scans.from_raw import CHECKOUT, PROJECT, run
+from benchmarks.scans.from_raw import copy_workflow, run
 from benchmarks.scans.real_wrist import HELDOUT, POSES, SEEN, SOURCE, Wrist
 from handpipe.core import Array, Metrics, RigidTransform, Shapes
 from handpipe.evaluation import surface_distance
@@ -32,13 +31,7 @@ BESIDE = 4.0  # mm from the ends of the neutral skin: what lies nearer is not co
 
 def built(folder: Path, wrist: Wrist, spacing: float = SPACING) -> Metrics:
     """Build the wrist in a folder, where what is there is kept, and compare it with the truth."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in PROJECT:
-        source = CHECKOUT / name
-        if source.is_dir():
-            shutil.copytree(source, folder / name, dirs_exist_ok=True)
-        else:
-            shutil.copy(source, folder / name)
+    copy_workflow(folder)
     if not (folder / RAW).exists():
         wrist.write(folder / RAW, tuple(POSES), spacing)
     if not (folder / f"config/datasets/{NAME}.yaml").exists():

@@ -1,7 +1,6 @@
 """The report's 3D view in a real browser: play, scrub, names, and views whose directions are known."""
 
 import io
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import pytest
 import trimesh
 from PIL import Image
 from scipy.spatial.transform import Rotation
+from tests.browser import chromium, needs_browser
 
 from handpipe.core.configuration.config import Bone, Dataset, Joint, Pose
 from handpipe.core.layers import Frame, Shape
@@ -22,11 +22,7 @@ from handpipe.skeleton.joints.joints import JointFit
 from handpipe.skeleton.joints.residual import Residual
 from handpipe.skeleton.rig.rig import Rig
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
-SOFTWARE = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]  # no graphics card is needed
-QUIET = ["--disable-quic", "--no-first-run", "--disable-component-update", "--disable-sync"]
+pytestmark = needs_browser
 
 PALM = "metacarpal3"
 FINGER = "proximal3"
@@ -103,12 +99,7 @@ def dataset(hand: str) -> Dataset:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator:
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(
-            executable_path=CHROMIUM, args=[*SOFTWARE, *QUIET, "--disable-background-networking"]
-        )
-        yield running
-        running.close()
+    yield from chromium()
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import base64
 import json
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from tests.browser import chromium, needs_browser
 
 from handpipe.core.configuration import load_dataset
 from handpipe.evaluation.player import write_player
@@ -22,11 +22,7 @@ from handpipe.stages.levels import export_player
 from .test_kernels import five_fingers
 from .three_bones import LIMITS, random_frames, rig
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
-SOFTWARE = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]  # no graphics card is needed
-QUIET = ["--disable-quic", "--no-first-run", "--disable-component-update", "--disable-sync"]
+pytestmark = needs_browser
 POSES = np.radians([[0.0, 0.0], [12.0, 31.0], [48.0, -15.0], [25.0, 45.0], [-18.0, 3.0]])
 FAR = np.radians([78.0, 70.0])  # frames were learned up to 50 degrees
 LEAST = 5e-5  # mm, of single precision
@@ -58,12 +54,7 @@ def file(hand: LearnedHand, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator:
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(
-            executable_path=CHROMIUM, args=[*SOFTWARE, *QUIET, "--disable-background-networking"]
-        )
-        yield running
-        running.close()
+    yield from chromium()
 
 
 @pytest.fixture

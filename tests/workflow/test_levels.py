@@ -87,6 +87,19 @@ def test_a_scene_without_the_layers_is_refused_before_anything_is_built(folder: 
     assert "learned: drawn has no bone_fascia" in process.stdout
 
 
+@pytest.mark.parametrize(
+    "text", ["{layers: [bones, skin], frames: config/scenes/shown.csv, level: L2}", '"level": L2\n']
+)
+def test_a_level_is_told_however_the_file_is_written(folder: Path, text: str) -> None:
+    """Else the scene would be simulated without a word."""
+    if not text.startswith("{"):
+        text += "layers: [bones, skin]\nframes: config/scenes/shown.csv\n"
+    (folder / "config/scenes/written.yaml").write_text(text)
+    target = "results/small/simulation/written/frames-0.h5"
+    plan = planned(folder, target, "--config", "subjects=[small]", "scenes=[written]")
+    assert plan["animate_springs"] == 1 and "simulate" not in plan
+
+
 def test_a_scene_of_springs_needs_the_rig_and_the_skin_alone(folder: Path) -> None:
     given = ("--config", "subjects=[small]", "scenes=[sprung]")
     target = "results/small/tables/frames-sprung.json"

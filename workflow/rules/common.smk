@@ -228,12 +228,23 @@ def scene(name):
     return found
 
 
-def scenes_at(levels):
-    """A pattern for the scenes at some levels, as "L[01]"; "-", which is no scene, without any."""
-    files = sorted(Path("config/scenes").glob("*.yaml"))
-    texts = {file.stem: file.read_text(encoding="utf-8") for file in files}
-    line = re.compile(f"^level:\\s*['\"]?{levels}\\b", re.MULTILINE)
-    return "|".join(name for name, text in texts.items() if line.search(text)) or "-"
+@functools.cache
+def level_of_scenes():
+    """Level by scene, of all files of scenes that are right."""
+    found = {}
+    for file in sorted(Path("config/scenes").glob("*.yaml")):
+        try:
+            found[file.stem] = load_scene(file).level
+        except HandpipeError:  # said where the scene is needed
+            continue
+    return found
+
+
+def scenes_at(*levels):
+    """A pattern for the scenes at some levels; "-", which is no scene, without any."""
+    return (
+        "|".join(n for n, level in level_of_scenes().items() if level in levels) or "-"
+    )
 
 
 def muscles_of_scene(wildcards):

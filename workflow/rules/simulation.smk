@@ -112,7 +112,7 @@ rule animate:
     benchmark:
         paths.cost_of("animate", "scene", "chunk")
     wildcard_constraints:
-        scene=scenes_at("L[01]"),
+        scene=scenes_at("L0", "L1"),
     threads: 1
     resources:
         mem_mb=2000,

@@ -66,6 +66,11 @@ class RigidTransform:
         rotation = u @ flip @ vt
         return RigidTransform(rotation, b - rotation @ a)
 
+    @property
+    def matrix(self) -> Array:
+        """The matrix (3, 4) of rotation and translation side by side."""
+        return np.column_stack([self.rotation, self.translation])
+
     def __call__(self, points: Array) -> Array:
         """Transformed points, of the shape (3,) or (n, 3) of `points`, in mm."""
         return points @ self.rotation.T + self.translation

@@ -194,9 +194,7 @@ class LearnedHand:
             `level_distance`, which above 1 says that the pose is unlike the learned ones.
         """
         angles = self.angles_of(frame.angles)
-        motions = np.array(
-            [np.column_stack([frame.bones[b].rotation, frame.bones[b].translation]) for b in self.bones]
-        )
+        motions = np.array([frame.bones[bone].matrix for bone in self.bones])
         distance = self.distance(angles)
         found: dict[str, Shapes] = {}
         for (layer, name), x in self.split(self.moved(motions, angles, level)).items():

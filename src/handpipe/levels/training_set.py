@@ -98,12 +98,7 @@ class TrainingSet:
             names,
             bones,
             np.array([[frame.angles[name] for name in names] for frame in described]),
-            np.array(
-                [
-                    [np.column_stack([f.bones[b].rotation, f.bones[b].translation]) for b in bones]
-                    for f in described
-                ]
-            ),
+            np.array([[frame.bones[bone].matrix for bone in bones] for frame in described]),
             {
                 body: Examples(
                     shape.rest,

@@ -513,8 +513,8 @@ class Scene(Model):
     layers: tuple[str, ...]
     frames: Path = Field(
         description="CSV of joint angles in degrees, one frame a row, or of keyframes; BVH; hand landmarks "
-        "(JSON, CSV); targets of inverse kinematics (YAML); contractions of muscles (CSV); a recording of "
-        "tracked points (CSV)"
+        "(JSON, CSV); targets of inverse kinematics or random poses (YAML); contractions of muscles "
+        "(CSV); a recording of tracked points (CSV)"
     )
     recording: Recording | None = Field(
         None, description="of tracked points in `frames`; the scene is skipped where that file is absent"

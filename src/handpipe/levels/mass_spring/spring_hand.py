@@ -16,6 +16,7 @@ from handpipe.levels.mass_spring.followers import Followers, duals_of
 from handpipe.levels.mass_spring.geometric_muscle import Bulge, GeometricMuscle
 from handpipe.levels.mass_spring.springs import Springs, forces
 from handpipe.mesh.surfaces import Distance, Surface, barycentric_weights
+from handpipe.mesh.tets import mass_lumped
 from handpipe.skeleton.posing import bone_weights
 from handpipe.skeleton.rig import Rig
 from handpipe.tissues.fat import Skin
@@ -134,7 +135,7 @@ class SpringHand:
             fixed[part.vertices] = True
             on_bones.joints[part.vertices] = [numbers[part.bone], 0, 0, 0]
             on_bones.weights[part.vertices] = [1.0, 0, 0, 0]
-        areas = _node_areas(skin.surface)
+        areas = mass_lumped(nodes, skin.surface.triangles)
         bulging = tuple(_geometric(m, rig, numbers) for m in muscles if len(m.body.attached_vertices))
         touches = _touches(skin.surface, bulging, areas, ~fixed, given)
         below = np.min([Distance(bone).closest(nodes)[0] for bone in surfaces.values()], axis=0)
@@ -189,9 +190,7 @@ class SpringHand:
             Layers "bones", "muscles" (with the figures of their `Bulge`) and "skin" (with
             `spring_residual` in mm, and `inner_overlap`, how far in mm bones and muscles are outside of it).
         """
-        motions = np.array(
-            [np.column_stack([frame.bones[b].rotation, frame.bones[b].translation]) for b in self.surfaces]
-        )
+        motions = np.array([frame.bones[bone].matrix for bone in self.surfaces])
         settled, bulges = self.posed(motions)
         bones = {
             bone: Shape(s.vertices, frame.bones[bone](s.vertices), s.triangles)
@@ -229,12 +228,6 @@ def _on_bones(points: Array, rig: Rig) -> Followers:
     near = bone_weights(points, {bone: rig.surfaces[bone] for bone in rig.bones})
     weights = np.stack([near[:, moving == owner].sum(axis=1) for owner in owners], axis=1)
     return Followers.of(points, weights, owners)
-
-
-def _node_areas(surface: Surface) -> Array:
-    """A third of the areas (n,) in mm^2 of each vertex's triangles."""
-    thirds = np.repeat(surface.triangle_areas() / 3, 3)
-    return np.asarray(np.bincount(surface.triangles.ravel(), thirds, len(surface.vertices)), np.float64)
 
 
 def _touches(

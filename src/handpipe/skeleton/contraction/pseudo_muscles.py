@@ -133,10 +133,8 @@ def every_muscle() -> list[str]:
 
 
 def _bends_a_finger(angle: str) -> bool:
-    return (
-        angle.endswith("flexion")
-        and angle.rstrip("abcdefghijklmnopqrstuvwxyz_").rstrip("0123456789") in FINGER_JOINTS
-    )
+    joint, _, kind = angle.partition("_")
+    return kind == "flexion" and joint.rstrip("0123456789") in FINGER_JOINTS
 
 
 def _rows() -> list[dict[str, str]]:

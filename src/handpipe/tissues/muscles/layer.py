@@ -279,7 +279,8 @@ class MuscleLayer:
             surface = Surface(shape.vertices, shape.cells)
             posed.append(Posed(muscle.name, surface, held, bool(shape.figures["cuts_itself"])))
         found = Penetration.of(posed, bones)
-        log.info("muscles of %s penetrate by %.2f mm at most: %s", frame, found.depths.max(), found.place)
+        if found.place:
+            log.info("muscles of %s: %.2f mm deep at most: %s", frame, found.depths.max(), found.place)
         return shapes | {
             m.name: replace(
                 shapes[m.name], figures={**shapes[m.name].figures, "body_penetration": float(depth)}
@@ -337,10 +338,9 @@ class MuscleLayer:
             if len(near.vertices) == 0:
                 continue
             touch, slide = near.within(self.options.touch), near.only(self.slides.get((a, b)))
-            # Deep vertices come out of the neighbour by `BITE` before planes are renewed.
-            left = left_deep(touch.gaps, touch.normals, BITE)
             if margin is not None:
-                left = left + margin * touch.normals
+                # Deep vertices come out of the neighbour by `BITE` before planes are renewed.
+                left = left_deep(touch.gaps, touch.normals, BITE) + margin * touch.normals
                 touching.append((_apart(touch, operators[a], operators[b]), left, touch.normals))
             # Neighbours do not gape: the gap along the normal stays what it was in the known poses.
             kept = slide.rest[:, None] * slide.normals
