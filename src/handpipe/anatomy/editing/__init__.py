@@ -5,8 +5,18 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.anatomy.editing.kept_functions import KeptFunctions
+    from handpipe.anatomy.editing.curve_faults import CurveFaults
+    from handpipe.anatomy.editing.draft import Draft, content_of, place_on_bone, write_curves
+    from handpipe.anatomy.editing.editor import CurveEditor, Edited
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["KeptFunctions"]
+__all__ = [
+    "CurveEditor",
+    "CurveFaults",
+    "Draft",
+    "Edited",
+    "content_of",
+    "place_on_bone",
+    "write_curves",
+]

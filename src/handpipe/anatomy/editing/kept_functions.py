@@ -1,8 +1,8 @@
 """Tissue functions of curves that change, by the domain's factor that is kept.
 
-With the Laplacian K of the free vertices, the curves' matrix B (Eq. 8) of all muscles and the weights W of its
-rows, `diffuse` solves (K + B^T W B) f = B^T W d for the tissue values d of a muscle, zero at the other curves.
-By the identity (K + B^T W B)^-1 B^T W = K^-1 B^T S^-1 with S = W^-1 + B K^-1 B^T, the functions are
+K is the Laplacian of the free vertices, B the matrix of all curves (Eq. 8), W the weights of its rows.
+`diffuse` solves (K + B^T W B) f = B^T W d for the tissue values d of a muscle, which are zero at the other
+curves. By the identity (K + B^T W B)^-1 B^T W = K^-1 B^T S^-1 with S = W^-1 + B K^-1 B^T, the functions are
 
     f = K^-1 B^T S^-1 d.
 
@@ -60,8 +60,8 @@ class _Column:
 class KeptFunctions:
     """Tissue functions of muscles that are edited: the same as of `diffuse`, without its rounding.
 
-    Muscles that are the same objects as in the call before are not looked at again. A muscle with spread has a
-    matrix of its own, which is factorised whenever any curve changes.
+    Muscles that are the same objects as in the call before are not looked at again. A muscle with spread has
+    a matrix of its own, which is factorised whenever any curve changes.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class KeptFunctions:
         if not _equal(self._constraints, (places, weights)):
             self._columns, self._constraints = {}, (places, weights)
         own = {"fat": None} | {name: d.own for name, d in drawn.items()}
-        # Where curves and a column's data are the same, so is the solution: only another tissue value changed.
+        # Where curves and a column's data are the same, so is the solution: only tissue values changed.
         self._columns = {
             name: column
             for name, column in self._columns.items()
@@ -174,7 +174,7 @@ class KeptFunctions:
 
 
 def _data(drawn: Mapping[str, _Drawn]) -> dict[str, Array]:
-    """Values (c,) at all points of curves by function: 1 of the fat's, tissue values at its own of a muscle's."""
+    """Values (c,) at the points of curves: 1 for the fat, tissue values at its own curves for a muscle."""
     counts = [len(d.collocation.tets) for d in drawn.values()]
     ends = np.cumsum(counts)
     found = {"fat": np.ones(ends[-1])}

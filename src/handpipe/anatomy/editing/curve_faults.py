@@ -1,0 +1,81 @@
+"""What is wrong with muscles as curves, before tets are made of them: one message a fault."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.anatomy.templates.curves import PlacedAttachment, PlacedMuscle
+from handpipe.core import Array, InputError
+from handpipe.mesh.surfaces import Distance, Surface, arclength, concatenate
+
+SLACK = 0.05  # mm beyond the skin that points on it may be, by rounding
+
+
+class CurveFaults:
+    """Finds curves outside the skin and muscles that are attached to no bone.
+
+    Parameters
+    ----------
+    skin : Surface
+        Closed surface in mm.
+    bones : mapping of str to Surface
+        Surfaces in mm by bone.
+    source : path
+        The file of the curves, for messages.
+    """
+
+    def __init__(self, skin: Surface, bones: Mapping[str, Surface], source: str | Path) -> None:
+        self._skin, self._source = Distance(skin), source
+        self._bones = Distance(concatenate(list(bones.values())))
+
+    def of(self, muscles: Mapping[str, PlacedMuscle]) -> list[InputError]:
+        """The faults of muscles.
+
+        Parameters
+        ----------
+        muscles : mapping of str to PlacedMuscle
+            Curves and attachments in mm by muscle.
+
+        Returns
+        -------
+        list of InputError
+            Each names the muscle and its field.
+        """
+        return [fault for name, muscle in muscles.items() for fault in self._of_one(name, muscle)]
+
+    def _of_one(self, name: str, muscle: PlacedMuscle) -> Iterator[InputError]:
+        for number, curve in enumerate(muscle.curves):
+            yield from self._outside(f"muscles.{name}.curves.{number}", curve.points)
+        ends = {"origin": muscle.origins, "insertion": muscle.insertions}
+        for end, attachments in ends.items():
+            yield from self._unattached(f"muscles.{name}", end, attachments)
+
+    def _outside(self, field: str, points: Array) -> Iterator[InputError]:
+        """The fault of a curve that leaves the skin."""
+        outside = ~self._skin.surface.contains(points)
+        outside[outside] = self._skin.closest(points[outside])[0] > SLACK
+        if not outside.any():
+            return
+        steps = np.diff(arclength(points))
+        length = steps[outside[:-1] | outside[1:]].sum()
+        place = ", ".join(f"{c:.1f}" for c in points[np.flatnonzero(outside)[outside.sum() // 2]])
+        problem = f"{length:.1f} mm of it lie outside the skin, near ({place})"
+        yield InputError(self._source, field, problem, "Move its points into the skin")
+
+    def _unattached(
+        self, field: str, end: str, attachments: Sequence[PlacedAttachment]
+    ) -> Iterator[InputError]:
+        """The fault of an end of which no attachment reaches a bone."""
+        distances = [self._bones.closest(a.points)[0].min() for a in attachments]
+        if any(d <= a.reach for d, a in zip(distances, attachments, strict=True)):
+            return
+        nearest = int(np.argmin(distances))
+        problem = (
+            f"is not attached: its {end} lies {distances[nearest]:.1f} mm from the nearest bone, beyond its "
+            f"reach of {attachments[nearest].reach:g} mm"
+        )
+        which = "first" if end == "origin" else "last"
+        yield InputError(self._source, field, problem, f"Place the {which} point of a curve on a bone")
