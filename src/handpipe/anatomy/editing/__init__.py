@@ -6,7 +6,7 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.anatomy.editing.curve_faults import CurveFaults
-    from handpipe.anatomy.editing.draft import Draft, content_of, place_on_bone, write_curves
+    from handpipe.anatomy.editing.draft import Draft, content_of, place_on_bone, points_of, write_curves
     from handpipe.anatomy.editing.editor import CurveEditor, Edited
 else:
     __getattr__ = face(__name__)
@@ -18,5 +18,6 @@ __all__ = [
     "Edited",
     "content_of",
     "place_on_bone",
+    "points_of",
     "write_curves",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +112,44 @@ def place_on_bone(
         return CurvePlace(at=(float(place[0]), float(place[1]), float(place[2])))
     height = round(float((place - surface) @ towards), MILLIMETRE_DIGITS) + 0.0
     return CurvePlace.model_validate(on_bone | ({"height": height} if height else {}))
+
+
+def points_of(
+    file: CurveFile, bones: Mapping[str, Surface], source: str | Path
+) -> dict[str, dict[str, list[list[list[float]]]]]:
+    """Where the points of curves and attachments are.
+
+    Parameters
+    ----------
+    file : CurveFile
+        Muscles as curves.
+    bones : mapping of str to Surface
+        Surfaces in mm by bone.
+    source : path
+        The file, for messages.
+
+    Returns
+    -------
+    dict
+        By muscle, `curves` and `attachments`: of each the points in mm.
+
+    Raises
+    ------
+    InputError
+        As `locate`.
+    """
+
+    def places(points: Sequence[CurvePlace], field: str) -> list[list[float]]:
+        found: list[list[float]] = locate(points, bones, file.distal, source, field).tolist()
+        return found
+
+    return {
+        name: {
+            "curves": [places(c.points, f"muscles.{name}") for c in muscle.curves],
+            "attachments": [places(a.points, f"muscles.{name}") for a in muscle.attachments],
+        }
+        for name, muscle in file.muscles.items()
+    }
 
 
 class _Flow(dict):  # type: ignore[type-arg]
