@@ -250,6 +250,8 @@ def curves(
     session = muscle_curves.open_session(file, skin, bones, edge_length)
     for fault in session.edited.faults:
         print(f"handpipe: {fault}", file=sys.stderr)
+    for warning in session.edited.warnings:
+        print(f"handpipe: {file}: {warning}", file=sys.stderr)
     if check:
         count = len(session.edited.faults)
         print(f"{file}: {count} faults" if count else f"{file}: nothing is wrong")

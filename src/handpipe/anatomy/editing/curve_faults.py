@@ -9,7 +9,7 @@ import numpy as np
 
 from handpipe.anatomy.templates.curves import PlacedAttachment, PlacedMuscle
 from handpipe.core import Array, InputError
-from handpipe.mesh.surfaces import Distance, Surface, arclength, concatenate
+from handpipe.mesh.surfaces import Distance, Surface, arclength, closest_on_polyline, concatenate
 
 SLACK = 0.05  # mm beyond the skin that points on it may be, by rounding
 
@@ -45,6 +45,44 @@ class CurveFaults:
             Each names the muscle and its field.
         """
         return [fault for name, muscle in muscles.items() for fault in self._of_one(name, muscle)]
+
+    def of_extent(self, name: str, muscle: PlacedMuscle, points: Array, edge: float) -> list[InputError]:
+        """The faults of a muscle that ends far from where it is attached.
+
+        Parameters
+        ----------
+        name : str
+            The muscle.
+        muscle : PlacedMuscle
+            Its attachments in mm.
+        points : array (p, 3)
+            Points in mm all over the muscle and on its surface.
+        edge : float
+            Edge length of tets in mm, by which an end may be farther away than its reach.
+
+        Returns
+        -------
+        list of InputError
+        """
+        ends = {"origin": muscle.origins, "insertion": muscle.insertions}
+        return [
+            fault
+            for end, attachments in ends.items()
+            for attachment in attachments
+            for fault in self._short(f"muscles.{name}", end, attachment, (points, edge))
+        ]
+
+    def _short(
+        self, field: str, end: str, attachment: PlacedAttachment, extent: tuple[Array, float]
+    ) -> Iterator[InputError]:
+        points, edge = extent
+        line = np.concatenate([attachment.points, attachment.points[-1:]])
+        nearest = closest_on_polyline(points, line)[3].min()
+        if nearest > attachment.reach + edge:
+            place = ", ".join(f"{c:.1f}" for c in attachment.points[0])
+            problem = f"the muscle ends {nearest:.1f} mm from its {end} at ({place})"
+            remedy = f"Raise the tissue value there, or `reach` ({attachment.reach:g} mm)"
+            yield InputError(self._source, field, problem, remedy)
 
     def _of_one(self, name: str, muscle: PlacedMuscle) -> Iterator[InputError]:
         for number, curve in enumerate(muscle.curves):

@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from handpipe.anatomy.editing.curve_faults import CurveFaults
 from handpipe.anatomy.editing.envelope_surfaces import envelope_surfaces
 from handpipe.anatomy.editing.kept_functions import KeptFunctions
 from handpipe.anatomy.templates.curves import CurveFile, MuscleCurves, PlacedMuscle, place
 from handpipe.anatomy.templates.diffusion import Factorise, Functions, superlu
 from handpipe.anatomy.templates.domain import Domain
+from handpipe.anatomy.templates.tissue_mesh import crossings
 from handpipe.core import InputError
 from handpipe.core.configuration import Vector
 from handpipe.mesh.surfaces import Surface
@@ -32,12 +35,15 @@ class Edited:
         Surfaces of the muscles that are somewhere the largest tissue, for display.
     faults : tuple of InputError
         What has to be changed before tets can be made.
+    warnings : tuple of str
+        What a person should know of the curves, although it is no fault.
     """
 
     muscles: dict[str, PlacedMuscle]
     functions: Functions
     surfaces: dict[str, Surface]
     faults: tuple[InputError, ...]
+    warnings: tuple[str, ...]
 
 
 class CurveEditor:
@@ -72,7 +78,7 @@ class CurveEditor:
         self._functions = KeptFunctions(domain, factorise=factorise)
         self._faults = CurveFaults(skin, bones, source)
         self._locator = Locator(domain.mesh)
-        self._step = domain.edge_length() / 4
+        self._edge = domain.edge_length()
         self._placed: dict[str, tuple[MuscleCurves, Vector, PlacedMuscle]] = {}
 
     def edit(self, file: CurveFile) -> Edited:
@@ -98,7 +104,10 @@ class CurveEditor:
         functions = self._functions.of(inside, file.fat)
         surfaces = envelope_surfaces(self.domain.mesh, functions)
         faults += [self._nowhere(name, name in inside) for name in muscles if name not in surfaces]
-        return Edited(muscles, functions, surfaces, tuple(faults))
+        if not faults:
+            faults = self._of_extents(muscles, functions, surfaces)
+        warnings = crossings(muscles, self._edge)
+        return Edited(muscles, functions, surfaces, tuple(faults), tuple(warnings))
 
     def _place(self, file: CurveFile) -> dict[str, PlacedMuscle]:
         kept = {
@@ -107,10 +116,20 @@ class CurveEditor:
             if name in self._placed and self._placed[name][:2] == (muscle, file.distal)
         }
         changed = {name: muscle for name, muscle in file.muscles.items() if name not in kept}
-        new = place(file.model_copy(update={"muscles": changed}), self.bones, self._step, self.source)
+        new = place(file.model_copy(update={"muscles": changed}), self.bones, self._edge / 4, self.source)
         kept |= {name: (changed[name], file.distal, muscle) for name, muscle in new.items()}
         self._placed = {name: kept[name] for name in file.muscles}
         return {name: muscle for name, (_, _, muscle) in self._placed.items()}
+
+    def _of_extents(
+        self, muscles: Mapping[str, PlacedMuscle], functions: Functions, surfaces: Mapping[str, Surface]
+    ) -> list[InputError]:
+        vertices, labels = self.domain.mesh.vertices, functions.values.argmax(axis=1)
+        found = []
+        for label, name in enumerate(functions.names[1:], start=1):
+            points = np.concatenate([vertices[labels == label], surfaces[name].vertices])
+            found += self._faults.of_extent(name, muscles[name], points, self._edge)
+        return found
 
     def _is_inside(self, muscle: PlacedMuscle) -> bool:
         return any((self._locator.tets(curve.points) >= 0).any() for curve in muscle.curves)

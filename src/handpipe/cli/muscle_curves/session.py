@@ -116,6 +116,7 @@ class CurveSession:
             "content": content_of(self.draft),
             "places": points_of(self.draft, self.bones, self.target),
             "faults": [f"{fault.field}: {fault.problem}. {fault.remedy}" for fault in edited.faults],
+            "warnings": edited.warnings,
             "seconds": seconds,
         }
         return pack(header, lines | _arrays(surfaces))

@@ -39,8 +39,13 @@ EDGES = {"skin": 8.0, "bone": 5.0}  # mm, of triangles
 SPACING = 0.7  # of the grid on which surfaces are found, over their edges
 
 
-def leg_surfaces() -> tuple[Surface, dict[str, Surface]]:
+def leg_surfaces(finer: float = 1.0) -> tuple[Surface, dict[str, Surface]]:
     """Skin and bones of the lower leg.
+
+    Parameters
+    ----------
+    finer : float
+        Divides the length of edges: 8 mm of the skin, 5 mm of bones.
 
     Returns
     -------
@@ -49,13 +54,14 @@ def leg_surfaces() -> tuple[Surface, dict[str, Surface]]:
     bones : dict of str to Surface
         Closed surfaces in mm by bone, apart from one another.
     """
-    skin = _surface(SKIN, "skin")
-    return skin, {name: _surface(cones, "bone") for name, cones in BONES.items()}
+    skin = _surface(SKIN, "skin", finer)
+    return skin, {name: _surface(cones, "bone", finer) for name, cones in BONES.items()}
 
 
-def _surface(cones: tuple[Cone, ...], kind: str) -> Surface:
+def _surface(cones: tuple[Cone, ...], kind: str, finer: float) -> Surface:
+    edge = EDGES[kind] / finer
     shape: Implicit = smooth_union([round_cone(*cone) for cone in cones], BLENDS[kind])
     ends: Array = np.array([end for a, b, *_ in cones for end in (a, b)], dtype=float)
     widest = max(max(radii) for _, _, *radii in cones)
-    grid = Grid.around(ends, widest + BLENDS[kind], SPACING * EDGES[kind])
-    return remesh(isosurface(shape(grid.points()), grid), EDGES[kind])
+    grid = Grid.around(ends, widest + BLENDS[kind], SPACING * edge)
+    return remesh(isosurface(shape(grid.points()), grid), edge)

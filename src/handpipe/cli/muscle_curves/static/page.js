@@ -235,8 +235,10 @@ class Page {
 
   /** Fields and lists beside the view. */
   fill() {
-    const { content, faults } = this.state, muscle = content.muscles?.[this.chosen?.muscle];
-    element("faults").replaceChildren(...faults.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+    const { content, faults, warnings } = this.state, muscle = content.muscles?.[this.chosen?.muscle];
+    for (const [id, texts] of Object.entries({ faults, warnings })) {
+      element(id).replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+    }
     element("fat").value = content.fat ?? 0.5;
     element("muscles").replaceChildren(...Object.keys(content.muscles ?? {}).map((name, number) => this.muscleButton(name, number)));
     element("muscle").hidden = !muscle;
