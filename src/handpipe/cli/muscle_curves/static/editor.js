@@ -70,22 +70,24 @@ export class Editor {
 
   accept(state, asked) {
     this.content = state.content;
+    if (!this.next) this.latest = state.content;
     this.show(state, asked);
   }
 
   /** Ask for a content; a step of undo unless it is a part of one. Resolves when nothing is left to send. */
   set(content, step = true) {
     if (step) this.mark();
+    this.latest = content; // changes that come before the answer add to it
     this.next = { content, asked: performance.now() };
     this.running ??= this.run().finally(() => { this.running = null; });
     return this.running;
   }
 
-  change(change, step = true) { return this.set(changed(this.next?.content ?? this.content, change), step); }
+  change(change, step = true) { return this.set(changed(this.latest, change), step); }
 
   /** The beginning of a step. */
   mark() {
-    this.before.push(this.content);
+    this.before.push(this.latest);
     this.after = [];
     this.saved = false;
   }
@@ -98,6 +100,7 @@ export class Editor {
         const response = await post("edit", JSON.stringify(content));
         this.accept(unpack(await response.arrayBuffer()), asked);
       } catch (error) {
+        if (!this.next) this.latest = this.content;
         this.say(error.message, true);
       }
     }

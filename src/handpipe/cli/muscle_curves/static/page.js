@@ -5,7 +5,7 @@ import { Space, looks, meshesOf } from "space";
 import { Editor, anyNormal, get, inSpace, newAttachment, newCurve, onBone, pointsAt, post } from "./editor.js";
 
 const VIEWS = { front: [0, 0, 1, 0, 1, 0], back: [0, 0, -1, 0, 1, 0], right: [0, 1, 0, 0, 0, 1], left: [0, -1, 0, 0, 0, 1], end: [1, 0, 0, 0, 0, 1] };
-const POINT = 0.008; // radius of a point, over that of the skin
+const POINT = 0.012; // radius of a point, over that of the skin
 const NEAR = 14; // pixels from a point at which a pointer takes it
 const STILL = 4; // pixels that a pointer may move in a click
 const BONE = [0.93, 0.9, 0.82], SKIN = [0.9, 0.72, 0.62];
