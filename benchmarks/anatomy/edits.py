@@ -16,7 +16,7 @@ from handpipe.core import Metrics
 from handpipe.fem.linear import factorise
 from handpipe.synthetic.geometry import leg_surfaces
 
-DOMAINS = {"100k": (1.3, 5.2), "640k": (2.0, 2.6)}  # how much finer surfaces are, and mm of tets' edges
+DOMAINS = {"100k": (1.2, 6.0), "640k": (1.6, 3.03)}  # how much finer surfaces are, and mm of tets' edges
 DRAGS, STEP = 5, 6.0  # of the point, in mm: across several tets, as a fast hand drags
 DRAGGED, SPREAD = "tibialis_anterior", "soleus"
 

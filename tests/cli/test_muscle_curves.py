@@ -251,6 +251,9 @@ def test_there_need_be_no_file(surfaces: Path, tmp_path: Path) -> None:
     assert unpacked(session.state())[0]["content"] == {}
     with pytest.raises(InputError, match="Draw a muscle first"):
         session.make_tets()
+    (tmp_path / "turned.yaml").write_text("distal: [0, 0, -1]", encoding="utf-8")
+    turned = open_session(tmp_path / "turned.yaml", surfaces / "skin.ply", [surfaces / "bones"], 5.0)
+    assert turned.draft.distal == (0, 0, -1)
     session.edit(json.dumps({"muscles": {"flexor": content()["muscles"]["flexor"]}}).encode())
     session.save()
     assert list(load_curves(tmp_path / "new.yaml").muscles) == ["flexor"]

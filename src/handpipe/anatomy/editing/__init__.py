@@ -6,7 +6,14 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.anatomy.editing.curve_faults import CurveFaults
-    from handpipe.anatomy.editing.draft import Draft, content_of, place_on_bone, points_of, write_curves
+    from handpipe.anatomy.editing.draft import (
+        Draft,
+        content_of,
+        load_draft,
+        place_on_bone,
+        points_of,
+        write_curves,
+    )
     from handpipe.anatomy.editing.editor import CurveEditor, Edited
 else:
     __getattr__ = face(__name__)
@@ -17,6 +24,7 @@ __all__ = [
     "Draft",
     "Edited",
     "content_of",
+    "load_draft",
     "place_on_bone",
     "points_of",
     "write_curves",

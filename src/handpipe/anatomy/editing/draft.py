@@ -10,14 +10,21 @@ import numpy as np
 import yaml
 from pydantic import Field
 
-from handpipe.anatomy.templates.curves import CurveFile, CurvePlace, MuscleCurves, locate, long_axis
+from handpipe.anatomy.templates.curves import (
+    CurveFile,
+    CurvePlace,
+    MuscleCurves,
+    load_curves,
+    locate,
+    long_axis,
+)
 from handpipe.core import Array, InputError, write_text
 from handpipe.core.configuration import Name, Vector
 from handpipe.mesh.surfaces import Distance, Surface
 
 HEADING = "# Curves of muscles, written by handpipe curves. docs/anatomy.md explains the fields.\n"
 DIGITS = 4  # of places along bones and of directions
-MILLIMETRE_DIGITS = 3
+MILLIMETRE_DIGITS = 3  # of heights in mm
 ENDS = 0.02  # of a bone's axis at its tips, from which no place starts: a ray along a cap misses the bone
 WIDTH = 110  # characters of a line
 
@@ -26,6 +33,27 @@ class Draft(CurveFile):
     """The muscles of a template that is being drawn."""
 
     muscles: dict[Name, MuscleCurves] = Field(default_factory=dict)  # type: ignore[assignment]
+
+
+def load_draft(path: str | Path) -> Draft:
+    """Read a file of curves that may have no muscle yet.
+
+    Parameters
+    ----------
+    path : path
+        YAML file.
+
+    Returns
+    -------
+    Draft
+        Muscles as curves, and the fat.
+
+    Raises
+    ------
+    InputError
+        For the first wrong field, as `load_curves`.
+    """
+    return load_curves(path, Draft)
 
 
 def write_curves(path: str | Path, file: CurveFile) -> None:
@@ -109,7 +137,7 @@ def place_on_bone(
     try:
         surface = locate([CurvePlace.model_validate(on_bone)], bones, distal, source, "place")[0]
     except InputError:  # the rounded ray passes the bone's edge
-        return CurvePlace(at=(float(place[0]), float(place[1]), float(place[2])))
+        return CurvePlace.model_validate({"at": tuple(place.tolist())})
     height = round(float((place - surface) @ towards), MILLIMETRE_DIGITS) + 0.0
     return CurvePlace.model_validate(on_bone | ({"height": height} if height else {}))
 

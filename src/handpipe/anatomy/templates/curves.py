@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -142,13 +142,18 @@ class PlacedMuscle:
     fibres: Literal["gradient", "flow"]
 
 
-def load_curves(path: str | Path) -> CurveFile:
+File = TypeVar("File", bound=CurveFile)
+
+
+def load_curves(path: str | Path, model: type[File] = CurveFile) -> File:  # type: ignore[assignment]
     """Read a file of curves.
 
     Parameters
     ----------
     path : path
         YAML file.
+    model : class
+        What the file has to be.
 
     Returns
     -------
@@ -161,7 +166,7 @@ def load_curves(path: str | Path) -> CurveFile:
         For the first wrong field; the text names the file and where its fields are documented.
     """
     try:
-        return load_yaml(path, CurveFile)
+        return load_yaml(path, model)
     except InputError as error:
         raise InputError(path, error.field, error.problem, "See docs/anatomy.md") from error
 

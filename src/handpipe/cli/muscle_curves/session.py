@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from handpipe.anatomy.editing import (
@@ -19,13 +20,14 @@ from handpipe.anatomy.editing import (
     Draft,
     Edited,
     content_of,
+    load_draft,
     place_on_bone,
     points_of,
     write_curves,
 )
-from handpipe.anatomy.templates import Domain, build_tissue_mesh, load_curves
+from handpipe.anatomy.templates import Domain, build_tissue_mesh
 from handpipe.cli.muscle_curves.packing import pack
-from handpipe.core import Array, InputError
+from handpipe.core import InputError
 from handpipe.core.configuration import Name, checked
 from handpipe.fem.linear import factorise
 from handpipe.mesh.surfaces import Surface, read_surface
@@ -58,7 +60,7 @@ class CurveSession:
         self, target: Path, skin: Surface, bones: Mapping[str, Surface], edge_length: float | None = None
     ) -> None:
         self.target, self.skin, self.bones = target, skin, bones
-        self.draft = Draft.model_validate(content_of(load_curves(target))) if target.is_file() else Draft()
+        self.draft = load_draft(target) if target.is_file() else Draft.model_validate({})
         self.kept: Path | None = None
         self.domain = Domain.between(skin, bones, edge_length or _edge_length(skin, bones))
         self._editor = CurveEditor(self.domain, skin, bones, factorise=factorise, source=target)
@@ -108,7 +110,8 @@ class CurveSession:
 
     def state(self, seconds: float = 0.0) -> bytes:
         """The muscles as they are, packed; with the seconds that an edit took."""
-        edited, lines = self.edited, {}
+        edited = self.edited
+        lines: dict[str, NDArray] = {}
         for name, muscle in edited.muscles.items():
             lines |= {f"line/{name}/{i}": c.points.astype("f4") for i, c in enumerate(muscle.curves)}
         surfaces = {f"muscle/{name}": surface for name, surface in edited.surfaces.items()}
@@ -233,6 +236,8 @@ def _edge_length(skin: Surface, bones: Mapping[str, Surface]) -> float:
     return float(np.cbrt(6 * math.sqrt(2) * volume / TETS))
 
 
-def _arrays(surfaces: Mapping[str, Surface]) -> dict[str, Array]:
-    vertices = {f"{name}/vertices": s.vertices.astype("f4") for name, s in surfaces.items()}
+def _arrays(surfaces: Mapping[str, Surface]) -> dict[str, NDArray]:
+    vertices: dict[str, NDArray] = {
+        f"{name}/vertices": s.vertices.astype("f4") for name, s in surfaces.items()
+    }
     return vertices | {f"{name}/triangles": s.triangles.astype("u4") for name, s in surfaces.items()}
