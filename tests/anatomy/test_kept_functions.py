@@ -124,7 +124,7 @@ def test_entries_stay_right_when_old_ones_are_forgotten(
     domain: Domain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("handpipe.anatomy.editing.greens_matrix.ROOM", 30)
-    greens = GreensMatrix(domain, superlu)
+    greens = GreensMatrix(stiffness(domain.mesh), domain.skin, superlu)
     free, random = greens.free, np.random.default_rng(0)
     dense = np.linalg.inv(stiffness(domain.mesh)[free][:, free].toarray())
     for _ in range(6):

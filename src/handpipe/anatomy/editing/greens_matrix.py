@@ -1,11 +1,11 @@
-"""Green's functions of a domain's Laplacian between its vertices, by one factor that is kept."""
+"""Green's functions of a Laplacian between vertices of a mesh, by one factor that is kept."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy import sparse
 
-from handpipe.anatomy.templates.diffusion import Factorise, block, stiffness
-from handpipe.anatomy.templates.domain import Domain
+from handpipe.anatomy.templates.diffusion import Factorise, block
 from handpipe.core import Array, IntArray
 
 BATCH = 128  # columns that are solved for together: as many as fill the cache
@@ -13,24 +13,26 @@ ROOM = 3000  # vertices whose values are kept at first
 
 
 class GreensMatrix:
-    """Entries of the inverse K^-1 of a domain's Laplacian that is fixed at the skin.
+    """Entries of the inverse of a Laplacian that is fixed at some vertices.
 
     An entry is the value at one vertex of the solution for a unit load at another. Entries that were once
     asked for are kept: curves that are dragged come through the same vertices again and again.
 
     Parameters
     ----------
-    domain : Domain
-        Tets between skin and bones.
+    laplacian : sparse matrix (n, n)
+        Of the whole mesh.
+    fixed : array (f,)
+        Vertices at which solutions are zero; the matrix of the others is positive definite.
     factorise : callable
         Factors symmetric positive definite matrices.
     """
 
-    def __init__(self, domain: Domain, factorise: Factorise) -> None:
-        count = len(domain.mesh.vertices)
-        self.free = np.setdiff1d(np.arange(count), domain.skin)
+    def __init__(self, laplacian: sparse.csr_matrix, fixed: IntArray, factorise: Factorise) -> None:
+        count = laplacian.shape[0]
+        self.free = np.setdiff1d(np.arange(count), fixed)
         self._count = count
-        self._factor = factorise(block(stiffness(domain.mesh), self.free))
+        self._factor = factorise(block(laplacian, self.free))
         self._row = np.full(count, -1)
         self._row[self.free] = np.arange(len(self.free))
         self._place = np.full(len(self.free), -1)
@@ -38,13 +40,13 @@ class GreensMatrix:
         self._entries = np.zeros((ROOM, ROOM))
 
     def solve(self, loads: Array) -> Array:
-        """Values (n, k) for loads (n, k) at the vertices; zero at the skin."""
+        """Values (n, k) for loads (n, k) at the vertices; zero where they are fixed."""
         values = np.zeros((self._count, loads.shape[1]))
         values[self.free] = self._factor.solve(np.asfortranarray(loads[self.free]))
         return values
 
     def between(self, vertices: IntArray) -> Array:
-        """Entries (v, v) of the inverse between vertices (v,); zero at the skin."""
+        """Entries (v, v) of the inverse between vertices (v,); zero where they are fixed."""
         rows = self._row[vertices]
         free = np.flatnonzero(rows >= 0)
         self._learn(rows[free])

@@ -1,14 +1,8 @@
 """Tissue functions of curves that change, by the domain's factor that is kept.
 
-K is the Laplacian of the free vertices, B the matrix of all curves (Eq. 8), W the weights of its rows.
-`diffuse` solves (K + B^T W B) f = B^T W d for the tissue values d of a muscle, which are zero at the other
-curves. By the identity (K + B^T W B)^-1 B^T W = K^-1 B^T S^-1 with S = W^-1 + B K^-1 B^T, the functions are
-
-    f = K^-1 B^T S^-1 d.
-
-S has one row a way of a curve through a tet: a few hundred. K does not depend on the curves. An edit changes
-the rows of one muscle in S, and each function then is one solve by the factor of K. The fat's function is
-`fat` times one minus the function whose tissue value is 1 at all curves, since constants are harmonic.
+An edit changes the rows of one muscle in the small matrix S of `constrained`. Each function then is one solve
+by the factor of the Laplacian, which does not depend on the curves. The fat's function is `fat` times one
+minus the function whose tissue value is 1 at all curves, since constants are harmonic.
 """
 
 from __future__ import annotations
@@ -18,24 +12,25 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import cho_factor, cho_solve
 
+from handpipe.anatomy.editing.constrained import Constrained
 from handpipe.anatomy.editing.greens_matrix import GreensMatrix
+from handpipe.anatomy.editing.spread_matrices import SpreadMatrices
 from handpipe.anatomy.templates.curves import PlacedMuscle
 from handpipe.anatomy.templates.diffusion import (
     WEIGHT,
     Collocation,
     Factorise,
     Functions,
-    block,
     collocations,
-    diffusion_tensors,
     stiffness,
     superlu,
 )
 from handpipe.anatomy.templates.domain import Domain
 from handpipe.core import Array
 from handpipe.mesh.tets import Locator
+
+FAT = ""  # name of the fat's column, which no muscle has
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +51,15 @@ class _Column:
     own: sparse.csr_matrix | None
     values: Array
 
+    def fits(self, data: Array, own: sparse.csr_matrix | None) -> bool:
+        return self.own is own and np.array_equal(self.data, data)
+
 
 class KeptFunctions:
     """Tissue functions of muscles that are edited: the same as of `diffuse`, without its rounding.
 
     Muscles that are the same objects as in the call before are not looked at again. A muscle with spread has
-    a matrix of its own, which is factorised whenever any curve changes.
+    a matrix of its own; its function is found by conjugate gradients.
 
     Parameters
     ----------
@@ -76,7 +74,10 @@ class KeptFunctions:
     def __init__(self, domain: Domain, *, weight: float = WEIGHT, factorise: Factorise = superlu) -> None:
         self.domain = domain
         self._weight, self._factorise = weight, factorise
-        self._greens = GreensMatrix(domain, factorise)
+        self._laplacian = stiffness(domain.mesh)
+        self._greens = GreensMatrix(self._laplacian, domain.skin, factorise)
+        self._spread: SpreadMatrices | None = None
+        self._before: dict[str, Array] = {}
         self._locator = Locator(domain.mesh)
         self._drawn: dict[str, _Drawn] = {}
         self._columns: dict[str, _Column] = {}
@@ -119,68 +120,53 @@ class KeptFunctions:
         return {name: found.get(name) or self._drawn[name] for name in muscles}
 
     def _in_mesh(self, muscle: PlacedMuscle, collocation: Collocation) -> _Drawn:
-        mesh, own = self.domain.mesh, None
+        own = None
         if collocation.has_spread:
-            tensors = diffusion_tensors(mesh, collocation, stiffness(mesh), self._weight, self._factorise)
-            own = stiffness(mesh, tensors)
-        return _Drawn(muscle, collocation, collocation.matrix(mesh), own)
+            self._spread = self._spread or SpreadMatrices(
+                self.domain.mesh, self._laplacian, self._weight, self._factorise
+            )
+            own = self._spread.of(collocation)
+        return _Drawn(muscle, collocation, collocation.matrix(self.domain.mesh), own)
 
     def _units(self, drawn: Mapping[str, _Drawn]) -> Array:
         """Values (n, 1 + k): tissue value 1 at all curves, then each muscle's tissue values at its curves."""
         at_points = sparse.vstack([d.matrix for d in drawn.values()], format="csr")
         weights = np.concatenate([self._weight * d.collocation.lengths for d in drawn.values()])
-        data = _data(drawn)
         places = np.concatenate([d.collocation.points for d in drawn.values()])
         if not _equal(self._constraints, (places, weights)):
             self._columns, self._constraints = {}, (places, weights)
-        own = {"fat": None} | {name: d.own for name, d in drawn.items()}
+        wanted = _wanted(drawn)
         # Where curves and a column's data are the same, so is the solution: only tissue values changed.
-        self._columns = {
-            name: column
-            for name, column in self._columns.items()
-            if name in data and column.own is own[name] and np.array_equal(column.data, data[name])
-        }
-        stale = [name for name in data if name not in self._columns]
-        shared = [name for name in stale if own[name] is None]
-        found = {
-            name: self._with_spread(own[name], at_points, weights, data[name])
-            for name in stale
-            if own[name] is not None
-        }
+        self._columns = {n: c for n, c in self._columns.items() if n in wanted and c.fits(*wanted[n])}
+        stale = {name: given for name, given in wanted.items() if name not in self._columns}
+        if stale:
+            self._columns |= self._solved(Constrained(self._greens, at_points, weights), stale)
+        return np.column_stack([self._columns[name].values for name in wanted])
+
+    def _solved(
+        self, system: Constrained, stale: Mapping[str, tuple[Array, sparse.csr_matrix | None]]
+    ) -> dict[str, _Column]:
+        """Columns by name for data (c,) and the muscle's own matrix, if it has one."""
+        shared = [name for name, (_, own) in stale.items() if own is None]
+        found: dict[str, Array] = {}
         if shared:
-            right = np.column_stack([data[name] for name in shared])
-            found |= zip(shared, self._solved(at_points, weights, right).T, strict=True)
-        self._columns |= {name: _Column(data[name], own[name], values) for name, values in found.items()}
-        return np.column_stack([self._columns[name].values for name in data])
-
-    def _solved(self, at_points: sparse.csr_matrix, weights: Array, data: Array) -> Array:
-        """K^-1 B^T S^-1 d for data (c, k)."""
-        vertices = np.unique(at_points.indices)
-        near = at_points[:, vertices]
-        system = near @ (near @ self._greens.between(vertices)).T + np.diag(1 / weights)
-        loads = cho_solve(cho_factor(system), data)
-        return self._greens.solve(at_points.T @ loads)
-
-    def _with_spread(
-        self, own: sparse.csr_matrix, at_points: sparse.csr_matrix, weights: Array, data: Array
-    ) -> Array:
-        """The whole system of a muscle with spread."""
-        weighted = at_points.T @ sparse.diags(weights)
-        free = self._greens.free
-        factor = self._factorise(block((own + weighted @ at_points).tocsr(), free))
-        values = np.zeros(len(self.domain.mesh.vertices))
-        values[free] = factor.solve((weighted @ data)[free])
-        return values
+            values = system.functions(np.column_stack([stale[name][0] for name in shared]))
+            found |= zip(shared, values.T, strict=True)
+        for name, (data, own) in stale.items():
+            if own is not None:
+                found[name] = system.function_of(own, data, self._before.get(name))
+        self._before |= found
+        return {name: _Column(*stale[name], values) for name, values in found.items()}
 
 
-def _data(drawn: Mapping[str, _Drawn]) -> dict[str, Array]:
-    """Values (c,) at the points of curves: 1 for the fat, tissue values at its own curves for a muscle."""
-    counts = [len(d.collocation.tets) for d in drawn.values()]
-    ends = np.cumsum(counts)
-    found = {"fat": np.ones(ends[-1])}
-    for (name, muscle), end, count in zip(drawn.items(), ends, counts, strict=True):
-        found[name] = np.zeros(ends[-1])
-        found[name][end - count : end] = muscle.collocation.tissue
+def _wanted(drawn: Mapping[str, _Drawn]) -> dict[str, tuple[Array, sparse.csr_matrix | None]]:
+    """Data (c,) at the points of curves, 1 for the fat and zero at other muscles' curves; own matrices."""
+    ends = np.cumsum([len(d.collocation.tets) for d in drawn.values()])
+    found: dict[str, tuple[Array, sparse.csr_matrix | None]] = {FAT: (np.ones(ends[-1]), None)}
+    for (name, muscle), end in zip(drawn.items(), ends, strict=True):
+        tissue = np.zeros(ends[-1])
+        tissue[end - len(muscle.collocation.tets) : end] = muscle.collocation.tissue
+        found[name] = tissue, muscle.own
     return found
 
 

@@ -107,6 +107,12 @@ class CurveFile(Model):
     fat: Positive = Field(0.5, description="tissue value of the fat at the skin")
     muscles: dict[Name, MuscleCurves] = Field(min_length=1)
 
+    @model_validator(mode="after")
+    def _no_second_fat(self) -> CurveFile:
+        if "fat" in self.muscles:
+            raise ValueError("muscles: fat is the tissue between muscles; a muscle needs another name")
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class PlacedCurve:

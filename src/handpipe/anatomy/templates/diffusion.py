@@ -232,11 +232,18 @@ def diffusion_tensors(
 
     They are the tensors of the curves' frames and rates, carried harmonically into the mesh.
     """
+    return tensors_through(
+        mesh,
+        collocation,
+        lambda data: spread_from_curves(mesh, collocation, data, isotropic, weight, factorise),
+    )
+
+
+def tensors_through(mesh: TetMesh, collocation: Collocation, spread: Callable[[Array], Array]) -> Array:
+    """Diffusion tensors (m, 3, 3): `spread` takes data (c, d) from curves' points to vertices (n, d)."""
     frames = collocation.frames
     at_points = np.swapaxes(frames, 1, 2) @ (np.log(collocation.rates)[:, :, None] * frames)
-    logarithm = spread_from_curves(
-        mesh, collocation, at_points.reshape(-1, 9), isotropic, weight, factorise
-    ).reshape(-1, 3, 3)
+    logarithm = spread(at_points.reshape(-1, 9)).reshape(-1, 3, 3)
     mean = logarithm[mesh.tets].mean(axis=1)
     rates, axes = np.linalg.eigh(mean)
     return np.asarray((axes * np.exp(rates)[:, None]) @ np.swapaxes(axes, 1, 2))
