@@ -1,4 +1,4 @@
-"""Processor seconds of an edit of one muscle as a curve, from the file's content to the surfaces that are drawn."""
+"""Processor seconds of an edit of one muscle, from the file's content to the surfaces that are drawn."""
 
 from __future__ import annotations
 

@@ -85,16 +85,37 @@ def test_a_curve_outside_the_skin_is_one_fault(editor: CurveEditor) -> None:
     assert faults_of(editor, 1, at=[0, 0, -19]) == []
 
 
-def test_a_muscle_without_attachment_is_one_fault(editor: CurveEditor) -> None:
-    [said] = faults_of(editor, 0, at=[-28, 0, -13])
-    assert said.startswith("arm.yaml: muscles.flexor: is not attached: its origin lies ")
-    assert "reach of 3 mm" in said
+def free_ends(*ends: int) -> dict[str, Any]:
+    """The arm's curves, ends of the flexor off the bone."""
     edited = content()
-    flexor = edited["muscles"]["flexor"]
-    flexor["curves"][0]["points"][0] = {"at": [-28, 0, -13]}
+    for end in ends:
+        edited["muscles"]["flexor"]["curves"][0]["points"][end] = {"at": [28 * (1 if end else -1), 0, -13]}
+    return edited
+
+
+def distance_in(said: str) -> float:
+    return float(said.partition("its origin lies ")[2].split()[0])
+
+
+def test_a_muscle_without_attachment_is_one_fault(editor: CurveEditor) -> None:
+    [said] = map(str, editor.edit(CurveFile.model_validate(free_ends(0, 2))).faults)
+    assert said.startswith("arm.yaml: muscles.flexor: is attached to no bone: its origin lies ")
+    assert distance_in(said) == pytest.approx(13 - 5, abs=0.4)  # the bone has flat triangles
+    assert "reach of 3 mm" in said and "its insertion lies" in said
+    edited = free_ends(0, 2)
     place = {"bone": "radius", "along": 0.1, "towards": [0, 0, -1]}
-    flexor["attachments"] = [{"end": "origin", "points": [place]}]
-    assert editor.edit(CurveFile.model_validate(edited)).faults == ()
+    edited["muscles"]["flexor"]["attachments"] = [{"end": "origin", "points": [place]}]
+    found = editor.edit(CurveFile.model_validate(edited))
+    assert not any("no bone" in str(fault) for fault in found.faults)
+
+
+def test_a_muscle_with_one_end_off_the_bones_is_a_warning(editor: CurveEditor) -> None:
+    """Lumbricals begin on tendons."""
+    edited = editor.edit(CurveFile.model_validate(free_ends(0)))
+    assert edited.faults == ()
+    [said] = edited.warnings
+    assert said.startswith("flexor: its origin lies ") and distance_in(said) == pytest.approx(8, abs=0.4)
+    assert editor.edit(CurveFile.model_validate(content())).warnings == ()
 
 
 def test_a_muscle_that_is_lost_is_named_and_the_others_stay(editor: CurveEditor) -> None:

@@ -1,6 +1,10 @@
 """Curves of muscles edited over the server: what an edit answers, what is saved, which tets are made."""
 
 import json
+import re
+import shlex
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -191,6 +195,11 @@ def test_tets_are_made_where_nothing_is_wrong(served: CurveServer) -> None:
     made = TissueMesh.load(served.session.target.with_suffix(".h5"))
     assert made.names == ("fat", "flexor", "extensor", "abductor")
     assert f"{len(made.labels)} tets" in said and "flexor" in said
+    lines = unpacked(request(served, "fibres"))[1]["lines"].reshape(-1, 2, 3).astype(float)
+    assert 100 < len(lines) <= 1500
+    along = np.abs((lines[:, 1] - lines[:, 0])[:, 0]) / np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1)
+    assert np.median(along) > 0.9  # the arm's muscles run along x
+    assert SURFACES[0].contains(lines.mean(axis=1)).all()
 
 
 def curves(*arguments: object) -> int:
@@ -204,13 +213,13 @@ def test_check_names_each_fault(surfaces: Path, tmp_path: Path, capsys: pytest.C
     assert curves(path, *given, "--edge-length", 5) == 0
     assert "nothing is wrong" in capsys.readouterr().out
     edited = content()
-    flexor(edited)[0] = {"at": [-28, 0, -13]}
+    flexor(edited)[0], flexor(edited)[2] = {"at": [-28, 0, -13]}, {"at": [28, 0, -13]}
     edited["muscles"]["abductor"]["curves"][0]["points"][1]["at"] = [5, -30, 6]
     path.write_text(yaml.safe_dump(edited, sort_keys=False), encoding="utf-8")
     assert curves(path, *given, "--edge-length", 5) == 1
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 2
-    assert "muscles.flexor: is not attached: its origin lies" in said[0]
+    assert "muscles.flexor: is attached to no bone: its origin lies" in said[0]
     assert "muscles.abductor.curves.0:" in said[1] and "outside the skin" in said[1]
 
 
@@ -257,3 +266,36 @@ def test_there_need_be_no_file(surfaces: Path, tmp_path: Path) -> None:
     session.edit(json.dumps({"muscles": {"flexor": content()["muscles"]["flexor"]}}).encode())
     session.save()
     assert list(load_curves(tmp_path / "new.yaml").muscles) == ["flexor"]
+
+
+def test_the_command_serves_the_page_until_it_is_ended(surfaces: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "handpipe.cli", "curves", tmp_path / "new.yaml", "--no-browser"]
+    given = ["--skin", surfaces / "skin.ply", "--bones", surfaces / "bones", "--edge-length", "6"]
+    with subprocess.Popen([*command, *given], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert "muscles as curves" in process.stdout.readline()
+        address = process.stdout.readline().strip()
+        with urlopen(address, timeout=10) as response:
+            assert "script-src 'self' data: 'nonce-" in response.headers["Content-Security-Policy"]
+        with urlopen(Request(address + "stop", data=b""), timeout=10) as response:
+            assert json.loads(response.read())["said"] == "ended"
+        assert process.wait(timeout=20) == 0
+
+
+HOW_TO = Path(__file__).parents[2] / "docs/how-to/muscle-curves.md"
+
+
+def test_the_commands_of_the_how_to_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Those that open a page are checked only."""
+    blocks = re.findall(r"^```\n(.*?)^```$", HOW_TO.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    lines = [shlex.split(line) for block in blocks for line in block.splitlines()]
+    assert len(lines) == 4
+    (tmp_path / "Snakefile").touch()
+    monkeypatch.chdir(tmp_path)
+    for program, *arguments in lines:
+        assert program == "handpipe"
+        opens = "--example" not in arguments
+        assert main([*arguments, *(["--check", "--edge-length", "14"] if opens else [])]) == 0
+        assert capsys.readouterr().out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +11,12 @@ from handpipe.anatomy.templates.curves import PlacedAttachment, PlacedMuscle
 from handpipe.core import Array, InputError
 from handpipe.mesh.surfaces import Distance, Surface, arclength, closest_on_polyline, concatenate
 
+BOTH = 2  # ends of a muscle
 SLACK = 0.05  # mm beyond the skin that points on it may be, by rounding
 
 
 class CurveFaults:
-    """Finds curves outside the skin and muscles that are attached to no bone.
+    """Finds curves outside the skin and muscles that are attached to no bone, or at one end only.
 
     Parameters
     ----------
@@ -45,6 +46,26 @@ class CurveFaults:
             Each names the muscle and its field.
         """
         return [fault for name, muscle in muscles.items() for fault in self._of_one(name, muscle)]
+
+    def doubts(self, muscles: Mapping[str, PlacedMuscle]) -> list[str]:
+        """Sentences on muscles of which one end alone is on a bone.
+
+        Parameters
+        ----------
+        muscles : mapping of str to PlacedMuscle
+            Curves and attachments in mm by muscle.
+
+        Returns
+        -------
+        list of str
+        """
+        gaps = {name: self._gaps(muscle) for name, muscle in muscles.items()}
+        return [
+            f"{name}: {sentence}: right for a muscle that is attached to another organ there"
+            for name, found in gaps.items()
+            if len(found) == 1
+            for sentence in found.values()
+        ]
 
     def of_extent(self, name: str, muscle: PlacedMuscle, points: Array, edge: float) -> list[InputError]:
         """The faults of a muscle that ends far from where it is attached.
@@ -87,9 +108,11 @@ class CurveFaults:
     def _of_one(self, name: str, muscle: PlacedMuscle) -> Iterator[InputError]:
         for number, curve in enumerate(muscle.curves):
             yield from self._outside(f"muscles.{name}.curves.{number}", curve.points)
-        ends = {"origin": muscle.origins, "insertion": muscle.insertions}
-        for end, attachments in ends.items():
-            yield from self._unattached(f"muscles.{name}", end, attachments)
+        gaps = self._gaps(muscle)
+        if len(gaps) == BOTH:
+            problem = f"is attached to no bone: {' and '.join(gaps.values())}"
+            remedy = "Place the first or the last point of a curve on a bone"
+            yield InputError(self._source, f"muscles.{name}", problem, remedy)
 
     def _outside(self, field: str, points: Array) -> Iterator[InputError]:
         """The fault of a curve that leaves the skin."""
@@ -103,17 +126,13 @@ class CurveFaults:
         problem = f"{length:.1f} mm of it lie outside the skin, near ({place})"
         yield InputError(self._source, field, problem, "Move its points into the skin")
 
-    def _unattached(
-        self, field: str, end: str, attachments: Sequence[PlacedAttachment]
-    ) -> Iterator[InputError]:
-        """The fault of an end of which no attachment reaches a bone."""
-        distances = [self._bones.closest(a.points)[0].min() for a in attachments]
-        if any(d <= a.reach for d, a in zip(distances, attachments, strict=True)):
-            return
-        nearest = int(np.argmin(distances))
-        problem = (
-            f"is not attached: its {end} lies {distances[nearest]:.1f} mm from the nearest bone, beyond its "
-            f"reach of {attachments[nearest].reach:g} mm"
-        )
-        which = "first" if end == "origin" else "last"
-        yield InputError(self._source, field, problem, f"Place the {which} point of a curve on a bone")
+    def _gaps(self, muscle: PlacedMuscle) -> dict[str, str]:
+        """A sentence on each end that no attachment joins to a bone."""
+        found = {}
+        for end, attachments in {"origin": muscle.origins, "insertion": muscle.insertions}.items():
+            distances = np.array([self._bones.closest(a.points)[0].min() for a in attachments])
+            if (distances > [a.reach for a in attachments]).all():
+                nearest = int(np.argmin(distances))
+                reach = f"beyond its reach of {attachments[nearest].reach:g} mm"
+                found[end] = f"its {end} lies {distances[nearest]:.1f} mm from the nearest bone, {reach}"
+        return found

@@ -106,7 +106,7 @@ class CurveEditor:
         faults += [self._nowhere(name, name in inside) for name in muscles if name not in surfaces]
         if not faults:
             faults = self._of_extents(muscles, functions, surfaces)
-        warnings = crossings(muscles, self._edge)
+        warnings = self._faults.doubts(muscles) + crossings(muscles, self._edge)
         return Edited(muscles, functions, surfaces, tuple(faults), tuple(warnings))
 
     def _place(self, file: CurveFile) -> dict[str, PlacedMuscle]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import secrets
 import threading
 from collections.abc import Callable
 from http import HTTPStatus
@@ -69,6 +70,8 @@ class _Handler(PageHandler):
             self.answer(session.surfaces(), BYTES)
         elif name == "state":
             self._work(lambda: self.answer(session.state(), BYTES))
+        elif name == "fibres":
+            self._work(lambda: self.answer(session.fibres(), BYTES))
         else:
             self.refuse_unknown()
 
@@ -86,8 +89,8 @@ class _Handler(PageHandler):
             self.refuse_unknown()
 
     def _page(self) -> None:
-        """The page; its secret is also that of its one script that stands inside."""
-        nonce = self.server.secret
+        """The page, which allows the one script that stands inside."""
+        nonce = secrets.token_urlsafe(16)
         self.policy = f"{self.policy}; script-src 'self' data: 'nonce-{nonce}'"
         page = _static("page.html").decode()
         page = page.replace("NONCE", nonce).replace("IMPORT_MAP", import_map({}))

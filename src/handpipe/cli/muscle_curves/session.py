@@ -25,14 +25,15 @@ from handpipe.anatomy.editing import (
     points_of,
     write_curves,
 )
-from handpipe.anatomy.templates import Domain, build_tissue_mesh
+from handpipe.anatomy.templates import Domain, TissueMesh, build_tissue_mesh
 from handpipe.cli.muscle_curves.packing import pack
-from handpipe.core import InputError
+from handpipe.core import InputError, evenly
 from handpipe.core.configuration import Name, checked
 from handpipe.fem.linear import factorise
 from handpipe.mesh.surfaces import Surface, read_surface
 
 TETS = 60_000  # of the domain, about, where no edge length is given
+FIBRES = 1500  # lines of fibres that are drawn, at most
 SUFFIXES = (".ply", ".stl", ".obj")
 
 
@@ -62,6 +63,7 @@ class CurveSession:
         self.target, self.skin, self.bones = target, skin, bones
         self.draft = load_draft(target) if target.is_file() else Draft.model_validate({})
         self.kept: Path | None = None
+        self.tissue: TissueMesh | None = None
         self.domain = Domain.between(skin, bones, edge_length or _edge_length(skin, bones))
         self._editor = CurveEditor(self.domain, skin, bones, factorise=factorise, source=target)
         self.edited = self._editor.edit(self.draft)
@@ -149,11 +151,23 @@ class CurveSession:
         )
         path = self.target.with_suffix(".h5")
         tissue.save(path)
+        self.tissue = tissue
         volumes = dict(zip(tissue.names, tissue.volumes(), strict=True))
         said = ", ".join(f"{name} {volume / 1000:.1f} ml" for name, volume in volumes.items())
         warnings = "".join(f". {text}" for text in tissue.warnings)
         angle = f"smallest dihedral angle {tissue.mesh.smallest_dihedral():.1f} degrees"
         return f"{path}: {len(tissue.labels)} tets, {angle}; {said}{warnings}"
+
+    def fibres(self) -> bytes:
+        """Short lines along the fibres of some tets of the last mesh, packed."""
+        if self.tissue is None:
+            raise InputError(self.target, "tets", "have not been made", "Press Make tets")
+        mesh, labels = self.tissue.mesh, self.tissue.labels
+        muscle = np.flatnonzero(labels > 0)
+        shown = muscle[evenly(len(muscle), FIBRES)]
+        middles = mesh.vertices[mesh.tets[shown]].mean(axis=1)
+        half = mesh.edge_length() * self.tissue.fibres[shown]
+        return pack({}, {"lines": np.stack([middles - half, middles + half], axis=1).astype("f4")})
 
     def _dropped(self, content: Any) -> Any:
         """The content with each drop as a place on a bone."""

@@ -101,7 +101,8 @@ export class Editor {
         this.accept(unpack(await response.arrayBuffer()), asked);
       } catch (error) {
         if (!this.next) this.latest = this.content;
-        this.say(error.message, true);
+        if (this.before.at(-1) === this.content) this.before.pop(); // nothing was changed that could be undone
+        this.say(error.message);
       }
     }
   }

@@ -10,6 +10,8 @@ const NEAR = 14; // pixels from a point at which a pointer takes it
 const STILL = 4; // pixels that a pointer may move in a click
 const BONE = [0.93, 0.9, 0.82], SKIN = [0.9, 0.72, 0.62];
 const element = (id) => document.getElementById(id);
+/** Shows a value in a field, unless a person is writing there. */
+function put(id, value) { if (document.activeElement !== element(id)) element(id).value = value; }
 const same = (a, b) => a && b && a.muscle === b.muscle && a.kind === b.kind && a.list === b.list && a.point === b.point;
 
 /** Colour of a muscle by its place in the file, sRGB from 0 to 1. */
@@ -35,7 +37,7 @@ class Page {
     this.drawn = new THREE.Group(); // muscles, lines and points, anew after each edit
     this.space.scene.add(this.drawn);
     this.addStatics(statics);
-    this.editor = new Editor((state, asked) => this.show(state, asked), say);
+    this.editor = new Editor((state, asked) => this.show(state, asked), (text) => { say(text, true); this.fill(); });
     this.bind();
     this.listen();
   }
@@ -60,6 +62,7 @@ class Page {
   /** Shows what the server answered. */
   show(state, asked) {
     this.state = state;
+    this.fibres = undefined; // those of tets that are made of other curves
     const names = Object.keys(state.content.muscles ?? {});
     if (!names.includes(this.chosen?.muscle)) this.chosen = names.length ? { muscle: names[0] } : undefined;
     if (this.chosen?.kind && !pointsAt(state.content, this.chosen)?.[this.chosen.point]) this.chosen = { muscle: this.chosen.muscle };
@@ -86,6 +89,7 @@ class Page {
         places[muscle][kind].forEach((list, l) => list.forEach((place, point) => this.addPoint({ muscle, kind, list: l, point }, place, number)));
       }
     });
+    if (this.fibres) this.addFibres();
   }
 
   addMuscle(muscle, number, arrays) {
@@ -95,6 +99,12 @@ class Page {
     for (const mesh of meshes) mesh.userData.muscle = muscle;
     this.muscles.push(meshes.at(-1));
     this.drawn.add(...meshes);
+  }
+
+  addFibres() {
+    const geometry = new THREE.BufferGeometry().setAttribute("position", new THREE.BufferAttribute(this.fibres, 3));
+    const material = new THREE.LineBasicMaterial({ color: 0x5a1f1f, depthTest: false, transparent: true, opacity: 0.5 });
+    this.drawn.add(Object.assign(new THREE.LineSegments(geometry, material), { renderOrder: 1e4 }));
   }
 
   addLine(points, number, own) {
@@ -152,6 +162,7 @@ class Page {
   }
 
   press(event) {
+    document.activeElement?.blur(); // what was written counts for the point that was chosen
     if (event.button !== 0) return;
     this.pressed = [event.clientX, event.clientY];
     const found = this.wanted ? undefined : this.pointAt(event);
@@ -239,7 +250,7 @@ class Page {
     for (const [id, texts] of Object.entries({ faults, warnings })) {
       element(id).replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
     }
-    element("fat").value = content.fat ?? 0.5;
+    put("fat", content.fat ?? 0.5);
     element("muscles").replaceChildren(...Object.keys(content.muscles ?? {}).map((name, number) => this.muscleButton(name, number)));
     element("muscle").hidden = !muscle;
     element("point").hidden = !this.chosen?.kind;
@@ -247,10 +258,10 @@ class Page {
     element("redo").disabled = !this.editor.after.length;
     if (!muscle) return;
     element("chosen").textContent = this.chosen.muscle;
-    element("reach").value = muscle.reach ?? 3;
-    element("volume").value = muscle.volume ?? "";
-    element("edge_length").value = muscle.edge_length ?? "";
-    element("fibres").value = muscle.fibres ?? "gradient";
+    put("reach", muscle.reach ?? 3);
+    put("volume", muscle.volume ?? "");
+    put("edge_length", muscle.edge_length ?? "");
+    put("fibres", muscle.fibres ?? "gradient");
     element("delete-curve").disabled = muscle.curves.length < 2 || this.chosen.kind !== "curves";
     if (this.chosen.kind) this.fillPoint(muscle);
   }
@@ -263,11 +274,11 @@ class Page {
     element("values").hidden = !curve;
     element("add-point").hidden = !curve;
     element("attachment-reach").hidden = curve;
-    element("tissue").value = one.tissue ?? 1;
-    element("spread-0").value = one.spread?.[0] ?? 1;
-    element("spread-1").value = one.spread?.[1] ?? 1;
-    element("normal").value = muscle.curves[curve ? list : 0].normal?.join(", ") ?? "";
-    element("own-reach").value = curve ? "" : muscle.attachments[list].reach ?? 3;
+    put("tissue", one.tissue ?? 1);
+    put("spread-0", one.spread?.[0] ?? 1);
+    put("spread-1", one.spread?.[1] ?? 1);
+    put("normal", muscle.curves[curve ? list : 0].normal?.join(", ") ?? "");
+    put("own-reach", curve ? "" : muscle.attachments[list].reach ?? 3);
     element("to-bone").disabled = Boolean(one.bone);
     element("to-space").disabled = !one.bone;
   }
@@ -330,7 +341,7 @@ class Page {
 
   bind() {
     const on = (id, event, act) => element(id).addEventListener(event, () => act(element(id)));
-    const number = (id, act) => on(id, "change", ({ value }) => { if (Number(value) > 0) act(Number(value)); else this.fill(); });
+    const number = (id, act) => on(id, "change", ({ value }) => { if (Number(value) > 0) act(Number(value)); else { element(id).blur(); this.fill(); } });
     for (const view of Object.keys(VIEWS)) {
       const button = Object.assign(document.createElement("button"), { textContent: view, onclick: () => this.look(view) });
       element("views").append(button);
@@ -355,7 +366,7 @@ class Page {
     on("normal", "change", ({ value }) => {
       const parts = value.split(",").map(Number), { list } = this.chosen;
       if (parts.length === 3 && parts.every(Number.isFinite)) this.muscle(({ curves }) => { curves[list].normal = parts; });
-      else { say("A normal is three numbers: x, y, z", true); this.fill(); }
+      else { say("A normal is three numbers: x, y, z", true); element("normal").blur(); this.fill(); }
     });
     number("own-reach", (value) => { const { list } = this.chosen; this.muscle(({ attachments }) => { attachments[list].reach = value; }); });
     on("add-point", "click", () => this.insertPoint());
@@ -392,8 +403,9 @@ class Page {
     for (const id of ["save", "tets"]) element(id).disabled = true;
     try {
       const { said } = await (await post(name)).json();
-      say(said);
       if (name === "save") this.editor.saved = true;
+      else { this.fibres = (await get("fibres")).arrays.lines; this.rebuild(); this.draw(); }
+      say(said);
     } catch (error) {
       say(error.message, true);
     }
