@@ -198,9 +198,7 @@ def posed(template: SubjectTemplate, target: Points) -> Biharmonic:
     return found.skeleton.field(found.maps())
 
 
-def fit_pose(
-    template: SubjectTemplate, target: Points, pose: Mapping[str, float] | None = None
-) -> PosedHand:
+def fit_pose(template: SubjectTemplate, target: Points, pose: Mapping[str, float] | None = None) -> PosedHand:
     """Pose and sizes of the template's bones as target feature points show them.
 
     The most probable similarity of the hand, angles, size of the rays and lengths of their bones: squares of

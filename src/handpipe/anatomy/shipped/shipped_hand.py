@@ -86,9 +86,7 @@ class ShippedHand:
             for name, joint in fields["joints"].items()
             if not joint["angles"]
         }
-        return ShippedHand(
-            template if side == SIDE else template.mirrored(), limits, fixed, source / POSES
-        )
+        return ShippedHand(template if side == SIDE else template.mirrored(), limits, fixed, source / POSES)
 
 
 def _outwards(joints: Fields) -> list[str]:
