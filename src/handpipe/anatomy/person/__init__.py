@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.anatomy.person.bony_points import bony_feature_points
     from handpipe.anatomy.person import feature_points
+    from handpipe.anatomy.person.bony_points import bony_feature_points
     from handpipe.anatomy.person.family import lengths_of
     from handpipe.anatomy.person.person_of_points import person_of_photograph, person_of_points
     from handpipe.anatomy.person.photograph import Photograph, read_photograph

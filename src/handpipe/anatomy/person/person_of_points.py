@@ -152,4 +152,4 @@ def _at_rest(
 
 def _before(motion: Affine, point: Array) -> Array:
     """The point (3,) that an affine map takes to a given one."""
-    return np.linalg.solve(motion.matrix, point - motion.offset)
+    return np.asarray(np.linalg.solve(motion.matrix, point - motion.offset))

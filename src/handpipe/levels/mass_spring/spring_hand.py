@@ -53,18 +53,28 @@ class AttachedSurface(Protocol):
     """A closed neutral surface in mm, and its vertices (k,) that are attached to each bone."""
 
     @property
-    def surface(self) -> Surface: ...
+    def surface(self) -> Surface:
+        """Closed neutral surface, mm."""
+        ...
+
     @property
-    def attachments(self) -> Mapping[str, IntArray]: ...
+    def attachments(self) -> Mapping[str, IntArray]:
+        """Attached vertices (k,) by bone."""
+        ...
 
 
 class MuscleSurface(Protocol):
     """A muscle by its name and its surface: one that is fitted to scans, or a template's (`Bulging`)."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Name of the muscle."""
+        ...
+
     @property
-    def body(self) -> AttachedSurface: ...
+    def body(self) -> AttachedSurface:
+        """Its surface."""
+        ...
 
 
 class Bulging(NamedTuple):

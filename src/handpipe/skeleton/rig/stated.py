@@ -64,7 +64,8 @@ def stated_rig(
     """
     children = {joint.child for joint in joints}
     root = next(bone for bone in surfaces if bone not in children)
-    reached, order, left = {root}, [], list(joints)
+    reached, left = {root}, list(joints)
+    order: list[RigJoint] = []
     while len(order) < len(joints):
         found = [joint for joint in left if joint.parent in reached]
         left = [joint for joint in left if joint.parent not in reached]
