@@ -22,9 +22,8 @@ from handpipe.skeleton.rig import Rig, StatedJoint, stated_rig
 from handpipe.tissues.fat import Rigid, Skin
 
 FLAT = "flat"  # pose of the shipped hand as a hand is photographed
-POSES = RandomPoses(
-    count=60, seed=0, around="scans", spread=0.4
-)  # whose frames of springs the page's levels learn
+SOURCE = "frames of springs (L2)"  # that the page's levels are learned from
+POSES = RandomPoses(count=60, seed=0, around="scans", spread=0.4)  # besides those of the shipped hand
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ class PlayedHand:
 
     def write_page(self, path: Path, name: str) -> None:
         """Write the page that moves the hand."""
-        write_player(path, name, self.learned, self.rig, self.template.side)
+        write_player(path, name, self.learned, self.rig, self.template.side, SOURCE)
 
     def write_motion(self, path: Path, motion: Path) -> int:
         """Write frames at L2 as animated glTF; the number of frames.

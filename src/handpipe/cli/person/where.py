@@ -60,11 +60,13 @@ def _words(point: str) -> str:
 
 
 def _triangles(vertices: Array, cells: IntArray, most: int) -> list[list[float]]:
-    """Triangles of a coarser surface as they are seen."""
+    """Triangles of a coarser surface that face the eye, as they are seen."""
     points, faces = fast_simplification.simplify(
         vertices.astype(np.float32), cells.astype(np.int32), target_count=min(most, len(cells) - 1)
     )
-    found: list[list[float]] = np.round(_seen(points)[faces].reshape(-1, 6), 1).tolist()
+    a, b, c = _seen(points)[faces].transpose(1, 0, 2)
+    towards = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]
+    found: list[list[float]] = np.round(np.hstack([a, b, c])[towards], 1).tolist()
     return found
 
 

@@ -49,7 +49,7 @@ function ask(name) {
   for (const button of element("points").querySelectorAll("button")) {
     button.classList.toggle("next", button.value === name);
     button.classList.toggle("done", marks.has(button.value));
-    if (button.value === name) button.scrollIntoView({ block: "nearest" });
+    if (button.value === name) element("points").scrollTop = button.offsetTop - element("points").clientHeight / 2;
   }
   element("undo").disabled = history.length === 0;
   element("skip").disabled = !name;
