@@ -1,6 +1,5 @@
 """A hand of known sizes, and a picture of it lying flat beside a bank card."""
 
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from handpipe.anatomy.person import Photograph, SubjectTemplate
 from handpipe.anatomy.person.family import lengths_of, resized
 from handpipe.anatomy.shipped import ShippedHand
 from handpipe.cli.person.played_hand import PlayedHand
+from handpipe.core import Frame
 
 CARD = 85.6  # mm
 PIXELS = 6.0  # a mm
@@ -33,23 +33,19 @@ def truth(side: str = "right") -> SubjectTemplate:
 
 @cache
 def lying(side: str = "right") -> tuple[dict[str, np.ndarray], PlayedHand]:
-    """Feature points (3,) of that hand, nearly flat, and the hand; points go with the rig's bones."""
+    """Feature points (3,) of that hand, nearly flat, carried by the rig's bones; and the hand."""
     hand = PlayedHand.of(ShippedHand.load(side), truth(side))
     turned = hand.rig.bone_transforms(angles(hand))
-    bones = [joint for joint in truth(side).joints]
-    owner = {joint.name: joint.parent for joint in bones}
+    owner = {joint.name: joint.parent for joint in truth(side).joints}
     owner |= {f"tip{ray}": f"distal{ray}" for ray in range(1, 6)}
     found = {}
     for name, point in truth(side).feature_points.items():
-        if name.startswith("web"):
-            near = [turned[f"{kind}{ray}"](point) for kind in ("metacarpal", "proximal") for ray in name[3:]]
-            found[name] = np.mean(near, axis=0)
-        else:
-            found[name] = turned[owner[name]](point)
+        found[name] = turned[owner[name]](point)
     return found, hand
 
 
 def angles(hand: PlayedHand) -> dict[str, float]:
+    """Angles in rad of the photographed pose: the fingers are spread more than in the expected one."""
     flat = hand.flat
     return {name: value + np.radians(TURNED.get(name, 0.0)) for name, value in flat.items()}
 
@@ -70,11 +66,11 @@ def photograph(side: str = "right", palm: bool = False, **further) -> Photograph
 
 def write_picture(path: Path, side: str = "right") -> None:
     """The skin as springs carry it, lighter where it faces up, on a dark table."""
-    from handpipe.core import Frame
-
     _, hand = lying(side)
     posed = angles(hand)
-    skin = hand.springs.frame(Frame("shot", posed, hand.rig.bone_transforms(posed)), judged=False)["skin"]["skin"]
+    skin = hand.springs.frame(Frame("shot", posed, hand.rig.bone_transforms(posed)), judged=False)["skin"][
+        "skin"
+    ]
     corners, image = skin.vertices[skin.cells], Image.new("RGB", SIZE, (52, 60, 70))
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     up = normals[:, 2] / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
@@ -86,7 +82,3 @@ def write_picture(path: Path, side: str = "right") -> None:
     (x0, y), (x1, _) = RULER
     draw.rectangle([x0, y, x1, y + 60], fill=(235, 235, 225))
     image.save(path)
-
-
-def smaller(template: SubjectTemplate) -> SubjectTemplate:
-    return replace(template, muscles={}, ligaments={}, tendons={})

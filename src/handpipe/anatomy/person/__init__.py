@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from handpipe.anatomy.person import feature_points
     from handpipe.anatomy.person.bony_points import bony_feature_points
     from handpipe.anatomy.person.family import lengths_of
-    from handpipe.anatomy.person.person_of_points import person_of_photograph, person_of_points
+    from handpipe.anatomy.person.person_at_rest import person_of_photograph, person_of_points
     from handpipe.anatomy.person.photograph import Photograph, read_photograph
     from handpipe.anatomy.person.subject_template import (
         SubjectTemplate,

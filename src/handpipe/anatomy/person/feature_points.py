@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import combinations
 from pathlib import Path
 
@@ -38,7 +38,7 @@ NAMES = (
 )
 FEWEST = 8  # with which all five rays can be distinguished
 REASONABLE = 16  # with which Albrecht 2003 had reasonable hands
-NEAREST = 2.0  # mm between two points, at least: a child's are 10 mm apart
+NEAREST = 0.012  # share of the hand's extent within which two points coincide: 2 mm of an adult's
 COLUMNS = ["point", "x", "y", "z"]  # of a table
 # mm, for hands of one size. In two adults' hands in different poses, points are up to 14 mm from where the
 # others lead to, so that a smaller error cannot be distinguished from how people differ.
@@ -89,7 +89,7 @@ def read_table(path: str | Path) -> dict[str, Array]:
     InputError
         For another header, a row that is no feature point, and points that coincide.
     """
-    header, *rows = csv.reader(read_text(path).splitlines()) or [[]]
+    header, *rows = [*csv.reader(read_text(path).splitlines())] or [[]]
     if [cell.strip() for cell in header] != COLUMNS:
         given = ",".join(header)
         raise InputError(path, "header", f"is {given!r}", f"Write {','.join(COLUMNS)}; lengths are in mm")
@@ -115,7 +115,7 @@ def require_apart(points: Points, source: str | Path) -> None:
     Parameters
     ----------
     points : mapping of str to array
-        Feature points in mm by name.
+        Feature points by name, in any unit.
     source : path
         The file of the points, for messages.
 
@@ -124,8 +124,9 @@ def require_apart(points: Points, source: str | Path) -> None:
     InputError
         For two points at one place; the text names both.
     """
+    extent = np.ptp([*points.values()], axis=0).max(initial=0.0)
     for a, b in combinations(points, 2):
-        if np.linalg.norm(points[a] - points[b]) < NEAREST:
+        if np.linalg.norm(points[a] - points[b]) <= NEAREST * extent:
             problem = "lie at one place"
             raise InputError(source, f"{a}, {b}", problem, "Move one of them to where it belongs")
 
@@ -141,7 +142,12 @@ def missing(points: Points) -> tuple[str, ...]:
     return tuple(name for name in NAMES if name not in points)
 
 
-def require_enough(points: Mapping[str, object], source: str | Path, fewest: int = FEWEST) -> None:
+def require_enough(
+    points: Mapping[str, object],
+    source: str | Path,
+    fewest: int = FEWEST,
+    among: Collection[str] = NAMES,
+) -> None:
     """Check that feature points are enough for a warp.
 
     Parameters
@@ -152,13 +158,15 @@ def require_enough(points: Mapping[str, object], source: str | Path, fewest: int
         The file of the points, for messages.
     fewest : int
         Least number of points.
+    among : collection of str
+        Points that count, for messages.
 
     Raises
     ------
     InputError
         For fewer points, or where a ray has none of its own.
     """
-    absent = ", ".join(name for name in NAMES if name not in points)
+    absent = ", ".join(name for name in NAMES if name in among and name not in points)
     if len(points) < fewest:
         problem = f"only {len(points)} of at least {fewest} points"
         raise InputError(source, "feature points", problem, f"Place more of {absent}")

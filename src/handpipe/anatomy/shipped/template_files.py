@@ -21,6 +21,7 @@ from handpipe.mesh.surfaces import Distance, Surface, read_surface, write_surfac
 
 HAND = Path(__file__).with_name("hand")  # the template that is shipped
 FIELDS = "fields.json"
+WEB = "web"  # points so named are left out: this skin is webbed up to 0.8 of the proximal phalanges
 SKIN, PLACES, POSES = "skin.ply", "places.json", "poses.csv"  # of the hand as one, which no dataset names
 SIDE: Side = "right"  # of what is shipped
 CURVE = 9  # points of a tendon's path
@@ -94,7 +95,11 @@ def ship(
     _write_surface(folder, SKIN, template.skin)
     places = {
         "centres": {joint.name: np.round(joint.centre, 3).tolist() for joint in template.joints},
-        "feature_points": {n: np.round(p, 3).tolist() for n, p in template.feature_points.items()},
+        "feature_points": {
+            name: np.round(point, 3).tolist()
+            for name, point in template.feature_points.items()
+            if not name.startswith(WEB)
+        },
         "nails": {bone: ids.tolist() for bone, ids in template.nails.items()},
     }
     write_text(folder / PLACES, json.dumps(places) + "\n")

@@ -14,7 +14,6 @@ from handpipe.hand import FINGERS
 
 SKIN, BONE = 1500, 120  # triangles of the drawing: of the skin, of each bone
 KINDS = {"tip": "tip", "DIP": "last joint", "IP": "joint", "PIP": "middle joint", "MP": "knuckle"}
-WEB = "web"
 
 
 def drawing(hand: PlayedHand) -> dict[str, Any]:
@@ -37,7 +36,7 @@ def drawing(hand: PlayedHand) -> dict[str, Any]:
     points = hand.template.feature_points
     nearest = cKDTree(skin.rest).query(np.array([*points.values()]))[1]
     at = dict(zip(points, _seen(skin.vertices[nearest]).tolist(), strict=True))
-    order = sorted(points, key=lambda n: (n.startswith(WEB), n[-1], [*KINDS, WEB].index(_kind(n))))
+    order = sorted(points, key=lambda n: (n[-1], [*KINDS].index(n[:-1])))
     return {
         "points": [{"name": n, "words": _words(n), "at": at[n]} for n in order],
         "skin": _triangles(skin.vertices, skin.cells, SKIN),
@@ -47,16 +46,10 @@ def drawing(hand: PlayedHand) -> dict[str, Any]:
     }
 
 
-def _kind(point: str) -> str:
-    return point.rstrip("12345")
-
-
 def _words(point: str) -> str:
     fingers = {number: name for name, number in FINGERS.items()}
-    if _kind(point) == WEB:
-        return f"skin between {fingers[point[-2]]} and {fingers[point[-1]]} finger"
     finger = fingers[point[-1]]
-    return f"{finger}{'' if finger == 'thumb' else ' finger'}: {KINDS[_kind(point)]}"
+    return f"{finger}{'' if finger == 'thumb' else ' finger'}: {KINDS[point[:-1]]}"
 
 
 def _triangles(vertices: Array, cells: IntArray, most: int) -> list[list[float]]:

@@ -68,7 +68,7 @@ def person_of_points(
     Albrecht 2003 §5.2.
     """
     known = {name: target[name] for name in template.feature_points if name in target}
-    require_enough(known, origin, REASONABLE)
+    require_enough(known, origin, REASONABLE, template.feature_points)
     require_apart(known, origin)
     require_same_hand(template, known, origin)
     return _at_rest(template, fit_pose(template, known, pose), known, origin)
@@ -107,7 +107,7 @@ def person_of_photograph(
         of the hand; and for points that contradict the others.
     """
     known = {name for name in template.feature_points if name in photograph.points}
-    require_enough(dict.fromkeys(known), origin, REASONABLE)
+    require_enough(dict.fromkeys(known), origin, REASONABLE, template.feature_points)
     shown = _posed(template, pose or {})
     lifted = from_photograph(shown, photograph, origin, FINGERS_ALONE)
     if lifted.mirrored != (photograph.view == "palm"):
