@@ -90,7 +90,7 @@ def test_points_in_3d_give_the_hand_wherever_it_lies(tmp_path: Path) -> None:
     found = person_of_points(ShippedHand.load().template, feature_points.read_table(path), origin=path)
     assert max(map(abs, errors(found).values())) < 0.08
     assert fingers(lengths_of(found)) == pytest.approx(fingers(lengths_of(photographed.truth())), rel=0.04)
-    with pytest.raises(InputError, match="right hand, the template is of a left one"):
+    with pytest.raises(InputError, match="those of a right hand, not of a left one"):
         person_of_points(ShippedHand.load("left").template, feature_points.read_table(path), origin=path)
 
 

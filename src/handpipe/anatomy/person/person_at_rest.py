@@ -20,12 +20,13 @@ from handpipe.anatomy.person.feature_points import (
 from handpipe.anatomy.person.photograph import Lifted, Photograph, from_photograph
 from handpipe.anatomy.person.posing import PosedHand, Skeleton, fit_pose
 from handpipe.anatomy.person.subject_template import SubjectTemplate, warped
-from handpipe.anatomy.person.warp import Composed, biharmonic_warp, require_invertible, require_same_hand
+from handpipe.anatomy.person.warp import Composed, biharmonic_warp, require_invertible
 from handpipe.core import Array, InputError
 from handpipe.tissues.muscles.fitting import Affine
 
 log = logging.getLogger(__name__)
 
+LIKELIER = 0.6  # of the template's misfit: with less, the other hand's bones explain points better
 Pose = Mapping[str, float]  # angles in rad by name
 FINGERS_ALONE = tuple(n for n in NAMES if n[-1] in "2345" and n != "web12")  # lie flat; the thumb does not
 
@@ -70,8 +71,12 @@ def person_of_points(
     known = {name: target[name] for name in template.feature_points if name in target}
     require_enough(known, origin, REASONABLE, template.feature_points)
     require_apart(known, origin)
-    require_same_hand(template, known, origin)
-    return _at_rest(template, fit_pose(template, known, pose), known, origin)
+    found = fit_pose(template, known, pose)
+    other = _posed(template, {}).mirrored()
+    if fit_pose(other, known, pose).misfit < LIKELIER * found.misfit:
+        problem = f"are those of a {other.side} hand, not of a {template.side} one"
+        raise InputError(origin, "feature points", problem, f"Say that it is a {other.side} hand")
+    return _at_rest(template, found, known, origin)
 
 
 def person_of_photograph(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -174,6 +174,8 @@ class PosedHand:
         Each bone's ratio of length to its size across, relative to the template's.
     rays : float
         Size of the bones of the rays relative to the root's scale.
+    misfit : float
+        Sum of squares that the most probable pose leaves.
     """
 
     skeleton: Skeleton
@@ -181,6 +183,7 @@ class PosedHand:
     angles: dict[str, float]
     lengths: dict[str, float]
     rays: float
+    misfit: float = 0.0
 
     def maps(self) -> dict[str, Affine]:
         """The map of each bone from the template to the person's pose."""
@@ -254,4 +257,4 @@ def fit_pose(template: SubjectTemplate, target: Points, pose: Mapping[str, float
         rest.mean(),
         rest.max(),
     )
-    return hand(best)
+    return replace(hand(best), misfit=float((residuals(best) ** 2).sum()))

@@ -99,14 +99,13 @@ def feature_warp(
     InputError
         For too few points, and for those of the other hand.
     """
-    require_same_hand(template, target, origin)
+    _require_same_hand(template, target, origin)
     first = posed(template, target)
     moved = {name: first(point[None])[0] for name, point in template.feature_points.items()}
     return Composed(first, biharmonic_warp(moved, target, origin))
 
 
-def require_same_hand(template: SubjectTemplate, target: Points, origin: str | Path) -> None:
-    """Raise `InputError` for feature points of the hand of the other side."""
+def _require_same_hand(template: SubjectTemplate, target: Points, origin: str | Path) -> None:
     _, a, b = matched(template.feature_points, target, origin)
 
     def error(source: Array) -> float:

@@ -80,7 +80,7 @@ function undo() {
   if (place) marks.set(name, place);
   else marks.delete(name);
   changed();
-  ask(name);
+  ask(place ? next : name);
 }
 
 /* The picture: places on the screen and in its pixels. */
