@@ -150,12 +150,18 @@ def mixed(a: str, b: str, together: bool = False) -> dict:
     return points
 
 
+def misplaced(name: str, pixels: float) -> dict:
+    points = dict(photographed.photograph().points)
+    return points | {name: (points[name][0] + pixels, points[name][1])}
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
         (lambda: changed(points=fewer(15)), "only 15 of at least 16 points. Place more of"),
         (lambda: changed(points=mixed("PIP3", "DIP3", together=True)), "PIP3, DIP3: lie at one place"),
         (lambda: changed(points=mixed("tip2", "tip5")), "Look whether names are mixed up"),
+        (lambda: changed(points=misplaced("PIP3", 180.0)), "Look whether it is misplaced"),
         (lambda: changed(hand="left"), "show the back of a right hand, not of a left one"),
         (lambda: changed(ruler=None), "scale: ruler is missing"),
         (lambda: changed(distance=None), "scale: distance is missing"),

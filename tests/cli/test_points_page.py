@@ -108,7 +108,10 @@ def test_a_mark_is_dragged_undone_and_made_nearer(page, server: PointsServer) ->
     page.mouse.move(*on_page(page, shot.points["tip1"]))
     page.mouse.wheel(0, -1500)  # zooms about the pointer
     page.wait_for_function("() => zoom > 2")
-    box, at = page.locator("#picture").bounding_box(), page.evaluate("(p) => onScreen(p)", shot.points["tip1"])
+    box, at = (
+        page.locator("#picture").bounding_box(),
+        page.evaluate("(p) => onScreen(p)", shot.points["tip1"]),
+    )
     assert [box["x"] + at[0], box["y"] + at[1]] == pytest.approx(on_page(page, shot.points["tip1"]), abs=10)
     page.mouse.click(box["x"] + at[0], box["y"] + at[1])
     assert marks()["tip1"] == pytest.approx(shot.points["tip1"], abs=0.3)

@@ -26,6 +26,8 @@ from handpipe.tissues.muscles.fitting import Affine
 
 log = logging.getLogger(__name__)
 
+# mm, for hands of one size; with 15 mm one of eight hands of other proportions was refused with right points
+DOUBT = 20.0
 LIKELIER = 0.6  # of the template's misfit: with less, the other hand's bones explain points better
 Pose = Mapping[str, float]  # angles in rad by name
 FINGERS_ALONE = tuple(n for n in NAMES if n[-1] in "2345" and n != "web12")  # lie flat; the thumb does not
@@ -120,7 +122,7 @@ def person_of_photograph(
         problem = f"show the {photograph.view} of a {other} hand, not of a {photograph.hand} one"
         remedy = f"Say that it is the {other} hand, or the other side of the {photograph.hand} one"
         raise InputError(origin, "points", problem, remedy)
-    require_plausible(shown.feature_points, lifted.points, origin)
+    require_plausible(shown.feature_points, lifted.points, origin, DOUBT)
     return _at_rest(template, fit_pose(template, lifted.points, pose), lifted.points, origin), lifted
 
 
