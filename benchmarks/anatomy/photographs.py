@@ -86,11 +86,8 @@ def _photograph(
     seen = _seen(np.vstack([points, ruler]) - middle, case)
     seen[: len(points)] += PIXELS * case.noise * rng.standard_normal((len(points), 2))
     pairs = [(float(x), float(y)) for x, y in seen]
-    return Photograph(
-        points=dict(zip(truth.feature_points, pairs, strict=False)),
-        ruler=(pairs[-2], pairs[-1]),
-        distance=100.0,
-    )
+    points_by_name = dict(zip(truth.feature_points, pairs, strict=False))
+    return Photograph.model_validate({"points": points_by_name, "ruler": pairs[-2:], "distance": 100.0})
 
 
 def _seen(points: Array, case: Case) -> Array:

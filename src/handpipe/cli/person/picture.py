@@ -1,11 +1,11 @@
-"""The picture of a hand: whether a browser shows it, and its size."""
+"""The picture of a hand: whether a browser shows it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from PIL import Image, ImageOps, UnidentifiedImageError
+from PIL import Image, UnidentifiedImageError
 
 from handpipe.core import InputError
 
@@ -14,15 +14,38 @@ KINDS = {"JPEG": "image/jpeg", "PNG": "image/png", "WEBP": "image/webp"}  # that
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture that a browser shows: its file, the kind of its content, and its upright size in pixels."""
+    """A picture that a browser shows.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+    kind : str
+        Kind of its content, as a server names it.
+    """
 
     path: Path
     kind: str
-    size: tuple[int, int]
 
     @staticmethod
     def read(path: Path) -> Picture:
-        """Read a picture; raises `InputError` if it is missing, damaged or of another format."""
+        """Read a picture.
+
+        Parameters
+        ----------
+        path : Path
+            JPEG, PNG or WebP.
+
+        Returns
+        -------
+        Picture
+            Its file and kind.
+
+        Raises
+        ------
+        InputError
+            If it is missing, damaged or of another format.
+        """
         remedy = "Give the picture as JPEG, PNG or WebP"
         if not path.is_file():
             raise InputError(path, "picture", "does not exist", remedy)
@@ -30,7 +53,6 @@ class Picture:
             with Image.open(path, formats=[*KINDS]) as image:
                 kind = KINDS[str(image.format)]
                 image.load()
-                size = ImageOps.exif_transpose(image).size
         except (UnidentifiedImageError, OSError, SyntaxError, ValueError, Image.DecompressionBombError) as e:
             raise InputError(path, "picture", "cannot be read", remedy) from e
-        return Picture(path, kind, size)
+        return Picture(path, kind)
