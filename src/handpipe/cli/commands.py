@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from handpipe.cli import drawing, muscle_curves, new_subject, workflow
+from handpipe.cli import drawing, muscle_curves, new_subject, person, workflow
 from handpipe.cli import export as exports
 from handpipe.cli import status as progress
 from handpipe.cli.first_scene import scene_files
@@ -258,6 +258,41 @@ def curves(
         return int(bool(count))
     muscle_curves.serve(session, browser)
     return 0
+
+
+@app.command()
+def photograph(
+    folder: Annotated[Path, typer.Option("--out", metavar="FOLDER", help="where the hand is written to")],
+    picture: Annotated[
+        Path | None,
+        typer.Argument(metavar="PICTURE", help="of a hand beside a known length; JPEG, PNG, WebP"),
+    ] = None,
+    points: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="points of an earlier page, or in 3D (CSV, .mrk.json)")
+    ] = None,
+    hand: Annotated[person.Side | None, typer.Option(help="which hand it is")] = None,
+    view: Annotated[person.View | None, typer.Option(help="side of the hand that the picture shows")] = None,
+    motion: Annotated[
+        list[Path] | None, typer.Option(metavar="FILE", help="written as glTF at L2; may be repeated")
+    ] = None,
+    browser: Annotated[bool, typer.Option(help="open the page; its address is printed anyway")] = True,
+) -> None:
+    """Make a hand that moves from points in one picture, or in 3D; without --points mark them on a page."""
+    asked = person.Asked(points or folder / person.POINTS, folder, hand, view, tuple(motion or ()))
+    if points is None:
+        if picture is None:
+            raise InputError(
+                "handpipe photograph", "PICTURE", "is missing", "Name a picture, or give --points"
+            )
+        person.mark(picture, asked, browser)
+        return
+    if picture is not None:
+        person.Picture.read(picture)  # a wrong name is said at once
+    made = person.make(asked)
+    for line in (*made.said, *made.files):
+        print(line)
+    if browser:
+        webbrowser.open(made.files[0].resolve().as_uri())
 
 
 @app.command()

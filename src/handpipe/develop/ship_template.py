@@ -18,6 +18,7 @@ from handpipe.core.configuration import load_dataset
 from handpipe.synthetic.template_hands import marked_ends
 
 DATASET = Path("config/datasets/phantom-hand-complete.yaml")
+POSES = Path("config/scenes/hand-poses.csv")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -31,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _ship(options: argparse.Namespace) -> None:
     subject = SubjectTemplate.load(options.results / "anatomy/subject.h5")
     template = TissueMesh.load(options.results / "anatomy/template.h5")
-    ship(subject, marked_ends(template, subject), load_dataset(DATASET), HAND)
+    ship(subject, marked_ends(template, subject), load_dataset(DATASET), HAND, POSES)
     print(HAND)
 
 

@@ -124,7 +124,18 @@ def family(
 
 
 def lengths_of(template: SubjectTemplate) -> dict[str, float]:
-    """Greatest extent in mm of each long bone of the rays along its own axis."""
+    """Greatest extent of each long bone of the rays along its own axis.
+
+    Parameters
+    ----------
+    template : SubjectTemplate
+        Template with bones and joints.
+
+    Returns
+    -------
+    dict of str to float
+        Lengths in mm by bone, those that the template has.
+    """
     carried = {joint.child: joint.centre for joint in template.joints}
     carried |= {joint.parent: joint.centre for joint in template.joints if joint.parent not in carried}
     found = {}

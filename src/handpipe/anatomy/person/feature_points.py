@@ -7,13 +7,15 @@ the knuckles, `web12` ... `web45` in the skin between two rays, `wrist_radial`, 
 
 from __future__ import annotations
 
+import csv
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import Array, InputError
+from handpipe.core import Array, InputError, read_text
 from handpipe.imaging.evidence import read_landmarks, write_markers
 from handpipe.mesh.surfaces import left_out
 from handpipe.tissues.muscles.fitting import fit_similarity
@@ -34,7 +36,10 @@ NAMES = (
     "wrist_ulnar",
     "ulna_head",
 )
-FEWEST = 8  # with which all five rays can be distinguished; the paper had reasonable hands from 16
+FEWEST = 8  # with which all five rays can be distinguished
+REASONABLE = 16  # with which Albrecht 2003 had reasonable hands
+NEAREST = 0.012  # share of the hand's extent within which two points coincide: 2 mm of an adult's
+COLUMNS = ["point", "x", "y", "z"]  # of a table
 # mm, for hands of one size. In two adults' hands in different poses, points are up to 14 mm from where the
 # others lead to, so that a smaller error cannot be distinguished from how people differ.
 DOUBT = 15.0
@@ -66,6 +71,66 @@ def read(path: str | Path) -> dict[str, Array]:
     return points
 
 
+def read_table(path: str | Path) -> dict[str, Array]:
+    """Read feature points of a CSV file with the header `point,x,y,z`, in mm.
+
+    Parameters
+    ----------
+    path : path
+        File.
+
+    Returns
+    -------
+    mapping of str to array (3,)
+        Points in mm by name.
+
+    Raises
+    ------
+    InputError
+        For another header, a row that is no feature point, and points that coincide.
+    """
+    header, *rows = [*csv.reader(read_text(path).splitlines())] or [[]]
+    if [cell.strip() for cell in header] != COLUMNS:
+        given = ",".join(header)
+        raise InputError(path, "header", f"is {given!r}", f"Write {','.join(COLUMNS)}; lengths are in mm")
+    points: dict[str, Array] = {}
+    for number, row in enumerate((row for row in rows if row), start=1):
+        name = row[0].strip()
+        if name not in NAMES or name in points:
+            problem = f"{name!r} stands twice" if name in points else f"{name!r} is no feature point"
+            raise InputError(path, f"row {number}", problem, f"Use each of {', '.join(NAMES)} once")
+        try:
+            points[name] = np.array([float(cell) for cell in row[1:]])
+        except ValueError:
+            points[name] = np.array([np.nan])
+        if points[name].shape != (3,) or not np.isfinite(points[name]).all():
+            raise InputError(path, f"row {number}", f"{name} has no three numbers", "Give x, y, z in mm")
+    require_apart(points, path)
+    return points
+
+
+def require_apart(points: Points, source: str | Path) -> None:
+    """Check that no two feature points coincide.
+
+    Parameters
+    ----------
+    points : mapping of str to array
+        Feature points by name, in any unit.
+    source : path
+        The file of the points, for messages.
+
+    Raises
+    ------
+    InputError
+        For two points at one place; the text names both.
+    """
+    extent = np.ptp([*points.values()], axis=0).max(initial=0.0)
+    for a, b in combinations(points, 2):
+        if np.linalg.norm(points[a] - points[b]) <= NEAREST * extent:
+            problem = "lie at one place"
+            raise InputError(source, f"{a}, {b}", problem, "Move one of them to where it belongs")
+
+
 def write(path: str | Path, points: Points) -> None:
     """Write feature points as fiducials of 3D Slicer, in the order of `NAMES`."""
     names = [name for name in NAMES if name in points]
@@ -77,7 +142,12 @@ def missing(points: Points) -> tuple[str, ...]:
     return tuple(name for name in NAMES if name not in points)
 
 
-def require_enough(points: Mapping[str, object], source: str | Path) -> None:
+def require_enough(
+    points: Mapping[str, object],
+    source: str | Path,
+    fewest: int = FEWEST,
+    among: Collection[str] = NAMES,
+) -> None:
     """Check that feature points are enough for a warp.
 
     Parameters
@@ -86,15 +156,19 @@ def require_enough(points: Mapping[str, object], source: str | Path) -> None:
         Feature points by name.
     source : path
         The file of the points, for messages.
+    fewest : int
+        Least number of points.
+    among : collection of str
+        Points that count, for messages.
 
     Raises
     ------
     InputError
-        For fewer than `FEWEST` points, or where a ray has none of its own.
+        For fewer points, or where a ray has none of its own.
     """
-    absent = ", ".join(name for name in NAMES if name not in points)
-    if len(points) < FEWEST:
-        problem = f"only {len(points)} of at least {FEWEST} points"
+    absent = ", ".join(name for name in NAMES if name in among and name not in points)
+    if len(points) < fewest:
+        problem = f"only {len(points)} of at least {fewest} points"
         raise InputError(source, "feature points", problem, f"Place more of {absent}")
     for ray in (1, *FINGERS):
         if not {f"{kind}{ray}" for kind in ("tip", "DIP", "IP", "PIP", "MP")} & set(points):
@@ -184,7 +258,7 @@ def require_plausible(source: Points, target: Points, path: str | Path, limit: f
     InputError
         For doubtful points; the text names them.
     """
-    absent = missing(target)
+    absent = [name for name in missing(target) if name in source]
     if absent:
         log.warning("%s: without the feature points %s", path, ", ".join(absent))
     doubts = doubtful(source, target, limit)

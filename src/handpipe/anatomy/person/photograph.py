@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from handpipe.anatomy.person.feature_points import NAMES, require_enough
-from handpipe.anatomy.person.subject_template import SubjectTemplate
+from handpipe.anatomy.person.feature_points import NAMES, require_apart, require_enough
+from handpipe.anatomy.person.subject_template import Side, SubjectTemplate
 from handpipe.core import Array, InputError
 from handpipe.core.configuration import Model, load_yaml
 
@@ -20,6 +21,7 @@ Pixel = tuple[float, float]
 log = logging.getLogger(__name__)
 
 SIZES = (0.3, 2.0)  # of a hand over the template: outside of them, the ruler is wrong
+MISSING = "Field required"  # what pydantic says
 RESIDUAL = 0.25  # share of the hand's own spread above which points do not look like a hand
 
 
@@ -29,6 +31,9 @@ class Photograph(Model):
     points: dict[str, Pixel] = Field(description="feature points, any of the 26")
     ruler: tuple[Pixel, Pixel] = Field(description="two points on the ruler")
     distance: Annotated[float, Field(gt=0)] = Field(description="between them, mm")
+    hand: Side = Field("right", description="which hand it is")
+    view: Literal["back", "palm"] = Field("back", description="side of the hand that the camera sees")
+    picture: str | None = Field(None, description="name of the picture's file")
 
     @model_validator(mode="after")
     def _sound(self) -> Photograph:
@@ -43,6 +48,11 @@ class Photograph(Model):
     def scale(self) -> float:
         """Millimetres a pixel."""
         return self.distance / float(np.linalg.norm(np.subtract(*self.ruler)))
+
+    @property
+    def in_mm(self) -> dict[str, Array]:
+        """Points (2,) in mm, right and up."""
+        return {name: self.scale * np.array(point) * [1.0, -1.0] for name, point in self.points.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,15 +94,25 @@ def read_photograph(path: str | Path) -> Photograph:
     Raises
     ------
     InputError
-        For the first wrong field, and for too few points.
+        For the first wrong field, without a scale, for too few points, and for points that coincide.
     """
-    photograph = load_yaml(path, Photograph)
+    try:
+        photograph = load_yaml(path, Photograph)
+    except InputError as error:
+        if error.field in ("ruler", "distance") and error.problem == MISSING:
+            remedy = "Mark two points of the picture and state their distance in mm (`ruler`, `distance`)"
+            raise InputError(path, "scale", f"{error.field} is missing", remedy) from error
+        raise
     require_enough(photograph.points, path)
+    require_apart(photograph.in_mm, path)
     return photograph
 
 
 def from_photograph(
-    template: SubjectTemplate, photograph: Photograph, origin: str | Path = "photograph"
+    template: SubjectTemplate,
+    photograph: Photograph,
+    origin: str | Path = "photograph",
+    in_plane: Collection[str] = NAMES,
 ) -> Lifted:
     """Feature points in 3D from those in the photograph and the template's own, the source points.
 
@@ -111,6 +131,8 @@ def from_photograph(
         Points in pixels, and the ruler.
     origin : path
         The file of the photograph's points, for messages.
+    in_plane : collection of str
+        Points to which the plane of the photograph is fitted, if the template has them.
 
     Returns
     -------
@@ -127,9 +149,11 @@ def from_photograph(
     names = [name for name in NAMES if name in source and name in photograph.points]
     require_enough(dict.fromkeys(names), origin)
     a = np.array([source[n] for n in names])
-    middle, plane, normal = _fitting_plane(np.array(list(source.values())), _back(template))
+    middle, plane, normal = _fitting_plane(
+        np.array([point for name, point in source.items() if name in in_plane]), _back(template)
+    )
     flat, heights = (a - middle) @ plane.T, (a - middle) @ normal
-    up = photograph.scale * np.array([photograph.points[n] for n in names]) * [1.0, -1.0]
+    up = np.array([photograph.in_mm[n] for n in names])
     fits = [_aligned(up * [sign, 1.0], flat) for sign in (1.0, -1.0)]
     mirrored = fits[1][2] < fits[0][2]
     placed, size, residual = fits[1] if mirrored else fits[0]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -122,6 +122,20 @@ class Skeleton:
             return joints["wrist"].child if "wrist" in joints else self.root
         return None
 
+    def moved_points(self, maps: Mapping[str, Affine]) -> dict[str, Array]:
+        """The template's feature points (3,) in mm on bones that have moved (`carrier`)."""
+        return {n: self.carrier(n, maps)(p) for n, p in self.template.feature_points.items()}
+
+    def carrier(self, point: str, maps: Mapping[str, Affine]) -> Affine:
+        """The map of a feature point: of its bone; of the skin between two rays, the mean of their bones'."""
+        owner = self.owner(point)
+        if owner in self.template.bones:
+            return maps[str(owner)]
+        beside = [f"{kind}{ray}" for ray in point[-2:] for kind in OF_RAYS[:2]]
+        near = [maps[bone] for bone in beside if bone in maps] or [maps[self.root]]
+        matrix, offset = (np.mean([getattr(m, part) for m in near], axis=0) for part in ("matrix", "offset"))
+        return Affine(matrix, offset)
+
     def field(
         self, maps: Mapping[str, Affine], samples: int = SAMPLES, smoothing: float = SMOOTHING
     ) -> Biharmonic:
@@ -144,37 +158,97 @@ def farthest_points(points: Array, count: int) -> Array:
     return points[chosen]
 
 
+@dataclass(frozen=True, eq=False)
+class PosedHand:
+    """A template's bones in the pose and sizes of a person.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        The template's bones.
+    root : Affine
+        The root's similarity.
+    angles : dict of str to float
+        Angles in rad from the template's pose.
+    lengths : dict of str to float
+        Each bone's ratio of length to its size across, relative to the template's.
+    rays : float
+        Size of the bones of the rays relative to the root's scale.
+    misfit : float
+        Sum of squares that the most probable pose leaves.
+    """
+
+    skeleton: Skeleton
+    root: Affine
+    angles: dict[str, float]
+    lengths: dict[str, float]
+    rays: float
+    misfit: float = 0.0
+
+    def maps(self) -> dict[str, Affine]:
+        """The map of each bone from the template to the person's pose."""
+        return self.skeleton.maps(self.root, self.angles, self.lengths, self.rays)
+
+    def maps_at_rest(self) -> dict[str, Affine]:
+        """The map of each bone to its size alone, in the template's own pose and place."""
+        scale = float(np.cbrt(np.linalg.det(self.root.matrix)))
+        return self.skeleton.maps(Affine(scale * np.eye(3), np.zeros(3)), {}, self.lengths, self.rays)
+
+
 def posed(template: SubjectTemplate, target: Points) -> Biharmonic:
-    """The map that poses the template as the target feature points show, and sizes its bones.
+    """The map that poses the template as the target feature points show, and sizes its bones (`fit_pose`)."""
+    found = fit_pose(template, target)
+    return found.skeleton.field(found.maps())
+
+
+def fit_pose(template: SubjectTemplate, target: Points, pose: Mapping[str, float] | None = None) -> PosedHand:
+    """Pose and sizes of the template's bones as target feature points show them.
 
     The most probable similarity of the hand, angles, size of the rays and lengths of their bones: squares of
-    distances, of angles from the template's and of differences in size and length weigh by `POINT`, `ANGLE`,
-    `RAYS` and `LENGTH`. No point lies between knuckles and wrist: the correlation of long fingers with long
-    metacarpals determines where the carpus ends.
+    distances, of angles from the expected ones and of differences in size and length weigh by `POINT`,
+    `ANGLE`, `RAYS` and `LENGTH`. No point lies between knuckles and wrist: the correlation of long fingers
+    with long metacarpals determines where the carpus ends.
+
+    Parameters
+    ----------
+    template : SubjectTemplate
+        Template with feature points.
+    target : mapping of str to array (3,)
+        The person's feature points in mm by name.
+    pose : mapping of str to float, optional
+        Expected angles in rad; zero, the template's own pose, where absent.
+
+    Returns
+    -------
+    PosedHand
+        The bones in that pose.
     """
-    skeleton, source = Skeleton(template), template.feature_points
+    skeleton, expected = Skeleton(template), pose or {}
+    before = skeleton.moved_points(skeleton.maps(Affine(np.eye(3), np.zeros(3)), expected))
+    source = template.feature_points
     names = [n for n in source if n in target and skeleton.owner(n) in template.bones]
     owners = [str(skeleton.owner(n)) for n in names]
     both = [n for n in source if n in target]
-    start = fit_similarity(np.array([source[n] for n in both]), np.array([target[n] for n in both]))
+    start = fit_similarity(np.array([before[n] for n in both]), np.array([target[n] for n in both]))
     scale = float(np.cbrt(np.linalg.det(start.matrix)))
     turn = Rotation.from_matrix(start.matrix / scale).as_rotvec()
     angles = [a for joint in template.joints for a in joint.angles]
     sized = [*(joint.child for joint in template.joints), *skeleton.bases]
     deviations = [RAYS] + [ANGLE] * len(angles) + [LENGTH] * len(sized)
+    usual = np.array([0.0, *(expected.get(a, 0.0) for a in angles), *([0.0] * len(sized))])
 
-    def maps(x: Array) -> dict[str, Affine]:
+    def hand(x: Array) -> PosedHand:
         root = Affine(np.exp(x[6]) * Rotation.from_rotvec(x[:3]).as_matrix(), x[3:6])
         given = dict(zip(angles, x[8:], strict=False))
         ratios = dict(zip(sized, np.exp(x[8 + len(angles) :]), strict=True))
-        return skeleton.maps(root, given, ratios, np.exp(x[7]))
+        return PosedHand(skeleton, root, given, ratios, float(np.exp(x[7])))
 
     def residuals(x: Array) -> Array:
-        found = maps(x)
+        found = hand(x).maps()
         away = [found[bone](source[n][None])[0] - target[n] for n, bone in zip(names, owners, strict=True)]
-        return np.concatenate([np.ravel(away) / POINT / scale, x[7:] / deviations])
+        return np.concatenate([np.ravel(away) / POINT / scale, (x[7:] - usual) / deviations])
 
-    first = np.concatenate([turn, start.offset, [np.log(scale)], np.zeros(len(deviations))])
+    first = np.concatenate([turn, start.offset, [np.log(scale)], usual])
     best = least_squares(residuals, first, x_scale="jac", method="trf", xtol=1e-8, ftol=1e-8).x
     rest = np.linalg.norm(residuals(best)[: 3 * len(names)].reshape(-1, 3), axis=1) * POINT * scale
     log.info(
@@ -183,4 +257,4 @@ def posed(template: SubjectTemplate, target: Points) -> Biharmonic:
         rest.mean(),
         rest.max(),
     )
-    return skeleton.field(maps(best))
+    return replace(hand(best), misfit=float((residuals(best) ** 2).sum()))

@@ -14,13 +14,15 @@ from scipy.interpolate import CubicSpline
 
 from handpipe.anatomy.person.subject_template import MIRROR, Side, SubjectTemplate
 from handpipe.anatomy.shipped.part import part_of
-from handpipe.core import Array, InputError, IntArray, write_text
+from handpipe.core import Array, InputError, IntArray, read_text, write_text
 from handpipe.core.configuration import Dataset
 from handpipe.imaging.evidence import read_markers, write_markers
 from handpipe.mesh.surfaces import Distance, Surface, read_surface, write_surface
 
 HAND = Path(__file__).with_name("hand")  # the template that is shipped
 FIELDS = "fields.json"
+WEB = "web"  # points so named are left out: this skin is webbed up to 0.8 of the proximal phalanges
+SKIN, PLACES, POSES = "skin.ply", "places.json", "poses.csv"  # of the hand as one, which no dataset names
 SIDE: Side = "right"  # of what is shipped
 CURVE = 9  # points of a tendon's path
 SAMPLES = 400  # of a path, where it is cut
@@ -29,8 +31,10 @@ Fields = dict[str, Any]
 Attachments = Mapping[str, Mapping[str, IntArray]]
 
 
-def ship(template: SubjectTemplate, attachments: Attachments, dataset: Dataset, folder: Path) -> None:
-    """Write a template hand to a folder: what `install` reads.
+def ship(
+    template: SubjectTemplate, attachments: Attachments, dataset: Dataset, folder: Path, poses: Path
+) -> None:
+    """Write a template hand to a folder: what `install` and `ShippedHand.load` read.
 
     Parameters
     ----------
@@ -42,14 +46,19 @@ def ship(template: SubjectTemplate, attachments: Attachments, dataset: Dataset, 
         Of the same bones and organs: labels, and limits of joints.
     folder : path
         Replaced.
+    poses : path
+        Table of joint angles of some poses.
 
     Raises
     ------
     InputError
-        For a left hand.
+        For a left hand, and for one without a skin.
     """
     if template.side != SIDE:
         raise InputError(folder, "side", f"is {template.side}", f"Ship a {SIDE} hand")
+    if template.skin is None:
+        raise InputError(folder, "skin", "is missing", "Ship a hand with a skin")
+    table = read_text(poses)
     shutil.rmtree(folder, ignore_errors=True)
     fields: Fields = {"bones": {}, "joints": {}, "muscles": {}, "ligaments": {}, "tendons": {}, "nails": {}}
     for name, surface in template.bones.items():
@@ -83,6 +92,18 @@ def ship(template: SubjectTemplate, attachments: Attachments, dataset: Dataset, 
             "surface": _write_surface(folder, f"nails/{name}.ply", patch),
         }
     write_text(folder / FIELDS, json.dumps(fields, indent=1) + "\n")
+    _write_surface(folder, SKIN, template.skin)
+    places = {
+        "centres": {joint.name: np.round(joint.centre, 3).tolist() for joint in template.joints},
+        "feature_points": {
+            name: np.round(point, 3).tolist()
+            for name, point in template.feature_points.items()
+            if not name.startswith(WEB)
+        },
+        "nails": {bone: ids.tolist() for bone, ids in template.nails.items()},
+    }
+    write_text(folder / PLACES, json.dumps(places) + "\n")
+    write_text(folder / POSES, table)
 
 
 def install(

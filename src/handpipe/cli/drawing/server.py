@@ -1,30 +1,19 @@
-"""The server of the page: on this machine alone, for who has the address, until it is ended.
-
-It gives the files of the page, the volume and the drawing, and writes one file, that of the strokes.
-"""
+"""The server of the page: it gives the volume and the drawing, and writes one file, that of the strokes."""
 
 from __future__ import annotations
 
 import json
-import threading
 from http import HTTPStatus
-from importlib.resources import files
 
 from handpipe.cli.drawing.canvas import Canvas
-from handpipe.cli.page_server import PageHandler, PageServer, serve_page
-from handpipe.core import HandpipeError, plain
+from handpipe.cli.local_server import HTML, JSON, PLAIN, SCRIPT, STYLE, LocalHandler, LocalServer
+from handpipe.core import HandpipeError
 
 VIEWER = "niivue-0.69.0.umd.js.gz"
-STATIC = {
-    "": ("page.html", "text/html; charset=utf-8"),
-    "page.js": ("page.js", "text/javascript; charset=utf-8"),
-    "page.css": ("page.css", "text/css; charset=utf-8"),
-    "viewer.js": (VIEWER, "text/javascript; charset=utf-8"),
-    "licence.txt": ("NIIVUE-LICENSE.txt", "text/plain; charset=utf-8"),
-}
+BYTES = "application/octet-stream"
 
 
-class DrawingServer(PageServer):
+class DrawingServer(LocalServer):
     """Serves the page of a canvas at `address`, which holds a secret.
 
     Parameters
@@ -34,9 +23,8 @@ class DrawingServer(PageServer):
     """
 
     def __init__(self, canvas: Canvas) -> None:
-        super().__init__(_Handler)
+        super().__init__(_Handler, "draw")
         self.canvas = canvas
-        self.saving = threading.Lock()
 
 
 def serve(canvas: Canvas, browser: bool) -> None:
@@ -49,23 +37,24 @@ def serve(canvas: Canvas, browser: bool) -> None:
     browser : bool
         Whether to open it.
     """
-    serve_page(DrawingServer(canvas), canvas.title, browser)
+    with DrawingServer(canvas) as server:
+        server.serve(canvas.title, browser)
 
 
-class _Handler(PageHandler):
-    """Gives the volume and the drawing, takes the strokes."""
-
+class _Handler(LocalHandler):
     server: DrawingServer
+    package = "handpipe.cli.drawing"
+    static = {
+        "": ("page.html", HTML),
+        "page.js": ("page.js", SCRIPT),
+        "page.css": ("page.css", STYLE),
+        "viewer.js": (VIEWER, SCRIPT),
+        "licence.txt": ("NIIVUE-LICENSE.txt", PLAIN),
+    }
 
-    def do_GET(self) -> None:
-        name, canvas = self.asked(), self.server.canvas
-        if name is None:
-            return
-        if name in STATIC:
-            file, kind = STATIC[name]
-            content = files("handpipe.cli.drawing").joinpath("static", file).read_bytes()
-            self.answer(content, kind, {"Content-Encoding": "gzip"} if file.endswith(".gz") else {})
-        elif name == "settings.json":
+    def give(self, name: str) -> bool:
+        canvas = self.server.canvas
+        if name == "settings.json":
             settings = {
                 "title": canvas.title,
                 "pens": canvas.pens,
@@ -73,22 +62,19 @@ class _Handler(PageHandler):
                 "shape": canvas.volume.shape,
                 "file": None if canvas.target is None else str(canvas.target),
             }
-            self.answer(json.dumps(settings).encode(), "application/json")
+            self.answer(json.dumps(settings).encode(), JSON)
         elif name == "volume.nii":
-            self.answer(canvas.image(), "application/octet-stream")
+            self.answer(canvas.image(), BYTES)
         elif name == "drawing":
-            self.answer(canvas.drawn(), "application/octet-stream")
+            self.answer(canvas.drawn(), BYTES)
         else:
-            self.refuse_unknown()
+            return False
+        return True
 
-    def do_POST(self) -> None:
-        name = self.asked()
+    def take(self, name: str) -> bool:
         if name == "save":
             self._save()
-        elif name == "stop":
-            self.stop()
-        elif name is not None:
-            self.refuse_unknown()
+        return name == "save"
 
     def _save(self) -> None:
         canvas, expected = self.server.canvas, self.server.canvas.drawing.size
@@ -101,10 +87,8 @@ class _Handler(PageHandler):
         try:
             with self.server.saving:
                 count = canvas.save(drawn)
-        except HandpipeError as error:
-            self.refuse(HTTPStatus.BAD_REQUEST, plain(error))
-        except OSError as error:
-            self.refuse(HTTPStatus.INTERNAL_SERVER_ERROR, plain(error))
+        except (HandpipeError, OSError) as error:
+            self.failed(error)
         else:
             kept = f"; the earlier file is {canvas.kept.name}" if canvas.kept else ""
             self.say(f"saved {count} voxels to {canvas.target}{kept}")

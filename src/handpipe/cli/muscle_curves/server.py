@@ -4,26 +4,21 @@ from __future__ import annotations
 
 import json
 import secrets
-import threading
 from collections.abc import Callable
 from http import HTTPStatus
 from importlib.resources import files
 
+from handpipe.cli.local_server import HTML, JSON, POLICY, SCRIPT, STYLE, LocalHandler, LocalServer
 from handpipe.cli.muscle_curves.session import CurveSession
-from handpipe.cli.page_server import PageHandler, PageServer, serve_page
 from handpipe.core import HandpipeError, plain
 from handpipe.evaluation.viewer import import_map
 
 LONGEST = 2**22  # bytes of an edit
-STATIC = {
-    "page.js": "text/javascript; charset=utf-8",
-    "editor.js": "text/javascript; charset=utf-8",
-    "page.css": "text/css; charset=utf-8",
-}
+PACKAGE = "handpipe.cli.muscle_curves"
 BYTES = "application/octet-stream"
 
 
-class CurveServer(PageServer):
+class CurveServer(LocalServer):
     """Serves the page of a session at `address`, which holds a secret.
 
     Parameters
@@ -33,9 +28,8 @@ class CurveServer(PageServer):
     """
 
     def __init__(self, session: CurveSession) -> None:
-        super().__init__(_Handler)
+        super().__init__(_Handler, "curves")
         self.session = session
-        self.working = threading.Lock()
 
 
 def serve(session: CurveSession, browser: bool) -> None:
@@ -48,24 +42,27 @@ def serve(session: CurveSession, browser: bool) -> None:
     browser : bool
         Whether to open it.
     """
-    serve_page(CurveServer(session), f"{session.target}: muscles as curves", browser)
+    with CurveServer(session) as server:
+        server.serve(f"{session.target}: muscles as curves", browser)
 
 
-class _Handler(PageHandler):
+class _Handler(LocalHandler):
     """Gives surfaces, takes edits."""
 
     server: CurveServer
+    package = PACKAGE
+    static = {
+        "page.js": ("page.js", SCRIPT),
+        "editor.js": ("editor.js", SCRIPT),
+        "page.css": ("page.css", STYLE),
+    }
 
-    def do_GET(self) -> None:
-        name, session = self.asked(), self.server.session
-        if name is None:
-            return
+    def give(self, name: str) -> bool:
+        session = self.server.session
         if name == "":
             self._page()
-        elif name in STATIC:
-            self.answer(_static(name), STATIC[name])
         elif name == "settings.json":
-            self.answer(json.dumps(session.settings()).encode(), "application/json")
+            self.answer(json.dumps(session.settings()).encode(), JSON)
         elif name == "surfaces":
             self.answer(session.surfaces(), BYTES)
         elif name == "state":
@@ -73,28 +70,28 @@ class _Handler(PageHandler):
         elif name == "fibres":
             self._work(lambda: self.answer(session.fibres(), BYTES))
         else:
-            self.refuse_unknown()
+            return False
+        return True
 
-    def do_POST(self) -> None:
-        name, session = self.asked(), self.server.session
+    def take(self, name: str) -> bool:
+        session = self.server.session
         if name == "edit":
             self._edit()
         elif name == "save":
             self._work(lambda: self.say(session.save()))
         elif name == "tets":
             self._work(lambda: self.say(session.make_tets()))
-        elif name == "stop":
-            self.stop()
-        elif name is not None:
-            self.refuse_unknown()
+        else:
+            return False
+        return True
 
     def _page(self) -> None:
         """The page, which allows the one script that stands inside."""
         nonce = secrets.token_urlsafe(16)
-        self.policy = f"{self.policy}; script-src 'self' data: 'nonce-{nonce}'"
-        page = _static("page.html").decode()
+        page = files(PACKAGE).joinpath("static", "page.html").read_text(encoding="utf-8")
         page = page.replace("NONCE", nonce).replace("IMPORT_MAP", import_map({}))
-        self.answer(page.encode(), "text/html; charset=utf-8")
+        policy = f"{POLICY}; script-src 'self' data: 'nonce-{nonce}'"
+        self.answer(page.encode(), HTML, {"Content-Security-Policy": policy})
 
     def _edit(self) -> None:
         given = self.headers.get("Content-Length", "")
@@ -107,15 +104,11 @@ class _Handler(PageHandler):
     def _work(self, act: Callable[[], None]) -> None:
         """One request at a time; what is wrong is said."""
         try:
-            with self.server.working:
+            with self.server.saving:
                 act()
-        except HandpipeError as error:
-            self.refuse(HTTPStatus.BAD_REQUEST, plain(error))
-        except ConnectionError:
-            raise
+        except (HandpipeError, OSError) as error:
+            if isinstance(error, ConnectionError):
+                raise
+            self.failed(error)
         except Exception as error:
             self.refuse(HTTPStatus.INTERNAL_SERVER_ERROR, plain(error))
-
-
-def _static(name: str) -> bytes:
-    return files("handpipe.cli.muscle_curves").joinpath("static", name).read_bytes()

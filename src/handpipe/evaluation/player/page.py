@@ -25,7 +25,9 @@ DIGITS = 3  # of a slider's limits in degrees
 SHEETS = "fascia"  # layers so named cover others: the page begins without them
 
 
-def write_player(path: str | Path, subject: str, hand: LearnedHand, rig: Rig, side: str) -> None:
+def write_player(
+    path: str | Path, subject: str, hand: LearnedHand, rig: Rig, side: str, source: str = "simulated frames"
+) -> None:
     """Write a page that moves a hand.
 
     Parameters
@@ -40,6 +42,8 @@ def write_player(path: str | Path, subject: str, hand: LearnedHand, rig: Rig, si
         Joints with their limits, and scanned poses.
     side : str
         "right" or "left".
+    source : str
+        What the hand was learned from, from which the page states distances.
     """
     drawn = drawn_hand(hand)
     index, packed, rounding = packed_hand(drawn, _colours_and_cells(drawn))
@@ -54,6 +58,7 @@ def write_player(path: str | Path, subject: str, hand: LearnedHand, rig: Rig, si
     }
     page = _template().render(
         subject=subject,
+        source=source,
         data=data,
         fingers=_fingers(data["angles"]),
         layers={body["layer"]: body for body in data["bodies"]},

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from handpipe.mesh.tets import mass_lumped
 from handpipe.skeleton.posing import bone_weights
 from handpipe.skeleton.rig import Rig
 from handpipe.tissues.fat import Skin
-from handpipe.tissues.muscles import Muscle
 
 CUSHION = 1.0  # mm that are added to what lies between the skin and a bone or muscle
 
@@ -48,6 +47,49 @@ class Stiffness:
     muscles: float = 0.3
     reach: float = 8.0
     rest: float = 0.5
+
+
+class AttachedSurface(Protocol):
+    """A closed neutral surface in mm, and its vertices (k,) that are attached to each bone."""
+
+    @property
+    def surface(self) -> Surface:
+        """Closed neutral surface, mm."""
+        ...
+
+    @property
+    def attachments(self) -> Mapping[str, IntArray]:
+        """Attached vertices (k,) by bone."""
+        ...
+
+
+class MuscleSurface(Protocol):
+    """A muscle by its name and its surface: one that is fitted to scans, or a template's (`Bulging`)."""
+
+    @property
+    def name(self) -> str:
+        """Name of the muscle."""
+        ...
+
+    @property
+    def body(self) -> AttachedSurface:
+        """Its surface."""
+        ...
+
+
+class Bulging(NamedTuple):
+    """A muscle that no scan was fitted for.
+
+    Parameters
+    ----------
+    name : str
+        Name of the muscle.
+    body : AttachedSurface
+        Closed neutral surface in mm, and which of its vertices are attached to each bone.
+    """
+
+    name: str
+    body: AttachedSurface
 
 
 class Touch(NamedTuple):
@@ -108,7 +150,7 @@ class SpringHand:
 
     @staticmethod
     def of(
-        rig: Rig, skin: Skin, muscles: Sequence[Muscle] = (), stiffness: Stiffness | None = None
+        rig: Rig, skin: Skin, muscles: Sequence[MuscleSurface] = (), stiffness: Stiffness | None = None
     ) -> SpringHand:
         """Hand of a subject.
 
@@ -118,7 +160,7 @@ class SpringHand:
             Joints and neutral bones.
         skin : Skin
             Neutral skin; its rigid parts lie on their bones.
-        muscles : sequence of Muscle
+        muscles : sequence of Muscle or Bulging
             Neutral muscles with attachments; without any the skin follows the bones alone.
         stiffness : Stiffness, optional
             Stiffness of the springs.
@@ -136,7 +178,7 @@ class SpringHand:
             on_bones.joints[part.vertices] = [numbers[part.bone], 0, 0, 0]
             on_bones.weights[part.vertices] = [1.0, 0, 0, 0]
         areas = mass_lumped(nodes, skin.surface.triangles)
-        bulging = tuple(_geometric(m, rig, numbers) for m in muscles if len(m.body.attached_vertices))
+        bulging = tuple(_geometric(m, rig, numbers) for m in muscles if _attached(m))
         touches = _touches(skin.surface, bulging, areas, ~fixed, given)
         below = np.min([Distance(bone).closest(nodes)[0] for bone in surfaces.values()], axis=0)
         to_bones = given.bones * areas / (below + CUSHION)
@@ -176,13 +218,15 @@ class SpringHand:
         settled = self.springs.settle(targets, start, tolerance)
         return settled, {m.name: b for m, b in zip(self.muscles, bulges, strict=True)}
 
-    def frame(self, frame: Frame) -> dict[str, Shapes]:
+    def frame(self, frame: Frame, judged: bool = True) -> dict[str, Shapes]:
         """Shapes by layer and body in a frame.
 
         Parameters
         ----------
         frame : Frame
             Pose.
+        judged : bool
+            Whether to measure `inner_overlap`, which takes longer than the frame.
 
         Returns
         -------
@@ -197,9 +241,11 @@ class SpringHand:
             for bone, s in self.surfaces.items()
         }
         muscles = {m.name: _shape(m.surface, bulges[m.name]) for m in self.muscles}
-        inside = np.concatenate([shape.vertices for shape in (*bones.values(), *muscles.values())])
-        depths = Distance(self.skin.moved(settled.nodes), by_winding=True).signed(inside)[0]
-        figures = {"spring_residual": settled.residual, "inner_overlap": max(float(depths.max()), 0.0)}
+        figures = {"spring_residual": settled.residual}
+        if judged:
+            inside = np.concatenate([shape.vertices for shape in (*bones.values(), *muscles.values())])
+            depths = Distance(self.skin.moved(settled.nodes), by_winding=True).signed(inside)[0]
+            figures["inner_overlap"] = max(float(depths.max()), 0.0)
         skin = Shape(self.skin.vertices, settled.nodes, self.skin.triangles, figures=figures)
         return {"bones": bones, "muscles": muscles, "skin": {"skin": skin}}
 
@@ -213,7 +259,12 @@ def _shape(surface: Surface, bulge: Bulge) -> Shape:
     return Shape(surface.vertices, bulge.vertices, surface.triangles, figures=figures)
 
 
-def _geometric(muscle: Muscle, rig: Rig, numbers: Mapping[str, int]) -> GeometricMuscle:
+def _attached(muscle: MuscleSurface) -> bool:
+    """Whether any vertex is attached to a bone."""
+    return any(len(ids) for ids in muscle.body.attachments.values())
+
+
+def _geometric(muscle: MuscleSurface, rig: Rig, numbers: Mapping[str, int]) -> GeometricMuscle:
     """A muscle on the bones that it is attached to, and those between."""
     body = muscle.body
     attachments = {bone: ids for bone, ids in body.attachments.items() if len(ids)}

@@ -71,7 +71,31 @@ def read_random_poses(path: str | Path, rig: Rig) -> Motion:
     InputError
         If the file is wrong, or bones collide in nearly all poses.
     """
-    asked, names = load_yaml(path, RandomFile).random, random_names(path)
+    return draw_poses(load_yaml(path, RandomFile).random, rig, path)
+
+
+def draw_poses(asked: RandomPoses, rig: Rig, source: str | Path = "random poses") -> Motion:
+    """Random poses within limits, without those in which bones collide.
+
+    Parameters
+    ----------
+    asked : RandomPoses
+        How many and which poses.
+    rig : Rig
+        Rig that is posed.
+    source : path
+        What an error names.
+
+    Returns
+    -------
+    Motion
+        A frame a pose.
+
+    Raises
+    ------
+    InputError
+        If bones collide in nearly all poses.
+    """
     rng, validity = np.random.default_rng(asked.seed), PoseValidity(rig)
     found: dict[str, dict[str, float]] = {}
     for tried in range(TRIES * asked.count):
@@ -80,9 +104,9 @@ def read_random_poses(path: str | Path, rig: Rig) -> Motion:
         values = _drawn(asked, rig, rng)
         pose = dict(zip(rig.angle_names, map(float, values), strict=True))
         if not validity.check(pose).collisions:
-            found[names[len(found)]] = pose
+            found[f"random{len(found) + 1}"] = pose
     problem = f"bones collide in all but {len(found)} of {TRIES * asked.count} poses"
-    raise InputError(path, "random", problem, "Say `around: scans`, or a smaller spread")
+    raise InputError(source, "random", problem, "Say `around: scans`, or a smaller spread")
 
 
 def _drawn(asked: RandomPoses, rig: Rig, rng: np.random.Generator) -> Array:

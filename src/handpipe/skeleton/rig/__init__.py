@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from handpipe.skeleton.rig.anatomical_directions import HandDirections, hand_directions, middle_finger
     from handpipe.skeleton.rig.pivots import pivoted
     from handpipe.skeleton.rig.rig import ANY_ANGLE, Rig
+    from handpipe.skeleton.rig.stated import StatedJoint, stated_rig
     from handpipe.skeleton.rig.table import joint_table
 else:
     __getattr__ = face(__name__)
@@ -16,8 +17,10 @@ __all__ = [
     "ANY_ANGLE",
     "HandDirections",
     "Rig",
+    "StatedJoint",
     "hand_directions",
     "joint_table",
     "middle_finger",
     "pivoted",
+    "stated_rig",
 ]
