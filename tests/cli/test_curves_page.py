@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from tests.anatomy.arm import THREE_MUSCLES, arm
-from tests.browser import chromium, needs_browser
+from tests.browser import chromium, needs_browser, patient
 
 from handpipe.anatomy.templates import load_curves
 from handpipe.cli.muscle_curves import CurveServer, CurveSession
@@ -43,7 +43,7 @@ def page(browser, session: CurveSession, tmp_path: Path) -> Iterator:
     with CurveServer(session) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        context = browser.new_context(viewport={"width": 1100, "height": 750})
+        context = patient(browser.new_context(viewport={"width": 1100, "height": 750}))
         opened = context.new_page()
         local = (server.address, "data:", "blob:")
         opened.on("request", lambda r: None if r.url.startswith(local) else wrong.append(r.url))

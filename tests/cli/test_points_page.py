@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.browser import chromium, needs_browser
+from tests.browser import chromium, needs_browser, patient
 
 from handpipe.anatomy.person import Photograph, read_photograph
 from handpipe.cli.person import Asked, Made, PointsServer, points_page
@@ -42,7 +42,7 @@ def server(picture: Path, tmp_path: Path) -> Iterator[PointsServer]:
 @pytest.fixture
 def page(browser, server: PointsServer) -> Iterator:
     wrong: list[str] = []
-    context = browser.new_context(viewport={"width": 1000, "height": 760})
+    context = patient(browser.new_context(viewport={"width": 1000, "height": 760}))
     opened = context.new_page()
     opened.on("pageerror", lambda error: wrong.append(str(error)))
     opened.on("request", lambda r: None if r.url.startswith(server.address) else wrong.append(r.url))
@@ -151,7 +151,7 @@ def test_earlier_marks_are_there_and_the_hand_opens(
     with PointsServer(picture, Asked(path, made.parent)) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
-        page = browser.new_context().new_page()
+        page = patient(browser.new_context()).new_page()
         page.goto(server.address)
         page.wait_for_selector("body[data-ready]")
         assert page.locator("#asked").inner_text().startswith("All is marked")
@@ -160,7 +160,8 @@ def test_earlier_marks_are_there_and_the_hand_opens(
         assert "seconds from points to the page" in page.locator("#said").inner_text()
         with page.context.expect_page() as opened:
             page.click("#link")
-        assert opened.value.title() == "moves!"
+        patient(opened.value.context)
+        opened.value.wait_for_function("document.title === 'moves!'")
         page.click("#end")
         thread.join(timeout=10)
         assert not thread.is_alive()

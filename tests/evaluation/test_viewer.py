@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from PIL import Image
 from scipy.spatial.transform import Rotation
-from tests.browser import chromium, needs_browser
+from tests.browser import chromium, needs_browser, patient
 
 from handpipe.core.configuration.config import Bone, Dataset, Joint, Pose
 from handpipe.core.layers import Frame, Shape
@@ -112,7 +112,7 @@ def opened(browser, tmp_path: Path) -> Iterator:
         frames = [simulated("straight", hand, place, np.eye(3)), simulated("bent", hand, place, BENT)]
         scenes = {"wrist": frames, "long": [simulated(f"f{i}", hand, place, np.eye(3)) for i in range(3)]}
         write_report(tmp_path / "report.html", ReportInput(dataset(hand), rig(place), scenes=scenes))
-        context = browser.new_context(viewport={"width": 1000, "height": 900}, offline=True)
+        context = patient(browser.new_context(viewport={"width": 1000, "height": 900}, offline=True))
         contexts.append(context)
         page = context.new_page()
         page.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else wrong.append(r.url))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import minimize
-from tests.browser import chromium, needs_browser
+from tests.browser import chromium, needs_browser, patient
 
 from handpipe.core.configuration import load_dataset
 from handpipe.evaluation.player import write_player
@@ -61,7 +61,7 @@ def browser() -> Iterator:
 def page(browser, file: Path) -> Iterator:
     """The page; no request may leave it."""
     wrong: list[str] = []
-    context = browser.new_context(viewport={"width": 1000, "height": 700}, offline=True)
+    context = patient(browser.new_context(viewport={"width": 1000, "height": 700}, offline=True))
     opened = context.new_page()
     local = ("file:", "data:", "blob:")
     opened.on("request", lambda r: None if r.url.startswith(local) else wrong.append(r.url))
@@ -201,7 +201,7 @@ def test_layers_and_levels_are_switched_and_errors_are_those_that_the_hand_state
 def test_a_hand_of_bones_alone_has_a_page(hand, browser, tmp_path: Path) -> None:
     only = hand.only(lambda body: body[0] == "bones")
     write_player(tmp_path / "bones.html", "bones", only, rig(), "right")
-    page = browser.new_page()
+    page = patient(browser.new_context()).new_page()
     page.goto((tmp_path / "bones.html").as_uri())
     page.wait_for_function(f"{PLAYER} !== undefined")
     assert page.locator("input.opacity").is_disabled()
