@@ -554,6 +554,13 @@ def layer_files(subject, layers):
     ]
 
 
+def tendons_of_scene(wildcards):
+    """The tendons of a scene that has them."""
+    if "tendons" not in scene(wildcards.scene).needed:
+        return []
+    return layer_files(wildcards.subject, ["tendons"])
+
+
 def scene_layers():
     """The layers that any scene needs, inside out."""
     return needed(layer for name in SETTINGS.scenes for layer in scene(name).layers)
@@ -680,6 +687,7 @@ def views():
     asked = {
         paths.SCENE_IMAGES: lambda s: s.images,
         paths.SCENE_RIGGED: lambda s: s.rigged,
+        paths.SCENE_MJCF: lambda s: s.mjcf,
         paths.SCENE_MECHANICS: lambda s: s.mechanics,
         paths.SCENE_MOVIE: lambda s: s.movie,
         paths.SCENE_ANATOMY_MOVIE: lambda s: s.movie and s.images,

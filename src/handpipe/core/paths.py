@@ -101,6 +101,7 @@ SCENE_VTK = f"{SIMULATION}/{{scene}}/vtk"
 SCENE_OBJ = f"{SIMULATION}/{{scene}}/obj"
 SCENE_RIGGED = f"{SIMULATION}/{{scene}}/{{scene}}-rigged.glb"
 SCENE_MECHANICS = f"{SIMULATION}/{{scene}}/mechanics"
+SCENE_MJCF = f"{SIMULATION}/{{scene}}/mjcf"  # skeleton and tendons for MuJoCo
 SCENE_MOVIE = f"{SIMULATION}/{{scene}}/{{scene}}.webp"
 SCENE_ANATOMY_MOVIE = f"{SIMULATION}/{{scene}}/{{scene}}-anatomy.webp"
 SCENE_FAT_MOVIE = f"{SIMULATION}/{{scene}}/{{scene}}-fat.webp"

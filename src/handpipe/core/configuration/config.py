@@ -530,6 +530,7 @@ class Scene(Model):
     rigged: bool = Field(
         False, description="write a glTF with skeleton, skin weights and corrective shapes, too"
     )
+    mjcf: bool = Field(False, description="write the skeleton with its tendons as a model of MuJoCo, too")
     mechanics: bool = Field(
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
     )

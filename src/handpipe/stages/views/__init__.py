@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from handpipe.stages.views import (
         evaluate_images,
         export_mechanics,
+        export_mjcf,
         export_rigged,
         find_equilibria,
         move_image,
@@ -21,6 +22,7 @@ else:
 __all__ = [
     "evaluate_images",
     "export_mechanics",
+    "export_mjcf",
     "export_rigged",
     "find_equilibria",
     "move_image",
