@@ -75,6 +75,7 @@ CHANGES = [
                 "register_bones register_tendon report segment_pose separate_fat_water",
             ),
             "hand": ("left", "evaluate_frames report simulate"),
+            "licence": ("CC0-1.0", ""),  # of training sets
             "poses.fist.role": (
                 "heldout",
                 "collect_fat_strains evaluate_frames evaluate_muscles evaluate_poses evaluate_skin "

@@ -43,7 +43,7 @@ from handpipe.hand import (
 from handpipe.imaging.volumes import labelled_names
 from handpipe.levels import require_learned
 from handpipe.skeleton.drivers import frame_names
-from handpipe.skeleton.motion import is_motion, motion_frame_names
+from handpipe.skeleton.motion import is_motion, is_random_file, motion_frame_names
 from handpipe.synthetic import generators
 
 
@@ -638,6 +638,23 @@ def scene_chunks(wildcards):
     """A scene's frames, in order."""
     numbers = chunks(wildcards.subject, wildcards.scene)
     return expand(paths.SCENE_CHUNK, **wildcards, chunk=numbers)
+
+
+def random_frames(wildcards):
+    """The file of a scene's random poses; other scenes make no training set: their frames are alike."""
+    described = described_frames(wildcards)
+    if not is_motion(described) or not is_random_file(described):
+        raise WorkflowError(
+            f"handpipe: config/scenes/{wildcards.scene}.yaml: frames: {described} asks for no random poses, of "
+            "which a training set is made. Name a file with `random` (docs/how-to/motion.md)"
+        )
+    return described
+
+
+def scene_shards(wildcards):
+    """The shards of a scene's training set, in order."""
+    numbers = chunks(wildcards.subject, wildcards.scene)
+    return expand(paths.SCENE_SHARD, **wildcards, chunk=numbers)
 
 
 def scene_equilibria(wildcards):

@@ -346,6 +346,7 @@ class Dataset(Model):
     anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
     units: Literal["mm"] = "mm"
+    licence: str | None = Field(None, description="of the subject's data, which its training sets state")
     hand: Literal["right", "left"] = "right"
     poses: dict[Name, Pose]
     bones: dict[Name, Bone]

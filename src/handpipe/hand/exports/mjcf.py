@@ -26,7 +26,7 @@ def write_mjcf(folder: str | Path, rig: Rig, tendons: Sequence[BonePath] = ()) -
 
     A body's frame is the subject's neutral frame: with the joints at zero it is the world's, and its position
     and its matrix in any pose are the bone's transform from neutral. Each angle of the rig is a hinge of its
-    name with its limits. A body's hinges turn in the order of the rig's axes: the second one of a saddle has a
+    name with its limits. A body's hinges turn in the order of the rig's axes: the second of a saddle has a
     place of its own, the three of a ball joint have one place. Residual motions of joints are left out:
     `residual_motion` measures them. Bones do not touch one another: without cartilage they would in neutral.
 

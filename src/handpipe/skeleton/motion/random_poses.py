@@ -5,6 +5,7 @@ random:
   seed: 0
   around: limits         # evenly within the joints' limits; scans: mixtures of scanned poses
   spread: 0.15           # of scans: shares of each angle's limits by which a mixture is disturbed
+  seeds: one             # for all poses in turn; each: a pose is drawn of the seed and its number alone
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ class RandomPoses(Model):
     seed: int = Field(0, ge=0, description="of their choice")
     around: Literal["limits", "scans"] = "limits"
     spread: float = Field(0.15, ge=0, le=1, description="share of each angle's limits, around scans")
+    seeds: Literal["one", "each"] = Field("one", description="of all poses, or of each pose")
 
 
 class RandomFile(Model):
@@ -46,9 +48,30 @@ def is_random_file(path: str | Path) -> bool:
     return re.search(r"^random\s*:", read_text(path), re.MULTILINE) is not None
 
 
+def read_random_file(path: str | Path) -> RandomPoses:
+    """Which random poses a file asks for.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML file.
+
+    Returns
+    -------
+    RandomPoses
+        Their number, seed and kind.
+
+    Raises
+    ------
+    InputError
+        If the file is wrong.
+    """
+    return load_yaml(path, RandomFile).random
+
+
 def random_names(path: str | Path) -> list[str]:
     """Names of the poses that a file asks for."""
-    return [f"random{i}" for i in range(1, load_yaml(path, RandomFile).random.count + 1)]
+    return [f"random{i}" for i in range(1, read_random_file(path).count + 1)]
 
 
 def read_random_poses(path: str | Path, rig: Rig) -> Motion:
@@ -71,8 +94,11 @@ def read_random_poses(path: str | Path, rig: Rig) -> Motion:
     InputError
         If the file is wrong, or bones collide in nearly all poses.
     """
-    asked, names = load_yaml(path, RandomFile).random, random_names(path)
-    rng, validity = np.random.default_rng(asked.seed), PoseValidity(rig)
+    asked, names = read_random_file(path), random_names(path)
+    validity = PoseValidity(rig)
+    if asked.seeds == "each":
+        return _of_own_seeds(path, asked, names, validity)
+    rng = np.random.default_rng(asked.seed)
     found: dict[str, dict[str, float]] = {}
     for tried in range(TRIES * asked.count):
         if len(found) == asked.count:
@@ -83,6 +109,22 @@ def read_random_poses(path: str | Path, rig: Rig) -> Motion:
             found[names[len(found)]] = pose
     problem = f"bones collide in all but {len(found)} of {TRIES * asked.count} poses"
     raise InputError(path, "random", problem, "Say `around: scans`, or a smaller spread")
+
+
+def _of_own_seeds(path: str | Path, asked: RandomPoses, names: list[str], validity: PoseValidity) -> Motion:
+    """Poses of which each is drawn from the seed and its own number."""
+    found, rig, left_out = {}, validity.rig, 0
+    for number, name in enumerate(names):
+        rng = np.random.default_rng([asked.seed, number])
+        for tried in range(TRIES):
+            pose = dict(zip(rig.angle_names, map(float, _drawn(asked, rig, rng)), strict=True))
+            if not validity.check(pose).collisions:
+                found[name], left_out = pose, left_out + tried
+                break
+        else:
+            problem = f"bones collide in {TRIES} poses that were drawn for {name}"
+            raise InputError(path, "random", problem, "Say `around: scans`, or a smaller spread")
+    return Motion(found, said=[f"{left_out} poses with colliding bones were left out"])
 
 
 def _drawn(asked: RandomPoses, rig: Rig, rng: np.random.Generator) -> Array:
