@@ -79,11 +79,14 @@ def frames(folder: Path) -> dict[int, dict[str, np.ndarray]]:
 def folder(built_small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built after it was killed."""
     copied = copy_with(built_small, tmp_path_factory.mktemp("shards") / "copy", 2)
-    before = {path: path.stat().st_mtime_ns for path in kill_after_a_shard(copied)}
+    shards = kill_after_a_shard(copied)
+    before = {path: path.read_bytes() for path in shards}
+    computed = [path.parents[1] / f"frames-{path.stem[-1]}.h5" for path in shards]
+    kept = {path: path.stat().st_mtime_ns for path in computed}
     assert not (copied / SHARDS / "index.json").exists()
     build(copied)
-    for path, changed in before.items():  # finished shards are kept
-        assert path.stat().st_mtime_ns == changed
+    assert before == {path: path.read_bytes() for path in before}
+    assert kept == {path: path.stat().st_mtime_ns for path in kept}  # what was finished is not made again
     return copied
 
 
