@@ -1053,6 +1053,15 @@ def simulated_frames(subject, name):
     return [*made, *as_built(subject, name)]
 
 
+def levels_against_truth(subject):
+    """What the benchmark of levels reads of scanned poses: truth, simulated skin and layers under it."""
+    data = whole_dataset(subject)
+    poses = [pose for pose in data.poses if pose != data.neutral]
+    patterns = [paths.POSE_INNER, paths.POSE_SKIN]
+    made = expand(patterns, subject=subject, pose=poses)
+    return [*made, *expand(paths.TRUTH, subject=subject, pose=data.poses)]
+
+
 def compared_with_truth(subject):
     """What a benchmark reads of a built subject to compare it, and its raw scans, with the truth."""
     data = checked(load_dataset, dataset_file(subject))
