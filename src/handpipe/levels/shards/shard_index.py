@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from handpipe.core import Array, InputError, Shapes, artifacts, atomic
+from handpipe.core import Array, InputError, IntArray, Shapes, artifacts, atomic
 from handpipe.hand import UNITS
 from handpipe.hand.exports import surfaces_once
 from handpipe.levels.shards.shard import RIGID_LAYER, SPLITS
@@ -122,7 +122,7 @@ def write_bodies(path: str | Path, rig: Rig, layers: Mapping[str, Shapes]) -> No
     layers : mapping of str to Shapes
         Shapes of any frame by layer and body.
     """
-    arrays: dict[str, Array] = {}
+    arrays: dict[str, Array | IntArray] = {}
     for bone in rig.bones:
         surface = rig.surfaces[bone]
         arrays |= {f"{BONES}/{bone}/rest": surface.vertices, f"{BONES}/{bone}/cells": surface.triangles}

@@ -44,7 +44,17 @@ class RandomFile(Model):
 
 
 def is_random_file(path: str | Path) -> bool:
-    """Whether a YAML file asks for random poses."""
+    """Whether a YAML file asks for random poses.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML file.
+
+    Returns
+    -------
+    bool
+    """
     return re.search(r"^random\s*:", read_text(path), re.MULTILINE) is not None
 
 
