@@ -1,5 +1,6 @@
 """The model of MuJoCo, loaded and moved by MuJoCo itself."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +19,19 @@ from tests.tissues.tendons.finger import (
     true_rod,
 )
 
+from handpipe.core import metrics
+from handpipe.core.layers import Frame
 from handpipe.core.rigid import RigidTransform
 from handpipe.hand.exports.mjcf import BONE_DENSITY, residual_motion, write_mjcf
+from handpipe.hand.frames import write_frames
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.joints.axes import Axes
 from handpipe.skeleton.joints.joint_tree import RigJoint
 from handpipe.skeleton.joints.joints import JointFit
 from handpipe.skeleton.joints.residual import Residual
 from handpipe.skeleton.rig.rig import Rig
+from handpipe.stages.views import export_mjcf
+from handpipe.tissues.tendons.layer import TendonLayer
 from handpipe.tissues.tendons.straight_path import BonePath, bone_path
 from handpipe.tissues.tendons.tendon import RegisteredRods, Tendon, build_tendon
 
@@ -210,6 +216,35 @@ def test_moment_arms_are_those_of_the_rods(with_tendon) -> None:
             assert abs(found[name]) == pytest.approx(abs(of_rods), rel=0.25)
             if lengthening:
                 assert of_rods == pytest.approx(DEPTH, rel=0.15)
+
+
+def test_the_stage_leaves_folded_rods_out_and_states_the_differences(with_tendon, tmp_path: Path) -> None:
+    tendon, rig, _, _, _ = with_tendon
+    rig.save(tmp_path / "rig.h5")
+    tendon.save(tmp_path / "tendon.h5")
+    made = []
+    for number, values in enumerate(EXAMPLES.values()):
+        bones = pose(*values)
+        shapes = TendonLayer([tendon]).solve(Frame("", {}, bones), {})
+        line = shapes[f"{tendon.name}_centreline"]
+        folded = {"compression": 0.5 if number == 3 else 0.0}
+        shapes[f"{tendon.name}_centreline"] = replace(line, figures=folded)
+        made.append(
+            (
+                Frame(f"f{number}", dict(zip(("middle", "distal"), values, strict=True)), bones),
+                {"tendons": shapes},
+            )
+        )
+    write_frames(tmp_path / "frames-0.h5", made)
+    outputs = export_mjcf.Outputs(tmp_path / "mjcf", tmp_path / "mjcf.json")
+    inputs = export_mjcf.Inputs(tmp_path / "rig.h5", [tmp_path / "frames-0.h5"], [tmp_path / "tendon.h5"])
+    export_mjcf.export_mjcf(inputs, outputs)
+    found = metrics.read(tmp_path / "mjcf.json")
+    assert found["residual_max"] == (0.0, "mm")
+    assert (found[f"{tendon.name}_frames"][0], found[f"{tendon.name}_folded"][0]) == (3, 1)
+    assert 0 < found[f"{tendon.name}_length_error_max"][0] < 1.5
+    model, _ = loaded(tmp_path / "mjcf" / "skeleton.xml")
+    assert model.ntendon == 1 and model.tendon(0).name == tendon.name
 
 
 def test_hooks_that_would_fold_the_path_are_left_out(with_tendon) -> None:
