@@ -189,7 +189,7 @@ CHANGES = [
             "chunk": (5, "simulate"),
             "obj": (True, "export_obj require_frames"),
             "rigged": (True, "export_rigged require_frames"),
-            "mjcf": (True, "export_mjcf require_frames"),
+            "skeleton": (True, "export_skeleton require_frames"),
             "equilibria": (True, "evaluate_frames find_equilibria"),
             "muscle_barrier": (True, "simulate"),
             "mechanics": (True, "export_mechanics require_frames"),

@@ -22,7 +22,8 @@ from tests.tissues.tendons.finger import (
 from handpipe.core import metrics
 from handpipe.core.layers import Frame
 from handpipe.core.rigid import RigidTransform
-from handpipe.hand.exports.mjcf import BONE_DENSITY, residual_motion, write_mjcf
+from handpipe.hand.exports.bone_files import BONE_DENSITY
+from handpipe.hand.exports.mjcf import residual_motion, write_mjcf
 from handpipe.hand.frames import write_frames
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.joints.axes import Axes
@@ -30,7 +31,7 @@ from handpipe.skeleton.joints.joint_tree import RigJoint
 from handpipe.skeleton.joints.joints import JointFit
 from handpipe.skeleton.joints.residual import Residual
 from handpipe.skeleton.rig.rig import Rig
-from handpipe.stages.views import export_mjcf
+from handpipe.stages.views import export_skeleton
 from handpipe.tissues.tendons.layer import TendonLayer
 from handpipe.tissues.tendons.straight_path import BonePath, bone_path
 from handpipe.tissues.tendons.tendon import RegisteredRods, Tendon, build_tendon
@@ -236,14 +237,14 @@ def test_the_stage_leaves_folded_rods_out_and_states_the_differences(with_tendon
             )
         )
     write_frames(tmp_path / "frames-0.h5", made)
-    outputs = export_mjcf.Outputs(tmp_path / "mjcf", tmp_path / "mjcf.json")
-    inputs = export_mjcf.Inputs(tmp_path / "rig.h5", [tmp_path / "frames-0.h5"], [tmp_path / "tendon.h5"])
-    export_mjcf.export_mjcf(inputs, outputs)
-    found = metrics.read(tmp_path / "mjcf.json")
+    outputs = export_skeleton.Outputs(tmp_path / "skeleton", tmp_path / "figures.json")
+    inputs = export_skeleton.Inputs(tmp_path / "rig.h5", [tmp_path / "frames-0.h5"], [tmp_path / "tendon.h5"])
+    export_skeleton.export_skeleton(inputs, outputs)
+    found = metrics.read(tmp_path / "figures.json")
     assert found["residual_max"] == (0.0, "mm")
     assert (found[f"{tendon.name}_frames"][0], found[f"{tendon.name}_folded"][0]) == (3, 1)
     assert 0 < found[f"{tendon.name}_length_error_max"][0] < 1.5
-    model, _ = loaded(tmp_path / "mjcf" / "skeleton.xml")
+    model, _ = loaded(tmp_path / "skeleton" / "skeleton.xml")
     assert model.ntendon == 1 and model.tendon(0).name == tendon.name
 
 

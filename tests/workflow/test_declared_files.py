@@ -145,7 +145,7 @@ COARSE = {
 SCENE = {
     "layers": ["fat"],
     "frames": "config/scenes/moving.csv",
-    **dict.fromkeys(("obj", "rigged", "mjcf", "mechanics", "equilibria", "movie", "images"), True),
+    **dict.fromkeys(("obj", "rigged", "skeleton", "mechanics", "equilibria", "movie", "images"), True),
 }
 KEYS = "key,time [frame],hinge_flexion [deg]\nflat,0,0\nbent,1,5\n"
 TARGETS = [

@@ -18,7 +18,7 @@ from .small_subject import AFFINE, image
 FRAMES = ("rest", "bent")
 TABLE = "tables/frames-seen.json"
 RULES = {
-    "export_mechanics", "export_mjcf", "export_obj", "export_rigged", "find_equilibria", "move_images",
+    "export_mechanics", "export_skeleton", "export_obj", "export_rigged", "find_equilibria", "move_images",
     "render_movie", "render_volumes",
 }  # fmt: skip
 SCENE = """layers: [skin]
@@ -28,7 +28,7 @@ images: true
 mechanics: true
 equilibria: true
 rigged: true
-mjcf: true
+skeleton: true
 obj: true
 """
 

@@ -704,7 +704,7 @@ def views():
     asked = {
         paths.SCENE_IMAGES: lambda s: s.images,
         paths.SCENE_RIGGED: lambda s: s.rigged,
-        paths.SCENE_MJCF: lambda s: s.mjcf,
+        paths.SCENE_SKELETON: lambda s: s.skeleton,
         paths.SCENE_MECHANICS: lambda s: s.mechanics,
         paths.SCENE_MOVIE: lambda s: s.movie,
         paths.SCENE_ANATOMY_MOVIE: lambda s: s.movie and s.images,

@@ -133,8 +133,9 @@ def _copies(files: list[Path], folder: Path) -> Iterator[Path]:
 
 
 def _models(subject: str, folder: Path) -> Iterator[Path]:
-    """Each scene's model of MuJoCo with its meshes, where the scene asks for one."""
-    for model in sorted(paths.at(paths.SIMULATION, subject=subject).glob(f"*/{Path(paths.SCENE_MJCF).name}")):
+    """Each scene's models of the skeleton with their meshes, where the scene asks for them."""
+    scenes, name = paths.at(paths.SIMULATION, subject=subject), Path(paths.SCENE_SKELETON).name
+    for model in sorted(scenes.glob(f"*/{name}")):
         copied = folder / f"{model.parent.name}-{model.name}"
         yield Path(shutil.copytree(model, copied, dirs_exist_ok=True))
 

@@ -531,7 +531,9 @@ class Scene(Model):
     rigged: bool = Field(
         False, description="write a glTF with skeleton, skin weights and corrective shapes, too"
     )
-    mjcf: bool = Field(False, description="write the skeleton with its tendons as a model of MuJoCo, too")
+    skeleton: bool = Field(
+        False, description="write the skeleton with its tendons as models of MuJoCo and OpenSim, too"
+    )
     mechanics: bool = Field(
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
     )

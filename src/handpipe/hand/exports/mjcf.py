@@ -7,17 +7,14 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import trimesh
 
-from handpipe.core import Array, atomic, write_text
+from handpipe.core import write_text
 from handpipe.hand.appearance import colour
+from handpipe.hand.exports.bone_files import BONE_DENSITY, METRE, numbers, write_bones
 from handpipe.skeleton.rig import Rig
 from handpipe.tissues.tendons import BonePath
 
 MODEL = "skeleton.xml"
-MESHES = "meshes"
-METRE = 1e-3  # m a mm
-BONE_DENSITY = 1900.0  # kg/m³: of compact bone
 POSES, SEED = 100, 0  # of the random poses in which the rig's residual motions are measured
 
 
@@ -45,22 +42,19 @@ def write_mjcf(folder: str | Path, rig: Rig, tendons: Sequence[BonePath] = ()) -
         The model.
     """
     folder = Path(folder)
-    (folder / MESHES).mkdir(parents=True, exist_ok=True)
+    files = write_bones(folder, rig)
     root = ElementTree.Element("mujoco", model="handpipe")
-    ElementTree.SubElement(root, "compiler", angle="radian", meshdir=MESHES, autolimits="true")
+    ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", integrator="implicitfast", gravity="0 0 0")
     defaults = ElementTree.SubElement(root, "default")
-    look = {"density": _text(BONE_DENSITY), "contype": "0", "conaffinity": "0", "rgba": _colour("bones")}
+    look = {"density": numbers(BONE_DENSITY), "contype": "0", "conaffinity": "0", "rgba": _colour("bones")}
     ElementTree.SubElement(defaults, "geom", {"type": "mesh", **look})
     ElementTree.SubElement(defaults, "joint", type="hinge")
     ElementTree.SubElement(defaults, "tendon", rgba=_colour("tendons"))
-    ElementTree.SubElement(defaults, "site", size=_text(0.5 * METRE), group="4")
+    ElementTree.SubElement(defaults, "site", size=numbers(0.5 * METRE), group="4")
     assets = ElementTree.SubElement(root, "asset")
-    for bone, surface in rig.surfaces.items():
-        mesh = trimesh.Trimesh(surface.vertices * METRE, surface.triangles, process=False)
-        with atomic(folder / MESHES / f"{bone}.stl") as temporary:
-            mesh.export(temporary, file_type="stl")
-        ElementTree.SubElement(assets, "mesh", name=bone, file=f"{bone}.stl")
+    for bone, file in files.items():
+        ElementTree.SubElement(assets, "mesh", name=bone, file=file)
     _add_bodies(ElementTree.SubElement(root, "worldbody"), rig, tendons)
     if tendons:
         _add_tendons(ElementTree.SubElement(root, "tendon"), tendons)
@@ -102,19 +96,19 @@ def _add_bodies(world: ElementTree.Element, rig: Rig, tendons: Iterable[BonePath
         fit = joint.fit
         for turn, i in enumerate(fit.axes.order):
             place = fit.centre + (fit.offset if turn == 1 else 0.0)
-            axis, limits = _text(*fit.axes.directions[i]), _text(*joint.limits[i])
-            where = _text(*(place * METRE))
+            axis, limits = numbers(*fit.axes.directions[i]), numbers(*joint.limits[i])
+            where = numbers(*(place * METRE))
             ElementTree.SubElement(body, "joint", name=joint.angles[i], pos=where, axis=axis, range=limits)
     for bone, body in bodies.items():
         ElementTree.SubElement(body, "geom", name=bone, mesh=bone)
     for tendon in tendons:
         for site, bone, point in zip(_sites(tendon), tendon.bones, tendon.points, strict=True):
-            ElementTree.SubElement(bodies[bone], "site", name=site, pos=_text(*(point * METRE)))
+            ElementTree.SubElement(bodies[bone], "site", name=site, pos=numbers(*(point * METRE)))
 
 
 def _add_tendons(element: ElementTree.Element, tendons: Iterable[BonePath]) -> None:
     for tendon in tendons:
-        width = _text(tendon.radius * METRE)
+        width = numbers(tendon.radius * METRE)
         path = ElementTree.SubElement(element, "spatial", name=tendon.name, width=width)
         for site in _sites(tendon):
             ElementTree.SubElement(path, "site", site=site)
@@ -124,9 +118,5 @@ def _sites(tendon: BonePath) -> list[str]:
     return [f"{tendon.name}_{number}" for number in range(len(tendon.points))]
 
 
-def _text(*numbers: float | Array) -> str:
-    return " ".join(f"{float(number):.12g}" for number in numbers)
-
-
 def _colour(look: str) -> str:
-    return _text(*colour(look), 1.0)
+    return numbers(*colour(look), 1.0)

@@ -8,8 +8,8 @@ if TYPE_CHECKING:
     from handpipe.stages.views import (
         evaluate_images,
         export_mechanics,
-        export_mjcf,
         export_rigged,
+        export_skeleton,
         find_equilibria,
         move_image,
         move_images,
@@ -22,7 +22,7 @@ else:
 __all__ = [
     "evaluate_images",
     "export_mechanics",
-    "export_mjcf",
+    "export_skeleton",
     "export_rigged",
     "find_equilibria",
     "move_image",

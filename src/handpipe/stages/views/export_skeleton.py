@@ -1,4 +1,4 @@
-"""The skeleton with the tendons of a scene's frames as a model of MuJoCo, and how near it is to them."""
+"""The skeleton with the tendons of a scene's frames for MuJoCo and OpenSim, and how near it is."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from handpipe.core import Array, Metrics, RigidTransform, metrics
 from handpipe.hand import SimulatedFrame, StoredFrames
-from handpipe.hand.exports import residual_motion, write_mjcf
+from handpipe.hand.exports import residual_motion, write_mjcf, write_osim
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.tissues.tendons import Tendon, bone_path
@@ -47,8 +47,8 @@ class Seen:
     folded: int = 0
 
 
-def export_mjcf(inputs: Inputs, outputs: Outputs) -> None:
-    """The skeleton with the tendons of a scene's frames as a model of MuJoCo, and how near it is to them."""
+def export_skeleton(inputs: Inputs, outputs: Outputs) -> None:
+    """The skeleton with the tendons of a scene's frames for MuJoCo and OpenSim, and how near it is."""
     figures: metrics.Metrics = {}
     with metrics.measured(figures):
         rig, seen = Rig.load(inputs.rig), seen_rods(StoredFrames(inputs.chunks))
@@ -67,6 +67,7 @@ def export_mjcf(inputs: Inputs, outputs: Outputs) -> None:
             lengths[f"{tendon.name}_folded"] = (float(rods.folded), "frames")
             paths.append(path)
         write_mjcf(outputs.folder, rig, paths)
+        write_osim(outputs.folder, rig, paths)
     residuals: Metrics = {name: (value, "mm") for name, value in found.items()}
     metrics.write(outputs.metrics, residuals | lengths | figures)
 
