@@ -115,8 +115,15 @@ def test_joints_have_the_names_and_limits_of_angles(tmp_path: Path) -> None:
         np.testing.assert_allclose(found[name], limits, atol=1e-9)
 
 
+def with_a_ring(rig: Rig) -> Rig:
+    """The rig with a root bone that is not convex."""
+    mesh = trimesh.creation.annulus(r_min=4.0, r_max=6.0, height=3.0)
+    ring = Surface(np.asarray(mesh.vertices) + [2.0, 1, 0], np.asarray(mesh.faces))
+    return replace(rig, surfaces=rig.surfaces | {"root": ring})
+
+
 def test_meshes_are_the_bones_in_metres(tmp_path: Path) -> None:
-    rig = every_type()
+    rig = with_a_ring(every_type())
     model, data = loaded(write_mjcf(tmp_path / "model", rig))
     posed(model, data, {})
     for bone, surface in rig.surfaces.items():

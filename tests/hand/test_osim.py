@@ -4,9 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.hand.test_mjcf import every_type, manufactured
+import trimesh
+from tests.hand.test_mjcf import every_type, manufactured, with_a_ring
 from tests.tissues.tendons.finger import pose
 
+from handpipe.hand.exports.bone_files import BONE_DENSITY, solid
 from handpipe.hand.exports.osim import write_osim
 from handpipe.tissues.tendons.straight_path import bone_path
 
@@ -39,6 +41,22 @@ def test_bodies_move_as_the_rig_without_residuals(tmp_path: Path) -> None:
             np.testing.assert_allclose(turned, transform.rotation, atol=1e-9)
             moved = [1e3 * place.get(i) for i in range(3)]
             np.testing.assert_allclose(moved, transform.translation, atol=1e-7)
+
+
+def test_bodies_have_the_masses_of_bones(tmp_path: Path) -> None:
+    rig = with_a_ring(every_type())
+    model, _ = loaded(write_osim(tmp_path / "model", rig))
+    for bone, surface in rig.surfaces.items():
+        body, mesh = model.getBodySet().get(bone), trimesh.Trimesh(surface.vertices, surface.triangles)
+        assert body.getMass() == pytest.approx(1e-9 * mesh.volume * BONE_DENSITY, rel=1e-9)
+        centre = [1e3 * body.getMassCenter().get(i) for i in range(3)]
+        np.testing.assert_allclose(centre, mesh.center_mass, atol=1e-9)
+
+
+def test_a_bone_with_a_hole_has_the_mass_of_its_hull() -> None:
+    mesh = trimesh.creation.box([2.0, 2, 2])
+    mesh.update_faces(np.arange(len(mesh.faces)) > 0)
+    assert solid(mesh).mass == pytest.approx(8 * BONE_DENSITY)
 
 
 def test_coordinates_have_the_limits_of_angles(tmp_path: Path) -> None:

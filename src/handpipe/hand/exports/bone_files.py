@@ -23,6 +23,15 @@ def bone_meshes(rig: Rig) -> dict[str, trimesh.Trimesh]:
     return found
 
 
+def solid(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """What has the mass of a bone: the bone, or its convex hull if its surface has holes."""
+    if mesh.is_watertight and mesh.volume > 0:
+        return mesh
+    hull = mesh.convex_hull
+    hull.density = BONE_DENSITY
+    return hull
+
+
 def write_bones(folder: Path, rig: Rig) -> dict[str, str]:
     """Write each bone as STL below a folder; the file's path from there by bone."""
     (folder / MESHES).mkdir(parents=True, exist_ok=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from handpipe.core import write_text
 from handpipe.hand.appearance import colour
-from handpipe.hand.exports.bone_files import BONE_DENSITY, METRE, numbers, write_bones
+from handpipe.hand.exports.bone_files import BONE_DENSITY, METRE, bone_meshes, numbers, solid, write_bones
 from handpipe.skeleton.rig import Rig
 from handpipe.tissues.tendons import BonePath
 
@@ -53,8 +53,9 @@ def write_mjcf(folder: str | Path, rig: Rig, tendons: Sequence[BonePath] = ()) -
     ElementTree.SubElement(defaults, "tendon", rgba=_colour("tendons"))
     ElementTree.SubElement(defaults, "site", size=numbers(0.5 * METRE), group="4")
     assets = ElementTree.SubElement(root, "asset")
-    for bone, file in files.items():
-        ElementTree.SubElement(assets, "mesh", name=bone, file=file)
+    for bone, mesh in bone_meshes(rig).items():
+        inertia = "exact" if solid(mesh) is mesh else "convex"
+        ElementTree.SubElement(assets, "mesh", name=bone, file=files[bone], inertia=inertia)
     _add_bodies(ElementTree.SubElement(root, "worldbody"), rig, tendons)
     if tendons:
         _add_tendons(ElementTree.SubElement(root, "tendon"), tendons)

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from handpipe.core import Array, write_text
-from handpipe.hand.exports.bone_files import METRE, bone_meshes, numbers, write_bones
+from handpipe.hand.exports.bone_files import METRE, bone_meshes, numbers, solid, write_bones
 from handpipe.skeleton.joints import RigJoint
 from handpipe.skeleton.rig import Rig
 from handpipe.tissues.tendons import BonePath
@@ -44,7 +44,8 @@ def write_osim(folder: str | Path, rig: Rig, tendons: Sequence[BonePath] = ()) -
     model = ElementTree.SubElement(root, "Model", name="handpipe")
     ElementTree.SubElement(model, "gravity").text = "0 0 0"
     bodies, joints, forces = (_set(model, name) for name in ("BodySet", "JointSet", "ForceSet"))
-    files, meshes = write_bones(folder, rig), bone_meshes(rig)
+    files = write_bones(folder, rig)
+    meshes = {bone: solid(mesh) for bone, mesh in bone_meshes(rig).items()}
     for bone in rig.bones:
         centre, inertia = meshes[bone].center_mass, meshes[bone].moment_inertia
         values = (*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2])
