@@ -13,6 +13,7 @@ from handpipe.hand.exports.osim import write_osim
 from handpipe.tissues.tendons.straight_path import bone_path
 
 opensim = pytest.importorskip("opensim", reason="opensim is not installed", exc_type=ImportError)
+opensim.Logger.removeFileSink()  # else it writes a log into the working folder
 
 
 def loaded(path: Path):
