@@ -30,12 +30,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from benchmarks.levels.measured import measured
         from benchmarks.levels.springs import springs
         from benchmarks.levels.subject import Subject
+        from benchmarks.levels.truth import against_truth
         from handpipe.core import metrics
 
         figures: metrics.Metrics = {}
         with metrics.measured(figures):
             subject = Subject.built(part, results)
-            found = measured(subject) | springs(subject)
+            found = measured(subject) | springs(subject) | against_truth(subject)
         named = {f"{part}_{name}": value for name, value in (found | figures).items()}
         if part == "hand":  # the limits of the ladder are those of the whole hand
             named |= example(subject)

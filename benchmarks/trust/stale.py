@@ -75,6 +75,7 @@ CHANGES = [
                 "register_bones register_tendon report segment_pose separate_fat_water",
             ),
             "hand": ("left", "evaluate_frames report simulate"),
+            "licence": ("CC0-1.0", ""),  # of training sets
             "poses.fist.role": (
                 "heldout",
                 "collect_fat_strains evaluate_frames evaluate_muscles evaluate_poses evaluate_skin "
@@ -188,6 +189,7 @@ CHANGES = [
             "chunk": (5, "simulate"),
             "obj": (True, "export_obj require_frames"),
             "rigged": (True, "export_rigged require_frames"),
+            "skeleton": (True, "export_skeleton require_frames"),
             "equilibria": (True, "evaluate_frames find_equilibria"),
             "muscle_barrier": (True, "simulate"),
             "mechanics": (True, "export_mechanics require_frames"),

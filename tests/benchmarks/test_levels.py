@@ -9,9 +9,11 @@ import trimesh
 from benchmarks.levels import measured
 from benchmarks.levels.contractions import coarser
 from benchmarks.levels.document import main, table
+from benchmarks.levels.truth import _distances, _shown
 from tests.levels.three_bones import random_frames, rig
 
 from handpipe.core import metrics
+from handpipe.core.layers import Shape
 from handpipe.levels import LearnedHand, TrainingSet, learn
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.tissues.fat.skin import Rigid, Skin
@@ -51,6 +53,38 @@ def test_seconds_are_of_the_bodies_that_are_asked_for(hand: LearnedHand, tested:
     assert found["vertices_skin"][0] == len(hand.bodies["fat", "skin"].rest)
     assert found["vertices_everything"][0] == len(hand.rest)
     assert 0 < found["l0_skin_seconds"][0] < 0.1
+
+
+def test_errors_against_truth_are_distances_to_its_surfaces() -> None:
+    """Spheres of 10 mm against true ones of 10.5 mm; the cut end, which is far off, does not count."""
+
+    def sphere(radius: float) -> Surface:
+        mesh = trimesh.creation.icosphere(subdivisions=4, radius=radius)
+        return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+
+    inner, outer = sphere(10.0), sphere(10.5)
+    true = {"skin": {"skin": outer}, "muscles": {"muscle": outer}}
+    made = {
+        "fat": {"skin": inner},
+        "muscles": {"muscle": inner, "muscle_mesh": inner},
+        "bones": {"bone": inner},
+    }
+    shapes = {
+        layer: {
+            name: Shape(
+                s.vertices,
+                s.vertices.copy(),
+                np.zeros((0, 4), int) if name.endswith("_mesh") else s.triangles,
+            )
+            for name, s in bodies.items()
+        }
+        for layer, bodies in made.items()
+    }
+    shapes["fat"]["skin"].vertices[:5] += 30.0
+    found = _distances(_shown(shapes), true, np.arange(5))
+    assert found["skin"] == pytest.approx(np.full(len(inner.vertices) - 5, 0.5), abs=0.02)
+    assert found["muscles"] == pytest.approx(np.full(len(found["muscles"]), 0.5), abs=0.02)
+    assert len(found["muscles"]) > 0
 
 
 def test_table_and_picture(tmp_path: Path) -> None:

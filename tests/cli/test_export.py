@@ -71,6 +71,18 @@ def test_a_scene_is_usd_where_it_is_asked_for(dataset: Dataset, scene: list, tmp
     np.testing.assert_array_equal(moves, [frame.bones["distal2"].translation for frame, _ in scene])
 
 
+def test_the_models_of_the_skeleton_are_copied_with_its_meshes(dataset: Dataset, scene: list, tmp_path: Path):
+    model = paths.at(paths.SCENE_SKELETON, subject="finger", scene="close")
+    (model / "meshes").mkdir(parents=True)
+    (model / "skeleton.xml").write_text("<mujoco/>", encoding="utf-8")
+    (model / "meshes/distal2.stl").write_bytes(b"solid")
+    for _ in range(2):  # files of an earlier export are replaced
+        written = exports.export("finger", dataset, tmp_path / "out")
+        assert [p.name for p in written] == ["close.glb", "close-skeleton"]
+    assert (tmp_path / "out/close-skeleton/skeleton.xml").read_text(encoding="utf-8") == "<mujoco/>"
+    assert (tmp_path / "out/close-skeleton/meshes/distal2.stl").is_file()
+
+
 class Muscles:
     """In place of the layer, whose files only a build makes."""
 

@@ -33,6 +33,22 @@ def test_poses_are_valid_named_and_repeatable(tmp_path) -> None:
     assert expand_motion(written(tmp_path, "{count: 5, seed: 4}"), RIG).frames != found
 
 
+def test_a_pose_of_its_own_seed_does_not_depend_on_the_others(tmp_path) -> None:
+    few, many = (
+        expand_motion(written(tmp_path, f"{{count: {count}, seed: 3, seeds: each}}"), RIG).frames
+        for count in (2, 5)
+    )
+    assert {name: many[name] for name in few} == few
+    rng, validity = np.random.default_rng([3, 4]), PoseValidity(RIG)  # of the fifth pose, drawn alone
+    lower, upper = np.array([RIG.limits[name] for name in RIG.angle_names]).T
+    while validity.check(
+        pose := dict(zip(RIG.angle_names, rng.uniform(lower, upper), strict=True))
+    ).collisions:
+        pass
+    assert many["random5"] == pose
+    assert expand_motion(written(tmp_path, "{count: 2, seed: 3}"), RIG).frames != few
+
+
 def test_poses_around_scans_are_their_mixtures(tmp_path) -> None:
     """Two scans, and no spread: every pose is on the line between them."""
     zero = dict.fromkeys(RIG.angle_names, 0.0)
@@ -47,6 +63,11 @@ def test_poses_around_scans_are_their_mixtures(tmp_path) -> None:
 
 
 def test_wrong_files_are_refused(tmp_path) -> None:
-    for text, said in (("{count: 0}", "count"), ("{count: 3, around: x}", "around"), ("{}", "count")):
+    for text, said in (
+        ("{count: 0}", "count"),
+        ("{count: 3, around: x}", "around"),
+        ("{count: 3, seeds: x}", "seeds"),
+        ("{}", "count"),
+    ):
         with pytest.raises(InputError, match=said):
             expand_motion(written(tmp_path, text), RIG)

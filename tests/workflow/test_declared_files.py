@@ -42,6 +42,8 @@ NOT_WATCHED = {
     "export_player": "shows learned frames: test_levels.py watches it",
     "animate": "shows learned frames: test_levels.py watches it",
     "animate_springs": "for scenes at level L2: test_levels.py watches it",
+    "make_shard": "of random poses: test_shards.py watches it",
+    "index_shards": "of random poses: test_shards.py watches it",
 }
 AIR = 4  # voxels around the small subject's image
 WIDE = AFFINE + np.pad(np.full((3, 1), -AIR * SPACING), ((0, 1), (3, 0)))
@@ -143,7 +145,7 @@ COARSE = {
 SCENE = {
     "layers": ["fat"],
     "frames": "config/scenes/moving.csv",
-    **dict.fromkeys(("obj", "rigged", "mechanics", "equilibria", "movie", "images"), True),
+    **dict.fromkeys(("obj", "rigged", "skeleton", "mechanics", "equilibria", "movie", "images"), True),
 }
 KEYS = "key,time [frame],hinge_flexion [deg]\nflat,0,0\nbent,1,5\n"
 TARGETS = [

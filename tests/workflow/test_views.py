@@ -18,8 +18,8 @@ from .small_subject import AFFINE, image
 FRAMES = ("rest", "bent")
 TABLE = "tables/frames-seen.json"
 RULES = {
-    "export_mechanics", "export_obj", "export_rigged", "find_equilibria", "move_images", "render_movie",
-    "render_volumes",
+    "export_mechanics", "export_skeleton", "export_obj", "export_rigged", "find_equilibria", "move_images",
+    "render_movie", "render_volumes",
 }  # fmt: skip
 SCENE = """layers: [skin]
 frames: config/scenes/seen.csv
@@ -28,6 +28,7 @@ images: true
 mechanics: true
 equilibria: true
 rigged: true
+skeleton: true
 obj: true
 """
 

@@ -467,6 +467,7 @@ LEVELS = {  # parts of the benchmark of levels: subject, and scene of random pos
 rule benchmark_levels_part:
     input:
         lambda w: simulated_frames(*LEVELS[w.part]),
+        truth=lambda w: levels_against_truth(LEVELS[w.part][0]),
         skin=lambda w: paths.at(paths.SKIN, subject=LEVELS[w.part][0]),
         driven="config/scenes/typing.csv",
     output:

@@ -43,7 +43,7 @@ from handpipe.hand import (
 from handpipe.imaging.volumes import labelled_names
 from handpipe.levels import require_learned
 from handpipe.skeleton.drivers import frame_names
-from handpipe.skeleton.motion import is_motion, motion_frame_names
+from handpipe.skeleton.motion import is_motion, is_random_file, motion_frame_names
 from handpipe.synthetic import generators
 
 
@@ -554,6 +554,13 @@ def layer_files(subject, layers):
     ]
 
 
+def tendons_of_scene(wildcards):
+    """The tendons of a scene that has them."""
+    if "tendons" not in scene(wildcards.scene).needed:
+        return []
+    return layer_files(wildcards.subject, ["tendons"])
+
+
 def scene_layers():
     """The layers that any scene needs, inside out."""
     return needed(layer for name in SETTINGS.scenes for layer in scene(name).layers)
@@ -633,6 +640,23 @@ def scene_chunks(wildcards):
     return expand(paths.SCENE_CHUNK, **wildcards, chunk=numbers)
 
 
+def random_frames(wildcards):
+    """The file of a scene's random poses; other scenes make no training set: their frames are alike."""
+    described = described_frames(wildcards)
+    if not is_motion(described) or not is_random_file(described):
+        raise WorkflowError(
+            f"handpipe: config/scenes/{wildcards.scene}.yaml: frames: {described} asks for no random poses, of "
+            "which a training set is made. Name a file with `random` (docs/how-to/motion.md)"
+        )
+    return described
+
+
+def scene_shards(wildcards):
+    """The shards of a scene's training set, in order."""
+    numbers = chunks(wildcards.subject, wildcards.scene)
+    return expand(paths.SCENE_SHARD, **wildcards, chunk=numbers)
+
+
 def scene_equilibria(wildcards):
     """What other equilibria the frames have, where the scene asks for it."""
     if not scene(wildcards.scene).equilibria:
@@ -680,6 +704,7 @@ def views():
     asked = {
         paths.SCENE_IMAGES: lambda s: s.images,
         paths.SCENE_RIGGED: lambda s: s.rigged,
+        paths.SCENE_SKELETON: lambda s: s.skeleton,
         paths.SCENE_MECHANICS: lambda s: s.mechanics,
         paths.SCENE_MOVIE: lambda s: s.movie,
         paths.SCENE_ANATOMY_MOVIE: lambda s: s.movie and s.images,
@@ -1026,6 +1051,15 @@ def simulated_frames(subject, name):
     numbers = chunks(subject, name)
     made = expand(paths.SCENE_CHUNK, subject=subject, scene=name, chunk=numbers)
     return [*made, *as_built(subject, name)]
+
+
+def levels_against_truth(subject):
+    """What the benchmark of levels reads of scanned poses: truth, simulated skin and layers under it."""
+    data = whole_dataset(subject)
+    poses = [pose for pose in data.poses if pose != data.neutral]
+    patterns = [paths.POSE_INNER, paths.POSE_SKIN]
+    made = expand(patterns, subject=subject, pose=poses)
+    return [*made, *expand(paths.TRUTH, subject=subject, pose=data.poses)]
 
 
 def compared_with_truth(subject):

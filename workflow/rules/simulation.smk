@@ -157,6 +157,57 @@ rule animate_springs:
 ruleorder: animate > animate_springs > simulate
 
 
+# A training set of random poses. Frames that failed are recorded in it, and do not fail it.
+rule make_shard:
+    input:
+        rig=paths.RIG,
+        frames=frames_file,
+        chunk=paths.SCENE_CHUNK,
+    output:
+        paths.SCENE_SHARD,
+    log:
+        paths.log_of("make_shard", "scene", "chunk"),
+    benchmark:
+        paths.cost_of("make_shard", "scene", "chunk")
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        dataset=reads("hand"),
+        scene=reads_scene("bones", "chunk"),
+    message:
+        "{wildcards.subject}: {wildcards.scene}, shard {wildcards.chunk} of the training set"
+    script:
+        "../scripts/make_shard.py"
+
+
+rule index_shards:
+    input:
+        rig=paths.RIG,
+        random=random_frames,
+        chunks=scene_chunks,
+        shards=scene_shards,
+    output:
+        index=paths.SCENE_SHARD_INDEX,
+        bodies=paths.SCENE_SHARD_BODIES,
+    log:
+        paths.log_of("index_shards", "scene"),
+    benchmark:
+        paths.cost_of("index_shards", "scene")
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        dataset=reads("name", "hand", "licence"),
+        scene=reads_scene("level", "learned"),
+    message:
+        "{wildcards.subject}: {wildcards.scene}, index of the training set"
+    script:
+        "../scripts/index_shards.py"
+
+
 # Of scenes that ask for it: the outermost layer is simulated again, from other starts.
 rule find_equilibria:
     input:

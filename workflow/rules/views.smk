@@ -1,5 +1,5 @@
 # The neutral image in motion, with the frames of a scene and into scanned poses (Zheng 2022 Figs. 1, 2, 32, 33); a
-# rigged hand; strains and stresses; movies.
+# rigged hand; models of the skeleton; strains and stresses; movies.
 
 
 rule move_images:
@@ -104,6 +104,28 @@ rule export_rigged:
         "{wildcards.subject}: {wildcards.scene} as a skeleton with skins and corrective shapes"
     script:
         "../scripts/export_rigged.py"
+
+
+rule export_skeleton:
+    input:
+        rig=paths.RIG,
+        chunks=scene_chunks,
+        tendons=tendons_of_scene,
+    output:
+        folder=directory(paths.SCENE_SKELETON),
+        metrics=paths.metrics_of("skeleton-{scene}"),
+    log:
+        paths.log_of("export_skeleton", "scene"),
+    benchmark:
+        paths.cost_of("export_skeleton", "scene")
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "{wildcards.subject}: {wildcards.scene}, skeleton and tendons for MuJoCo and OpenSim"
+    script:
+        "../scripts/export_skeleton.py"
 
 
 rule export_mechanics:

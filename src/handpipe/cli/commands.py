@@ -189,6 +189,24 @@ def play(
 
 
 @app.command()
+def shards(
+    subject: Subject,
+    scene: Annotated[str, typer.Option("--scene", metavar="SCENE", help="of random poses")],
+    configfile: Configuration = None,
+    cores: Annotated[int | None, typer.Option(min=1, help="jobs at a time")] = None,
+) -> int:
+    """Write the frames of a scene as a training set: shards of arrays and an index; go on where it ended."""
+    _dataset_file(subject)
+    if not scene_files(scene)[0].is_file():
+        raise InputError(scene_files(scene)[0], "file", "does not exist", "Name a scene of random poses")
+    index = paths.at(paths.SCENE_SHARD_INDEX, subject=subject, scene=scene)
+    if workflow.run(workflow.Build(subject, [scene], configfile, str(index)), cores) != 0:
+        return 1
+    print(index)
+    return 0
+
+
+@app.command()
 def propose(subject: Subject) -> None:
     """Write strokes of each neutral bone that is found for sure, for a person to look at before the build."""
     source = _dataset_file(subject)

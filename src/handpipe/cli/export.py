@@ -52,6 +52,7 @@ def export(subject: str, dataset: Dataset, folder: Path, usd: bool = False) -> l
     folder.mkdir(parents=True, exist_ok=True)
     return [
         *_copies(scenes, folder),
+        *_models(subject, folder),
         *(_scenes_as_usd(subject, folder) if usd else ()),
         *_labels(subject, labelled, folder),
         *_tables(subject, tables, folder),
@@ -129,6 +130,14 @@ def _scenes_as_usd(subject: str, folder: Path) -> Iterator[Path]:
 def _copies(files: list[Path], folder: Path) -> Iterator[Path]:
     for file in files:
         yield Path(shutil.copy(file, folder / file.name))
+
+
+def _models(subject: str, folder: Path) -> Iterator[Path]:
+    """Each scene's models of the skeleton with their meshes, where the scene asks for them."""
+    scenes, name = paths.at(paths.SIMULATION, subject=subject), Path(paths.SCENE_SKELETON).name
+    for model in sorted(scenes.glob(f"*/{name}")):
+        copied = folder / f"{model.parent.name}-{model.name}"
+        yield Path(shutil.copytree(model, copied, dirs_exist_ok=True))
 
 
 def _labels(subject: str, poses: list[str], folder: Path) -> Iterator[Path]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.levels import mass_spring
+    from handpipe.levels import mass_spring, shards
     from handpipe.levels.fast_skeleton import FastSkeleton
     from handpipe.levels.learned_hand import Errors, LearnedBody, LearnedHand, Level
     from handpipe.levels.learned_scene import require_learned
@@ -25,5 +25,6 @@ __all__ = [
     "learn",
     "mass_spring",
     "require_learned",
+    "shards",
     "write_portable",
 ]

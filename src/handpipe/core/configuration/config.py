@@ -346,6 +346,7 @@ class Dataset(Model):
     anatomy: Path | None = Field(None, description="folder of the source anatomy of a generated subject")
     root: Path
     units: Literal["mm"] = "mm"
+    licence: str | None = Field(None, description="of the subject's data, which its training sets state")
     hand: Literal["right", "left"] = "right"
     poses: dict[Name, Pose]
     bones: dict[Name, Bone]
@@ -529,6 +530,9 @@ class Scene(Model):
     obj: bool = Field(False, description="write the frames as a sequence of OBJ files, too")
     rigged: bool = Field(
         False, description="write a glTF with skeleton, skin weights and corrective shapes, too"
+    )
+    skeleton: bool = Field(
+        False, description="write the skeleton with its tendons as models of MuJoCo and OpenSim, too"
     )
     mechanics: bool = Field(
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"

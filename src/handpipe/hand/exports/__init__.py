@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from handpipe.hand.exports.input_deck import write_deck
     from handpipe.hand.exports.linear_blend import BONES_A_VERTEX, LinearBlend
     from handpipe.hand.exports.mechanics import Mechanical, muscle_fibres, tet_fields, with_mechanics
+    from handpipe.hand.exports.mjcf import residual_motion, write_mjcf
+    from handpipe.hand.exports.osim import write_osim
     from handpipe.hand.exports.rigged_glb import surfaces_once, write_rigged_glb
     from handpipe.hand.exports.usd_cache import write_usd
 else:
@@ -25,14 +27,17 @@ __all__ = [
     "LinearBlend",
     "Mechanical",
     "muscle_fibres",
+    "residual_motion",
     "surface_triangles",
     "surfaces_once",
     "tet_fields",
     "with_mechanics",
     "write_deck",
     "write_glb",
+    "write_mjcf",
     "write_numbers",
     "write_obj_sequence",
+    "write_osim",
     "write_rigged_glb",
     "write_usd",
     "write_vtu_series",

@@ -106,6 +106,26 @@ class LandmarkMap:
         along = along * np.sign(along @ (knuckle - rig.surfaces[bone].vertices.mean(axis=0)))
         return LandmarkMap(self.places | {"WRIST": (bone, wrist(knuckles, along))}, self.segments)
 
+    def points(self, bones: Mapping[str, RigidTransform]) -> Array:
+        """The 21 landmarks with bones that are moved from neutral.
+
+        Parameters
+        ----------
+        bones : mapping of str to RigidTransform
+            Transforms from neutral.
+
+        Returns
+        -------
+        array (21, 3)
+            Points in mm in the order of `LANDMARKS`, NaN of landmarks that the rig has not.
+        """
+        found = np.full((len(LANDMARKS), 3), np.nan)
+        for row, name in enumerate(LANDMARKS):
+            if name in self.places:
+                bone, point = self.places[name]
+                found[row] = bones[bone](point)
+        return found
+
 
 def wrist(knuckles: Array, along: Array) -> Array:
     """The point (3,) `ARM` knuckle widths before the knuckles (4, 3), against the palm's direction (3,)."""

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.skeleton.joints.joint_tree import RigJoint
     from handpipe.skeleton.joints.joints import fit_joint
     from handpipe.skeleton.joints.limits import limit_rows
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["fit_joint", "limit_rows"]
+__all__ = ["RigJoint", "fit_joint", "limit_rows"]

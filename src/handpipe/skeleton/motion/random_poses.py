@@ -5,6 +5,7 @@ random:
   seed: 0
   around: limits         # evenly within the joints' limits; scans: mixtures of scanned poses
   spread: 0.15           # of scans: shares of each angle's limits by which a mixture is disturbed
+  seeds: one             # for all poses in turn; each: a pose is drawn of the seed and its number alone
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ class RandomPoses(Model):
     seed: int = Field(0, ge=0, description="of their choice")
     around: Literal["limits", "scans"] = "limits"
     spread: float = Field(0.15, ge=0, le=1, description="share of each angle's limits, around scans")
+    seeds: Literal["one", "each"] = Field(default="one", description="of all poses, or of each pose")
 
 
 class RandomFile(Model):
@@ -42,13 +44,49 @@ class RandomFile(Model):
 
 
 def is_random_file(path: str | Path) -> bool:
-    """Whether a YAML file asks for random poses."""
+    """Whether a YAML file asks for random poses.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML file.
+
+    Returns
+    -------
+    bool
+    """
     return re.search(r"^random\s*:", read_text(path), re.MULTILINE) is not None
+
+
+def read_random_file(path: str | Path) -> RandomPoses:
+    """Which random poses a file asks for.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML file.
+
+    Returns
+    -------
+    RandomPoses
+        Their number, seed and kind.
+
+    Raises
+    ------
+    InputError
+        If the file is wrong.
+    """
+    return load_yaml(path, RandomFile).random
 
 
 def random_names(path: str | Path) -> list[str]:
     """Names of the poses that a file asks for."""
-    return [f"random{i}" for i in range(1, load_yaml(path, RandomFile).random.count + 1)]
+    return numbered(read_random_file(path).count)
+
+
+def numbered(count: int) -> list[str]:
+    """Names of a number of random poses."""
+    return [f"random{i}" for i in range(1, count + 1)]
 
 
 def read_random_poses(path: str | Path, rig: Rig) -> Motion:
@@ -71,7 +109,7 @@ def read_random_poses(path: str | Path, rig: Rig) -> Motion:
     InputError
         If the file is wrong, or bones collide in nearly all poses.
     """
-    return draw_poses(load_yaml(path, RandomFile).random, rig, path)
+    return draw_poses(read_random_file(path), rig, path)
 
 
 def draw_poses(asked: RandomPoses, rig: Rig, source: str | Path = "random poses") -> Motion:
@@ -96,7 +134,10 @@ def draw_poses(asked: RandomPoses, rig: Rig, source: str | Path = "random poses"
     InputError
         If bones collide in nearly all poses.
     """
-    rng, validity = np.random.default_rng(asked.seed), PoseValidity(rig)
+    names, validity = numbered(asked.count), PoseValidity(rig)
+    if asked.seeds == "each":
+        return _of_own_seeds(asked, names, validity, source)
+    rng = np.random.default_rng(asked.seed)
     found: dict[str, dict[str, float]] = {}
     for tried in range(TRIES * asked.count):
         if len(found) == asked.count:
@@ -104,9 +145,25 @@ def draw_poses(asked: RandomPoses, rig: Rig, source: str | Path = "random poses"
         values = _drawn(asked, rig, rng)
         pose = dict(zip(rig.angle_names, map(float, values), strict=True))
         if not validity.check(pose).collisions:
-            found[f"random{len(found) + 1}"] = pose
+            found[names[len(found)]] = pose
     problem = f"bones collide in all but {len(found)} of {TRIES * asked.count} poses"
     raise InputError(source, "random", problem, "Say `around: scans`, or a smaller spread")
+
+
+def _of_own_seeds(asked: RandomPoses, names: list[str], validity: PoseValidity, source: str | Path) -> Motion:
+    """Poses of which each is drawn from the seed and its own number."""
+    found, rig, left_out = {}, validity.rig, 0
+    for number, name in enumerate(names):
+        rng = np.random.default_rng([asked.seed, number])
+        for tried in range(TRIES):
+            pose = dict(zip(rig.angle_names, map(float, _drawn(asked, rig, rng)), strict=True))
+            if not validity.check(pose).collisions:
+                found[name], left_out = pose, left_out + tried
+                break
+        else:
+            problem = f"bones collide in {TRIES} poses that were drawn for {name}"
+            raise InputError(source, "random", problem, "Say `around: scans`, or a smaller spread")
+    return Motion(found, said=[f"{left_out} poses with colliding bones were left out"])
 
 
 def _drawn(asked: RandomPoses, rig: Rig, rng: np.random.Generator) -> Array:

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
         evaluate_images,
         export_mechanics,
         export_rigged,
+        export_skeleton,
         find_equilibria,
         move_image,
         move_images,
@@ -21,6 +22,7 @@ else:
 __all__ = [
     "evaluate_images",
     "export_mechanics",
+    "export_skeleton",
     "export_rigged",
     "find_equilibria",
     "move_image",
