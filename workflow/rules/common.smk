@@ -554,6 +554,19 @@ def layer_files(subject, layers):
     ]
 
 
+def simulated_files(wildcards):
+    """The artifacts that a simulation of a scene reads; at level L3 the soft tissue is the one with creases."""
+    made = scene(wildcards.scene)
+    files = layer_files(wildcards.subject, made.needed)
+    plain, creased = (
+        paths.at(path, subject=wildcards.subject)
+        for path in (paths.SOFT_TISSUE, paths.CREASE_TISSUE)
+    )
+    if made.level != "L3":
+        return files
+    return [creased if file == plain else file for file in files]
+
+
 def scene_layers():
     """The layers that any scene needs, inside out."""
     return needed(layer for name in SETTINGS.scenes for layer in scene(name).layers)
