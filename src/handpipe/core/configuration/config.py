@@ -563,7 +563,9 @@ class Scene(Model):
         if self.level in WITHOUT_TETS and (self.mechanics or self.equilibria):
             raise ValueError(f"level: {self.level} has no tets: neither mechanics nor equilibria of them")
         if self.level == "L3" and self.equilibria:
-            raise ValueError("level: L3 bends from neutral: it has no other starts, and no equilibria of them")
+            raise ValueError(
+                "level: L3 bends from neutral: it has no other starts, and no equilibria of them"
+            )
         return self
 
     @model_validator(mode="after")

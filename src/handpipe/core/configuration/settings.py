@@ -32,8 +32,12 @@ class Edges(Model):
 
 
 EDGES: dict[Fidelity, Edges] = {
-    "preview": Edges(muscle=2.5, bone_fascia=2.5, muscle_fascia=2.5, tendon=1.2, skin=2.5, crease=1.2, fat=4.0),
-    "standard": Edges(muscle=1.8, bone_fascia=1.5, muscle_fascia=1.5, tendon=1.2, skin=1.5, crease=0.8, fat=2.5),
+    "preview": Edges(
+        muscle=2.5, bone_fascia=2.5, muscle_fascia=2.5, tendon=1.2, skin=2.5, crease=1.2, fat=4.0
+    ),
+    "standard": Edges(
+        muscle=1.8, bone_fascia=1.5, muscle_fascia=1.5, tendon=1.2, skin=1.5, crease=0.8, fat=2.5
+    ),
     # At least the numbers of vertices of Zheng 2022 Table 1, on the phantom hand (docs/fidelity.md).
     "paper": Edges(
         muscle=0.97, bone_fascia=0.65, muscle_fascia=0.66, tendon=0.44, skin=1.3, crease=0.5, fat=1.7

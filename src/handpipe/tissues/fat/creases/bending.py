@@ -23,13 +23,11 @@ from handpipe.tissues.fat.tissue import OPTIONS, Tissue
 
 log = logging.getLogger(__name__)
 
-import os
-STEP = np.radians(float(os.environ.get("XSTEP","15")))  # of the joint that turns most
+STEP = np.radians(15.0)  # of the joint that turns most
 SMALLEST = 1 / 16  # of a step, below which the frame fails
 WATER = 1e-6  # kg/mm^3 (Wang 2019 §5.5)
-TIME = float(os.environ.get("XH","0.002"))  # s of a step: with inertia folds form without jumps (Wang 2019 §6)
-_T=float(os.environ.get("XTOL","0.05"))
-BRIEF = replace(OPTIONS, displacement_tolerance=_T, force_tolerance=_T)  # on the way
+TIME = 2e-3  # s of a step: with inertia folds form without jumps (Wang 2019 §6)
+BRIEF = replace(OPTIONS, displacement_tolerance=0.1, force_tolerance=0.3)  # on the way
 
 
 class CreaseLayer(TissueLayer):
@@ -58,13 +56,15 @@ class CreaseLayer(TissueLayer):
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """As `TissueLayer.solve`; the skin's figures tell, too, how deep it folds and how far it bulges (mm).
 
-        Both are changes of the skin's distance from the nearest bone: the largest decrease and increase.
+        Both are changes of the distance between skin that folds and the nearest bone: the largest decrease
+        and the largest increase.
         """
-        shapes = super().solve(frame, below)
-        skin = shapes["skin"]
-        bones = below["bones"].values()
-        thicker = _heights(skin.vertices, [Surface(b.vertices, b.cells) for b in bones])
-        thicker -= _heights(skin.rest, [Surface(b.rest, b.cells) for b in bones])
+        shapes, creases = super().solve(frame, below), self.tissue.creases
+        if creases is None or not len(creases.folding):
+            return shapes
+        skin, bones, places = shapes["skin"], below["bones"].values(), creases.folding
+        thicker = _heights(skin.vertices[places], [Surface(b.vertices, b.cells) for b in bones])
+        thicker -= _heights(skin.rest[places], [Surface(b.rest, b.cells) for b in bones])
         folds = {"fold_depth": -float(thicker.min()), "fold_bulge": float(thicker.max())}
         return shapes | {"skin": replace(skin, figures=skin.figures | folds)}
 

@@ -1,4 +1,4 @@
-"""Tets between the bones and the skin that conform to both, small where the skin folds (Wang 2019 §5.1-5.3)."""
+"""Tets between bones and skin that conform to both, small where the skin folds (Wang 2019 §5.1-5.3)."""
 
 from __future__ import annotations
 

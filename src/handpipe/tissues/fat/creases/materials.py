@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from handpipe.core import Array, BoolArray, InputError, artifacts
+from handpipe.core import Array, BoolArray, InputError, IntArray, artifacts
 from handpipe.fem.elements import Material
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import TetMesh
@@ -32,6 +32,8 @@ class Creases:
         Young's moduli in kPa.
     poisson : array (m,)
         Poisson's ratios.
+    folding : array (k,)
+        Skin vertices where it folds.
     parents : mapping of str to str
         Parent of each bone but the root, parents before children.
 
@@ -42,6 +44,7 @@ class Creases:
 
     young: Array
     poisson: Array
+    folding: IntArray
     parents: Mapping[str, str]
 
     @property
@@ -54,6 +57,7 @@ class Creases:
         return {
             "young": self.young,
             "poisson": self.poisson,
+            "folding": self.folding,
             "children": list(self.parents),
             "parents": list(self.parents.values()),
         }
@@ -64,12 +68,10 @@ class Creases:
         if not len(group["young"]) == len(group["poisson"]) == count:
             raise InputError(source, "creases", f"are not of {count} tets", artifacts.REBUILD)
         parents = dict(zip(group["children"], group["parents"], strict=True))
-        return Creases(group["young"], group["poisson"], parents)
+        return Creases(group["young"], group["poisson"], group["folding"], parents)
 
 
-def creases_of(
-    mesh: TetMesh, skin: Surface, folding: BoolArray, rig: Rig, dorsal: Array | None
-) -> Creases:
+def creases_of(mesh: TetMesh, skin: Surface, folding: BoolArray, rig: Rig, dorsal: Array | None) -> Creases:
     """The material of each tet by its place.
 
     A tet is soft within 3 mm of skin that folds. Of the others, those that lie on the dorsal side of the
@@ -102,8 +104,8 @@ def creases_of(
     fold = folding[skin.triangles[triangle]].any(axis=1) & (depth < DEPTH)
     back = np.zeros(len(centres), dtype=bool) if dorsal is None else _on_the_back(centres, rig, dorsal)
     kinds = np.where(fold, 2, np.where(back, 1, 0))
-    young, poisson = np.array([PALMAR, DORSAL, FOLD])[kinds].T
-    return Creases(np.ascontiguousarray(young), np.ascontiguousarray(poisson), rig.parents)
+    values = np.array([PALMAR, DORSAL, FOLD]).T[:, kinds]
+    return Creases(values[0], values[1], np.flatnonzero(folding), rig.parents)
 
 
 def _on_the_back(centres: Array, rig: Rig, dorsal: Array) -> BoolArray:
