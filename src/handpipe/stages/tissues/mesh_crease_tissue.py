@@ -24,7 +24,8 @@ log = logging.getLogger(__name__)
 BONE_EDGE = 1.5  # mm, of the inner surface; with 2.5 (Wang 2019 §5.3) a quarter of a thin bone is lost
 JOINT = 2.5  # mm between the faces of a joint, whose space has no tets (Wang 2019 §5.3)
 STEP = np.radians(5.0)  # of the sweep through the ranges of motion; Wang 2019: 1 degree
-STIFFNESS = 200.0  # kPa/mm
+STIFFNESS = 200.0  # kPa/mm, of constraints
+YOUNG, POISSON = 6.0, 0.495  # kPa: the skin's barrier is as stiff as five times its back's tissue
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def crease_tissue(rig: Rig, skin: Skin, hand: Literal["right", "left"], edges: C
         {name: _on(part, skin.surface, outer) for name, part in skin.rigid.items()},
         tuple(rig.surfaces),
         smoothed_weights(mesh, rig.surfaces),
-        TissueSettings(young=6.0, poisson=0.495, stiffness=STIFFNESS),
+        TissueSettings(YOUNG, POISSON, STIFFNESS),
         creases=creases,
     )
 

@@ -35,6 +35,21 @@ class CreaseLayer(TissueLayer):
 
     A fold that a blend of bones makes ends tangled. Bent in steps, sheets of skin meet one another at the
     barrier and never cross.
+
+    Parameters
+    ----------
+    name : str
+        "skin".
+    tissue : Tissue
+        A tissue with creases.
+    strains : FatStrains, optional
+        As of `TissueLayer`.
+    strict : bool
+        As of `TissueLayer`.
+
+    References
+    ----------
+    Wang 2019 §5.
     """
 
     def at_rest(self, frame: Frame, below: Mapping[str, Shapes], starts: Sequence[Array]) -> Settled:
