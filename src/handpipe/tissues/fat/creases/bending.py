@@ -5,16 +5,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from handpipe.core import Array, ConvergenceError, Frame, RigidTransform, Shapes, left_jacobian
 from handpipe.fem.contact import Barrier
-from handpipe.fem.potentials import Inertia, mass_matrix
 from handpipe.fem.solver import Settled
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.tissues.fat.layer import TissueLayer
@@ -25,9 +22,7 @@ log = logging.getLogger(__name__)
 
 STEP = np.radians(15.0)  # of the joint that turns most
 SMALLEST = 1 / 16  # of a step, below which the frame fails
-WATER = 1e-6  # kg/mm^3 (Wang 2019 §5.5)
-TIME = 2e-3  # s of a step: with inertia folds form without jumps (Wang 2019 §6)
-BRIEF = replace(OPTIONS, displacement_tolerance=0.1, force_tolerance=0.3)  # on the way
+BRIEF = replace(OPTIONS, displacement_tolerance=0.1, force_tolerance=0.3, saddles=True)  # on the way
 
 
 class CreaseLayer(TissueLayer):
@@ -94,8 +89,10 @@ class CreaseLayer(TissueLayer):
         while done < 1.0:
             share = min(1.0, done + step)
             bones = partway(frame.bones, parents, share)
+            scene = Scene(self.tissue, moved(below, bones), self.rigid(bones), self.tissue.elastic)
+            start = self._carried(x, before, bones, barrier)
             try:
-                x = self._step(moved(below, bones), bones, self._carried(x, before, bones, barrier), barrier)
+                x = scene.solve([barrier], start, start, BRIEF).x
             except ConvergenceError as error:
                 step *= 0.5
                 if step < SMALLEST * first:
@@ -104,24 +101,6 @@ class CreaseLayer(TissueLayer):
                 continue
             done, before = share, bones
         return x
-
-    def _step(
-        self,
-        below: Mapping[str, Shapes],
-        bones: Mapping[str, RigidTransform],
-        start: Array,
-        barrier: Barrier,
-    ) -> Array:
-        """Positions (n, 3) after an implicit step of time with the bones in a new place."""
-        inertia = Inertia(self._mass, start, np.zeros_like(start), TIME)
-        scene = Scene(self.tissue, below, self.rigid(bones), self.tissue.elastic)
-        return scene.solve([barrier, inertia], start, start, BRIEF).x
-
-    @cached_property
-    def _mass(self) -> sparse.csr_matrix:
-        """Mass of the tissue in kg."""
-        mesh = self.tissue.mesh
-        return mass_matrix(mesh.vertices, mesh.tets, WATER)
 
     def _carried(
         self,
