@@ -67,9 +67,13 @@ class Finger:
             "l3_skin_vertices": (float(len(tissue.skin.vertices)), "vertices"),
         }
 
+    def frame(self, pose: str) -> Frame:
+        """A scanned pose, the root at rest."""
+        return Frame(pose, self.rig.poses[pose].angles, self.rig.scanned_bones(pose))
+
     def simulated(self, pose: str) -> Shapes:
         """The skin and the tissue in a scanned pose."""
-        frame = Frame(pose, self.rig.poses[pose].angles, self.rig.scanned_bones(pose))
+        frame = self.frame(pose)
         return self.layer.solve(frame, {"bones": BoneLayer(self.rig.surfaces).solve(frame, {})})
 
     def true_points(self, pose: str) -> Array:
