@@ -111,7 +111,7 @@ def _of_poses(finger: Finger, poses: Sequence[str]) -> Metrics:
     if not seconds:
         return found
     found |= {"seconds": (float(np.mean(seconds)), "s"), "seconds_max": (max(seconds), "s")}
-    for name, unit in (("fold_depth", "mm"), ("fold_bulge", "mm"), ("skin_crossings", "1")):
+    for name, unit in (("fold_depth", "mm"), ("fold_angle", "deg"), ("skin_crossings", "1")):
         found[f"{name}_max"] = (max(f[name] for f in figures), unit)
     found["inverted_tets"] = (sum(f["inverted_tets"] for f in figures), "tets")
     for model in ("creases", *MODELS):

@@ -98,7 +98,7 @@ class KnownFinger:
         if pose == "fist":
             raise ConvergenceError("skin", "no room")
         surface = self.grown(0.5)
-        figures = {"fold_depth": 1.0, "fold_bulge": 0.7, "skin_crossings": 0.0}
+        figures = {"fold_depth": 1.0, "fold_angle": 80.0, "skin_crossings": 0.0}
         skin = Shape(self.ball.vertices, surface.vertices, surface.triangles, figures=figures)
         return {"skin": skin, "skin_mesh": replace(skin, figures={"inverted_tets": 0.0})}
 

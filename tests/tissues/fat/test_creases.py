@@ -7,10 +7,12 @@ import pytest
 import trimesh
 
 from handpipe.mesh.contact.crossing_triangles import crossings
+from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.posing.joint_sweep import swept_vertices
 from handpipe.skeleton.posing.layer import BoneLayer
 from handpipe.stages.tissues.mesh_crease_tissue import CreaseEdges, crease_tissue, swept_bones
 from handpipe.tissues.fat.creases.bending import CreaseLayer, load_skin, partway
+from handpipe.tissues.fat.creases.fold_form import fold_form
 from handpipe.tissues.fat.creases.folding import folding_vertices
 from handpipe.tissues.fat.layer import TissueLayer
 from handpipe.tissues.fat.tissue import Tissue
@@ -127,9 +129,25 @@ def test_soft_folds_are_deeper_and_sharper_than_those_of_one_material(tissue: Ti
         poisson=np.full_like(tissue.creases.poisson, 0.495),
     )
     uniform = solved(replace(tissue, creases=same), 80.0)["skin"]
-    soft = folded["skin"]
-    assert soft.figures["fold_depth"] > 0.3
-    assert soft.figures["fold_depth"] > 1.1 * uniform.figures["fold_depth"]
+    soft = folded["skin"].figures
+    assert soft["fold_depth"] > 1.2 * uniform.figures["fold_depth"]
+    assert soft["fold_angle"] > 1.2 * uniform.figures["fold_angle"]
+
+
+def test_form_of_a_groove_in_a_plane() -> None:
+    """A valley of 60 degrees on either side along y, in a plane that was flat."""
+    x, y = np.meshgrid(np.arange(-6.0, 6.5), np.arange(-6.0, 6.5), indexing="ij")
+    flat = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    ids = np.arange(13 * 13).reshape(13, 13)
+    a, b, c, d = (ids[i : 12 + i, j : 12 + j].ravel() for i, j in ((0, 0), (1, 0), (0, 1), (1, 1)))
+    rest = Surface(flat, np.concatenate([np.stack([a, b, d], 1), np.stack([a, d, c], 1)]))
+    side, up = np.cos(np.pi / 3) * flat[:, 0], np.sin(np.pi / 3) * np.abs(flat[:, 0])
+    bottom = np.flatnonzero((flat[:, 0] == 0) & (np.abs(flat[:, 1]) < 3))
+    found = fold_form(rest, rest.moved(np.column_stack([side, flat[:, 1], up])), bottom)
+    assert found["fold_angle"] == pytest.approx(120.0)
+    disk = flat[np.linalg.norm(flat, axis=1) <= 3.0]
+    assert found["fold_depth"] == pytest.approx(np.sin(np.pi / 3) * np.abs(disk[:, 0]).mean())
+    assert fold_form(rest, rest, bottom) == {"fold_depth": 0.0, "fold_angle": 0.0}
 
 
 def test_rigid_motion_of_all_bones_moves_the_tissue_rigidly(tissue: Tissue) -> None:

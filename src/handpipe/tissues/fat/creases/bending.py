@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array, ConvergenceError, Frame, RigidTransform, Shapes, left_jacobian
 from handpipe.fem.contact import Barrier
 from handpipe.fem.solver import Settled
-from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.mesh.surfaces import Surface
+from handpipe.tissues.fat.creases.fold_form import fold_form
 from handpipe.tissues.fat.layer import TissueLayer
 from handpipe.tissues.fat.skin_barrier import Scene, behind
 from handpipe.tissues.fat.tissue import OPTIONS, Tissue
@@ -64,18 +65,12 @@ class CreaseLayer(TissueLayer):
         return behind(scene, barrier, x)
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
-        """As `TissueLayer.solve`; the skin's figures tell, too, how deep it folds and how far it bulges (mm).
-
-        Both are changes of the distance between skin that folds and the nearest bone: the largest decrease
-        and the largest increase.
-        """
+        """As `TissueLayer.solve`; the skin's figures tell, too, how deep (mm) and sharp (deg) it folds."""
         shapes, creases = super().solve(frame, below), self.tissue.creases
-        if creases is None or not len(creases.folding):
+        if creases is None:
             return shapes
-        skin, bones, places = shapes["skin"], below["bones"].values(), creases.folding
-        thicker = _heights(skin.vertices[places], [Surface(b.vertices, b.cells) for b in bones])
-        thicker -= _heights(skin.rest[places], [Surface(b.rest, b.cells) for b in bones])
-        folds = {"fold_depth": -float(thicker.min()), "fold_bulge": float(thicker.max())}
+        skin, neutral = shapes["skin"], self.tissue.skin
+        folds = fold_form(neutral, neutral.moved(skin.vertices), creases.folding)
         return shapes | {"skin": replace(skin, figures=skin.figures | folds)}
 
     def _bent(
@@ -115,12 +110,6 @@ class CreaseLayer(TissueLayer):
         free = barrier.max_step(x, step)
         carried: Array = x + free * step
         return carried
-
-
-def _heights(points: Array, bones: Sequence[Surface]) -> Array:
-    """Distances (n,) of points from the nearest bone."""
-    found: Array = np.min([Distance(bone).closest(points)[0] for bone in bones], axis=0)
-    return found
 
 
 def partway(
