@@ -492,8 +492,7 @@ rule benchmark_levels_part:
 
 rule benchmark_levels_creases:
     input:
-        paths.at(paths.CREASE_TISSUE, subject="phantom-finger"),
-        compared_with_truth("phantom-finger"),
+        lambda w: creases_beside_models("phantom-finger"),
     output:
         paths.benchmark_of("levels/creases.json"),
     log:

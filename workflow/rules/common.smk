@@ -1057,6 +1057,15 @@ def compared_with_truth(subject):
     ]
 
 
+def creases_beside_models(subject):
+    """What the benchmark of level L3 reads of a built subject."""
+    files = [paths.RIG, paths.SKIN, paths.CREASE_TISSUE, paths.POSE_SKIN, paths.TRUTH]
+    return [
+        dataset_file(subject),
+        *expand(files, subject=subject, pose=scanned(subject)),
+    ]
+
+
 CODE = CodeDigests(
     packages=(Path(handpipe.__file__).parent, Path("benchmarks").absolute()),
     cache=Path(handpipe.__file__).parent / "__pycache__" / "code_digests.json",
