@@ -44,12 +44,26 @@ def folding_vertices(skin: Surface, rig: Rig) -> BoolArray:
 
 
 def _smooth_weights(skin: Surface, rig: Rig) -> Array:
-    """Bone weights (n, n_bones) by distance, diffused over the surface."""
+    """Bone weights (n, n_bones) by distance to the nearest bone and its neighbours, diffused over the surface.
+
+    Without the others: else a finger's skin would follow the finger beside it through the air.
+    """
+    near = bone_weights(skin.vertices, rig.surfaces)
+    near *= _jointed(rig)[near.argmax(axis=1)]
     mass = sparse.diags(mass_lumped(skin.vertices, skin.triangles))
     matrix = mass + SMOOTH**2 * cotangent_laplacian(skin.vertices, skin.triangles)
-    weights = factorise(matrix.tocsr()).solve(mass @ bone_weights(skin.vertices, rig.surfaces))
+    weights = factorise(matrix.tocsr()).solve(mass @ (near / near.sum(axis=1, keepdims=True)))
     weights = np.maximum(weights, 0.0)
     return weights / weights.sum(axis=1, keepdims=True)
+
+
+def _jointed(rig: Rig) -> BoolArray:
+    """Which bones (n_bones, n_bones) are one or share a joint, in the order of the rig's surfaces."""
+    names = list(rig.surfaces)
+    ends = np.array([(names.index(j.parent), names.index(j.child)) for j in rig.joints])
+    jointed = np.eye(len(names), dtype=bool)
+    jointed[ends[:, 0], ends[:, 1]] = jointed[ends[:, 1], ends[:, 0]] = True
+    return jointed
 
 
 def _limits(rig: Rig) -> list[dict[str, RigidTransform]]:
