@@ -44,7 +44,7 @@ def folding_vertices(skin: Surface, rig: Rig) -> BoolArray:
 
 
 def _smooth_weights(skin: Surface, rig: Rig) -> Array:
-    """Bone weights (n, n_bones) by distance to the nearest bone and its neighbours, diffused over the surface.
+    """Bone weights (n, n_bones) by distance to the nearest bone and its neighbours, diffused on the surface.
 
     Without the others: else a finger's skin would follow the finger beside it through the air.
     """
