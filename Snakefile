@@ -24,6 +24,7 @@ include: "workflow/rules/muscles.smk"
 include: "workflow/rules/ligaments.smk"
 include: "workflow/rules/fascia.smk"
 include: "workflow/rules/fat.smk"
+include: "workflow/rules/baselines.smk"
 include: "workflow/rules/simulation.smk"
 include: "workflow/rules/views.smk"
 include: "workflow/rules/report.smk"
@@ -64,6 +65,7 @@ localrules:
     ligaments,
     fasciae,
     fat,
+    baselines,
     simulation,
 
 
@@ -157,6 +159,12 @@ rule fat:
     input:
         subject_checks(),
         each_subject(paths.metrics_of("skin")),
+
+
+rule baselines:
+    input:
+        subject_checks(),
+        each_subject(paths.metrics_of("baselines")),
 
 
 rule simulation:

@@ -16,16 +16,16 @@ OUTPUT = Path(__file__).parents[2] / "results" / "benchmarks" / "anatomy.json"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Envelopes, and warps where the real anatomy is at hand, on one thread."""
+    """Envelopes, edits, and warps where the real anatomy is at hand, on one thread."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.anatomy", description=__doc__)
     parser.add_argument("folder", type=Path, help="real anatomy; where it is absent warps are left out")
     parser.add_argument("--output", type=Path, default=OUTPUT)
     options = parser.parse_args(arguments)
     take_threads(1)
-    from benchmarks.anatomy import envelopes, warps
+    from benchmarks.anatomy import edits, envelopes, warps
     from handpipe.core import metrics
 
-    figures = envelopes.measure()
+    figures = envelopes.measure() | edits.measure()
     if options.folder.exists():
         figures |= warps.measure(options.folder)
     else:

@@ -27,6 +27,16 @@ def test_page_names_commit_and_figures(tmp_path: Path) -> None:
     assert "| `skin`: `example_error_mean` | 0.123 mm | 0.17 mm (Zheng 2022 Table 4) |" in text
 
 
+def test_models_of_the_skin_have_a_table_where_they_were_compared(tmp_path: Path) -> None:
+    folder = built(tmp_path / "hand", "a")
+    assert "Simpler models, hand" not in page([folder])
+    figures = {"m3_heldout_error_mean": (0.06, "mm"), "m3_heldout_error_max": (1.2, "mm")}
+    metrics.write(folder / "metrics" / "baselines.json", figures)
+    text = page([folder])
+    assert "### Simpler models, hand" in text
+    assert "| m3: one soft tissue with plastic strains (Ichim 2017) |  | 0.06 mm; 1.2 mm |  |  |" in text
+
+
 @pytest.mark.parametrize("commits", [("a", "b"), ("a-dirty",), ("",)])
 def test_mixed_changed_and_unknown_builds_are_refused(tmp_path: Path, commits: tuple[str, ...]) -> None:
     output = tmp_path / "results.md"

@@ -5,6 +5,7 @@ from manufactured import turn
 from handpipe.core import artifacts
 from handpipe.core.rigid import RigidTransform
 from handpipe.skeleton.posing.pose_space import (
+    ALIKE,
     FARTHEST,
     PoseSpace,
     felt_vector,
@@ -54,6 +55,32 @@ def test_exact_at_the_examples_and_a_partition_of_unity(kind):
         w = s.weights(pose(*rng.uniform(-0.2, 1.5, 3)))
         assert abs(w.sum() - 1) < 1e-9
         assert kind == "rbf" or (w > 0).all()
+
+
+def test_exponential_weights_along_a_line_are_those_of_a_markov_process():
+    """Known for correlation exp(-distance / length): the two neighbours count alone, by hyperbolic sines."""
+    places = np.array([-0.4, 0.0, 0.9, 2.0])
+    s = PoseSpace(("a", "b"), "a", places[:, None], tuple("pqrs"), "exponential")
+    x = 0.35
+    expected = np.sinh([(0.9 - x) / ALIKE, x / ALIKE]) / np.sinh(0.9 / ALIKE)
+    np.testing.assert_allclose(s.weights_at(np.array([x])), [0, *expected, 0], atol=1e-12)
+    np.testing.assert_allclose(s.weights_at(np.array([3.5])), [0, 0, 0, np.exp(-1.5 / ALIKE)], atol=1e-12)
+
+
+def test_exponential_weights_are_exact_at_the_examples_and_none_far_from_all():
+    s = space("exponential")
+    for i, bones in enumerate(EXAMPLES.values()):
+        np.testing.assert_allclose(s.weights(bones), np.eye(len(EXAMPLES))[i], atol=1e-12)
+    away = np.full(s.examples.shape[1], 20.0)
+    assert np.abs(s.weights_at(away)).max() < 1e-9
+
+
+def test_exponential_weights_of_examples_that_coincide_are_shared():
+    twice = PoseSpace("ab", "a", np.array([[0.0], [1.0], [1.0]]), ("rest", "one", "other"), "exponential")
+    weights = twice.weights_at(np.array([0.8]))
+    assert weights[1] == pytest.approx(weights[2])
+    alone = PoseSpace("ab", "a", np.array([[0.0], [1.0]]), ("rest", "one"), "exponential")
+    assert weights[1] + weights[2] == pytest.approx(alone.weights_at(np.array([0.8]))[1])
 
 
 def test_inverse_distance_weights_are_equation_1():

@@ -86,6 +86,22 @@ def test_skin_of_every_model_is_measured(figure: Figure, model: str, role: str) 
     assert 0 < median < worst
 
 
+def test_the_full_model_is_compared_with_simpler_ones(folder: Path, figure: Figure) -> None:
+    """`snakemake baselines`: blends of bones know nothing of scanned poses, m3 knows the examples' scans."""
+    process = run(folder, "-j2", "baselines")
+    assert process.returncode == 0, process.stdout[-5000:]
+
+    def mean(model: str, role: str) -> float:
+        return figure("baselines", f"{model}_true_{role}_error_mean", "mm")
+
+    for role in ("example", "heldout"):
+        assert mean("m0", role) == figure("skin", f"true_{role}_error_mean", "mm")
+        assert 0 < mean("m0", role) < mean("m3", role) < mean("m2", role) < mean("dual_quaternion", role)
+        assert mean("dual_quaternion", role) < mean("pivot", role)
+    best = 100 * mean("m0", "heldout") / mean("m3", "heldout")
+    assert figure("baselines", "m0_over_best_true_heldout", "%") == pytest.approx(best)
+
+
 def test_time_and_memory_of_the_build(figure: Figure) -> None:
     assert figure("build", "wall_seconds", "s") > 0
     assert figure("build", "peak_memory", "GiB") > 0.05  # no Python with numpy is smaller

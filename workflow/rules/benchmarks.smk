@@ -139,7 +139,7 @@ rule benchmark_anatomy:
         name="anatomy",
         arguments=["../shared/data"],
     message:
-        "upper envelopes of many functions; a real hand's template carried to another by feature points"
+        "upper envelopes, edits of curves; a real hand's template carried to another by feature points"
     script:
         "../scripts/benchmark.py"
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from handpipe.cli import drawing, new_subject, workflow
+from handpipe.cli import drawing, muscle_curves, new_subject, workflow
 from handpipe.cli import export as exports
 from handpipe.cli import status as progress
 from handpipe.cli.first_scene import scene_files
@@ -218,6 +218,46 @@ def draw(
     else:
         canvas = drawing.strokes_to_draw(source, dataset, pose, bone)
     drawing.serve(canvas, browser)
+
+
+@app.command()
+def curves(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE.yaml", help="the curves; it need not exist yet")
+    ] = None,
+    skin: Annotated[Path | None, typer.Option(metavar="FILE", help="closed surface in mm")] = None,
+    bones: Annotated[
+        list[Path] | None, typer.Option(metavar="PATH", help="closed surface, or a folder; may be repeated")
+    ] = None,
+    edge_length: Annotated[
+        float | None, typer.Option(min=0.1, help="of tets in mm; 60,000 tets if none")
+    ] = None,
+    check: Annotated[bool, typer.Option("--check", help="name what is wrong, open no page")] = False,
+    example: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="write a toy leg there, do nothing else")
+    ] = None,
+    browser: Annotated[bool, typer.Option(help="open the page; its address is printed anyway")] = True,
+) -> int:
+    """Draw muscles as curves between a skin and bones, on a page in the browser."""
+    if example is not None:
+        for path in muscle_curves.write_example(example):
+            print(path)
+        print(f"Next: handpipe curves {example}/leg.yaml --skin {example}/skin.ply --bones {example}/bones")
+        return 0
+    if file is None or skin is None or not bones:
+        problem = "the file of the curves, --skin and --bones are needed"
+        raise InputError("handpipe curves", "arguments", problem, "See handpipe curves --help")
+    session = muscle_curves.open_session(file, skin, bones, edge_length)
+    for fault in session.edited.faults:
+        print(f"handpipe: {fault}", file=sys.stderr)
+    for warning in session.edited.warnings:
+        print(f"handpipe: {file}: {warning}", file=sys.stderr)
+    if check:
+        count = len(session.edited.faults)
+        print(f"{file}: {count} faults" if count else f"{file}: nothing is wrong")
+        return int(bool(count))
+    muscle_curves.serve(session, browser)
+    return 0
 
 
 @app.command()

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -107,6 +107,12 @@ class CurveFile(Model):
     fat: Positive = Field(0.5, description="tissue value of the fat at the skin")
     muscles: dict[Name, MuscleCurves] = Field(min_length=1)
 
+    @model_validator(mode="after")
+    def _no_second_fat(self) -> CurveFile:
+        if "fat" in self.muscles:
+            raise ValueError("muscles: fat is the tissue between muscles; a muscle needs another name")
+        return self
+
 
 @dataclass(frozen=True, eq=False)
 class PlacedCurve:
@@ -142,13 +148,18 @@ class PlacedMuscle:
     fibres: Literal["gradient", "flow"]
 
 
-def load_curves(path: str | Path) -> CurveFile:
+File = TypeVar("File", bound=CurveFile)
+
+
+def load_curves(path: str | Path, model: type[File] = CurveFile) -> File:  # type: ignore[assignment]
     """Read a file of curves.
 
     Parameters
     ----------
     path : path
         YAML file.
+    model : class
+        What the file has to be.
 
     Returns
     -------
@@ -161,7 +172,7 @@ def load_curves(path: str | Path) -> CurveFile:
         For the first wrong field; the text names the file and where its fields are documented.
     """
     try:
-        return load_yaml(path, CurveFile)
+        return load_yaml(path, model)
     except InputError as error:
         raise InputError(path, error.field, error.problem, "See docs/anatomy.md") from error
 

@@ -83,6 +83,11 @@ class Collocation:
         parts = [_collocated(curve, locator) for curve in curves]
         return Collocation(*(np.concatenate([p[i] for p in parts]) for i in range(6)))
 
+    @property
+    def has_spread(self) -> bool:
+        """Whether values do not diffuse equally fast in all directions."""
+        return not np.allclose(self.rates, 1.0)
+
     def matrix(self, mesh: TetMesh) -> sparse.csr_matrix:
         """B (c, n) of Eq. 8: values at the points from values at the vertices."""
         return Embedding.in_tets(self.points, mesh, self.tets).matrix(len(mesh.vertices))
@@ -152,14 +157,7 @@ def diffuse(
         For a muscle of which no part is inside the domain.
     """
     mesh, n = domain.mesh, len(domain.mesh.vertices)
-    locator = Locator(mesh)
-    curves = {name: Collocation.sample(muscle.curves, locator) for name, muscle in muscles.items()}
-    for name, collocation in curves.items():
-        if len(collocation.tets) == 0:
-            problem = "no part of it lies between skin and bones"
-            raise InputError(
-                "diffusion", f"muscles.{name}.curves", problem, "Move its points into the soft tissue"
-            )
+    curves = collocations(muscles, Locator(mesh))
     constraints = sparse.csr_matrix((n, n))
     right = {}
     for name, collocation in curves.items():
@@ -172,19 +170,32 @@ def diffuse(
     values = np.zeros((n, 1 + len(muscles)))
     values[domain.skin, 0] = fat
     common = (isotropic + constraints).tocsr()
-    factor = factorise(_block(common, free))
+    factor = factorise(block(common, free))
     values[free, 0] = factor.solve(-(common @ values[:, 0])[free])
     for column, (name, collocation) in enumerate(curves.items(), start=1):
         own = factor
-        if not np.allclose(collocation.rates, 1.0):
+        if collocation.has_spread:
             tensors = diffusion_tensors(mesh, collocation, isotropic, weight, factorise)
-            own = factorise(_block((stiffness(mesh, tensors) + constraints).tocsr(), free))
+            own = factorise(block((stiffness(mesh, tensors) + constraints).tocsr(), free))
         values[free, column] = own.solve(right[name][free])
         log.info("muscle function %d of %d: %s", column, len(curves), name)
     return Functions(("fat", *curves), np.round(values, DECIMALS))
 
 
-def _block(matrix: sparse.csr_matrix, free: IntArray) -> sparse.csr_matrix:
+def collocations(muscles: Mapping[str, PlacedMuscle], locator: Locator) -> dict[str, Collocation]:
+    """Each muscle's curves in the mesh; `InputError` for a muscle of which no part is inside."""
+    curves = {name: Collocation.sample(muscle.curves, locator) for name, muscle in muscles.items()}
+    for name, collocation in curves.items():
+        if len(collocation.tets) == 0:
+            problem = "no part of it lies between skin and bones"
+            raise InputError(
+                "diffusion", f"muscles.{name}.curves", problem, "Move its points into the soft tissue"
+            )
+    return curves
+
+
+def block(matrix: sparse.csr_matrix, free: IntArray) -> sparse.csr_matrix:
+    """Rows and columns of the free vertices."""
     return matrix[free][:, free].tocsr()
 
 
@@ -221,11 +232,18 @@ def diffusion_tensors(
 
     They are the tensors of the curves' frames and rates, carried harmonically into the mesh.
     """
+    return tensors_through(
+        mesh,
+        collocation,
+        lambda data: spread_from_curves(mesh, collocation, data, isotropic, weight, factorise),
+    )
+
+
+def tensors_through(mesh: TetMesh, collocation: Collocation, spread: Callable[[Array], Array]) -> Array:
+    """Diffusion tensors (m, 3, 3): `spread` takes data (c, d) from curves' points to vertices (n, d)."""
     frames = collocation.frames
     at_points = np.swapaxes(frames, 1, 2) @ (np.log(collocation.rates)[:, :, None] * frames)
-    logarithm = spread_from_curves(
-        mesh, collocation, at_points.reshape(-1, 9), isotropic, weight, factorise
-    ).reshape(-1, 3, 3)
+    logarithm = spread(at_points.reshape(-1, 9)).reshape(-1, 3, 3)
     mean = logarithm[mesh.tets].mean(axis=1)
     rates, axes = np.linalg.eigh(mean)
     return np.asarray((axes * np.exp(rates)[:, None]) @ np.swapaxes(axes, 1, 2))

@@ -167,7 +167,7 @@ def build_tissue_mesh(
         For volumes of muscles that the mesh cannot meet.
     """
     muscles = place(file, bones, domain.edge_length() / 4, source)
-    warnings = _crossings(muscles, domain.edge_length())
+    warnings = crossings(muscles, domain.edge_length())
     fine = [(c.points, m.edge_length) for m in muscles.values() if m.edge_length for c in m.curves]
     if fine:
         lengths = np.concatenate([np.full(len(points), length) for points, length in fine])
@@ -239,8 +239,8 @@ def _of_volumes(domain: Domain, functions: Functions, muscles: Mapping[str, Plac
     return last[0]
 
 
-def _crossings(muscles: Mapping[str, PlacedMuscle], reach: float) -> list[str]:
-    """Pairs of muscles whose curves come nearer than half an edge away from their ends."""
+def crossings(muscles: Mapping[str, PlacedMuscle], reach: float) -> list[str]:
+    """Sentences on pairs of muscles whose curves come nearer than half an edge away from their ends."""
     names = list(muscles)
     points = [np.concatenate([c.points for c in muscles[name].curves]) for name in names]
     said = []

@@ -644,7 +644,27 @@ def _content(path: str | Path) -> Any:
 
 
 def checked(path: str | Path, content: Any, model: type[T]) -> T:
-    """A model of the content of a file; `InputError` names the first wrong field."""
+    """A model of the content of a file.
+
+    Parameters
+    ----------
+    path : path
+        The file, for messages.
+    content : object
+        What YAML or JSON gives.
+    model : class
+        Pydantic model of the content.
+
+    Returns
+    -------
+    model
+        An instance of `model`.
+
+    Raises
+    ------
+    InputError
+        Where a field is wrong; it names the first wrong field.
+    """
     try:
         return model.model_validate(content)
     except ValidationError as error:

@@ -9,7 +9,13 @@ if TYPE_CHECKING:
     from handpipe.skeleton.posing.layer import BoneLayer, bone_regions
     from handpipe.skeleton.posing.local_pose_spaces import LocalPoseSpaces
     from handpipe.skeleton.posing.pose_space import Interpolation, PoseSpace
-    from handpipe.skeleton.posing.skinning import blend, blended, bone_weights, smoothed_weights
+    from handpipe.skeleton.posing.skinning import (
+        blend,
+        blended,
+        blended_linearly,
+        bone_weights,
+        smoothed_weights,
+    )
     from handpipe.skeleton.posing.validity import PoseValidity, validity_table
 else:
     __getattr__ = face(__name__)
@@ -22,6 +28,7 @@ __all__ = [
     "PoseValidity",
     "blend",
     "blended",
+    "blended_linearly",
     "bone_regions",
     "bone_weights",
     "smoothed_weights",

@@ -11,12 +11,15 @@ from scipy.spatial.distance import pdist
 
 from handpipe.core import Array, RigidTransform
 
-Interpolation = Literal["inverse-distance", "inverse-square", "rbf"]
+Interpolation = Literal["inverse-distance", "inverse-square", "rbf", "exponential"]
 COINCIDENT = 1e-9  # rad, or a share of the points' spread; closer poses are one
 # rad, or shares of the points' spread; examples that spread less in a direction tell no slope along it.
 LINEAR_SPREAD = 0.1
 # Sum of absolute weights, at most: 1 to 1.6 between examples, 5 to 8 at joints' limits that no example nears.
 FARTHEST = 2.0
+ALIKE = (
+    1.0  # rad, or a share of the points' spread: the distance over which poses become unlike by a factor of e
+)
 
 
 def ancestry(bone: str, parents: Mapping[str, str]) -> list[str]:
@@ -147,7 +150,9 @@ class PoseSpace:
         "inverse-distance" (Zheng 2022) is positive and has kinks at the examples. "inverse-square" is
         positive and smooth, but flat at the examples. "rbf" is linear radial basis functions with a linear
         part, which follow trends at the price of negative weights, for quantities that may be extrapolated,
-        such as logarithms of strains. Far from all examples these weights are `bounded`.
+        such as logarithms of strains. Far from all examples these weights are `bounded`. "exponential" is the
+        best linear estimate of a quantity without mean whose correlation falls with exp(-distance / `ALIKE`):
+        far from all examples it falls to zero, for corrections of what is known without them.
     points : mapping of str to array (k, 3)
         Points of each bone in neutral, in mm; empty for rotation vectors.
 
@@ -221,7 +226,7 @@ class PoseSpace:
         return found if self.points else _unwound(found, self.examples)
 
     def weights(self, bones: Mapping[str, RigidTransform]) -> Array:
-        """Weights (N,) of the examples in a pose; they sum to one and are exact at the examples."""
+        """Weights (N,) of the examples in a pose, exact at the examples; all but "exponential" sum to one."""
         return self.weights_at(self.vector(bones))
 
     def weights_at(self, pose: Array) -> Array:
@@ -232,6 +237,12 @@ class PoseSpace:
             return here / here.sum()
         if self.interpolation == "rbf":
             return bounded(self._rbf_weights(pose, distances), self._near_weights(distances, 1))
+        if self.interpolation == "exponential":
+            between = np.linalg.norm(self.examples[:, None] - self.examples[None], axis=2)
+            alike, to_pose = np.exp(-between / ALIKE), np.exp(-distances / ALIKE)
+            return np.linalg.lstsq(alike, to_pose, rcond=1e-10)[
+                0
+            ]  # examples that coincide share their weight
         return self._near_weights(distances, 2 if self.interpolation == "inverse-square" else 1)
 
     def extrapolates(self, bones: Mapping[str, RigidTransform]) -> bool:

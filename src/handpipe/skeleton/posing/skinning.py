@@ -95,6 +95,29 @@ def blend(points: Array, weights: Array, transforms: Mapping[str, RigidTransform
     return turns.apply(points) + translation
 
 
+def blended_linearly(points: Array, weights: Array, transforms: Mapping[str, RigidTransform]) -> Array:
+    """Points moved by the weighted means of transforms: linear blend skinning.
+
+    Bends of tens of degrees make points at the joint collapse towards it. `blend` does not.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Neutral points, mm.
+    weights : array (n, n_transforms)
+        Weight of each transform at each point; rows sum to one.
+    transforms : mapping of str to RigidTransform
+        Transforms in the order of the weights' columns.
+
+    Returns
+    -------
+    array (n, 3)
+        Moved points, mm.
+    """
+    moved = np.stack([transform(points) for transform in transforms.values()])
+    return np.einsum("nt,tni->ni", weights, moved)
+
+
 def blended(weights: Array, transforms: Mapping[str, RigidTransform]) -> tuple[Rotation, Array]:
     """Rotations and translations of dual-quaternion blends.
 

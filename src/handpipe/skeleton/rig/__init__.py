@@ -6,9 +6,18 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.skeleton.rig.anatomical_directions import HandDirections, hand_directions, middle_finger
+    from handpipe.skeleton.rig.pivots import pivoted
     from handpipe.skeleton.rig.rig import ANY_ANGLE, Rig
     from handpipe.skeleton.rig.table import joint_table
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["ANY_ANGLE", "HandDirections", "Rig", "hand_directions", "joint_table", "middle_finger"]
+__all__ = [
+    "ANY_ANGLE",
+    "HandDirections",
+    "Rig",
+    "hand_directions",
+    "joint_table",
+    "middle_finger",
+    "pivoted",
+]

@@ -13,13 +13,12 @@ import xarray as xr
 
 from handpipe.core import artifacts, metrics
 from handpipe.core.configuration import Dataset
-from handpipe.evaluation import skin_metrics, skin_rows, surface_distance
+from handpipe.evaluation import skin_metrics, skin_rows
 from handpipe.hand import read_frames
-from handpipe.mesh.surfaces import Surface, read_scan
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.costs import contact_figures, stage_cost
 from handpipe.stages.files import Files
-from handpipe.stages.truth import true_pose
+from handpipe.stages.skin_distances import skin_distances
 from handpipe.tissues.fat import Skin
 
 PREFIXES = {"m0": "", "m1": "m1_", "m2": "m2_"}
@@ -48,27 +47,11 @@ class Outputs(Files):
 
 def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Sequence[Path]) -> None:
     """Distances of scans from simulated skins (Zheng 2022 Table 4), and of these from the true skin."""
-    rig = Rig.load(inputs.rig)
-    rigid = Skin.load(inputs.skin).rigid
-    cut = rigid["cut_end"].vertices if "cut_end" in rigid else np.zeros(0, dtype=int)
-    errors: dict[str, dict[str, np.ndarray]] = {}
-    true_errors: dict[str, dict[str, np.ndarray]] = {}
-    contacts: dict[str, list[dict[str, float]]] = {}
-    for path, scan_path in zip(inputs.skins, inputs.scans, strict=True):
-        [(frame, models)] = read_frames(path)
-        home = rig.poses[frame.name].root.inverse()
-        points = home(read_scan(scan_path).vertices)
-        skins = {n: Surface(shapes["skin"].vertices, shapes["skin"].cells) for n, shapes in models.items()}
-        errors[frame.name] = {model: surface_distance(points, skin) for model, skin in skins.items()}
-        if dataset.truth is not None:
-            known = true_pose(inputs.truth, frame.name)["skin"]
-            true = Surface(home(known["vertices"]), known["triangles"])
-            true_errors[frame.name] = {
-                model: surface_distance(np.delete(skin.vertices, cut, axis=0), true)
-                for model, skin in skins.items()
-            }
-        for model, shapes in models.items():
-            contacts.setdefault(model, []).append(shapes["skin"].figures)
+    models = {frame.name: shapes for path in inputs.skins for frame, shapes in read_frames(path)}
+    truth = inputs.truth if dataset.truth is not None else ()
+    distances = skin_distances(Rig.load(inputs.rig), Skin.load(inputs.skin), models, inputs.scans, truth)
+    errors, true_errors = distances.to_scan, distances.to_truth
+    contacts = {m: [shapes[m]["skin"].figures for shapes in models.values()] for m in PREFIXES if models}
     role_of = {pose: dataset.poses[pose].role.value for pose in errors}
     rows = skin_rows(errors, role_of)
     figures = stage_cost(costs)

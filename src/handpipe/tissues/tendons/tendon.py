@@ -226,7 +226,7 @@ def build_tendon(
     relative = {pose: relative_to(poses[pose], base) for pose in rods}
     local = {pose: poses[pose][base].inverse()(x) for pose, x in rods.items()}
     space = PoseSpace.build(rest.bones, parents, relative)
-    spaces = LocalPoseSpaces.build(rest.bones, parents, relative)
+    spaces = LocalPoseSpaces.build(rest.bones, parents, relative, "exponential")
     flesh = examples.flesh or {}
     around = {
         pose: replace(flesh[pose], vertices=poses[pose][base].inverse()(flesh[pose].vertices))

@@ -1,0 +1,257 @@
+"""A file of curves that is edited: its muscles as the page shows them, saved, and made into tets."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import time
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+
+from handpipe.anatomy.editing import (
+    CurveEditor,
+    Draft,
+    Edited,
+    content_of,
+    load_draft,
+    place_on_bone,
+    points_of,
+    write_curves,
+)
+from handpipe.anatomy.templates import Domain, TissueMesh, build_tissue_mesh
+from handpipe.cli.muscle_curves.packing import pack
+from handpipe.core import InputError, evenly
+from handpipe.core.configuration import Name, checked
+from handpipe.fem.linear import factorise
+from handpipe.mesh.surfaces import Surface, read_surface
+
+TETS = 60_000  # of the domain, about, where no edge length is given
+FIBRES = 1500  # lines of fibres that are drawn, at most
+SUFFIXES = (".ply", ".stl", ".obj")
+
+
+class CurveSession:
+    """Muscles as curves between a skin and bones, as a person edits them.
+
+    Parameters
+    ----------
+    target : Path
+        File of the curves; it need not exist yet.
+    skin : Surface
+        Closed surface in mm.
+    bones : mapping of str to Surface
+        Closed surfaces in mm by bone.
+    edge_length : float, optional
+        Edge length of tets in mm.
+
+    Raises
+    ------
+    InputError
+        For a wrong file of curves, and for surfaces between which there are no tets.
+    """
+
+    def __init__(
+        self, target: Path, skin: Surface, bones: Mapping[str, Surface], edge_length: float | None = None
+    ) -> None:
+        self.target, self.skin, self.bones = target, skin, bones
+        self.draft = load_draft(target) if target.is_file() else Draft.model_validate({})
+        self.kept: Path | None = None
+        self.tissue: TissueMesh | None = None
+        self.domain = Domain.between(skin, bones, edge_length or _edge_length(skin, bones))
+        self._editor = CurveEditor(self.domain, skin, bones, factorise=factorise, source=target)
+        self.edited = self._editor.edit(self.draft)
+
+    def settings(self) -> dict[str, Any]:
+        """What the page shows besides surfaces."""
+        return {
+            "title": self.target.stem,
+            "file": str(self.target),
+            "tets": len(self.domain.mesh.tets),
+            "bones": list(self.bones),
+        }
+
+    def surfaces(self) -> bytes:
+        """Skin and bones, packed."""
+        named = {"skin": self.skin} | {f"bone/{name}": bone for name, bone in self.bones.items()}
+        return pack({}, _arrays(named))
+
+    def edit(self, content: bytes) -> bytes:
+        """Take the whole content of the file as the page has it, and answer with its muscles, packed.
+
+        Parameters
+        ----------
+        content : bytes
+            JSON of a file of curves. A point may be a `drop` in mm with or without a `bone`: it is placed on
+            the surface of that bone, or of the nearest one.
+
+        Returns
+        -------
+        bytes
+            Content without drops, places of points, faults, seconds; lines and surfaces.
+
+        Raises
+        ------
+        InputError
+            For content that is wrong; the session then stays as it was.
+        """
+        start = time.perf_counter()
+        try:
+            given = json.loads(content)
+        except ValueError as error:
+            raise InputError(self.target, "edit", "is no JSON", "Load the page again") from error
+        draft = checked(self.target, self._dropped(given), Draft)
+        self.edited, self.draft = self._editor.edit(draft), draft
+        return self.state(time.perf_counter() - start)
+
+    def state(self, seconds: float = 0.0) -> bytes:
+        """The muscles as they are, packed; with the seconds that an edit took."""
+        edited = self.edited
+        lines: dict[str, NDArray] = {}
+        for name, muscle in edited.muscles.items():
+            lines |= {f"line/{name}/{i}": c.points.astype("f4") for i, c in enumerate(muscle.curves)}
+        surfaces = {f"muscle/{name}": surface for name, surface in edited.surfaces.items()}
+        header = {
+            "content": content_of(self.draft),
+            "places": points_of(self.draft, self.bones, self.target),
+            "faults": [f"{fault.field}: {fault.problem}. {fault.remedy}" for fault in edited.faults],
+            "warnings": edited.warnings,
+            "seconds": seconds,
+        }
+        return pack(header, lines | _arrays(surfaces))
+
+    def save(self) -> str:
+        """Write the file; an earlier one is copied beside it once. Returns a sentence."""
+        if self.kept is None and self.target.is_file() and self.draft.muscles:
+            name = f"{self.target.stem}.before-{datetime.now():%Y%m%d-%H%M%S}{self.target.suffix}"
+            self.kept = Path(shutil.copy2(self.target, self.target.with_name(name)))
+        write_curves(self.target, self.draft)
+        kept = f"; the earlier file is {self.kept.name}" if self.kept else ""
+        return f"saved {len(self.draft.muscles)} muscles to {self.target}{kept}"
+
+    def make_tets(self) -> str:
+        """Write the conforming mesh of all tissues beside the file. Returns a sentence.
+
+        Raises
+        ------
+        InputError
+            The first fault of the curves, and as `build_tissue_mesh` does.
+        """
+        require_faultless(self.edited)
+        if not self.draft.muscles:
+            raise InputError(self.target, "muscles", "there is none", "Draw a muscle first")
+        tissue = build_tissue_mesh(
+            self.draft, self.domain, self.bones, factorise=factorise, source=self.target
+        )
+        path = self.target.with_suffix(".h5")
+        tissue.save(path)
+        self.tissue = tissue
+        volumes = dict(zip(tissue.names, tissue.volumes(), strict=True))
+        said = ", ".join(f"{name} {volume / 1000:.1f} ml" for name, volume in volumes.items())
+        warnings = "".join(f". {text}" for text in tissue.warnings)
+        angle = f"smallest dihedral angle {tissue.mesh.smallest_dihedral():.1f} degrees"
+        return f"{path}: {len(tissue.labels)} tets, {angle}; {said}{warnings}"
+
+    def fibres(self) -> bytes:
+        """Short lines along the fibres of some tets of the last mesh, packed."""
+        if self.tissue is None:
+            raise InputError(self.target, "tets", "have not been made", "Press Make tets")
+        mesh, labels = self.tissue.mesh, self.tissue.labels
+        muscle = np.flatnonzero(labels > 0)
+        shown = muscle[evenly(len(muscle), FIBRES)]
+        middles = mesh.vertices[mesh.tets[shown]].mean(axis=1)
+        half = mesh.edge_length() * self.tissue.fibres[shown]
+        return pack({}, {"lines": np.stack([middles - half, middles + half], axis=1).astype("f4")})
+
+    def _dropped(self, content: Any) -> Any:
+        """The content with each drop as a place on a bone."""
+        if isinstance(content, list):
+            return [self._dropped(x) for x in content]
+        if not isinstance(content, dict):
+            return content
+        if "drop" not in content:
+            return {key: self._dropped(value) for key, value in content.items()}
+        point, bone = np.array(content["drop"], dtype=float), content.get("bone")
+        if point.shape != (3,) or not all(map(math.isfinite, point)):
+            raise InputError(self.target, "drop", f"{content['drop']} is no point", "Load the page again")
+        place = place_on_bone(point, self.bones, self.draft.distal, self.target, bone)
+        others = {key: value for key, value in content.items() if key not in ("drop", "bone")}
+        return place.model_dump(mode="json", exclude_unset=True) | others
+
+
+def require_faultless(edited: Edited) -> None:
+    """Raise the first fault of curves, if there is one."""
+    if edited.faults:
+        raise edited.faults[0]
+
+
+def open_session(
+    target: Path, skin: Path, bones: Sequence[Path], edge_length: float | None = None
+) -> CurveSession:
+    """The session of a file of curves between surfaces of files.
+
+    Parameters
+    ----------
+    target : Path
+        File of the curves; it need not exist yet.
+    skin : Path
+        Closed surface in mm: PLY, STL or OBJ.
+    bones : sequence of Path
+        Files of closed surfaces, or folders of them; a file's name is the bone's.
+    edge_length : float, optional
+        Edge length of tets in mm.
+
+    Returns
+    -------
+    CurveSession
+
+    Raises
+    ------
+    InputError
+        For missing or wrong files.
+    """
+    if target.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(target, "file", "is no YAML file", "Name a file .yaml; it need not exist yet")
+    files = [path for given in bones for path in _bone_files(given)]
+    found: dict[str, Surface] = {}
+    for path in files:
+        if path.stem in found:
+            raise InputError(path, "bone", f"{path.stem} stands twice", "Name each bone once")
+        found[_bone_name(path)] = read_surface(path, closed=True)
+    return CurveSession(target, read_surface(skin, closed=True), found, edge_length)
+
+
+def _bone_files(given: Path) -> list[Path]:
+    if not given.is_dir():
+        return [given]
+    found = sorted(p for p in given.iterdir() if p.suffix.lower() in SUFFIXES)
+    if not found:
+        raise InputError(given, "bones", "has no surface", f"Put files {', '.join(SUFFIXES)} there")
+    return found
+
+
+def _bone_name(path: Path) -> str:
+    try:
+        name: str = TypeAdapter(Name).validate_python(path.stem)
+    except ValidationError as error:
+        raise InputError(path, "bone", "is no name of a bone", "Use letters, digits and _") from error
+    return name
+
+
+def _edge_length(skin: Surface, bones: Mapping[str, Surface]) -> float:
+    """Edge length in mm of the regular tets of which `TETS` fill the space."""
+    volume = skin.volume() - sum(bone.volume() for bone in bones.values())
+    return float(np.cbrt(6 * math.sqrt(2) * volume / TETS))
+
+
+def _arrays(surfaces: Mapping[str, Surface]) -> dict[str, NDArray]:
+    vertices: dict[str, NDArray] = {
+        f"{name}/vertices": s.vertices.astype("f4") for name, s in surfaces.items()
+    }
+    return vertices | {f"{name}/triangles": s.triangles.astype("u4") for name, s in surfaces.items()}

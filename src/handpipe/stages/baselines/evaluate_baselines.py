@@ -1,0 +1,99 @@
+"""The full model's skin beside that of simpler models, over all scanned poses."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.core import Metrics, artifacts, metrics
+from handpipe.core.configuration import Dataset
+from handpipe.hand import read_frames
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.costs import stage_cost
+from handpipe.stages.files import Files
+from handpipe.stages.skin_distances import ByModel, skin_distances
+from handpipe.tissues.fat import Skin
+
+SIMULATED = ("m1", "m2", "m3")  # the models besides the full one, of which the best is named
+HELD_OUT = "heldout"
+
+
+@dataclass(frozen=True)
+class Inputs(Files):
+    """What the stage reads."""
+
+    rig: Path
+    skin: Path
+    scans: Sequence[Path]
+    skins: Sequence[Path]
+    baselines: Sequence[Path]
+    truth: Sequence[Path]
+
+
+@dataclass(frozen=True)
+class Outputs(Files):
+    """What the stage writes."""
+
+    metrics: Path
+    table: Path
+
+
+def evaluate_baselines(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Sequence[Path]) -> None:
+    """The full model's skin beside that of simpler models, over all scanned poses.
+
+    Figures are `{model}_{role}_error_{statistic}` to scans and `{model}_true_{role}_error_{statistic}` to the
+    true skin, in mm: the mean over the role's poses of the means, and the largest. `m0_over_best_heldout` is
+    the full model's mean over that of the best other simulated model, in %.
+    """
+    models = {f.name: dict(shapes) for path in inputs.skins for f, shapes in read_frames(path)}
+    for path in inputs.baselines:
+        for frame, shapes in read_frames(path):
+            models[frame.name].update(shapes)
+    truth = inputs.truth if dataset.truth is not None else ()
+    found = skin_distances(Rig.load(inputs.rig), Skin.load(inputs.skin), models, inputs.scans, truth)
+    role_of = {pose: dataset.poses[pose].role.value for pose in models}
+    figures = stage_cost(costs)
+    rows: list[dict[str, str | float]] = []
+    for kind, distances in (("", found.to_scan), ("true_", found.to_truth)):
+        totals = _totals(distances, role_of)
+        for (model, role), (mean, largest) in totals.items():
+            figures[f"{model}_{kind}{role}_error_mean"] = (mean, "mm")
+            figures[f"{model}_{kind}{role}_error_max"] = (largest, "mm")
+            rows.append(
+                {
+                    "model": model,
+                    "to": "truth" if kind else "scan",
+                    "role": role,
+                    "mean": mean,
+                    "max": largest,
+                }
+            )
+        figures |= _over_best(
+            kind, {model: mean for (model, role), (mean, _) in totals.items() if role == HELD_OUT}
+        )
+    metrics.write(outputs.metrics, figures)
+    artifacts.write_text(outputs.table, json.dumps(rows, indent=2))
+
+
+def _totals(
+    distances: Mapping[str, ByModel], role_of: Mapping[str, str]
+) -> dict[tuple[str, str], tuple[float, float]]:
+    """Mean of the poses' means and largest distance in mm, by model and role."""
+    totals = {}
+    for role in dict.fromkeys(role_of.values()):
+        poses = [by_model for pose, by_model in distances.items() if role_of[pose] == role]
+        for model in poses[0] if poses else ():
+            means = [float(np.mean(by_model[model])) for by_model in poses]
+            largest = max(float(np.max(by_model[model])) for by_model in poses)
+            totals[model, role] = (float(np.mean(means)), largest)
+    return totals
+
+
+def _over_best(kind: str, means: Mapping[str, float]) -> Metrics:
+    """The full model's mean over the least of the other simulated models'; nothing without held-out poses."""
+    best = min((means[model] for model in SIMULATED if model in means), default=0.0)
+    return {f"m0_over_best_{kind}heldout": (100 * means["m0"] / best, "%")} if best > 0 else {}

@@ -1,0 +1,59 @@
+"""Distances of simulated skins of scanned poses from the scans and, where it is known, from the true skin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from handpipe.core import Array, RigidTransform, Shapes
+from handpipe.evaluation import surface_distance
+from handpipe.mesh.surfaces import Surface, read_scan
+from handpipe.skeleton.rig import Rig
+from handpipe.stages.truth import true_pose
+from handpipe.tissues.fat import Skin
+
+ByModel = dict[str, Array]
+
+
+@dataclass(frozen=True)
+class SkinDistances:
+    """Distances in mm by pose and model: of a scan's vertices from the skin, of the skin's from the truth."""
+
+    to_scan: dict[str, ByModel]
+    to_truth: dict[str, ByModel]
+
+
+def skin_distances(
+    rig: Rig,
+    skin: Skin,
+    models: Mapping[str, Mapping[str, Shapes]],
+    scans: Iterable[Path],
+    truth: Sequence[Path] = (),
+) -> SkinDistances:
+    """Distances of the skins of poses and their models.
+
+    scans: one file a pose of `models`, in their order; truth: files of the true poses, none where no truth is
+    known. Vertices where the scan was cut are compared with no true skin.
+    """
+    cut = skin.rigid["cut_end"].vertices if "cut_end" in skin.rigid else np.zeros(0, dtype=int)
+    found = SkinDistances({}, {})
+    for (pose, shapes), scan in zip(models.items(), scans, strict=True):
+        home = rig.poses[pose].root.inverse()
+        points = home(read_scan(scan).vertices)
+        skins = {model: Surface(s["skin"].vertices, s["skin"].cells) for model, s in shapes.items()}
+        found.to_scan[pose] = {model: surface_distance(points, surface) for model, surface in skins.items()}
+        if truth:
+            true = _true_skin(truth, pose, home)
+            found.to_truth[pose] = {
+                model: surface_distance(np.delete(surface.vertices, cut, axis=0), true)
+                for model, surface in skins.items()
+            }
+    return found
+
+
+def _true_skin(truth: Sequence[Path], pose: str, home: RigidTransform) -> Surface:
+    known = true_pose(truth, pose)["skin"]
+    return Surface(home(known["vertices"]), known["triangles"])
