@@ -1,7 +1,7 @@
 """`python -m benchmarks.levels PART --output FILE`: levels of a built subject; `merge` joins parts.
 
-Each part reads the frames of its subject's scene of random poses, learns from the first four fifths, and
-tests on the others.
+The parts `finger` and `hand` read the frames of their subject's scene of random poses, learn from the first
+four fifths, and test on the others. The part `creases` simulates the finger's scanned poses at level L3.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from benchmarks.parts import run_parts
 if TYPE_CHECKING:
     from handpipe.core import Metrics
 
-PARTS = ("finger", "hand")
+PARTS = ("finger", "hand", "creases")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -27,6 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     def measure(part: str, results: Path) -> Metrics:
         logging.getLogger("handpipe").setLevel(logging.WARNING)
         from benchmarks.levels.contractions import example
+        from benchmarks.levels.creases import creases
         from benchmarks.levels.measured import measured
         from benchmarks.levels.springs import springs
         from benchmarks.levels.subject import Subject
@@ -34,6 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from handpipe.core import metrics
 
         figures: metrics.Metrics = {}
+        if part == "creases":
+            with metrics.measured(figures):
+                found = creases(results)
+            return {f"{part}_{name}": value for name, value in (found | figures).items()}
         with metrics.measured(figures):
             subject = Subject.built(part, results)
             found = measured(subject) | springs(subject) | against_truth(subject)

@@ -1,7 +1,8 @@
 """`python -m benchmarks.levels.pictures PART --output PNG`: the worst tested frames of each level.
 
 Rows are frames; columns the skin as simulated, of L0 and of L1, and the organs of the same. With `--springs`
-the skin and the organs as simulated and of L2, which is not learned.
+the skin and the organs as simulated and of L2, which is not learned. The part `creases` draws the finger's
+held-out poses by the full model, by the uniform tissue and at L3.
 """
 
 from __future__ import annotations
@@ -13,27 +14,34 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from benchmarks.levels.creases import DATASET, Finger
 from benchmarks.levels.measured import LEVELS
 from benchmarks.levels.springs import spring_hand
 from benchmarks.levels.subject import Subject
-from handpipe.core import Frame
+from handpipe.core import Frame, Shape
+from handpipe.core.configuration import load_dataset
 from handpipe.evaluation import camera_views, pictures
 from handpipe.evaluation.rendering import Camera
 from handpipe.hand import SimulatedFrame
+from handpipe.mesh.surfaces import Surface
 
 SIZE = (420, 420)  # pixels of a picture
 WORST = 2  # frames of each level
+SIDE = "thumb"  # view of folds
 TITLES = ("simulated", "L0", "L1", "organs, simulated", "organs, L0", "organs, L1")
 
 
 def main() -> None:
     """Draw the worst frames by the largest error of the skin."""
     parser = argparse.ArgumentParser(prog="benchmarks.levels.pictures", description=__doc__)
-    parser.add_argument("part", choices=("finger", "hand"))
+    parser.add_argument("part", choices=("finger", "hand", "creases"))
     parser.add_argument("--results", type=Path, default=Path("results"), help="folder of built subjects")
     parser.add_argument("--springs", action="store_true", help="level L2 and not the learned ones")
     parser.add_argument("--output", type=Path, required=True, help="PNG to be written")
     options = parser.parse_args()
+    if options.part == "creases":
+        FigureCanvasAgg(crease_sheet(Finger.built(options.results))).print_figure(options.output, dpi=100)
+        return
     subject = Subject.built(options.part, options.results)
     frames = subject.tested_frames(len(subject.tested))
     if options.springs:
@@ -89,6 +97,23 @@ def spring_sheet(subject: Subject, frames: list[SimulatedFrame]) -> Figure:
         for ax, image, title in zip(axes, images, titles, strict=True):
             ax.imshow(image)
             ax.set_title(title, fontsize=8)
+            ax.set_axis_off()
+    return figure
+
+
+def crease_sheet(finger: Finger) -> Figure:
+    """The skin in the held-out poses by the full model, by the uniform tissue and at L3."""
+    poses = load_dataset(DATASET).heldout
+    figure = Figure(figsize=(3 * 4.2, len(poses) * 4.2), layout="constrained")
+    for axes, pose in zip(figure.subplots(len(poses), 3, squeeze=False), poses, strict=True):
+        skin = finger.simulated(pose)["skin"]
+        kinds = {**finger.built_skins(pose), "L3": Surface(skin.vertices, skin.cells)}
+        layers = [{"skin": {"skin": Shape(s.vertices, s.vertices, s.triangles)}} for s in kinds.values()]
+        views = camera_views(finger.rig, finger.frame(pose), "right")
+        camera = Camera.fit(pictures.extent(layers[0]), *views[SIDE], SIZE)
+        for ax, name, layer in zip(axes, kinds, layers, strict=True):
+            ax.imshow(pictures.outer_picture(layer, camera, SIZE))
+            ax.set_title(f"{pose}: {name}", fontsize=9)
             ax.set_axis_off()
     return figure
 

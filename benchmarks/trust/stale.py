@@ -234,6 +234,7 @@ CHANGES = [
             "edges.muscle_fascia": (1.9, "make_muscle_fascia report"),
             "edges.tendon": (0.9, "extract_tendon report"),
             "edges.skin": (1.9, "make_skin report"),
+            "edges.crease": (0.9, "report"),
             "edges.fat": (2.6, "mesh_fat mesh_soft_tissue report"),
             "interpolation": ("inverse-square", "collect_fat_strains report"),
             "truth": ("full", "report"),

@@ -6,14 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from benchmarks.levels import measured
+from benchmarks.levels import creases, measured
 from benchmarks.levels.contractions import coarser
 from benchmarks.levels.document import main, table
 from benchmarks.levels.truth import _distances, _shown
 from tests.levels.three_bones import random_frames, rig
 
-from handpipe.core import metrics
-from handpipe.core.layers import Shape
+from handpipe.core import ConvergenceError, Shape, metrics
 from handpipe.levels import LearnedHand, TrainingSet, learn
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.tissues.fat.skin import Rigid, Skin
@@ -116,3 +115,38 @@ def test_the_coarser_skin_has_the_nodes_of_albrecht_and_its_rigid_parts() -> Non
     assert len(places) > 20
     assert places.max() < -38
     assert found.surface.volume() == pytest.approx(fine.volume(), rel=0.01)
+
+
+class KnownFinger:
+    """Poses of a ball as skin: L3 is 0.5 mm off, the full model right, the uniform tissue 2 mm off."""
+
+    def __init__(self) -> None:
+        mesh = trimesh.creation.icosphere(subdivisions=3, radius=10.0)
+        self.ball = Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+
+    def grown(self, by: float) -> Surface:
+        return self.ball.moved(self.ball.vertices * (1 + by / 10.0))
+
+    def simulated(self, pose: str):
+        if pose == "fist":
+            raise ConvergenceError("skin", "no room")
+        surface = self.grown(0.5)
+        figures = {"fold_depth": 1.0, "fold_angle": 80.0, "skin_crossings": 0.0}
+        skin = Shape(self.ball.vertices, surface.vertices, surface.triangles, figures=figures)
+        return {"skin": skin, "skin_mesh": replace(skin, figures={"inverted_tets": 0.0})}
+
+    def true_points(self, pose: str) -> np.ndarray:
+        return self.ball.vertices
+
+    def built_skins(self, pose: str) -> dict[str, Surface]:
+        return {"full": self.ball, "uniform": self.grown(2.0)}
+
+
+def test_errors_with_creases_are_beside_those_of_the_other_models() -> None:
+    found = creases._of_poses(KnownFinger(), ["half", "fist", "reach"])
+    for model, error in (("creases", 0.5), ("full", 0.0), ("uniform", 2.0)):
+        assert found[f"{model}_error_median"][0] == pytest.approx(error, abs=0.03)  # chords of the ball
+    assert found["failed"] == (1.0, "frames")
+    assert found["fold_depth_max"] == (1.0, "mm")
+    assert 0 < found["seconds"][0] < 1
+    assert creases._of_poses(KnownFinger(), ["fist"]) == {"failed": (1.0, "frames")}

@@ -166,7 +166,15 @@ GIVEN = {
     "interpolation": "rbf",
     "truth": "toy",
 }
-BEFORE = {"muscle": 2.5, "bone_fascia": 2.5, "muscle_fascia": 2.5, "tendon": 1.2, "skin": 2.5, "fat": 4.0}
+BEFORE = {
+    "muscle": 2.5,
+    "bone_fascia": 2.5,
+    "muscle_fascia": 2.5,
+    "tendon": 1.2,
+    "skin": 2.5,
+    "crease": 1.2,
+    "fat": 4.0,
+}
 
 
 def test_settings_have_one_form_however_they_are_given():

@@ -69,6 +69,15 @@ def test_a_saddle_is_left():
     assert np.linalg.eigvalsh(elastic.hessian(found.x).toarray()[~held][:, ~held])[0] > 0
 
 
+def test_a_saddle_is_kept_where_the_options_accept_it():
+    slender, tets = box((8.0, 0.5, 0.5), (32, 3, 3))
+    elastic, pressed, held = _pressed(slender, tets)
+    found = solve([elastic], pressed, fixed=held, options=Options(saddles=True))
+    assert found.record.converged and found.record.escapes == 0
+    np.testing.assert_allclose(found.x.mean(axis=0)[1:], pressed.mean(axis=0)[1:], atol=1e-6)  # straight
+    assert np.linalg.eigvalsh(elastic.hessian(found.x).toarray()[~held][:, ~held])[0] < 0
+
+
 def test_a_saddle_is_left_with_small_elements_right_side_out():
     """A tet of a pressed column is split close to its corner: its parts are a thousandth of its size."""
     slender, tets = box((8.0, 0.5, 0.5), (32, 3, 3))

@@ -81,7 +81,9 @@ def test_a_scene_shows_the_layers_that_it_needs(learned) -> None:
     [
         ("level: L1\n", "names a scene of random poses"),
         ("learned: random\n", "names a scene of random poses"),
-        ("level: L3\nlearned: random\n", "level"),
+        ("level: L3\nlearned: random\n", "names a scene of random poses"),
+        ("level: L3\n", "L3 has no muscles, fat; its layers are bones, skin"),
+        ("level: L4\n", "level"),
         ("level: L2\nlearned: random\n", "names a scene of random poses"),
         ("level: L2\n", "L2 has no fat; its layers are bones, muscles, skin"),
         ("level: L0\nlearned: random\nequilibria: true\n", "neither mechanics nor equilibria"),

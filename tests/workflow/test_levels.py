@@ -17,6 +17,7 @@ RANDOM = "random: {count: 10, seed: 1, around: scans}\n"
 LEARNED = "layers: [skin]\nframes: config/scenes/targets/draw.yaml\nchunk: 10\n"
 LEVEL = "layers: [skin]\nframes: config/scenes/shown.csv\nlevel: L1\nlearned: drawn\n"
 SPRINGS = "layers: [bones, skin]\nframes: config/scenes/shown.csv\nlevel: L2\n"
+CREASES = "layers: [bones, skin]\nframes: config/scenes/shown.csv\nlevel: L3\n"
 GIVEN = ("--config", "subjects=[small]", "scenes=[shown]")
 
 
@@ -31,6 +32,7 @@ def folder(built_small: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (scenes / "shown.csv").write_text("frame,hinge_flexion [deg]\nrest,0\nbent,8\n")
     (scenes / "shown.yaml").write_text(LEVEL)
     (scenes / "sprung.yaml").write_text(SPRINGS)
+    (scenes / "creased.yaml").write_text(CREASES)
     (copied / "watched").mkdir()
     return copied
 
@@ -116,3 +118,21 @@ def test_a_scene_of_springs_needs_the_rig_and_the_skin_alone(folder: Path) -> No
     rows = json.loads((folder / target).read_text(encoding="utf-8"))
     assert [row["frame"] for row in rows] == ["rest", "bent"]
     assert all(0 <= row["skin_spring_residual"] <= 0.1 for row in rows)
+
+
+def test_a_scene_with_creases_is_simulated_on_a_tissue_of_its_own(folder: Path) -> None:
+    given = ("--config", "subjects=[small]", "scenes=[creased]")
+    target = "results/small/tables/frames-creased.json"
+    plan = planned(folder, target, *given)
+    assert plan["mesh_crease_tissue"] == plan["simulate"] == 1
+    assert not {"animate", "animate_springs", "learn_levels", "mesh_soft_tissue"} & set(plan)
+    watched = folder / "watched_creases"
+    watched.mkdir()
+    process = run(folder, "-j2", target, *given, environment=watching(watched))
+    assert process.returncode == 0, process.stdout[-5000:]
+    jobs = [json.loads(path.read_text(encoding="utf-8")) for path in watched.glob("*.json")]
+    assert {"mesh_crease_tissue", "simulate"} <= {job["rule"] for job in jobs}
+    assert [job for job in jobs if job["undeclared"]] == []
+    rows = json.loads((folder / target).read_text(encoding="utf-8"))
+    assert [row["frame"] for row in rows] == ["rest", "bent"]
+    assert all(row["skin_skin_crossings"] == 0 for row in rows)

@@ -26,13 +26,14 @@ NOT_WATCHED = {
     "benchmark_fidelity_part": LONG,
     "benchmark_layered_part": LONG,
     "benchmark_levels_part": LONG,
+    "benchmark_levels_creases": LONG,
 }
 PARTS = {  # of what is merged: the first ones of each benchmark have a figure
     "scans": ("foot", "knee", "skin", "alignment", "effects", "chain", "from_raw"),
     "trust": ("solver", "frames", "seeds", "readers", "stale", "kills"),
     "fidelity": ("preview", "standard", "paper-fat", "paper"),
     "layered": ("cases", "random"),
-    "levels": ("finger", "hand"),
+    "levels": ("finger", "hand", "creases"),
 }
 SMALL = {  # arguments of a part in small sizes
     "fem": ["linear", "--quick"],

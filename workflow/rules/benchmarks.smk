@@ -491,9 +491,31 @@ rule benchmark_levels_part:
         "../scripts/benchmark.py"
 
 
+rule benchmark_levels_creases:
+    input:
+        lambda w: creases_beside_models("phantom-finger"),
+    output:
+        paths.benchmark_of("levels/creases.json"),
+    log:
+        paths.benchmark_of("logs/benchmark_levels_creases.log"),
+    benchmark:
+        paths.benchmark_of("jobs/benchmark_levels_creases.tsv")
+    threads: 1
+    resources:
+        mem_mb=3000,
+        runtime=60,
+    params:
+        name="levels",
+        arguments=["creases"],
+    message:
+        "level L3 in the finger's scanned poses; nothing else should run meanwhile"
+    script:
+        "../scripts/benchmark.py"
+
+
 rule benchmark_levels_figures:
     input:
-        expand(paths.benchmark_of("levels/{part}.json"), part=LEVELS),
+        expand(paths.benchmark_of("levels/{part}.json"), part=[*LEVELS, "creases"]),
     output:
         paths.benchmark_of("levels.json"),
     log:

@@ -561,6 +561,19 @@ def tendons_of_scene(wildcards):
     return layer_files(wildcards.subject, ["tendons"])
 
 
+def simulated_files(wildcards):
+    """The artifacts that a simulation of a scene reads; at level L3 the soft tissue is the one with creases."""
+    made = scene(wildcards.scene)
+    files = layer_files(wildcards.subject, made.needed)
+    plain, creased = (
+        paths.at(path, subject=wildcards.subject)
+        for path in (paths.SOFT_TISSUE, paths.CREASE_TISSUE)
+    )
+    if made.level != "L3":
+        return files
+    return [creased if file == plain else file for file in files]
+
+
 def scene_layers():
     """The layers that any scene needs, inside out."""
     return needed(layer for name in SETTINGS.scenes for layer in scene(name).layers)
@@ -1075,6 +1088,15 @@ def compared_with_truth(subject):
     return [
         dataset_file(subject),
         *expand(files, subject=subject, pose=data.poses, tendon=data.tendons),
+    ]
+
+
+def creases_beside_models(subject):
+    """What the benchmark of level L3 reads of a built subject."""
+    files = [paths.RIG, paths.SKIN, paths.CREASE_TISSUE, paths.POSE_SKIN, paths.TRUTH]
+    return [
+        dataset_file(subject),
+        *expand(files, subject=subject, pose=scanned(subject)),
     ]
 
 

@@ -96,6 +96,30 @@ rule mesh_soft_tissue:
         "../scripts/mesh_soft_tissue.py"
 
 
+# Of scenes at level L3 (Wang 2019 §5), in place of the tissue above.
+rule mesh_crease_tissue:
+    input:
+        rig=paths.RIG,
+        skin=paths.SKIN,
+    output:
+        paths.CREASE_TISSUE,
+    log:
+        paths.log_of("mesh_crease_tissue"),
+    benchmark:
+        paths.cost_of("mesh_crease_tissue")
+    threads: 1
+    resources:
+        mem_mb=2500,
+        runtime=10,
+    params:
+        dataset=reads("hand"),
+        edges=(SETTINGS.sizes.crease, SETTINGS.sizes.skin, SETTINGS.sizes.fat),
+    message:
+        "{wildcards.subject}: one soft tissue with creases between the bones and the skin"
+    script:
+        "../scripts/mesh_crease_tissue.py"
+
+
 rule simulate_inner:
     input:
         rig=paths.RIG,

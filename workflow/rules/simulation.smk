@@ -31,7 +31,7 @@ rule simulate:
     input:
         rig=paths.RIG,
         frames=frames_file,
-        layers=lambda w: layer_files(w.subject, scene(w.scene).needed),
+        layers=simulated_files,
     output:
         paths.SCENE_CHUNK,
     log:
@@ -213,7 +213,7 @@ rule find_equilibria:
     input:
         rig=paths.RIG,
         frames=paths.SCENE_CHUNK,
-        layers=lambda w: layer_files(w.subject, scene(w.scene).needed),
+        layers=simulated_files,
     output:
         paths.SCENE_EQUILIBRIA,
     log:

@@ -132,7 +132,7 @@ rule export_mechanics:
     input:
         rig=paths.RIG,
         chunks=scene_chunks,
-        layers=lambda w: layer_files(w.subject, scene(w.scene).needed),
+        layers=simulated_files,
     output:
         directory(paths.SCENE_MECHANICS),
     log:

@@ -74,6 +74,7 @@ BONE_FASCIA = f"{SUBJECT}/fascia/bone.h5"
 MUSCLE_FASCIA = f"{SUBJECT}/fascia/muscle.h5"
 SKIN = f"{SUBJECT}/skin.h5"
 SOFT_TISSUE = f"{SUBJECT}/soft_tissue/mesh.h5"
+CREASE_TISSUE = f"{SUBJECT}/soft_tissue/creases.h5"  # of level L3
 SOFT_TISSUE_FIT = f"{SUBJECT}/soft_tissue/poses/{{pose}}.h5"
 SOFT_TISSUE_STRAINS = f"{SUBJECT}/soft_tissue/strains.h5"
 FAT = f"{SUBJECT}/fat/mesh.h5"

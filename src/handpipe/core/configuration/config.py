@@ -505,7 +505,8 @@ class Recording(Model):
 
 
 LEARNED_LEVELS = ("L0", "L1")  # of a scene: from the simulated frames of another one
-SPRING_LAYERS = ("bones", "muscles", "skin")  # of level L2
+LAYERS_AT = {"L2": ("bones", "muscles", "skin"), "L3": ("bones", "skin")}  # that a level has
+WITHOUT_TETS = ("L0", "L1", "L2")
 
 
 class Scene(Model):
@@ -550,10 +551,10 @@ class Scene(Model):
     fidelity: Fidelity | None = Field(
         None, description="the fidelity that it is made for; a build of another one is refused"
     )
-    level: Literal["L0", "L1", "L2", "full"] = Field(
+    level: Literal["L0", "L1", "L2", "L3", "full"] = Field(
         "full",
         description="`full` simulates; L0 skins, L1 adds correctives, both learned from `learned`; L2 has "
-        "muscles that bulge and a skin of springs",
+        "muscles that bulge and a skin of springs; L3 simulates one soft tissue with creases",
     )
     learned: str | None = Field(
         None, description="scene whose simulated frames `level` L0 or L1 is learned from"
@@ -563,12 +564,23 @@ class Scene(Model):
     def _learned(self) -> Scene:
         if (self.level in LEARNED_LEVELS) != (self.learned is not None):
             raise ValueError("learned: names a scene of random poses, with `level` L0 or L1 and only then")
-        if self.level != "full" and (self.mechanics or self.equilibria):
+        if self.level in WITHOUT_TETS and (self.mechanics or self.equilibria):
             raise ValueError(f"level: {self.level} has no tets: neither mechanics nor equilibria of them")
-        further = [layer for layer in self.layers if layer not in SPRING_LAYERS]
-        if self.level == "L2" and (further or self.images):
+        if self.level == "L3" and self.equilibria:
+            raise ValueError(
+                "level: L3 bends from neutral: it has no other starts, and no equilibria of them"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _at_its_level(self) -> Scene:
+        if self.level not in LAYERS_AT:
+            return self
+        known = LAYERS_AT[self.level]
+        further = [layer for layer in self.layers if layer not in known]
+        if further or (self.level == "L2" and self.images):
             wrong = f"has no {', '.join(further)}" if further else "moves no images"
-            raise ValueError(f"level: L2 {wrong}; its layers are {', '.join(SPRING_LAYERS)}")
+            raise ValueError(f"level: {self.level} {wrong}; its layers are {', '.join(known)}")
         return self
 
     @model_validator(mode="after")

@@ -27,14 +27,21 @@ class Edges(Model):
     muscle_fascia: Length
     tendon: Length
     skin: Length
+    crease: Length
     fat: Length
 
 
 EDGES: dict[Fidelity, Edges] = {
-    "preview": Edges(muscle=2.5, bone_fascia=2.5, muscle_fascia=2.5, tendon=1.2, skin=2.5, fat=4.0),
-    "standard": Edges(muscle=1.8, bone_fascia=1.5, muscle_fascia=1.5, tendon=1.2, skin=1.5, fat=2.5),
+    "preview": Edges(
+        muscle=2.5, bone_fascia=2.5, muscle_fascia=2.5, tendon=1.2, skin=2.5, crease=1.2, fat=4.0
+    ),
+    "standard": Edges(
+        muscle=1.8, bone_fascia=1.5, muscle_fascia=1.5, tendon=1.2, skin=1.5, crease=0.8, fat=2.5
+    ),
     # At least the numbers of vertices of Zheng 2022 Table 1, on the phantom hand (docs/fidelity.md).
-    "paper": Edges(muscle=0.97, bone_fascia=0.65, muscle_fascia=0.66, tendon=0.44, skin=1.3, fat=1.7),
+    "paper": Edges(
+        muscle=0.97, bone_fascia=0.65, muscle_fascia=0.66, tendon=0.44, skin=1.3, crease=0.5, fat=1.7
+    ),
 }
 
 
@@ -47,6 +54,7 @@ class GivenEdges(Model):
     muscle_fascia: Length | None = Field(None, description="of the muscle fascia's triangles, likewise")
     tendon: Length | None = Field(None, description="of the segments of the tendons' rods")
     skin: Length | None = Field(None, description="of the skin's triangles")
+    crease: Length | None = Field(None, description="of the skin's triangles where it folds, of level L3")
     fat: Length | None = Field(None, description="of the tetrahedra of the fat and of the single soft tissue")
 
     def in_place_of(self, edges: Edges) -> Edges:

@@ -280,7 +280,7 @@ class Newton:
         """Leave a stationary point that is no minimum; False where it is one or where that failed."""
         if self._returned():
             return False
-        if not self._directions.convexified or self.record.escapes >= MAX_ESCAPES:
+        if self.options.saddles or not self._directions.convexified or self.record.escapes >= MAX_ESCAPES:
             return False
         kick = self._soft_motion(self.record.escapes)
         if kick is None:

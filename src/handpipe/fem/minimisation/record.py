@@ -35,6 +35,8 @@ class Options:
     barrier : bool
         Add a barrier on the volume of tets below a tenth of their elastic volume (`fem.elements.crushing`);
         a minimum with inverted tets has not converged.
+    saddles : bool
+        Accept a stationary point that is no minimum, as suits the way to another load.
     coarse : sparse matrix (n, c), optional
         Carries fields from c of the vertices to all n. With it linear systems are solved by two levels, where
         a factor of all unknowns would be too large, and a step ends at negative curvature (Steihaug 1983);
@@ -62,6 +64,7 @@ class Options:
     allow_partial: bool = False
     untangle: bool = True
     barrier: bool = False
+    saddles: bool = False
     coarse: sp.csr_matrix | None = None
     single: bool = False
     name: str = "equilibrium"

@@ -6,6 +6,7 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.mesh.generation import implicit
+    from handpipe.mesh.generation.graded_remeshing import remesh_graded
     from handpipe.mesh.generation.implicit import Grid, isosurface, smooth_minimum, union_surface
     from handpipe.mesh.generation.meshing import tetrahedralise
     from handpipe.mesh.generation.remeshing import remesh
@@ -18,6 +19,7 @@ __all__ = [
     "implicit",
     "isosurface",
     "remesh",
+    "remesh_graded",
     "repair",
     "smooth_minimum",
     "tetrahedralise",

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.skeleton.posing.joint_sweep import swept_vertices
     from handpipe.skeleton.posing.layer import BoneLayer, bone_regions
     from handpipe.skeleton.posing.local_pose_spaces import LocalPoseSpaces
     from handpipe.skeleton.posing.pose_space import Interpolation, PoseSpace
@@ -31,5 +32,6 @@ __all__ = [
     "bone_regions",
     "bone_weights",
     "smoothed_weights",
+    "swept_vertices",
     "validity_table",
 ]

@@ -256,26 +256,3 @@ def load_fat(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:
     tissue, known = Tissue.load(mesh), FatStrains.load(strains)
     known.require_mesh(tissue.mesh, strains)
     return TissueLayer("fat", tissue, known)
-
-
-def load_skin(files: Sequence[Path], _: Mapping[str, Surface]) -> TissueLayer:
-    """One soft tissue around the bones.
-
-    Parameters
-    ----------
-    files : sequence of path
-        The artifact of its mesh.
-    _ : mapping of str to Surface
-        Not used.
-
-    Returns
-    -------
-    TissueLayer
-        The layer "skin".
-
-    References
-    ----------
-    Zheng 2022 Table 4, model m2; Wang 2019.
-    """
-    [mesh] = files
-    return TissueLayer("skin", Tissue.load(mesh))

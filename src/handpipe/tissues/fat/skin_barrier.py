@@ -12,7 +12,7 @@ from handpipe.core import Array, ConvergenceError, IntArray, RigidTransform, Sha
 from handpipe.fem.contact import Barrier
 from handpipe.fem.minimisation import Record
 from handpipe.fem.potentials import Elastic, Potential
-from handpipe.fem.solver import Settled, equilibrium, root_mean_square, settle
+from handpipe.fem.solver import Options, Settled, equilibrium, root_mean_square, settle
 from handpipe.mesh.contact import crossings, self_contact
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.fat.skin_contact import DEEP, DISTANCE
@@ -40,10 +40,12 @@ class Scene:
         """The skin with the tissue at x (n, 3)."""
         return self.tissue.skin.moved(self.tissue.skin_matrix @ x)
 
-    def solve(self, contact: list[Potential], planes: Array, start: Array) -> equilibrium.Equilibrium:
+    def solve(
+        self, contact: list[Potential], planes: Array, start: Array, options: Options = OPTIONS
+    ) -> equilibrium.Equilibrium:
         """The equilibrium near a start (n, 3) under a contact of the skin; bodies' planes as at `planes`."""
         constraints = self.tissue.constraints(self.below, self.rigid, planes, contact=contact)
-        return equilibrium.solve([self.elastic, *constraints], start, options=OPTIONS)
+        return equilibrium.solve([self.elastic, *constraints], start, options=options)
 
 
 def kept_apart(scene: Scene, settled: Settled) -> Settled:
@@ -64,14 +66,14 @@ def kept_apart(scene: Scene, settled: Settled) -> Settled:
         x = _pushed_apart(scene, x)
     elif not np.isfinite(barrier.gap(x)):
         return settled
-    found = _behind(scene, barrier, x)
+    found = behind(scene, barrier, x)
     left = crossing_vertices(scene.skin(found.x))
     if len(left):
         raise _no_room(scene, found.x, left)
     return replace(found, renewals=settled.renewals + found.renewals)
 
 
-def _behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
+def behind(scene: Scene, barrier: Barrier, start: Array) -> Settled:
     """The equilibrium with a barrier, from a start (n, 3) without crossings; the bodies' planes are renewed.
 
     Each solve starts from the one before: what the renewal makes of two of them may intersect.

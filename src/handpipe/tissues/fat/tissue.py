@@ -31,6 +31,7 @@ from handpipe.mesh.surfaces import BodyDistances, Distance, Surface, astray, tou
 from handpipe.mesh.tets import Embedding, TetMesh, gradient_operator, mass_lumped
 from handpipe.skeleton.posing import blend, blended
 from handpipe.tissues.fat.constraints import InnerPoints
+from handpipe.tissues.fat.creases.materials import Creases
 from handpipe.tissues.fat.skin import CUT_END, Rigid
 from handpipe.tissues.fat.skin_contact import DISTANCE, overlap, skin_barrier, skin_on_skin
 
@@ -101,6 +102,8 @@ class Tissue:
         Material and stiffness of constraints.
     skin_contact : bool
         Whether contact keeps the skin out of itself.
+    creases : Creases, optional
+        Materials of single tets and the way into poses; by default the material is that of the settings.
     """
 
     mesh: TetMesh
@@ -112,11 +115,13 @@ class Tissue:
     weights: Array
     settings: TissueSettings = field(default_factory=TissueSettings)
     skin_contact: bool = True
+    creases: Creases | None = None
 
     @cached_property
     def elastic(self) -> Elastic:
         """Elastic energy without plastic strain, stiffness weighed by occupancy."""
-        material = Material(self.settings.young, self.settings.poisson)
+        uniform = Material(self.settings.young, self.settings.poisson)
+        material = uniform if self.creases is None else self.creases.material
         return Elastic(self.mesh.vertices, self.mesh.tets, material, weights=self.occupancy)
 
     def nails(self) -> dict[str, NDArray[np.uint8]]:
@@ -519,6 +524,9 @@ class Tissue:
         lengths = dict.fromkeys(("mesh/vertices", "skin/vertices", "inner/rest"), "mm")
         moduli = {"settings/young": "kPa", "settings/stiffness": "kPa/mm"}
         units = lengths | moduli | {"inner/area": "mm^2", "occupancy": "1", "weights": "1"}
+        if self.creases is not None:
+            data["creases"] = self.creases.to_group()
+            units |= {"creases/young": "kPa", "creases/poisson": "1"}
         artifacts.write(path, data, kind="tissue", units=units, inputs=inputs)
 
     @staticmethod
@@ -531,6 +539,7 @@ class Tissue:
             Where the file is not a tissue, or a mesh or number in it is not valid.
         """
         d = artifacts.read(path, "tissue", finite=True)
+        given, count = d.get("creases"), len(d["mesh"]["tets"])
         return Tissue(
             mesh=TetMesh(d["mesh"]["vertices"], d["mesh"]["tets"]).checked(path),
             occupancy=d["occupancy"],
@@ -540,4 +549,5 @@ class Tissue:
             bones=tuple(d["bones"]),
             weights=d["weights"],
             settings=TissueSettings(**{k: float(v) for k, v in d["settings"].items()}),
+            creases=None if given is None else Creases.from_group(given, path, count),
         )
