@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.truth import toy
+from benchmarks.truth.engines import engine_differences
 from benchmarks.truth.measured import LoadingPaths, measure
 from benchmarks.truth.pictures import convergence, cut_open
 from benchmarks.truth.refinement import figures, solved
@@ -18,6 +19,7 @@ from handpipe.synthetic.coupled.coupled_body import CoupledBody, CoupledPose
 
 EDGE, ANGLE, AWAY = 4.5, np.radians(40.0), np.radians(-15.0)
 COARSE_EDGE, COARSE_ANGLE, REFINEMENTS = 6.5, np.radians(40.0), 2
+ENGINE_EDGE, ENGINE_DEGREES = 6.0, (2.0, 20.0, 40.0)
 
 
 def back(t: float) -> CoupledPose:
@@ -31,7 +33,7 @@ def main(output: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     ways = LoadingPaths(lambda t: toy.hinge(ANGLE * t), lambda t: toy.hinge(AWAY * t, 0.0), back)
     body, x, found = measure(toy.finger(EDGE), lambda a: CoupledBody(a, toy.MATERIALS), ways)
-    metrics.write(output, found)
+    metrics.write(output, found | engine_differences(ENGINE_EDGE, ENGINE_DEGREES))
     cut_open(folder / "truth-toy.png", body, x)
     table = figures(solved(COARSE_EDGE, COARSE_ANGLE, REFINEMENTS))
     (folder / "truth-refinement.json").write_text(json.dumps(table, indent=2), encoding="utf-8")
