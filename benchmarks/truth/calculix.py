@@ -15,10 +15,12 @@ from handpipe.core import Array, BoolArray, ConvergenceError, InputError, IntArr
 
 PROGRAM = shutil.which("ccx")
 IN_ITS_ORDER = [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]  # our ten nodes of a tet in the order of C3D10
+ITS_SIDES = {3: 1, 2: 2, 0: 3, 1: 4}  # its number of a tet's face, by our corner opposite to it
 A_LINE = 8  # numbers on a line of a set
 NUMBER = ".12e"  # at most 20 characters, the longest field that CalculiX reads
 SECONDS = 300.0  # that a run may take
 INCREMENT = 0.25  # first one of a step
+CONTACT_STIFFNESS = 1000.0  # kPa of pressure a mm of overlap
 # Iterations before an increment is cut; largest force and correction relative to their means. By default
 # CalculiX accepts 0.5 % and 1 %.
 CONTROLS = (
@@ -44,7 +46,7 @@ class Deck:
     moduli: tuple[Array, Array]
     prescribed: BoolArray
     targets: Sequence[Array]
-    contact: Sequence[str] = ()
+    touching: tuple[IntArray, IntArray] | None = None
 
     def write(self, path: Path) -> None:
         """Write the input deck."""
@@ -55,7 +57,7 @@ class Deck:
             "*ELEMENT, TYPE=C3D10, ELSET=BODY",
             *(f"{n}, {', '.join(map(str, nodes))}" for n, nodes in enumerate(cells, start=1)),
             *self._materials(),
-            *self.contact,
+            *self._contact(),
             *(line for target in self.targets for line in self._step(target)),
         ]
         write_text(path, "\n".join(lines) + "\n")
@@ -101,20 +103,24 @@ class Deck:
             yield _numbers((mu / 2, 2 / bulk))
             yield f"*SOLID SECTION, ELSET=PART{number}, MATERIAL=TISSUE{number}"
 
+    def _contact(self) -> Iterator[str]:
+        """Contact between faces, with a pressure proportional to how far they overlap."""
+        if self.touching is None:
+            return
+        for name, faces in zip(("FIRST", "SECOND"), self.touching, strict=True):
+            yield f"*SURFACE, NAME={name}, TYPE=ELEMENT"
+            yield from (f"{cell + 1}, S{ITS_SIDES[corner]}" for cell, corner in faces.tolist())
+        yield from ("*SURFACE INTERACTION, NAME=TOUCH", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR")
+        yield f"{CONTACT_STIFFNESS}, 0."
+        yield from ("*CONTACT PAIR, INTERACTION=TOUCH, TYPE=SURFACE TO SURFACE", "SECOND, FIRST")
+
     def _step(self, target: Array) -> Iterator[str]:
+        """One static step with large displacements."""
         nodes = np.flatnonzero(self.prescribed)
-        moves = (target - self.nodes)[nodes]
-        yield from (
-            "*STEP, NLGEOM, INC=1000",
-            "*STATIC",
-            f"{INCREMENT}, 1., 1.e-4, 1.",
-            *CONTROLS,
-            "*BOUNDARY",
-        )
-        for node, move in zip((nodes + 1).tolist(), moves.tolist(), strict=True):
-            yield from (
-                f"{node}, {axis}, {axis}, {value:{NUMBER}}" for axis, value in enumerate(move, start=1)
-            )
+        yield from ("*STEP, NLGEOM, INC=1000", "*STATIC", f"{INCREMENT}, 1., 1.e-4, 1.", *CONTROLS)
+        yield "*BOUNDARY"
+        for node, move in zip((nodes + 1).tolist(), (target - self.nodes)[nodes].tolist(), strict=True):
+            yield from (f"{node}, {k}, {k}, {value:{NUMBER}}" for k, value in enumerate(move, start=1))
         yield from ("*NODE PRINT, NSET=ALL, FREQUENCY=1000", "U", "*END STEP")
 
 

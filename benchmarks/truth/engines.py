@@ -76,9 +76,7 @@ def _followed(body: CoupledBody, law: Potential, angles: Array) -> list[Array]:
 
 def _calculix(body: CoupledBody, law: IsochoricSolid, angles: Array) -> list[Array]:
     """Its equilibria (n, 3) at each angle in rad."""
-    points = body.elements.volumes.shape[1]
     targets = [body.prescribed(toy.hinge(angle), body.rest) for angle in angles.tolist()]
-    moduli = (law.mu[::points], law.bulk[::points])
-    deck = Deck(body.rest, body.elements.cells, moduli, body.fixed[::3], targets)
+    deck = Deck(body.rest, body.elements.cells, law.moduli, body.fixed[::3], targets)
     with tempfile.TemporaryDirectory() as folder:
         return deck.run(Path(folder))

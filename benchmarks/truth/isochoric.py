@@ -1,4 +1,4 @@
-"""The neo-Hookean law of Abaqus and CalculiX at the points of our elements, to compare engines under one law."""
+"""The neo-Hookean law of CalculiX at the points of our elements, to compare engines under one law."""
 
 from __future__ import annotations
 
@@ -25,6 +25,11 @@ class IsochoricSolid(DensityPotential):
         count, points = elements.volumes.shape
         mu, lam = material.lame(count)
         self.mu, self.bulk = np.repeat(mu, points), np.repeat(lam + 2.0 / 3.0 * mu, points)
+
+    @property
+    def moduli(self) -> tuple[Array, Array]:
+        """Shear and bulk moduli (m,) in kPa of each cell."""
+        return self.mu[:: self._points], self.bulk[:: self._points]
 
     def densities(self, f: Array, points: slice) -> Array:
         """Energy densities (p,) in kPa."""
