@@ -26,9 +26,10 @@ from handpipe.synthetic.coupled.coupled_body import CoupledAnatomy, CoupledBody,
 
 log = logging.getLogger(__name__)
 
-ENDS = np.array(
-    [[-3.0, 0.0, 0.0], [3.0, 0.0, 0.0]]
-)  # of the axis of the lower tip; the upper one's is along y
+START, END = (
+    np.array([-3.0, 0.0, 0.0]),
+    np.array([3.0, 0.0, 0.0]),
+)  # of the lower tip's axis; the upper's is y
 RADIUS, BONE_RADIUS = 5.0, 2.0
 APART, DOWN = 0.3, 2.5  # mm: gap at rest, way of the upper bone
 YOUNG = 6.0  # kPa
