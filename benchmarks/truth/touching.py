@@ -34,7 +34,8 @@ RADIUS, BONE_RADIUS = 5.0, 2.0
 APART, DOWN = 0.3, 2.5  # mm: gap at rest, way of the upper bone
 YOUNG = 6.0  # kPa
 TISSUE = Material(YOUNG, 0.45)
-DISTANCE = 0.02  # mm below which the barrier pushes
+DISTANCE, FAR = 0.02, 0.3  # mm below which the barrier pushes; the hand's skin has the latter
+TOUCHING = 0.1  # mm: nodes as near as this to the other skin are in contact
 STEPS = 4
 NO_OBSTACLE = np.zeros((0, 3))
 OPTIONS = Options(displacement_tolerance=1e-8, force_tolerance=1e-8, name="fingertips")
@@ -83,21 +84,18 @@ class Fingertips:
         down = RigidTransform(np.eye(3), np.array([0.0, 0.0, -DOWN * share]))
         return self.body.prescribed(CoupledPose({"lower": RigidTransform.identity(), "upper": down}), x)
 
-    def ours(self) -> Array:
-        """Our equilibrium (n, 3), by a barrier that acts within DISTANCE."""
+    def ours(self) -> tuple[Array, Array]:
+        """Our equilibria (n, 3) with barriers that act within FAR and within DISTANCE."""
         used, triangles = np.unique(self.skin, return_inverse=True)
         choice, x = sp.eye(len(self.body.rest), format="csr")[used], self.body.rest
         near = Barrier(choice, triangles.reshape(-1, 3), x, DISTANCE, YOUNG)
-        for distance in (5 * DISTANCE, DISTANCE):
-            barrier = near.reaching(distance)
-            for step in range(STEPS if distance > DISTANCE else 0):
-                target = self.target((step + 1) / STEPS, x)
-                found = approach(
-                    [self.law], barrier, x, NO_OBSTACLE, fixed=self.body.fixed, target=target, options=PASSING
-                )
-                x = found[0].x
-            x = solve([self.law, barrier], x, fixed=self.body.fixed, options=OPTIONS).x
-        return x
+        far, fixed = near.reaching(FAR), self.body.fixed
+        for step in range(STEPS):
+            target = self.target((step + 1) / STEPS, x)
+            found = approach([self.law], far, x, NO_OBSTACLE, fixed=fixed, target=target, options=PASSING)
+            x = found[0].x
+        x = solve([self.law, far], x, fixed=fixed, options=OPTIONS).x
+        return x, solve([self.law, near], x, fixed=fixed, options=OPTIONS).x
 
     def theirs(self) -> Array:
         """Equilibrium (n, 3) of CalculiX."""
@@ -111,6 +109,16 @@ class Fingertips:
     def force(self, x: Array) -> float:
         """Force in mN by which the tissue pushes the upper bone up."""
         return -float(self.law.gradient(x)[self.body.on_bones["upper"], 2].sum())
+
+    def apart(self, x: Array, y: Array) -> Array:
+        """Distances (k,) of the free nodes at x and y (n, 3)."""
+        return np.asarray(np.linalg.norm(x - y, axis=1)[~self.body.fixed[::3]])
+
+    def skins(self) -> tuple[IntArray, IntArray]:
+        """Triangles (k, 3) of nodes on the lower and on the upper skin."""
+        of_upper = np.unique(self.body.elements.cells[self.anatomy.labels == 1])
+        upper = np.isin(self.skin[:, 0], of_upper)
+        return self.skin[~upper], self.skin[upper]
 
     def _sides(self) -> tuple[IntArray, IntArray]:
         """The skins' tets and the corners opposite to their faces, of the lower and the upper tip."""
@@ -129,48 +137,57 @@ class Fingertips:
 def contact_differences(edge_length: float, *, refined: bool = True) -> Metrics:
     """Differences between the engines' contact in mm, on a mesh and on its refinement; none without CalculiX.
 
-    Over free nodes, and over the contact surface: our lower skin within five activation distances of the
-    upper one, from CalculiX's lower skin. `engine_contact_refinement_*` compare our coarse and fine bodies.
+    Over free nodes, and over the contact surface: our lower skin within TOUCHING of the upper one, from
+    CalculiX's lower skin. `engine_contact_refinement_*` compare each engine with itself on the finer mesh.
     """
     if PROGRAM is None:
         log.warning("CalculiX (ccx) is not installed; the figures engine_contact_* are left out")
         return {}
-    coarse = Fingertips(fingertips(edge_length))
-    x = coarse.ours()
-    found = _differences(coarse, x, "")
+    coarse = Solved.of(Fingertips(fingertips(edge_length)))
+    found = coarse.figures("")
     if refined:
-        fine = Fingertips(coarse.anatomy.refined())
-        y = fine.ours()
-        found |= _differences(fine, y, "_refined")
-        corners = len(coarse.body.rest)
-        apart = np.linalg.norm(y[:corners] - x, axis=1)[~coarse.body.fixed[::3]]
-        found["engine_contact_refinement_mean"] = (float(apart.mean()), "mm")
+        fine = Solved.of(Fingertips(coarse.tips.anatomy.refined()))  # its nodes begin with the coarse ones
+        found |= fine.figures("_refined")
+        for name, x, y in (("ours", coarse.ours, fine.ours), ("theirs", coarse.theirs, fine.theirs)):
+            error = coarse.tips.apart(x, y[: len(x)])
+            found[f"engine_contact_refinement_mean_{name}"] = (float(error.mean()), "mm")
     return found
 
 
-def _differences(tips: Fingertips, x: Array, suffix: str) -> Metrics:
-    """Figures of one mesh, given our equilibrium (n, 3)."""
-    z = tips.theirs()
-    free = ~tips.body.fixed[::3]
-    apart = np.linalg.norm(x - z, axis=1)[free]
-    contact = _contact_surface(tips, x, z)
-    ours, theirs = tips.force(x), tips.force(z)
-    figures = {
-        "tets": (len(tips.anatomy.mesh.tets), "1"),
-        "difference_mean": (float(apart.mean()), "mm"),
-        "difference_max": (float(apart.max()), "mm"),
-        "surface_difference_mean": (float(contact.mean()), "mm"),
-        "surface_difference_max": (float(contact.max()), "mm"),
-        "force": (ours, "mN"),
-        "force_difference": (100.0 * abs(theirs / ours - 1.0), "%"),
-    }
-    return {f"engine_contact_{name}{suffix}": value for name, value in figures.items()}
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Fingertips and their equilibria (n, 3): ours with barriers of two reaches, and CalculiX's."""
 
+    tips: Fingertips
+    far: Array
+    ours: Array
+    theirs: Array
 
-def _contact_surface(tips: Fingertips, x: Array, z: Array) -> Array:
-    """Distances (k,) of our lower skin's nodes in contact from CalculiX's lower skin."""
-    upper = np.isin(tips.skin, np.unique(tips.body.elements.cells[tips.anatomy.labels == 1])).all(axis=1)
-    low, high = tips.skin[~upper], tips.skin[upper]
-    nodes = np.unique(low)
-    near = Distance(Surface(x, high)).closest(x[nodes])[0] < 5 * DISTANCE
-    return np.abs(Distance(Surface(z, low)).closest(x[nodes[near]])[0])
+    @staticmethod
+    def of(tips: Fingertips) -> Solved:
+        """By both engines."""
+        return Solved(tips, *tips.ours(), tips.theirs())
+
+    def figures(self, suffix: str) -> Metrics:
+        """Differences on this mesh."""
+        tips = self.tips
+        apart, contact = tips.apart(self.ours, self.theirs), self._contact_surface()
+        ours, theirs = tips.force(self.ours), tips.force(self.theirs)
+        figures = {
+            "tets": (len(tips.anatomy.mesh.tets), "1"),
+            "difference_mean": (float(apart.mean()), "mm"),
+            "difference_max": (float(apart.max()), "mm"),
+            "difference_mean_far": (float(tips.apart(self.far, self.theirs).mean()), "mm"),
+            "surface_difference_mean": (float(contact.mean()), "mm"),
+            "surface_difference_max": (float(contact.max()), "mm"),
+            "force": (ours, "mN"),
+            "force_difference": (100.0 * abs(theirs / ours - 1.0), "%"),
+        }
+        return {f"engine_contact_{name}{suffix}": value for name, value in figures.items()}
+
+    def _contact_surface(self) -> Array:
+        """Distances (k,) of our lower skin's nodes in contact from CalculiX's lower skin."""
+        low, high = self.tips.skins()
+        nodes = np.unique(low)
+        near = Distance(Surface(self.ours, high)).closest(self.ours[nodes])[0] < TOUCHING
+        return np.abs(Distance(Surface(self.theirs, low)).closest(self.ours[nodes[near]])[0])

@@ -5,11 +5,14 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from benchmarks.truth.calculix import PROGRAM, Deck
+from benchmarks.truth import calculix, engines, touching
+from benchmarks.truth.calculix import ITS_SIDES, PROGRAM, Deck
 from benchmarks.truth.engines import engine_differences
 from benchmarks.truth.isochoric import IsochoricSolid
+from benchmarks.truth.touching import RADIUS, Fingertips, contact_differences, fingertips
 from tests.fem.bodies import box
 
+from handpipe.core.errors import InputError
 from handpipe.fem.elements.materials import Material
 from handpipe.mesh.tets.tetrahedra import TetMesh
 from handpipe.synthetic.continuum.elements import Elements
@@ -69,3 +72,38 @@ def test_calculix_solves_the_toy_as_we_do():
     assert 1e-3 < found["engine_law_difference_mean"] < 0.02 and found["engine_law_difference_max"] < 0.1
     assert found["engine_law_difference_mean_2_degrees"] < 1e-4
     assert found["engine_difference_max_2_degrees"] < 2e-6
+
+
+def test_the_surfaces_in_contact_are_the_skins():
+    tips = Fingertips(fingertips(3.5))
+    mesh, sides = tips.anatomy.mesh, {1: (0, 1, 2), 2: (0, 1, 3), 3: (1, 2, 3), 4: (0, 2, 3)}  # of CalculiX
+    for rows, tip in zip(tips._sides(), (0, 1), strict=True):
+        assert (tips.anatomy.labels[rows[:, 0]] == tip).all()
+        faces = np.array([mesh.tets[cell][list(sides[ITS_SIDES[corner]])] for cell, corner in rows.tolist()])
+        own = np.unique(mesh.tets[tips.anatomy.labels == tip])
+        points = mesh.vertices - mesh.vertices[own].mean(axis=0)
+        points[:, tip] = np.maximum(np.abs(points[:, tip]) - 3.0, 0.0)
+        np.testing.assert_allclose(np.linalg.norm(points[faces], axis=2), RADIUS, atol=0.3)
+        edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()  # closed
+
+
+def test_without_calculix_figures_are_left_out(monkeypatch, tmp_path: Path):
+    for module in (calculix, engines, touching):
+        monkeypatch.setattr(module, "PROGRAM", None)
+    assert engine_differences(6.0, [2.0]) == {} and contact_differences(2.5) == {}
+    law = IsochoricSolid(ELEMENTS, MATERIAL)
+    deck = Deck(ELEMENTS.nodes, ELEMENTS.cells, law.moduli, ELEMENTS.nodes[:, 0] == 0, [ELEMENTS.nodes])
+    with pytest.raises(InputError, match="not installed"):
+        deck.run(tmp_path)
+
+
+@needs_calculix
+def test_fingertips_touch_alike():
+    """The barrier acts between flat triangles, CalculiX's contact between quadratic faces of 2.5 mm."""
+    found = {name: value for name, (value, _) in contact_differences(2.5, refined=False).items()}
+    assert 70 < found["engine_contact_force"] < 110
+    assert found["engine_contact_force_difference"] < 1.0
+    assert found["engine_contact_difference_mean"] < 0.03
+    assert found["engine_contact_surface_difference_mean"] < 0.06
+    assert found["engine_contact_difference_max"] < 0.3
