@@ -18,7 +18,7 @@ IN_ITS_ORDER = [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]  # our ten nodes of a tet in the o
 ITS_SIDES = {3: 1, 2: 2, 0: 3, 1: 4}  # its number of a tet's face, by our corner opposite to it
 A_LINE = 8  # numbers on a line of a set
 NUMBER = ".12e"  # at most 20 characters, the longest field that CalculiX reads
-SECONDS = 300.0  # that a run may take
+SECONDS = 900.0  # that a run may take
 INCREMENT = 0.25  # first one of a step
 CONTACT_STIFFNESS = 1000.0  # kPa of pressure a mm of overlap
 # Iterations before an increment is cut; largest force and correction relative to their means. By default
