@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from handpipe.core import Shape, write_text
 from handpipe.evaluation.player.drawn_hand import RIGID_LAYER, drawn_hand
+from handpipe.evaluation.player.landmark_places import landmark_places
 from handpipe.evaluation.player.packed_hand import packed_hand
 from handpipe.evaluation.sides import AXES, view_directions
 from handpipe.evaluation.viewer import import_map
@@ -19,7 +20,7 @@ from handpipe.hand import FINGERS, colour, opacity, tissue, vertex_colours
 from handpipe.levels import Errors, LearnedBody, LearnedHand
 from handpipe.skeleton.rig import Rig, hand_directions
 
-SCRIPTS = {"learned-hand": "learned_hand.js", "reach": "reach.js"}  # modules of the page by their names
+MODULES = ("learned-hand", "reach", "similarity", "landmark-fit", "landmark-file", "tracked")  # of the page
 OTHER = "other joints"
 DIGITS = 3  # of a slider's limits in degrees
 SHEETS = "fascia"  # layers so named cover others: the page begins without them
@@ -55,6 +56,7 @@ def write_player(
         "bodies": _bodies(drawn),
         "tips": _tips(drawn),
         "views": _views(rig, side),
+        "landmarks": landmark_places(drawn, rig, side),
     }
     page = _template().render(
         subject=subject,
@@ -65,7 +67,7 @@ def write_player(
         errors=_errors(drawn),
         frames=max((e.frames for body in drawn.bodies.values() for e in body.errors.values()), default=0),
         packed=packed,
-        import_map=import_map({name: _script(file) for name, file in SCRIPTS.items()}),
+        import_map=import_map({name: _script(name.replace("-", "_") + ".js") for name in MODULES}),
         player=_script("player.js").decode("utf-8"),
     )
     write_text(path, page)

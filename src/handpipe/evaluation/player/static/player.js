@@ -4,6 +4,7 @@ import * as THREE from "three";
 import { LearnedHand, normals, unpack } from "learned-hand";
 import { carried, reach, reachAfresh } from "reach";
 import { Space, looks, meshesOf } from "space";
+import { Tracked } from "tracked";
 
 const TIP = 2.5; // mm, radius of a point that is dragged
 const NEAR = 18; // pixels from such a point at which a pointer takes it
@@ -70,6 +71,7 @@ class Player {
     this.addTips();
     this.bindControls();
     this.listen();
+    if (data.landmarks) this.tracked = new Tracked(this, data.landmarks);
     this.hide();
     this.look(Object.keys(data.views)[0]);
   }
@@ -93,7 +95,10 @@ class Player {
     };
     each(".views button", "click", ({ value }) => this.look(value));
     each(".poses button", "click", ({ value }) => { this.stop(); this.set(this.data.poses[value]); });
-    each(".play", "click", () => (this.playing ? this.stop() : this.play()));
+    each(".play", "click", (button) => {
+      if (this.playing?.button === button) this.stop();
+      else this.play(button, Object.values(this.data.poses), { seconds: SECONDS, share: (t) => (1 - Math.cos(Math.PI * t)) / 2 });
+    });
     each(".level", "change", ({ value }) => { this.level = value; this.change(); });
     each(".layers input", "change", ({ value, checked }) => { this.hidden[checked ? "delete" : "add"](value); this.hide(); });
     each(".opacity", "input", ({ value }) => {
@@ -150,23 +155,27 @@ class Player {
 
   change() { this.moved = true; this.draw(); }
 
-  play() {
-    this.playing = { began: performance.now(), from: [...this.angles], poses: Object.values(this.data.poses) };
-    this.find(".play").textContent = "Stop";
+  /** Moves through poses, again and again, until stopped. Of a motion: `seconds` from pose to pose, `share` of the
+      way by the share of this time, `reached` (if any) is told the number of the last pose. */
+  play(button, poses, motion) {
+    this.stop();
+    this.playing = { began: performance.now(), from: [...this.angles], button, poses, ...motion };
+    button.textContent = "Stop";
     this.change();
   }
 
   stop() {
+    if (this.playing) this.playing.button.textContent = "Play";
     this.playing = null;
-    this.find(".play").textContent = "Play";
   }
 
-  /** Angles of the motion from where it began through all poses, again and again. */
+  /** Angles of the motion from where it began through all poses. */
   along(now) {
-    const { began, from, poses } = this.playing, time = Math.max(now - began, 0) / 1000 / SECONDS, n = Math.floor(time);
+    const { began, from, poses, seconds, share, reached } = this.playing;
+    const time = Math.max(now - began, 0) / 1000 / seconds, n = Math.floor(time);
     const before = n === 0 ? from : poses[(n - 1) % poses.length], after = poses[n % poses.length];
-    const share = (1 - Math.cos(Math.PI * (time - n))) / 2;
-    return before.map((angle, i) => angle + share * (after[i] - angle));
+    if (n > 0) reached?.((n - 1) % poses.length);
+    return before.map((angle, i) => angle + share(time - n) * (after[i] - angle));
   }
 
   /** Computes the hand at the present angles; its costs in ms. */
