@@ -5,7 +5,7 @@ const MOST = 0.15; // rad that an angle turns in one iteration
 const EASE = 0.02; // of its way to the middle of its range that an angle goes in one iteration, where the target allows it
 const AFRESH = 40; // iterations from another start
 const DAMPING = 8; // mm a rad, beside lever arms of some 50 mm
-const SETTLED = 1e-6; // rad, of the largest turn after which no further iteration is made
+const SETTLED = 1e-5; // rad, of the largest turn after which no further iteration is made
 
 /** Numbers of the angles on the way from a bone to the root. */
 function chain(hand, bone) {

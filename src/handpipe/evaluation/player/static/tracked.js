@@ -44,7 +44,7 @@ export class Tracked {
       if (own !== this.opened) return;
       this.take(found);
       const distance = meanSquare(found.map((f) => f.distance)), turn = meanSquare(found.map((f) => f.turn)) / DEGREE;
-      this.tell(`${file.name}: ${found.length} frames. Root mean squares: landmarks ${distance.toFixed(1)} mm from the hand's, bones' directions ${turn.toFixed(1)}°.`);
+      this.tell(`${file.name}: ${found.length} ${found.length === 1 ? "frame" : "frames"}. Root mean squares: landmarks ${distance.toFixed(1)} mm from the hand's, bones' directions ${turn.toFixed(1)}°.`);
       this.play();
     } catch (error) {
       if (own === this.opened) this.tell(error.message, true);
