@@ -121,7 +121,7 @@ class Player {
   addSlice(arrays) {
     const box = new THREE.Box3().setFromArray(this.hand.rest), sphere = box.getBoundingSphere(new THREE.Sphere());
     const skin = this.bodies.find((body) => body.layer === "skin"), [side, depth] = [this.find(".cut"), this.find(".depth")];
-    this.slice = new Slice(this.hand, this.data.image, arrays.image, skin, sphere);
+    this.slice = new Slice(this.hand, this.data.image, arrays.image, skin, this.bodies.filter((body) => body.bone >= 0), sphere);
     this.space.scene.add(this.slice.mesh);
     this.space.renderer.localClippingEnabled = true;
     this.costs.slice = [];

@@ -1,8 +1,8 @@
 /* A plane through the moving hand with the neutral image in it.
 
-   Each pixel within the skin takes the nearest vertex of skin, organ or bone, and goes back to neutral from there by the
-   inverse of the weighted mean of the bones' motions. In bones this is exact; in soft tissue it is a picture: it follows
-   the surfaces, and between them the image goes with the nearest one. */
+   A pixel within a bone goes back to neutral by the inverse of the bone's motion, which is exact. Any other one within the
+   skin takes the nearest vertex of skin, organ or bone, and goes back with it by the inverse of the weighted mean of the
+   bones' motions. This is a picture: it follows the surfaces, and between them the image goes with the nearest one. */
 
 import * as THREE from "three";
 
@@ -12,9 +12,10 @@ const REACH = 15; // mm from a pixel, beyond which a vertex tells nothing of it
 const LEAST = 0.05; // determinant of a mean of motions, below which it has collapsed
 
 export class Slice {
-  /** grid: shape, spacing and origin of the image's values; skin: its first vertex and triangles; sphere: of the hand. */
-  constructor(hand, grid, values, skin, sphere) {
-    Object.assign(this, { hand, grid, values, skin, sphere });
+  /** grid: shape, spacing and origin of the image's values; skin and bones: bodies with their first vertex, triangles
+      and number of the bone; sphere: around the hand. */
+  constructor(hand, grid, values, skin, bones, sphere) {
+    Object.assign(this, { hand, grid, values, skin, bones, sphere });
     this.size = 2 * Math.ceil(sphere.radius / PIXEL);
     this.pixels = new Uint8Array(4 * this.size * this.size);
     this.texture = new THREE.DataTexture(this.pixels, this.size, this.size);
@@ -48,22 +49,33 @@ export class Slice {
   renew() {
     const { pixels, size } = this, near = this.nearVertices();
     pixels.fill(0);
-    this.rows().forEach((crossings, j) => {
-      crossings.sort((a, b) => a - b);
-      for (let k = 0; k + 1 < crossings.length; k += 2) {
-        for (let i = Math.max(Math.ceil(crossings[k] - 0.5), 0); i < Math.min(crossings[k + 1] - 0.5, size); i++) {
-          const vertex = nearest(near, i + 0.5, j + 0.5), p = 4 * (j * size + i);
-          pixels[p] = pixels[p + 1] = pixels[p + 2] = vertex < 0 ? 0 : this.grey(this.neutral(vertex, this.point(i, j)));
-          pixels[p + 3] = 255;
-        }
-      }
+    const set = (i, j, neutral) => {
+      const p = 4 * (j * size + i);
+      if (pixels[p + 3]) return; // a bone is there
+      pixels[p] = pixels[p + 1] = pixels[p + 2] = neutral ? this.grey(neutral) : 0;
+      pixels[p + 3] = 255;
+    };
+    for (const bone of this.bones) this.fill(bone, (i, j) => set(i, j, this.before(bone.bone, this.point(i, j))));
+    this.fill(this.skin, (i, j) => {
+      const vertex = nearest(near, i + 0.5, j + 0.5);
+      set(i, j, vertex < 0 ? null : this.neutral(vertex, this.point(i, j)));
     });
     this.texture.needsUpdate = true;
   }
 
-  /** Where the skin's triangles cross the middle of each row of pixels. */
-  rows() {
-    const { start, cells } = this.skin, { vertices } = this.hand, rows = Array.from({ length: this.size }, () => []);
+  /** Does something with each pixel within a closed body. */
+  fill(body, act) {
+    this.rows(body).forEach((crossings, j) => {
+      crossings.sort((a, b) => a - b);
+      for (let k = 0; k + 1 < crossings.length; k += 2) {
+        for (let i = Math.max(Math.ceil(crossings[k] - 0.5), 0); i < Math.min(crossings[k + 1] - 0.5, this.size); i++) act(i, j);
+      }
+    });
+  }
+
+  /** Where a body's triangles cross the middle of each row of pixels. */
+  rows({ start, cells }) {
+    const { vertices } = this.hand, rows = Array.from({ length: this.size }, () => []);
     for (let t = 0; t < cells.length; t += 3) {
       const corners = [0, 1, 2].map((k) => this.local(vertices, 3 * (start + cells[t + k])));
       const ends = [];
@@ -105,6 +117,12 @@ export class Slice {
     const { across: a, up: u, centre: c } = this.frame, half = this.size / 2;
     const x = (i + 0.5 - half) * PIXEL, y = (j + 0.5 - half) * PIXEL;
     return [0, 1, 2].map((k) => c[k] + x * a[k] + y * u[k]);
+  }
+
+  /** Where a point of a bone was in neutral. */
+  before(bone, point) {
+    const m = this.hand.motion, i = 12 * bone, [x, y, z] = [3, 7, 11].map((k, c) => point[c] - m[i + k]);
+    return [0, 1, 2].map((c) => m[i + c] * x + m[i + 4 + c] * y + m[i + 8 + c] * z);
   }
 
   /** Where a point came from that moves with a vertex. */
