@@ -109,7 +109,6 @@ def test_soft_tissue_follows_the_skin(page, hand: LearnedHand) -> None:
     assert near.sum() > 20
     expected, still = scale * shade(skin[pixel[near]]) + shift, scale * shade(points[inside][near]) + shift
     off, unmoved = np.abs(expected - grey[inside][near]), np.abs(still - grey[inside][near])
-    print(near.sum(), np.median(off), off.max(), np.median(unmoved))
     assert np.median(off) < 5 < 15 < np.median(unmoved)
     assert off.max() < 20  # a millimetre is up to 13 levels
 
