@@ -47,7 +47,7 @@ def packed_image(image: Volume, points: Array) -> tuple[dict[str, Any], NDArray[
     values = image.like(gaussian_filter(image.values, blur)).sample(places)
     indices = image.to_index(places)
     inside = ((indices >= -0.5) & (indices <= np.array(image.shape) - 0.5)).all(axis=1)
-    dark, white = float(values[inside].min(initial=0.0)), float(np.percentile(values, WHITE))
+    dark, white = np.percentile(values[inside], (0, WHITE)) if inside.any() else (0.0, 1.0)
     grey = np.clip((values - dark) / max(white - dark, np.finfo(float).tiny), 0, 1)
     packed = np.where(inside, np.rint(255 * grey), 0).astype(np.uint8)
     return {"shape": shape.tolist(), "spacing": spacing, "origin": lower.tolist()}, packed
