@@ -10,14 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.truth import toy
+from benchmarks.truth.engines import engine_differences
 from benchmarks.truth.measured import LoadingPaths, measure
 from benchmarks.truth.pictures import convergence, cut_open
 from benchmarks.truth.refinement import figures, solved
+from benchmarks.truth.touching import contact_differences
 from handpipe.core import metrics
 from handpipe.synthetic.coupled.coupled_body import CoupledBody, CoupledPose
 
 EDGE, ANGLE, AWAY = 4.5, np.radians(40.0), np.radians(-15.0)
 COARSE_EDGE, COARSE_ANGLE, REFINEMENTS = 6.5, np.radians(40.0), 2
+ENGINE_EDGE, ENGINE_DEGREES, CONTACT_EDGE = 6.0, (2.0, 20.0, 40.0), 2.5
 
 
 def back(t: float) -> CoupledPose:
@@ -31,7 +34,8 @@ def main(output: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     ways = LoadingPaths(lambda t: toy.hinge(ANGLE * t), lambda t: toy.hinge(AWAY * t, 0.0), back)
     body, x, found = measure(toy.finger(EDGE), lambda a: CoupledBody(a, toy.MATERIALS), ways)
-    metrics.write(output, found)
+    other = engine_differences(ENGINE_EDGE, ENGINE_DEGREES) | contact_differences(CONTACT_EDGE)
+    metrics.write(output, found | other)
     cut_open(folder / "truth-toy.png", body, x)
     table = figures(solved(COARSE_EDGE, COARSE_ANGLE, REFINEMENTS))
     (folder / "truth-refinement.json").write_text(json.dumps(table, indent=2), encoding="utf-8")

@@ -32,10 +32,10 @@ TENSION = 8.0  # kPa of the flexor at 60 degrees
 def finger(edge_length: float = 4.0) -> CoupledAnatomy:
     """The toy's anatomy with surface triangles of about `edge_length` mm."""
     surfaces = {
-        "outer": _surface(lambda p: _capsule(p, *SKIN) - SKIN_RADIUS, edge_length),
-        "inner": _surface(lambda p: _capsule(p, *SKIN) - SKIN_RADIUS + DERMIS, edge_length),
-        "proximal": _surface(lambda p: _capsule(p, *PROXIMAL) - BONE_RADIUS, 0.6 * edge_length),
-        "distal": _surface(lambda p: _capsule(p, *DISTAL) - BONE_RADIUS, 0.6 * edge_length),
+        "outer": _surface(lambda p: capsule(p, *SKIN) - SKIN_RADIUS, edge_length),
+        "inner": _surface(lambda p: capsule(p, *SKIN) - SKIN_RADIUS + DERMIS, edge_length),
+        "proximal": _surface(lambda p: capsule(p, *PROXIMAL) - BONE_RADIUS, 0.6 * edge_length),
+        "distal": _surface(lambda p: capsule(p, *DISTAL) - BONE_RADIUS, 0.6 * edge_length),
         "belly": _surface(lambda p: _ellipsoid(p, BELLY, BELLY_AXES), 0.5 * edge_length),
     }
     regions = {
@@ -72,13 +72,22 @@ def _strands() -> dict[str, TendonStrand]:
     return strands
 
 
-def _surface(distance, edge_length: float) -> Surface:  # type: ignore[no-untyped-def]
-    """Triangles of about an edge length on the zero set of a function of points."""
-    grid = Grid.around(np.array([SKIN[0] - SKIN_RADIUS, SKIN[1] + SKIN_RADIUS]), 2.0, 0.6)
+def capsule_surface(start: Array, end: Array, radius: float, edge_length: float) -> Surface:
+    """Triangles of about an edge length at a radius about a segment."""
+    return _surface(lambda p: capsule(p, start, end) - radius, edge_length, (start - radius, end + radius))
+
+
+def _surface(  # type: ignore[no-untyped-def]
+    distance,
+    edge_length: float,
+    box: tuple[Array, Array] = (SKIN[0] - SKIN_RADIUS, SKIN[1] + SKIN_RADIUS),
+) -> Surface:
+    """Triangles of about an edge length on the zero set of a function of points in a box."""
+    grid = Grid.around(np.array(box), 2.0, 0.6)
     return remesh(isosurface(distance(grid.points()), grid).largest_component(), edge_length)
 
 
-def _capsule(points: Array, start: Array, end: Array) -> Array:
+def capsule(points: Array, start: Array, end: Array) -> Array:
     """Distances (n,) of points (n, 3) from a segment."""
     along = end - start
     t = np.clip((points - start) @ along / (along @ along), 0.0, 1.0)

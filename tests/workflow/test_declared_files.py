@@ -44,6 +44,8 @@ NOT_WATCHED = {
     "animate_springs": "for scenes at level L2: test_levels.py watches it",
     "make_shard": "of random poses: test_shards.py watches it",
     "index_shards": "of random poses: test_shards.py watches it",
+    "simulate_baselines": "after a whole build: test_build.py watches it",
+    "evaluate_baselines": "after a whole build: test_build.py watches it",
     "mesh_crease_tissue": "for scenes at level L3: test_levels.py watches it",
 }
 AIR = 4  # voxels around the small subject's image

@@ -68,7 +68,8 @@ def test_the_page_of_a_learned_hand_is_built_by_the_command(folder: Path) -> Non
     )
     assert process.returncode == 0, process.stderr[-5000:]
     assert process.stdout.splitlines()[-1] == page
-    assert "small" in (folder / page).read_text(encoding="utf-8").partition("</title>")[0]
+    text = (folder / page).read_text(encoding="utf-8")
+    assert "small" in text.partition("</title>")[0] and "<h2>MRI slice</h2>" in text
     jobs = [json.loads(path.read_text(encoding="utf-8")) for path in watched.glob("*.json")]
     assert "export_player" in {job["rule"] for job in jobs}
     assert [job for job in jobs if job["undeclared"]] == []

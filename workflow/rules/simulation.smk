@@ -80,6 +80,7 @@ rule export_player:
     input:
         rig=paths.RIG,
         levels=paths.SCENE_LEVELS,
+        volume=neutral_volume,
     output:
         paths.SCENE_PLAYER,
     log:
@@ -91,7 +92,7 @@ rule export_player:
         mem_mb=1500,
         runtime=10,
     params:
-        dataset=reads("name", "hand"),
+        dataset=reads("name", "hand", "neutral", *image_of("{neutral}")),
     message:
         "{wildcards.subject}: the hand learned from {wildcards.scene} as a page to play with"
     script:

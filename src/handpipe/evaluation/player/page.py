@@ -12,21 +12,30 @@ from numpy.typing import NDArray
 
 from handpipe.core import Shape, write_text
 from handpipe.evaluation.player.drawn_hand import RIGID_LAYER, drawn_hand
+from handpipe.evaluation.player.landmark_places import landmark_places
 from handpipe.evaluation.player.packed_hand import packed_hand
+from handpipe.evaluation.player.packed_image import packed_image
 from handpipe.evaluation.sides import AXES, view_directions
 from handpipe.evaluation.viewer import import_map
 from handpipe.hand import FINGERS, colour, opacity, tissue, vertex_colours
+from handpipe.imaging.volumes import Volume
 from handpipe.levels import Errors, LearnedBody, LearnedHand
 from handpipe.skeleton.rig import Rig, hand_directions
 
-SCRIPTS = {"learned-hand": "learned_hand.js", "reach": "reach.js"}  # modules of the page by their names
+MODULES = ("learned-hand", "reach", "similarity", "landmark-fit", "landmark-file", "tracked", "slice")
 OTHER = "other joints"
 DIGITS = 3  # of a slider's limits in degrees
 SHEETS = "fascia"  # layers so named cover others: the page begins without them
 
 
 def write_player(
-    path: str | Path, subject: str, hand: LearnedHand, rig: Rig, side: str, source: str = "simulated frames"
+    path: str | Path,
+    subject: str,
+    hand: LearnedHand,
+    rig: Rig,
+    side: str,
+    source: str = "simulated frames",
+    image: Volume | None = None,
 ) -> None:
     """Write a page that moves a hand.
 
@@ -44,9 +53,14 @@ def write_player(
         "right" or "left".
     source : str
         What the hand was learned from, from which the page states distances.
+    image : Volume or None
+        Neutral image, of which the page shows slices through a hand with a skin.
     """
     drawn = drawn_hand(hand)
-    index, packed, rounding = packed_hand(drawn, _colours_and_cells(drawn))
+    grid, further = None, _colours_and_cells(drawn)
+    if image is not None and any(tissue(*body) == "skin" for body in drawn.bodies):
+        grid, further["image"] = packed_image(image, drawn.rest)
+    index, packed, rounding = packed_hand(drawn, further)
     data: dict[str, Any] = {
         "arrays": index,
         "rounding": rounding,
@@ -55,6 +69,8 @@ def write_player(
         "bodies": _bodies(drawn),
         "tips": _tips(drawn),
         "views": _views(rig, side),
+        "image": grid,
+        "landmarks": landmark_places(drawn, rig, side),
     }
     page = _template().render(
         subject=subject,
@@ -65,7 +81,7 @@ def write_player(
         errors=_errors(drawn),
         frames=max((e.frames for body in drawn.bodies.values() for e in body.errors.values()), default=0),
         packed=packed,
-        import_map=import_map({name: _script(file) for name, file in SCRIPTS.items()}),
+        import_map=import_map({name: _script(name.replace("-", "_") + ".js") for name in MODULES}),
         player=_script("player.js").decode("utf-8"),
     )
     write_text(path, page)

@@ -106,6 +106,26 @@ class LandmarkMap:
         along = along * np.sign(along @ (knuckle - rig.surfaces[bone].vertices.mean(axis=0)))
         return LandmarkMap(self.places | {"WRIST": (bone, wrist(knuckles, along))}, self.segments)
 
+    def palm(self, rig: Rig) -> dict[str, float]:
+        """The landmarks that place a palm.
+
+        Parameters
+        ----------
+        rig : Rig
+            The rig of the map.
+
+        Returns
+        -------
+        dict of str to float
+            Weights by landmark, smaller for those that do not move with the root bone.
+        """
+        palm = [n for n in ("WRIST", "THUMB_CMC", *(f"{f}_MCP" for f in FINGERS)) if n in self.places]
+        bones = {n: self.places[n][0] for n in palm}
+        weights = {n: 1.0 if bones[n] == rig.root or _rigid(rig, bones[n]) else FAINT for n in palm}
+        if {"WRIST", "THUMB_CMC"} <= weights.keys():  # places of a thumb's joint differ between trackers
+            weights["THUMB_CMC"] = FAINT
+        return weights
+
     def points(self, bones: Mapping[str, RigidTransform]) -> Array:
         """The 21 landmarks with bones that are moved from neutral.
 
@@ -221,14 +241,10 @@ def _place_palm(
 ) -> dict[str, Array]:
     """Landmarks scaled, turned and moved to where the rig's palm is, in mm."""
     bones = rig.bone_transforms(dict.fromkeys(rig.angle_names, 0.0) | angles)
-    palm = [n for n in ("WRIST", "THUMB_CMC", *(f"{f}_MCP" for f in FINGERS)) if n in where.places]
+    palm = where.palm(rig)
     ours = np.array([bones[where.places[n][0]](where.places[n][1]) for n in palm])
     theirs = np.array([seen[n] for n in palm])
-    weights = np.array(
-        [1.0 if where.places[n][0] == rig.root or _rigid(rig, where.places[n][0]) else FAINT for n in palm]
-    )
-    if "WRIST" in palm:  # it tells the palm's direction; where a thumb's joint lies differs between trackers
-        weights[[n == "THUMB_CMC" for n in palm]] = FAINT
+    weights = np.array([*palm.values()])
     _check_spread(ours, source, "the rig")
     _check_spread(theirs, source, "the landmarks")
     middle = weights @ theirs / weights.sum()

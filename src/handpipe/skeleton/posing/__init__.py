@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.skeleton.posing.joint_sweep import swept_vertices
+    from handpipe.skeleton.posing.joint_sweep import OPPOSED, swept_vertices
     from handpipe.skeleton.posing.layer import BoneLayer, bone_regions
     from handpipe.skeleton.posing.local_pose_spaces import LocalPoseSpaces
     from handpipe.skeleton.posing.pose_space import Interpolation, PoseSpace
@@ -21,6 +21,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "OPPOSED",
     "BoneLayer",
     "Interpolation",
     "LocalPoseSpaces",

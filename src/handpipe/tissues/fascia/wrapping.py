@@ -9,8 +9,7 @@ import numpy as np
 from handpipe.core import Array
 from handpipe.mesh.generation import remesh, union_surface
 from handpipe.mesh.surfaces import Distance, Surface, convex_hull
-
-OPPOSED = -0.7  # largest cosine between normals that face one another
+from handpipe.skeleton.posing import OPPOSED
 
 
 def joint_faces(child: Surface, parent: Surface, threshold: float) -> Array:

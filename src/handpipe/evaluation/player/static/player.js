@@ -3,7 +3,9 @@
 import * as THREE from "three";
 import { LearnedHand, normals, unpack } from "learned-hand";
 import { carried, reach, reachAfresh } from "reach";
+import { Slice } from "slice";
 import { Space, looks, meshesOf } from "space";
+import { Tracked } from "tracked";
 
 const TIP = 2.5; // mm, radius of a point that is dragged
 const NEAR = 18; // pixels from such a point at which a pointer takes it
@@ -46,6 +48,9 @@ class Body {
     this.positions.needsUpdate = this.normals.needsUpdate = true;
   }
 
+  /** Hides what is before a plane, or nothing. */
+  cut(plane) { for (const mesh of this.meshes) mesh.material.clippingPlanes = plane ? [plane] : null; }
+
   show(on) { for (const mesh of this.meshes) mesh.visible = on; }
 }
 
@@ -70,6 +75,8 @@ class Player {
     this.addTips();
     this.bindControls();
     this.listen();
+    if (data.image) this.addSlice(arrays);
+    if (data.landmarks) this.tracked = new Tracked(this, data.landmarks);
     this.hide();
     this.look(Object.keys(data.views)[0]);
   }
@@ -93,7 +100,10 @@ class Player {
     };
     each(".views button", "click", ({ value }) => this.look(value));
     each(".poses button", "click", ({ value }) => { this.stop(); this.set(this.data.poses[value]); });
-    each(".play", "click", () => (this.playing ? this.stop() : this.play()));
+    each(".play", "click", (button) => {
+      if (this.playing?.button === button) this.stop();
+      else this.play(button, Object.values(this.data.poses), { seconds: SECONDS, share: (t) => (1 - Math.cos(Math.PI * t)) / 2 });
+    });
     each(".level", "change", ({ value }) => { this.level = value; this.change(); });
     each(".layers input", "change", ({ value, checked }) => { this.hidden[checked ? "delete" : "add"](value); this.hide(); });
     each(".opacity", "input", ({ value }) => {
@@ -106,6 +116,26 @@ class Player {
       this.angles[this.sliders.indexOf(slider)] = slider.value * DEGREE;
       this.change();
     });
+  }
+
+  addSlice(arrays) {
+    const box = new THREE.Box3().setFromArray(this.hand.rest), sphere = box.getBoundingSphere(new THREE.Sphere());
+    const skin = this.bodies.find((body) => body.layer === "skin"), [side, depth] = [this.find(".cut"), this.find(".depth")];
+    this.slice = new Slice(this.hand, this.data.image, arrays.image, skin, this.bodies.filter((body) => body.bone >= 0), sphere);
+    this.space.scene.add(this.slice.mesh);
+    this.space.renderer.localClippingEnabled = true;
+    this.costs.slice = [];
+    Object.assign(depth, { min: -Math.floor(sphere.radius), max: Math.floor(sphere.radius), value: 0 });
+    const turn = () => {
+      this.slice.mesh.visible = side.value !== "";
+      depth.disabled = side.value === "";
+      depth.nextElementSibling.textContent = side.value ? `${depth.value} mm` : "";
+      if (side.value) this.slice.place(this.data.views[side.value], Number(depth.value));
+      for (const body of this.bodies) body.cut(side.value ? this.slice.plane : null);
+      this.change();
+    };
+    side.addEventListener("change", () => { if (side.value) this.look(side.value); turn(); });
+    depth.addEventListener("input", turn);
   }
 
   listen() {
@@ -150,34 +180,41 @@ class Player {
 
   change() { this.moved = true; this.draw(); }
 
-  play() {
-    this.playing = { began: performance.now(), from: [...this.angles], poses: Object.values(this.data.poses) };
-    this.find(".play").textContent = "Stop";
+  /** Moves through poses, again and again, until stopped. Of a motion: `seconds` from pose to pose, `share` of the
+      way by the share of this time, `reached` (if any) is told the number of the last pose. */
+  play(button, poses, motion) {
+    this.stop();
+    this.playing = { began: performance.now(), from: [...this.angles], button, poses, ...motion };
+    button.textContent = "Stop";
     this.change();
   }
 
   stop() {
+    if (this.playing) this.playing.button.textContent = "Play";
     this.playing = null;
-    this.find(".play").textContent = "Play";
   }
 
-  /** Angles of the motion from where it began through all poses, again and again. */
+  /** Angles of the motion from where it began through all poses. */
   along(now) {
-    const { began, from, poses } = this.playing, time = Math.max(now - began, 0) / 1000 / SECONDS, n = Math.floor(time);
+    const { began, from, poses, seconds, share, reached } = this.playing;
+    const time = Math.max(now - began, 0) / 1000 / seconds, n = Math.floor(time);
     const before = n === 0 ? from : poses[(n - 1) % poses.length], after = poses[n % poses.length];
-    const share = (1 - Math.cos(Math.PI * (time - n))) / 2;
-    return before.map((angle, i) => angle + share * (after[i] - angle));
+    if (n > 0) reached?.((n - 1) % poses.length);
+    return before.map((angle, i) => angle + share(time - n) * (after[i] - angle));
   }
 
-  /** Computes the hand at the present angles; its costs in ms. */
+  /** Computes the hand at the present angles; its costs in ms. The slice needs all vertices. */
   compute() {
     const shown = this.bodies.filter((body) => !this.hidden.has(body.layer)), soft = shown.filter((body) => body.bone < 0);
     const began = performance.now();
-    this.hand.pose(this.angles, this.level, soft.map(({ start, end }) => [start, end]));
+    const cut = this.slice?.mesh.visible;
+    this.hand.pose(this.angles, this.level, cut ? undefined : soft.map(({ start, end }) => [start, end]));
     const posed = performance.now();
     for (const body of shown) if (body.bone < 0) body.shade(); else body.place();
     for (const { bone, point, mesh } of this.tips) mesh.position.set(...carried(this.hand.motion, bone, point));
-    return [posed - began, performance.now() - posed];
+    const shaded = performance.now();
+    if (cut) this.slice.renew();
+    return { vertices: posed - began, normals: shaded - posed, ...(cut && { slice: performance.now() - shaded }) };
   }
 
   /** Asks for one frame, however many changes there are until it is drawn. */
@@ -198,7 +235,7 @@ class Player {
     }
     const moved = this.moved || this.playing !== null;
     this.moved = this.moved && this.asked;
-    const computed = moved ? this.compute() : [];
+    const computed = moved ? this.compute() : {};
     const began = performance.now();
     this.space.render();
     if (moved) this.tell(computed, performance.now() - began, now);
@@ -206,7 +243,7 @@ class Player {
   }
 
   /** Sliders, alarm and costs in words. */
-  tell([vertices, shading], drawing, now) {
+  tell(computed, drawing, now) {
     this.sliders.forEach((slider, i) => {
       slider.value = this.angles[i] / DEGREE;
       slider.nextElementSibling.textContent = `${(this.angles[i] / DEGREE).toFixed(0)}°`;
@@ -216,12 +253,12 @@ class Player {
     alarm.textContent = distance > 1
       ? `This pose is unlike the learned ones (${distance.toFixed(2)} times their largest distance): the stated errors do not apply.`
       : `This pose is like the learned ones (${distance.toFixed(2)} of their largest distance): the stated errors apply.`;
-    const values = { vertices, normals: shading, drawing };
+    const values = { ...computed, drawing };
     if (this.last !== undefined) values.between = now - this.last;
     this.last = this.playing || this.drag ? now : undefined; // at rest no frame follows at once
     for (const [name, value] of Object.entries(values)) { this.costs[name].push(value); this.costs[name].splice(0, this.costs[name].length - KEPT); }
     const { costs } = this, rate = costs.between.length ? `, ${(1000 / mean(costs.between)).toFixed(0)} frames a second` : "";
-    this.find(".cost").textContent = `A frame in motion: vertices ${mean(costs.vertices).toFixed(1)} ms, normals ${mean(costs.normals).toFixed(1)} ms, drawing calls ${mean(costs.drawing).toFixed(1)} ms${rate}.`;
+    this.find(".cost").textContent = `A frame in motion: vertices ${mean(costs.vertices).toFixed(1)} ms, normals ${mean(costs.normals).toFixed(1)} ms, ${computed.slice ? `slice ${mean(costs.slice).toFixed(0)} ms, ` : ""}drawing calls ${mean(costs.drawing).toFixed(1)} ms${rate}.`;
   }
 
   /** Puts the camera on a side of the hand at rest. */
