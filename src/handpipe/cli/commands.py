@@ -23,6 +23,7 @@ from handpipe.synthetic import generators
 PARTS = "thumb, index, middle, ring, little, wrist or a bone, if the scans show a part; may be repeated"
 JOINTS = "PARENT-CHILD, bones of other names in a ball joint, or PARENT-CHILD:fixed; may be repeated"
 USAGE = 2  # exit code of a command that is called wrongly
+ANYWHERE = ("curves", "photograph")  # commands that need no folder of the project
 
 app = typer.Typer(
     no_args_is_help=True, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False
@@ -66,9 +67,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 @app.callback()
-def handpipe() -> None:
+def handpipe(context: typer.Context) -> None:
     """From scans of a hand in several poses to a hand that can be animated."""
-    workflow.require_project()
+    if context.invoked_subcommand not in ANYWHERE:
+        workflow.require_project()
 
 
 @app.command()
