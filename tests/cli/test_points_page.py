@@ -2,6 +2,8 @@
 
 import json
 import threading
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -37,6 +39,15 @@ def server(picture: Path, tmp_path: Path) -> Iterator[PointsServer]:
         yield found
         found.shutdown()
         thread.join()
+
+
+def test_what_is_no_json_is_answered_and_writes_nothing(server: PointsServer) -> None:
+    request = urllib.request.Request(f"{server.address}save", data=b"{", method="POST")
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        urllib.request.urlopen(request, timeout=60)
+    assert refused.value.code == 500
+    assert json.loads(refused.value.read())["said"]
+    assert not server.asked.points.exists()
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from handpipe.core.configuration import Role
 from handpipe.hand import write_frames
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.joints.joint_tree import FittedPose
-from handpipe.skeleton.posing import blend, blended_linearly
+from handpipe.skeleton.posing import blend, blend_linearly
 from handpipe.skeleton.rig import Rig, pivoted
 from handpipe.skeleton.rig.pivots import head
 from handpipe.stages.baselines.evaluate_baselines import Inputs, Outputs, evaluate_baselines
@@ -103,7 +103,7 @@ def test_a_linear_blend_of_half_a_turn_collapses_onto_the_axis_and_a_dual_quater
         "still": RigidTransform.identity(),
         "turned": RigidTransform(Rotation.from_rotvec([0, 0, np.pi - 1e-9]).as_matrix(), np.zeros(3)),
     }
-    np.testing.assert_allclose(blended_linearly(points, half, turns), points * [0, 0, 1], atol=1e-7)
+    np.testing.assert_allclose(blend_linearly(points, half, turns), points * [0, 0, 1], atol=1e-7)
     quarter = Rotation.from_rotvec([0, 0, np.pi / 2]).apply(points)
     np.testing.assert_allclose(blend(points, half, turns), quarter, atol=1e-7)
 
@@ -111,4 +111,4 @@ def test_a_linear_blend_of_half_a_turn_collapses_onto_the_axis_and_a_dual_quater
 def test_a_linear_blend_of_one_motion_is_that_motion():
     points = np.random.default_rng(0).normal(size=(20, 3)) * 30
     weights = np.random.default_rng(1).dirichlet(np.ones(2), 20)
-    np.testing.assert_allclose(blended_linearly(points, weights, {"a": HOME, "b": HOME}), HOME(points))
+    np.testing.assert_allclose(blend_linearly(points, weights, {"a": HOME, "b": HOME}), HOME(points))

@@ -13,7 +13,8 @@ from handpipe.core.errors import InputError
 from handpipe.core.layers import Frame
 from handpipe.hand.frames import write_frames
 from handpipe.hand.simulation import Failure
-from handpipe.levels.shards.shard import SPLITS, Shard, landmark_map
+from handpipe.levels.shards.shard import SPLITS, Shard
+from handpipe.skeleton.drivers import landmark_map
 from handpipe.skeleton.drivers.landmarks import LANDMARKS
 from handpipe.skeleton.joints.angles import write_angles
 from handpipe.stages.levels import index_shards, make_shard

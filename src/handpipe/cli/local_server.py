@@ -7,6 +7,7 @@ import logging
 import secrets
 import threading
 import webbrowser
+from collections.abc import Callable
 from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -123,7 +124,25 @@ class LocalHandler(BaseHTTPRequestHandler):
         self.refuse(HTTPStatus.FORBIDDEN, f"Open the address that handpipe {self.server.command} printed")
         return None
 
-    def failed(self, error: HandpipeError | OSError) -> None:
+    def received(self, most: int) -> bytes | None:
+        """What was sent, of at most so many bytes; None after a refusal."""
+        given = self.headers.get("Content-Length", "")
+        if given.isdecimal() and len(given) <= len(str(most)) and int(given) <= most:
+            return self.rfile.read(int(given))
+        self.refuse(HTTPStatus.BAD_REQUEST, f"at most {most} bytes are taken, not {given or 'none'}")
+        return None
+
+    def work(self, act: Callable[[], None]) -> None:
+        """Act, one request at a time; what is wrong is said."""
+        try:
+            with self.server.saving:
+                act()
+        except ConnectionError:
+            raise
+        except Exception as error:
+            self.failed(error)
+
+    def failed(self, error: Exception) -> None:
         """Answer that a request failed, in words."""
         wrong = isinstance(error, HandpipeError)
         status = HTTPStatus.BAD_REQUEST if wrong else HTTPStatus.INTERNAL_SERVER_ERROR

@@ -11,11 +11,12 @@ if TYPE_CHECKING:
     from handpipe.levels.learned_scene import require_learned
     from handpipe.levels.learning import learn
     from handpipe.levels.portable import write_portable
-    from handpipe.levels.training_set import TrainingSet
+    from handpipe.levels.training_set import RIGID_LAYER, TrainingSet
 else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "RIGID_LAYER",
     "Errors",
     "FastSkeleton",
     "LearnedBody",

@@ -7,7 +7,6 @@ from http import HTTPStatus
 
 from handpipe.cli.drawing.canvas import Canvas
 from handpipe.cli.local_server import HTML, JSON, PLAIN, SCRIPT, STYLE, LocalHandler, LocalServer
-from handpipe.core import HandpipeError
 
 VIEWER = "niivue-0.69.0.umd.js.gz"
 BYTES = "application/octet-stream"
@@ -77,18 +76,18 @@ class _Handler(LocalHandler):
         return name == "save"
 
     def _save(self) -> None:
-        canvas, expected = self.server.canvas, self.server.canvas.drawing.size
+        expected = self.server.canvas.drawing.size
         given = self.headers.get("Content-Length", "")
         if given != str(expected):
             problem = f"the drawing has {given or 'no'} bytes; the volume has {expected} voxels"
             self.refuse(HTTPStatus.BAD_REQUEST, problem)
             return
         drawn = self.rfile.read(expected)
-        try:
-            with self.server.saving:
-                count = canvas.save(drawn)
-        except (HandpipeError, OSError) as error:
-            self.failed(error)
-        else:
-            kept = f"; the earlier file is {canvas.kept.name}" if canvas.kept else ""
-            self.say(f"saved {count} voxels to {canvas.target}{kept}")
+        self.work(lambda: self.say(self._saved(drawn)))
+
+    def _saved(self, drawn: bytes) -> str:
+        """Write the drawing."""
+        canvas = self.server.canvas
+        count = canvas.save(drawn)
+        kept = f"; the earlier file is {canvas.kept.name}" if canvas.kept else ""
+        return f"saved {count} voxels to {canvas.target}{kept}"

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Callable
-from http import HTTPStatus
 from importlib.resources import files
 
 from handpipe.cli.local_server import HTML, JSON, POLICY, SCRIPT, STYLE, LocalHandler, LocalServer
 from handpipe.cli.muscle_curves.session import CurveSession
-from handpipe.core import HandpipeError, plain
 from handpipe.evaluation.viewer import import_map
 
 LONGEST = 2**22  # bytes of an edit
@@ -66,9 +63,9 @@ class _Handler(LocalHandler):
         elif name == "surfaces":
             self.answer(session.surfaces(), BYTES)
         elif name == "state":
-            self._work(lambda: self.answer(session.state(), BYTES))
+            self.work(lambda: self.answer(session.state(), BYTES))
         elif name == "fibres":
-            self._work(lambda: self.answer(session.fibres(), BYTES))
+            self.work(lambda: self.answer(session.fibres(), BYTES))
         else:
             return False
         return True
@@ -78,9 +75,9 @@ class _Handler(LocalHandler):
         if name == "edit":
             self._edit()
         elif name == "save":
-            self._work(lambda: self.say(session.save()))
+            self.work(lambda: self.say(session.save()))
         elif name == "tets":
-            self._work(lambda: self.say(session.make_tets()))
+            self.work(lambda: self.say(session.make_tets()))
         else:
             return False
         return True
@@ -94,21 +91,6 @@ class _Handler(LocalHandler):
         self.answer(page.encode(), HTML, {"Content-Security-Policy": policy})
 
     def _edit(self) -> None:
-        given = self.headers.get("Content-Length", "")
-        if not given.isdecimal() or len(given) > 9 or int(given) > LONGEST:
-            self.refuse(HTTPStatus.BAD_REQUEST, f"an edit has at most {LONGEST} bytes")
-            return
-        content = self.rfile.read(int(given))
-        self._work(lambda: self.answer(self.server.session.edit(content), BYTES))
-
-    def _work(self, act: Callable[[], None]) -> None:
-        """One request at a time; what is wrong is said."""
-        try:
-            with self.server.saving:
-                act()
-        except (HandpipeError, OSError) as error:
-            if isinstance(error, ConnectionError):
-                raise
-            self.failed(error)
-        except Exception as error:
-            self.refuse(HTTPStatus.INTERNAL_SERVER_ERROR, plain(error))
+        content = self.received(LONGEST)
+        if content is not None:
+            self.work(lambda: self.answer(self.server.session.edit(content), BYTES))

@@ -19,6 +19,7 @@ from handpipe.anatomy.person import (
 )
 from handpipe.anatomy.shipped import ShippedHand
 from handpipe.cli.person.played_hand import PlayedHand
+from handpipe.cli.person.where import finger_words
 from handpipe.core import InputError
 from handpipe.hand import FINGERS
 
@@ -131,8 +132,9 @@ def _lengths(template: SubjectTemplate, person: SubjectTemplate) -> list[str]:
     for finger, ray in FINGERS.items():
         bones = [bone for bone in own if bone.endswith(ray) and not bone.startswith("metacarpal")]
         lengths = [sum(some[bone] for bone in bones) for some in (own, found)]
-        lines.append(f"bones of the {finger} finger {lengths[1]:.0f} mm; of the template {lengths[0]:.0f} mm")
-    return [line.replace("thumb finger", "thumb") for line in lines]
+        bones_of = f"bones of the {finger_words(finger)}"
+        lines.append(f"{bones_of} {lengths[1]:.0f} mm; of the template {lengths[0]:.0f} mm")
+    return lines
 
 
 def _written(hand: PlayedHand, asked: Asked, folder: Path) -> dict[str, float]:

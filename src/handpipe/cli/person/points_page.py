@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from handpipe.cli.person.making import Asked, make
 from handpipe.cli.person.picture import Picture
 from handpipe.cli.person.played_hand import PlayedHand
 from handpipe.cli.person.where import drawing
-from handpipe.core import HandpipeError, InputError, read_text, write_text
+from handpipe.core import InputError, read_text, write_text
 
 POINTS = "points.json"
 LARGEST = 2**20  # bytes of marked points
@@ -105,16 +104,10 @@ class _Handler(LocalHandler):
     def take(self, name: str) -> bool:
         if name not in ("save", "make"):
             return False
-        size = self.headers.get("Content-Length", "")
-        if not size.isdigit() or int(size) > LARGEST:
-            self.refuse(HTTPStatus.BAD_REQUEST, f"points of {size or 'no'} bytes are not taken")
-            return True
-        sent = self.rfile.read(int(size))
-        try:
-            with self.server.saving:
-                self.say(self._saved(sent) if name == "save" else self._made(sent))
-        except (HandpipeError, OSError) as error:
-            self.failed(error)
+        sent = self.received(LARGEST)
+        if sent is not None:
+            answer = self._saved if name == "save" else self._made
+            self.work(lambda: self.say(answer(sent)))
         return True
 
     def _saved(self, sent: bytes) -> str:

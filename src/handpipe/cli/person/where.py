@@ -46,10 +46,14 @@ def drawing(hand: PlayedHand) -> dict[str, Any]:
     }
 
 
+def finger_words(finger: str) -> str:
+    """Words for a finger of `FINGERS`: the thumb, the index finger."""
+    return finger if finger == "thumb" else f"{finger} finger"
+
+
 def _words(point: str) -> str:
     fingers = {number: name for name, number in FINGERS.items()}
-    finger = fingers[point[-1]]
-    return f"{finger}{'' if finger == 'thumb' else ' finger'}: {KINDS[point[:-1]]}"
+    return f"{finger_words(fingers[point[-1]])}: {KINDS[point[:-1]]}"
 
 
 def _triangles(vertices: Array, cells: IntArray, most: int) -> list[list[float]]:

@@ -9,9 +9,8 @@ import numpy as np
 
 from handpipe.core import Array, IntArray
 from handpipe.hand import tissue
-from handpipe.levels import LearnedBody, LearnedHand
+from handpipe.levels import RIGID_LAYER, LearnedBody, LearnedHand
 
-RIGID_LAYER = "bones"
 TRIANGLES = 2500  # of one bone: bones move exactly, so that only their outline is coarser
 
 

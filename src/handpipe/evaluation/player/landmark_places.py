@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from handpipe.levels import LearnedHand
-from handpipe.levels.shards import landmark_map
-from handpipe.skeleton.drivers import LANDMARKS
+from handpipe.skeleton.drivers import LANDMARKS, landmark_map
 from handpipe.skeleton.rig import Rig
 
 LEAST = 3  # landmarks that place a palm

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.core import Shape, write_text
-from handpipe.evaluation.player.drawn_hand import RIGID_LAYER, drawn_hand
+from handpipe.evaluation.player.drawn_hand import drawn_hand
 from handpipe.evaluation.player.landmark_places import landmark_places
 from handpipe.evaluation.player.packed_hand import packed_hand
 from handpipe.evaluation.player.packed_image import packed_image
@@ -19,7 +19,7 @@ from handpipe.evaluation.sides import AXES, view_directions
 from handpipe.evaluation.viewer import import_map
 from handpipe.hand import FINGERS, colour, opacity, tissue, vertex_colours
 from handpipe.imaging.volumes import Volume
-from handpipe.levels import Errors, LearnedBody, LearnedHand
+from handpipe.levels import RIGID_LAYER, Errors, LearnedBody, LearnedHand
 from handpipe.skeleton.rig import Rig, hand_directions
 
 MODULES = ("learned-hand", "reach", "similarity", "landmark-fit", "landmark-file", "tracked", "slice")

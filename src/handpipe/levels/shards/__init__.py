@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.levels.shards.shard import Shard, landmark_map
+    from handpipe.levels.shards.shard import Shard
     from handpipe.levels.shards.shard_index import ShardIndex, write_bodies
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["Shard", "ShardIndex", "landmark_map", "write_bodies"]
+__all__ = ["Shard", "ShardIndex", "write_bodies"]

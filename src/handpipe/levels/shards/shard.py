@@ -11,10 +11,10 @@ import numpy as np
 from handpipe.core import Array, Frame, InputError, atomic
 from handpipe.hand import Failure, SimulatedFrame
 from handpipe.hand.exports import surfaces_once
+from handpipe.levels.training_set import RIGID_LAYER
 from handpipe.skeleton.drivers import LandmarkMap
 from handpipe.skeleton.rig import Rig
 
-RIGID_LAYER = "bones"  # whose bodies follow their bone
 SPLITS = (*("train",) * 8, "validation", "test")  # of ten frames, by their numbers' last digit
 
 
@@ -114,25 +114,6 @@ class Shard:
             f"figures/{name}": np.array([row.get(name, np.nan) for row in self.figures], float)
             for name in names
         }
-
-
-def landmark_map(rig: Rig) -> LandmarkMap:
-    """Where the 21 landmarks are on a rig; none on one that is no hand.
-
-    Parameters
-    ----------
-    rig : Rig
-        Rig with bones of any names.
-
-    Returns
-    -------
-    LandmarkMap
-        Places of the landmarks that it has.
-    """
-    try:
-        return LandmarkMap.of_rig(rig).with_wrist(rig)
-    except InputError:
-        return LandmarkMap({}, {})
 
 
 def _angles(frames: Sequence[Frame], rig: Rig) -> Array:

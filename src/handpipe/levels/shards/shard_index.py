@@ -13,12 +13,12 @@ import numpy as np
 from handpipe.core import Array, InputError, IntArray, Shapes, artifacts, atomic
 from handpipe.hand import UNITS
 from handpipe.hand.exports import surfaces_once
-from handpipe.levels.shards.shard import RIGID_LAYER, SPLITS
+from handpipe.levels.shards.shard import SPLITS
+from handpipe.levels.training_set import RIGID_LAYER
 from handpipe.skeleton.drivers import LANDMARKS, LandmarkMap
 from handpipe.skeleton.rig import Rig
 
 FORMAT, VERSION = "handpipe-training-set", 1
-BONES = "bones"  # before the names of bones among the bodies
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,8 @@ def write_bodies(path: str | Path, rig: Rig, layers: Mapping[str, Shapes]) -> No
     """
     arrays: dict[str, Array | IntArray] = {}
     for bone in rig.bones:
-        surface = rig.surfaces[bone]
-        arrays |= {f"{BONES}/{bone}/rest": surface.vertices, f"{BONES}/{bone}/cells": surface.triangles}
+        surface, body = rig.surfaces[bone], f"{RIGID_LAYER}/{bone}"
+        arrays |= {f"{body}/rest": surface.vertices, f"{body}/cells": surface.triangles}
     for layer, body, shape in surfaces_once(layers):
         if layer != RIGID_LAYER:
             arrays |= {f"{layer}/{body}/rest": shape.rest, f"{layer}/{body}/cells": shape.cells}

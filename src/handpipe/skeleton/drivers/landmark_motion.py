@@ -147,6 +147,25 @@ class LandmarkMap:
         return found
 
 
+def landmark_map(rig: Rig) -> LandmarkMap:
+    """Where the 21 landmarks are on a rig; none on one that is no hand.
+
+    Parameters
+    ----------
+    rig : Rig
+        Rig with bones of any names.
+
+    Returns
+    -------
+    LandmarkMap
+        Places of the landmarks that it has.
+    """
+    try:
+        return LandmarkMap.of_rig(rig).with_wrist(rig)
+    except InputError:
+        return LandmarkMap({}, {})
+
+
 def wrist(knuckles: Array, along: Array) -> Array:
     """The point (3,) `ARM` knuckle widths before the knuckles (4, 3), against the palm's direction (3,)."""
     width = float(np.linalg.norm(knuckles[0] - knuckles[-1]))

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.skeleton.posing.joint_sweep import OPPOSED, swept_vertices
+    from handpipe.skeleton.posing.joint_sweep import FACING, OPPOSED, swept_vertices
     from handpipe.skeleton.posing.layer import BoneLayer, bone_regions
     from handpipe.skeleton.posing.local_pose_spaces import LocalPoseSpaces
     from handpipe.skeleton.posing.pose_space import Interpolation, PoseSpace
     from handpipe.skeleton.posing.skinning import (
         blend,
+        blend_linearly,
         blended,
-        blended_linearly,
         bone_weights,
         smoothed_weights,
     )
@@ -21,6 +21,7 @@ else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "FACING",
     "OPPOSED",
     "BoneLayer",
     "Interpolation",
@@ -28,8 +29,8 @@ __all__ = [
     "PoseSpace",
     "PoseValidity",
     "blend",
+    "blend_linearly",
     "blended",
-    "blended_linearly",
     "bone_regions",
     "bone_weights",
     "smoothed_weights",

@@ -10,7 +10,7 @@ from handpipe.core import Array, BoolArray
 from handpipe.mesh.surfaces import Distance
 from handpipe.skeleton.joints.joint_tree import JointTree, RigJoint
 
-FACING = 2.5  # mm between faces of a joint (Wang 2019 §5.3)
+FACING = 2.5  # mm between faces of a joint, whose space has no tets (Wang 2019 §5.3)
 OPPOSED = -0.7  # largest cosine between normals that face one another
 
 

@@ -238,11 +238,7 @@ class PoseSpace:
         if self.interpolation == "rbf":
             return bounded(self._rbf_weights(pose, distances), self._near_weights(distances, 1))
         if self.interpolation == "exponential":
-            between = np.linalg.norm(self.examples[:, None] - self.examples[None], axis=2)
-            alike, to_pose = np.exp(-between / ALIKE), np.exp(-distances / ALIKE)
-            return np.linalg.lstsq(alike, to_pose, rcond=1e-10)[
-                0
-            ]  # examples that coincide share their weight
+            return self._exponential_weights(distances)
         return self._near_weights(distances, 2 if self.interpolation == "inverse-square" else 1)
 
     def extrapolates(self, bones: Mapping[str, RigidTransform]) -> bool:
@@ -265,17 +261,23 @@ class PoseSpace:
 
     def _rbf_weights(self, pose: Array, distances: Array) -> Array:
         """Solve the saddle-point system of linear radial functions under reproduction of the linear part."""
-        between = np.linalg.norm(self.examples[:, None] - self.examples[None], axis=2)
         origin, directions = self._linear_part()
         n, k = len(self.examples), 1 + directions.shape[1]
         system = np.zeros((n + k, n + k))
-        system[:n, :n] = between
+        system[:n, :n] = self._between()
         system[:n, n] = system[n, :n] = 1
         system[:n, n + 1 :] = (self.examples - origin) @ directions
         system[n + 1 :, :n] = system[:n, n + 1 :].T
         right = np.concatenate([distances, [1.0], (pose - origin) @ directions])
-        # Examples that coincide make the system singular; the least-norm solution shares their weight.
-        return np.linalg.lstsq(system, right, rcond=1e-10)[0][:n]
+        return _shared_solution(system, right)[:n]
+
+    def _exponential_weights(self, distances: Array) -> Array:
+        """The best linear estimate of what has no mean and a correlation of exp(-distance / `ALIKE`)."""
+        return _shared_solution(np.exp(-self._between() / ALIKE), np.exp(-distances / ALIKE))
+
+    def _between(self) -> Array:
+        """Distances (N, N) of the examples from one another."""
+        return np.asarray(np.linalg.norm(self.examples[:, None] - self.examples[None], axis=2))
 
     def _linear_part(self) -> tuple[Array, Array]:
         """Origin (d,) and orthonormal directions (d, k) in which the examples are enough to tell a slope."""
@@ -308,6 +310,11 @@ class PoseSpace:
             group["interpolation"],
             dict(group.get("points", {})),
         )
+
+
+def _shared_solution(system: Array, right: Array) -> Array:
+    """The least-norm solution: examples that coincide make a system singular, and share their weight."""
+    return np.asarray(np.linalg.lstsq(system, right, rcond=1e-10)[0])
 
 
 def _unwound(vector: Array, examples: Array) -> Array:

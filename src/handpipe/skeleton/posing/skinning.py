@@ -95,7 +95,7 @@ def blend(points: Array, weights: Array, transforms: Mapping[str, RigidTransform
     return turns.apply(points) + translation
 
 
-def blended_linearly(points: Array, weights: Array, transforms: Mapping[str, RigidTransform]) -> Array:
+def blend_linearly(points: Array, weights: Array, transforms: Mapping[str, RigidTransform]) -> Array:
     """Points moved by the weighted means of transforms: linear blend skinning.
 
     Bends of tens of degrees make points at the joint collapse towards it. `blend` does not.

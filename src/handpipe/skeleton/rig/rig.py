@@ -17,7 +17,7 @@ from handpipe.skeleton.bones.bodies import moved_as_one
 from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.joints.axes import Axes
 from handpipe.skeleton.joints.joint_knowledge import JointKnowledge
-from handpipe.skeleton.joints.joint_tree import Bones, FittedPose, JointTree, RigJoint
+from handpipe.skeleton.joints.joint_tree import Bones, FittedPose, JointTree, RigJoint, joint_order
 from handpipe.skeleton.joints.joint_types import fit_best
 from handpipe.skeleton.joints.joints import JointFit, Model, fit_joint
 from handpipe.skeleton.joints.limits import widened_limits
@@ -168,12 +168,7 @@ class Rig(JointTree):
 
 def outwards(dataset: Dataset) -> list[str]:
     """Names of the joints, each after the joint that carries its parent."""
-    reached, order, left = {dataset.root_bone}, [], dict(dataset.joints)
-    while left:
-        for name in [n for n, j in left.items() if j.parent in reached]:
-            reached.add(left.pop(name).child)
-            order.append(name)
-    return order
+    return joint_order({name: (joint.parent, joint.child) for name, joint in dataset.joints.items()})
 
 
 def _fit_joint(joint: Joint, motions: RelativeMotions, near: Array, point: Array) -> JointFit:

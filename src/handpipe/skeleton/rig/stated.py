@@ -10,7 +10,7 @@ import numpy as np
 from handpipe.core import Array, RigidTransform
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.joints.angles import Angles
-from handpipe.skeleton.joints.joint_tree import FittedPose, RigJoint
+from handpipe.skeleton.joints.joint_tree import FittedPose, RigJoint, joint_order
 from handpipe.skeleton.joints.joints import fit_joint
 from handpipe.skeleton.rig.rig import Rig
 
@@ -64,17 +64,12 @@ def stated_rig(
     """
     children = {joint.child for joint in joints}
     root = next(bone for bone in surfaces if bone not in children)
-    reached, left = {root}, list(joints)
-    order: list[RigJoint] = []
-    while len(order) < len(joints):
-        found = [joint for joint in left if joint.parent in reached]
-        left = [joint for joint in left if joint.parent not in reached]
-        reached |= {joint.child for joint in found}
-        order += [_rig_joint(joint) for joint in found]
+    named = {joint.name: joint for joint in joints}
+    order = joint_order({name: (joint.parent, joint.child) for name, joint in named.items()})
     known = {
         name: FittedPose(RigidTransform.identity(), dict(angles)) for name, angles in (poses or {}).items()
     }
-    return Rig(root, tuple(order), dict(surfaces), known)
+    return Rig(root, tuple(_rig_joint(named[name]) for name in order), dict(surfaces), known)
 
 
 def _rig_joint(joint: StatedJoint) -> RigJoint:

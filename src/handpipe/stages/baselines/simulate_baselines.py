@@ -8,7 +8,7 @@ from pathlib import Path
 
 from handpipe.core import Array, RigidTransform, Shape, Shapes
 from handpipe.hand import read_frames, write_frames
-from handpipe.skeleton.posing import blend, blended_linearly
+from handpipe.skeleton.posing import blend, blend_linearly
 from handpipe.skeleton.rig import Rig, pivoted
 from handpipe.stages.files import Files
 from handpipe.tissues.fat import FatStrains, Tissue, TissueLayer
@@ -48,7 +48,7 @@ def simulate_baselines(inputs: Inputs, output: Path) -> None:
     skins = {
         "m3": layer.solve(frame, below),
         "dual_quaternion": shape(blend(rest, weights, bones)),
-        "linear": shape(blended_linearly(rest, weights, bones)),
+        "linear": shape(blend_linearly(rest, weights, bones)),
         "pivot": shape(blend(rest, weights, ordered(pivoted(rig, frame.bones)))),
     }
     write_frames(output, [(frame, skins)], inputs.all())

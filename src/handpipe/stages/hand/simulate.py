@@ -10,12 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.core import Frame
 from handpipe.core.configuration import Dataset, Scene
 from handpipe.hand import Simulated, finished_frames, key_of, load_layers, write_frames
 from handpipe.hand import simulate as simulate_frames
-from handpipe.skeleton.drivers import read_frames
 from handpipe.skeleton.rig import Rig
+from handpipe.stages.driven_frames import driven_frames
 from handpipe.stages.files import Files
 from handpipe.tissues.muscles import MuscleLayer
 
@@ -44,13 +43,7 @@ def simulate(
     layers and `made_of` are the same.
     """
     rig = Rig.load(inputs.rig)
-    driven = read_frames(inputs.frames, rig, hand=dataset.hand, bones=scene.bones)
-    frames = list(driven.items())
-    first = chunk * scene.chunk
-    wanted = [
-        Frame(name, angles, rig.bone_transforms(angles))
-        for name, angles in frames[first : first + scene.chunk]
-    ]
+    wanted = driven_frames(inputs.frames, rig, dataset, scene, chunk)
     layers = load_layers(scene.needed, dataset, inputs.layers, rig.surfaces)
     asked: dict[str, str | Sequence[str]] = {"layers": scene.needed}
     if scene.muscle_barrier:

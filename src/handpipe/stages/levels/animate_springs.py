@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from handpipe.core import ConvergenceError, Frame
+from handpipe.core import ConvergenceError
 from handpipe.core.configuration import Dataset, Scene
 from handpipe.hand import Failure, write_frames
 from handpipe.levels.mass_spring import SpringHand
-from handpipe.skeleton.drivers import read_frames
 from handpipe.skeleton.rig import Rig
+from handpipe.stages.driven_frames import driven_frames
 from handpipe.stages.files import Files
 from handpipe.tissues.fat import Skin
 from handpipe.tissues.muscles import Muscle
@@ -31,15 +31,13 @@ class Inputs(Files):
 def animate_springs(inputs: Inputs, output: Path, dataset: Dataset, scene: Scene, chunk: int) -> None:
     """One chunk of a scene's frames with muscles that bulge and a skin of springs (Albrecht 2003)."""
     rig = Rig.load(inputs.rig)
-    driven = list(read_frames(inputs.frames, rig, hand=dataset.hand, bones=scene.bones).items())
     hand = SpringHand.of(rig, Skin.load(inputs.skin), [Muscle.load(path) for path in inputs.muscles])
-    first, frames, failures = chunk * scene.chunk, [], []
-    for name, angles in driven[first : first + scene.chunk]:
-        frame = Frame(name, angles, rig.bone_transforms(angles))
+    frames, failures = [], []
+    for frame in driven_frames(inputs.frames, rig, dataset, scene, chunk):
         try:
             shapes = hand.frame(frame)
         except ConvergenceError as error:
-            failures.append(Failure(name, "skin", str(error)))
+            failures.append(Failure(frame.name, "skin", str(error)))
             print(f"handpipe: animate_springs: {failures[-1]}", file=sys.stderr)
             continue
         shown = {"bones", *scene.layers}

@@ -9,7 +9,8 @@ from pathlib import Path
 from handpipe.core import InputError, artifacts
 from handpipe.core.configuration import Dataset, Scene
 from handpipe.hand import StoredFrames
-from handpipe.levels.shards import ShardIndex, landmark_map, write_bodies
+from handpipe.levels.shards import ShardIndex, write_bodies
+from handpipe.skeleton.drivers import landmark_map
 from handpipe.skeleton.motion import read_random_file
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files

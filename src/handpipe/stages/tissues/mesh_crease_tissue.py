@@ -12,7 +12,7 @@ import numpy as np
 from handpipe.core import BoolArray, Frame, Region, Shapes
 from handpipe.core.configuration import Dataset
 from handpipe.mesh.surfaces import Distance, Surface
-from handpipe.skeleton.posing import BoneLayer, smoothed_weights, swept_vertices
+from handpipe.skeleton.posing import FACING, BoneLayer, smoothed_weights, swept_vertices
 from handpipe.skeleton.rig import Rig, hand_directions
 from handpipe.stages.files import Files
 from handpipe.tissues.fascia import bone_wrap
@@ -22,7 +22,6 @@ from handpipe.tissues.fat.creases import creases_of, folding_vertices, graded_me
 log = logging.getLogger(__name__)
 
 BONE_EDGE = 1.5  # mm, of the inner surface; with 2.5 (Wang 2019 §5.3) a quarter of a thin bone is lost
-JOINT = 2.5  # mm between the faces of a joint, whose space has no tets (Wang 2019 §5.3)
 STEP = np.radians(5.0)  # of the sweep through the ranges of motion; Wang 2019: 1 degree
 STIFFNESS = 200.0  # kPa/mm, of constraints
 YOUNG, POISSON = 6.0, 0.495  # kPa: the skin's barrier is as stiff as five times its back's tissue
@@ -55,7 +54,7 @@ def mesh_crease_tissue(inputs: Inputs, output: Path, dataset: Dataset, edges: Cr
 def crease_tissue(rig: Rig, skin: Skin, hand: Literal["right", "left"], edges: CreaseEdges) -> Tissue:
     """The tissue of a rig and a neutral skin."""
     folding = folding_vertices(skin.surface, rig)
-    inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in rig.joints], BONE_EDGE, JOINT)
+    inner = bone_wrap(rig.surfaces, [(j.parent, j.child) for j in rig.joints], BONE_EDGE, FACING)
     mesh, outer = graded_mesh(skin.surface, folding, inner, edges.fine, edges.coarse, edges.deep)
     on_outer = _marked_on(outer, skin.surface, folding, corners=1)
     points = inner_points({"bones": swept_bones(rig)}, ("bones",), inner, slack=0.25)

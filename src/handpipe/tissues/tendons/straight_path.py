@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handpipe.core import Array, IntArray, RigidTransform
+from handpipe.core import Array, RigidTransform
 from handpipe.tissues.tendons.fitting.hooks import past_end
 from handpipe.tissues.tendons.rods.rod import arc_length, closest_on_rod
 from handpipe.tissues.tendons.tendon import Tendon
@@ -82,7 +82,9 @@ def bone_path(tendon: Tendon, rods: Sequence[Array], poses: Sequence[Bones]) -> 
     owners = np.maximum.accumulate(tendon.hooks.weights.argmax(axis=1)[sequence])
     groups = [sequence[owners == bone] for bone in range(len(order))]
     passed = [bone for bone in range(len(order)) if len(groups[bone])]
-    costs = _costs(rest, [order[b] for b in _owner_of(groups)], rods, poses)
+    owner = np.empty_like(owners)
+    owner[sequence] = owners
+    costs = _costs(rest, [order[bone] for bone in owner], rods, poses)
     start, stop = np.zeros(len(order), int), np.array([len(group) for group in groups])
     for bone, following in zip(passed, passed[1:], strict=False):
         # The last half of a bone's hooks and the first one of the next bone's: of each bone one is left.
@@ -94,14 +96,6 @@ def bone_path(tendon: Tendon, rods: Sequence[Array], poses: Sequence[Bones]) -> 
     chosen = [tendon.rest.x[:1], *(rest[kept[bone]] for bone in passed), tendon.rest.x[-1:]]
     names = [order[bone] for bone in passed for _ in kept[bone]]
     return BonePath(tendon.name, tendon.radius, (order[0], *names, order[-1]), np.concatenate(chosen))
-
-
-def _owner_of(groups: Sequence[IntArray]) -> IntArray:
-    """Number of the group of each member (k,)."""
-    owner = np.empty(sum(map(len, groups)), int)
-    for number, group in enumerate(groups):
-        owner[group] = number
-    return owner
 
 
 def _costs(rest: Array, owners: Sequence[str], rods: Sequence[Array], poses: Sequence[Bones]) -> Array:

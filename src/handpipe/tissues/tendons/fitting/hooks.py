@@ -14,6 +14,7 @@ import numpy as np
 from handpipe.core import Array, IntArray, RigidTransform, Shape
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.mesh.tets import Embedding, TetMesh
+from handpipe.skeleton.posing import blend_linearly
 from handpipe.tissues.tendons.rods.rod import arc_length, closest_on_rod, point_at, unit
 
 Bones = Mapping[str, RigidTransform]
@@ -45,7 +46,7 @@ class HookSet:
 
     def carried(self, bones: Bones, flesh: Array | None = None) -> Array:
         """Positions (k, 3) without corrections; flesh (n, 3): vertices of its mesh, relative to the base."""
-        points = _skinned(self.rest, self.weights, [bones[name] for name in self.bones])
+        points = blend_linearly(self.rest, self.weights, {name: bones[name] for name in self.bones})
         if self.in_flesh is not None:
             if flesh is None:
                 raise ValueError("some hooks lie in the flesh; its vertices are not given")
@@ -69,11 +70,6 @@ class HookSet:
             inside = group["flesh"]
             in_flesh = InFlesh(inside["hooks"], Embedding(inside["cells"], inside["weights"]))
         return HookSet(bones, group["rest"], group["weights"], group["corrections"], in_flesh)
-
-
-def _skinned(points: Array, weights: Array, transforms: Sequence[RigidTransform]) -> Array:
-    moved = np.stack([t(points) for t in transforms])
-    return np.einsum("kb,bkj->kj", weights, moved)
 
 
 def sample_hooks(
@@ -175,7 +171,8 @@ def fit_hooks(
         weights[np.arange(len(points)), pair[:, 0]] = share
         weights[np.arange(len(points)), pair[:, 1]] = 1.0 - share
     lines = [past_end(rod) for rod in rods]
-    on_bones = _missing([_skinned(points, weights, pose) for pose in by_pose], lines)
+    carried = [blend_linearly(points, weights, {name: pose[name] for name in order}) for pose in poses]
+    on_bones = _missing(carried, lines)
     if not flesh or len(poses) < 2:  # neutral alone does not tell what carries a hook
         return HookSet(order, points, weights, on_bones)
     embedding = Embedding.embed(points, TetMesh(flesh[0].rest, flesh[0].cells))
