@@ -1,0 +1,131 @@
+"""What is stated of tendons, muscles and skin, learned from their example poses without any truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from handpipe.core import Array, RigidTransform
+from handpipe.hand.deviations.body import BodyDeviation, around, left_out_scale
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.skeleton.posing import bone_weights
+from handpipe.tissues.fat import FatStrains, Tissue
+from handpipe.tissues.muscles import Muscle
+from handpipe.tissues.tendons import Tendon
+
+FAR = 3.0  # mm: what was seen of an organ and is farther away shows another part of it, or nothing
+Bones = Mapping[str, RigidTransform]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An organ in an example pose: as simulated, and as it was seen there, both with the root at rest.
+
+    Parameters
+    ----------
+    simulated : array (n, 3)
+        Points of the body in mm.
+    seen : Surface
+        A surface in mm; of a tendon its centreline, of segments as triangles without area.
+    """
+
+    simulated: Array
+    seen: Surface
+
+
+def fit_variance(examples: Sequence[Seen], rest: Array) -> Array:
+    """Mean squares (n,) in mm^2 of the distances of simulated points from what was seen, over the examples.
+
+    rest: (n, 3) places of the points, to take means over neighbours.
+    """
+    if not examples:
+        return np.zeros(len(rest))
+    found = [np.minimum(Distance(e.seen).closest(e.simulated)[0], FAR) ** 2 for e in examples]
+    return around(np.mean(found, axis=0), rest)
+
+
+def of_tendon(tendon: Tendon, fits: Sequence[Seen], surfaces: Mapping[str, Surface]) -> BodyDeviation:
+    """Of a tendon's centreline: hooks are corrected over poses, and the rod runs through them.
+
+    surfaces: neutral bones.
+    """
+    rest, hooks = tendon.rest.x, tendon.hooks
+    order = np.argsort(_along(hooks.rest, rest))
+    places, corrections = hooks.rest[order], hooks.corrections[:, order]
+    own = {bone: surfaces[bone] for bone in tendon.spaces.spaces}
+    spaces = list(tendon.spaces.spaces.values())
+    scale = left_out_scale(spaces, bone_weights(places, own), corrections, places)
+    spread = np.interp(_along(rest, rest), _along(places, rest), scale)
+    carried, shares = bone_weights(rest, surfaces), bone_weights(rest, own)
+    return BodyDeviation("tendons", tendon.spaces.spaces, shares, spread, fit_variance(fits, rest), carried)
+
+
+def _along(points: Array, rod: Array) -> Array:
+    """Arc length (n,) in mm of the rod's nodes that are nearest to points (n, 3)."""
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rod, axis=0), axis=1))])
+    nearest = np.linalg.norm(points[:, None] - rod[None], axis=2).argmin(axis=1)
+    return np.asarray(arc[nearest] + 1e-9 * np.arange(len(points)))
+
+
+def of_muscle(muscle: Muscle, fits: Sequence[Seen], surfaces: Mapping[str, Surface]) -> BodyDeviation:
+    """Of a muscle's surface: how far beside the flesh's motion it lies is interpolated over poses.
+
+    Where no flesh is known, how far it lies off the motion of the pose space's reference bone.
+    """
+    body, space = muscle.body, muscle.space
+    surface = body.surface
+    if muscle.bed is not None:
+        beside = muscle.bed.beside
+    else:
+        back = [bones[space.reference].inverse() for bones in muscle.bones]
+        beside = np.stack([t(x) for t, x in zip(back, muscle.vertices, strict=True)]) - body.mesh.vertices
+    normal = surface.vertex_normals()
+    corrections = np.stack([((body.matrix @ x) * normal).sum(axis=1) for x in beside])[..., None]
+    shares = np.ones((len(surface.vertices), 1))
+    scale = left_out_scale([space], shares, corrections, surface.vertices)
+    carried = bone_weights(surface.vertices, surfaces)
+    fit = fit_variance(fits, surface.vertices)
+    return BodyDeviation("muscles", {muscle.name: space}, shares, scale, fit, carried)
+
+
+@dataclass(frozen=True)
+class ExampleTissue:
+    """The fat's vertices (n, 3) in an example pose with its plastic strains and without them, mm."""
+
+    bones: Bones
+    strained: Array
+    unstrained: Array
+
+
+def of_skin(
+    tissue: Tissue,
+    strains: FatStrains,
+    examples: Sequence[ExampleTissue],
+    fits: Sequence[Seen],
+    bones: Sequence[str],
+) -> BodyDeviation:
+    """Of the skin: its plastic strains move it along its normals, more in one pose than in another.
+
+    bones: of the hand, in their order.
+    """
+    skin, matrix = tissue.skin, tissue.skin_matrix
+    moved = [
+        matrix @ (tissue.shifts(e.bones, e.strained) - tissue.shifts(e.bones, e.unstrained)) for e in examples
+    ]
+    normal = skin.vertex_normals()
+    corrections = np.stack([np.zeros(len(normal)), *((m * normal).sum(axis=1) for m in moved)])[..., None]
+    shares = np.maximum(matrix @ tissue.weights, 0.0)
+    shares /= shares.sum(axis=1, keepdims=True)
+    spaces = {bone: strains.spaces.spaces[bone] for bone in tissue.bones}
+    scale = left_out_scale(list(spaces.values()), shares, corrections, skin.vertices)
+    carried = np.zeros((len(normal), len(bones)))
+    carried[:, [list(bones).index(bone) for bone in tissue.bones]] = shares
+    return BodyDeviation("skin", spaces, shares, scale, fit_variance(fits, skin.vertices), carried)
+
+
+def centreline(points: Array) -> Surface:
+    """A curve (n, 3) as a surface without area, for distances from it."""
+    first = np.arange(len(points) - 1)
+    return Surface(points, np.column_stack([first, first + 1, first + 1]))
