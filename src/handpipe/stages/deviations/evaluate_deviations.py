@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from handpipe.core import Array, Frame, RigidTransform, Shapes, artifacts, metrics
-from handpipe.core.configuration import Dataset
+from handpipe.core.configuration import Dataset, Role
 from handpipe.evaluation import (
     Row,
     coverage,
@@ -28,6 +28,7 @@ from handpipe.stages.files import Files
 from handpipe.stages.truth import true_pose
 from handpipe.tissues.fat import Skin
 
+BY_ANGLES = "angles"
 CENTRELINE = "_centreline"
 KINDS = {"bones": "bones", "tendons": "tendons", "muscles": "muscles", "fat": "skin"}  # by layer
 
@@ -54,8 +55,12 @@ class Outputs(Files):
 
 @dataclass(frozen=True)
 class Compared:
-    """A body in a scanned pose: errors and stated deviations (n,) in mm; errors are None without truth."""
+    """A body in a scanned pose: errors and stated deviations (n,) in mm; errors are None without truth.
 
+    role: of the pose; "angles" of a held-out one whose bones are taken as those of any frame, by its angles.
+    """
+
+    role: str
     pose: str
     kind: str
     body: str
@@ -64,7 +69,12 @@ class Compared:
 
     def as_row(self) -> dict[str, str | float]:
         """Root mean squares in mm and the coverage, of a table."""
-        told: dict[str, str | float] = {"pose": self.pose, "kind": self.kind, "body": self.body}
+        told: dict[str, str | float] = {
+            "role": self.role,
+            "pose": self.pose,
+            "kind": self.kind,
+            "body": self.body,
+        }
         told["stated"] = float(np.sqrt(np.mean(self.stated**2)))
         if self.errors is not None:
             told["error"] = float(np.sqrt(np.mean(self.errors**2)))
@@ -77,29 +87,24 @@ def evaluate_deviations(inputs: Inputs, outputs: Outputs, dataset: Dataset) -> N
     found: metrics.Metrics = {}
     with metrics.measured(found):
         rows = compared(inputs, dataset)
-    table: list[Row] = []
-    for role in dict.fromkeys(dataset.poses[row.pose].role.value for row in rows):
-        of_role = [row for row in rows if dataset.poses[row.pose].role.value == role]
-        for kind in [*dict.fromkeys(row.kind for row in of_role), ""]:
-            chosen = [row for row in of_role if kind in ("", row.kind)]
-            stated = np.concatenate([row.stated for row in chosen])
-            suffix = f"{role}_{kind}" if kind else role
-            known = [row.errors for row in chosen if row.errors is not None]
-            if len(known) < len(chosen):
+    table: list[Row] = [{"group": 0.0, **row.as_row()} for row in rows]
+    for role in dict.fromkeys(row.role for row in rows):
+        of_role = [row for row in rows if row.role == role]
+        known = [row for row in of_role if row.errors is not None]
+        for kind in dict.fromkeys(row.kind for row in of_role):
+            stated = np.concatenate([row.stated for row in of_role if row.kind == kind])
+            errors = [row.errors for row in known if row.kind == kind and row.errors is not None]
+            suffix = f"{role}_{kind}"
+            if not errors:
                 found[f"stated_{suffix}"] = (float(np.sqrt(np.mean(stated**2))), "mm")
                 continue
-            errors = np.concatenate(known)
-            found |= reliability_metrics(errors, stated, suffix)
-            if kind:
-                table += [{"role": role, "kind": kind, **row} for row in reliability_rows(errors, stated)]
-        if all(row.errors is not None for row in of_role):
-            # Bodies have meshes of other sizes: each kind of organ counts alike.
-            kinds = [n for n in found if n.startswith(f"coverage_two_deviations_{role}_")]
-            found[f"coverage_two_deviations_{role}_mean"] = (
-                float(np.mean([found[name][0] for name in kinds])),
-                "1",
-            )
-    table += [{"role": dataset.poses[row.pose].role.value, **row.as_row()} for row in rows]
+            found |= reliability_metrics(np.concatenate(errors), stated, suffix)
+            of_groups = reliability_rows(np.concatenate(errors), stated)
+            table += [{"role": role, "kind": kind, **row} for row in of_groups]
+        if known:
+            # Meshes differ in size: each kind of organ counts alike.
+            kinds = [found[n][0] for n in found if n.startswith(f"coverage_two_deviations_{role}_")]
+            found[f"coverage_two_deviations_{role}"] = (float(np.mean(kinds)), "1")
     artifacts.write_text(outputs.table, json.dumps(table, indent=2))
     metrics.write(outputs.metrics, found)
 
@@ -118,17 +123,22 @@ def compared(inputs: Inputs, dataset: Dataset) -> list[Compared]:
         layers = dict(below)
         if frame.name in skins:
             layers["fat"] = read_frames(skins[frame.name])[0][1]["m0"]
-        bars = stated.of_frame(rig, frame, layers, frame.name)
         truth = None
         if dataset.truth is not None:
             truth = TruePose.read(inputs.truth, frame.name, rig.poses[frame.name].root.inverse())
-        for layer, bodies in bars.items():
-            for body, bar in bodies.items():
-                if layer == "tendons" and not body.endswith(CENTRELINE):
-                    continue  # its deviations are those of its centreline
-                kept = np.delete(np.arange(len(bar)), cut) if body == "skin" else np.arange(len(bar))
-                errors = None if truth is None else truth.errors(rig, frame, layers[layer], body)[kept]
-                found.append(Compared(frame.name, KINDS[layer], body, bar[kept], errors))
+        role = dataset.poses[frame.name].role
+        bars = {role.value: stated.of_frame(rig, frame, layers, frame.name)}
+        if role == Role.heldout:
+            bars[BY_ANGLES] = stated.of_frame(rig, frame, layers)
+        for layer, body in ((layer, body) for layer, bodies in bars[role.value].items() for body in bodies):
+            if layer == "tendons" and not body.endswith(CENTRELINE):
+                continue  # its deviations are those of its centreline
+            kept = np.arange(len(layers[layer][body].vertices))
+            kept = np.delete(kept, cut) if body == "skin" else kept
+            errors = None if truth is None else truth.errors(rig, frame, layers[layer], body)[kept]
+            for name, known in bars.items():
+                bar = known[layer][body][kept]
+                found.append(Compared(name, frame.name, KINDS[layer], body, bar, errors))
     return found
 
 
