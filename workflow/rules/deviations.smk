@@ -9,6 +9,7 @@ rule learn_deviations:
         registrations=in_poses(paths.REGISTRATION),
         tendons=of_layer("tendons", lambda w: layer_files(w.subject, ["tendons"])),
         posed_tendons=of_layer("tendons", posed_tendons),
+        templates=of_layer("muscles", lambda w: expand(paths.PLACED_TEMPLATES, **w)),
         muscles=of_layer("muscles", of_muscles(paths.MUSCLE_STRAINS)),
         separated=of_layer("muscles", in_poses(paths.SEPARATED_MUSCLES, Role.example)),
         inner=layers_in_poses(Role.example),

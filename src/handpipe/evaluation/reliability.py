@@ -12,7 +12,20 @@ GROUPS = 10  # of points, from those with the least stated deviations to those w
 
 
 def coverage(errors: Array, stated: Array, deviations: float = 2.0) -> float:
-    """Share of errors (n,) that are within some of their stated deviations (n,)."""
+    """Share of errors that are within some of their stated deviations.
+
+    Parameters
+    ----------
+    errors, stated : array (n,)
+        True errors and stated deviations in mm.
+    deviations : float
+        Number of deviations.
+
+    Returns
+    -------
+    float
+        Share in 0..1.
+    """
     return float(np.mean(errors <= deviations * stated))
 
 
@@ -45,6 +58,11 @@ def reliability_metrics(errors: Array, stated: Array, suffix: str) -> Metrics:
 
 def reliability_rows(errors: Array, stated: Array) -> list[Row]:
     """A reliability table: points in equal groups by their stated deviations, the least first.
+
+    Parameters
+    ----------
+    errors, stated : array (n,)
+        True errors and stated deviations in mm.
 
     Returns
     -------

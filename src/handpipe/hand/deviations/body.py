@@ -14,6 +14,7 @@ from handpipe.core import Array, RigidTransform
 from handpipe.skeleton.posing import PoseSpace, left_out_weights, prediction_variance
 
 REACH = 3.0  # mm: a point's mean squares are those of the points that are no farther
+LEAST = 1e-6  # of the largest expected square: where examples coincide nothing is expected to be missed
 POOLED = 0.2  # share of the whole body in a point's mean squares: few examples tell a single place's badly
 
 
@@ -32,23 +33,32 @@ class BodyDeviation:
     scale : array (n,)
         mm^2 by unit of `prediction_variance`: mean squares by which examples are missed when they are left
         out.
-    fit : array (n,)
-        mm^2, mean squares of what remains between the simulated examples and what was seen of them.
+    fits : mapping of str to array (n,)
+        mm^2 by example pose: mean squares of what remains between the simulated organ and what was seen.
     carried : array (n, number of bones)
         Share of each bone, in the order of the hand's, in the motion of each point.
+    hidden : array (n,)
+        mm^2, mean squares of what no image shows, in every pose.
     """
 
     kind: str
     spaces: Mapping[str, PoseSpace]
     shares: Array
     scale: Array
-    fit: Array
+    fits: Mapping[str, Array]
     carried: Array
+    hidden: Array
 
     def open_variance(self, bones: Mapping[str, RigidTransform]) -> Array:
         """Mean squares (n,) in mm^2 of what the examples leave open in a pose; zero at the examples."""
         found = [prediction_variance(space, space.vector(bones)) for space in self.spaces.values()]
         return self.scale * (self.shares @ np.array(found)) if found else np.zeros(len(self.scale))
+
+    def fit_variance(self, pose: str | None = None) -> Array:
+        """Mean squares (n,) in mm^2 of what the fit leaves: in an example pose its own, else their mean."""
+        if pose in self.fits:
+            return self.fits[pose]
+        return np.mean([*self.fits.values()], axis=0) if self.fits else np.zeros(len(self.scale))
 
     def to_group(self) -> dict[str, Any]:
         """Content for an artifact's group."""
@@ -58,8 +68,9 @@ class BodyDeviation:
             "spaces": {str(i): space.to_group() for i, space in enumerate(self.spaces.values())},
             "shares": self.shares,
             "scale": self.scale,
-            "fit": self.fit,
+            "fits": dict(self.fits),
             "carried": self.carried,
+            "hidden": self.hidden,
         }
 
     @staticmethod
@@ -68,7 +79,8 @@ class BodyDeviation:
         spaces = {
             str(name): PoseSpace.from_group(group["spaces"][str(i)]) for i, name in enumerate(group["names"])
         }
-        arrays = (np.asarray(group[name], float) for name in ("shares", "scale", "fit", "carried"))
+        fits = group.get("fits", {})
+        arrays = group["shares"], group["scale"], fits, group["carried"], group["hidden"]
         return BodyDeviation(str(group["kind"]), spaces, *arrays)
 
 
@@ -100,7 +112,7 @@ def left_out_scale(spaces: Sequence[PoseSpace], shares: Array, corrections: Arra
         expected += shares @ np.array([row[2] for row in rows])
     if not expected.any():
         return np.zeros(len(near))
-    return around(missed / np.maximum(expected, expected.max() * 1e-6), near)
+    return around(missed / np.maximum(expected, expected.max() * LEAST), near)
 
 
 def around(squares: Array, places: Array) -> Array:

@@ -57,10 +57,13 @@ class JointDeviation:
         more = squares("loo_") / usual if usual > 0 else np.zeros(2)
         return JointDeviation(known.parent, known.child, known.angles, space, squares(""), more)
 
-    def variance(self, angles: Mapping[str, float]) -> Array:
-        """Mean squares (2,) of the turn in rad^2 and of the shift in mm^2 at given angles in rad."""
+    def variance(self, angles: Mapping[str, float], factor: float = 1.0) -> Array:
+        """Mean squares (2,) of the turn in rad^2 and of the shift in mm^2 at given angles in rad.
+
+        factor: of the deviation of what left-out poses are missed by.
+        """
         pose = np.array([angles[name] for name in self.angles])
-        return np.asarray(self.fitted + prediction_variance(self.space, pose) * self.open)
+        return np.asarray(self.fitted + factor**2 * prediction_variance(self.space, pose) * self.open)
 
     def to_group(self) -> dict[str, Any]:
         """Content for an artifact's group."""
@@ -90,6 +93,22 @@ def scanned_covariances(
 
     That of the registration, and the square of what the rig's bone is off the registered one. A bone that was
     not registered, or is in doubt, has none.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    pose : str
+        Name of the scanned pose.
+    registered : mapping of str to Registration
+        Its registrations by bone.
+    bones : mapping of str to RigidTransform
+        Its bones as the rig explains them, with the root at rest.
+
+    Returns
+    -------
+    dict of str to array (6, 6)
+        Covariances by bone.
     """
     found, root = {}, rig.poses[pose].root
     for bone, motion in bones.items():
@@ -111,6 +130,7 @@ def posed_covariances(
     joints: Sequence[JointDeviation],
     angles: Mapping[str, float],
     bones: Mapping[str, RigidTransform],
+    factor: float = 1.0,
 ) -> dict[str, Array]:
     """The same at given angles (rad): the joints' errors from the root outwards, alike in all directions."""
     centroids = {bone: bones[bone](rig.surfaces[bone].vertices.mean(axis=0)[None])[0] for bone in rig.bones}
@@ -120,7 +140,7 @@ def posed_covariances(
         moved = lever(centroids[bone] - centroids[parent])
         found[bone] = moved @ found[parent] @ moved.T
         if bone in known:
-            turn, shift = known[bone].variance(angles)
+            turn, shift = known[bone].variance(angles, factor)
             found[bone] = found[bone] + np.diag(np.repeat([turn / 3, shift / 3], 3))
     return found
 

@@ -15,6 +15,8 @@ from handpipe.tissues.fat import FatStrains, Tissue
 from handpipe.tissues.muscles import Muscle
 from handpipe.tissues.tendons import Tendon
 
+HIDDEN = 0.5  # of the error of a muscle's template that is left where the image shows no boundary
+SAME = 1e-9  # mm between places along a rod, so that none is the same as another
 FAR = 3.0  # mm: what was seen of an organ and is farther away shows another part of it, or nothing
 Bones = Mapping[str, RigidTransform]
 
@@ -35,21 +37,31 @@ class Seen:
     seen: Surface
 
 
-def fit_variance(examples: Sequence[Seen], rest: Array) -> Array:
-    """Mean squares (n,) in mm^2 of the distances of simulated points from what was seen, over the examples.
+def fit_variances(examples: Mapping[str, Seen], rest: Array) -> dict[str, Array]:
+    """Squares (n,) in mm^2 by pose of the distances of simulated points from what was seen there.
 
     rest: (n, 3) places of the points, to take means over neighbours.
     """
-    if not examples:
-        return np.zeros(len(rest))
-    found = [np.minimum(Distance(e.seen).closest(e.simulated)[0], FAR) ** 2 for e in examples]
-    return around(np.mean(found, axis=0), rest)
+    found = {pose: Distance(e.seen).closest(e.simulated)[0] for pose, e in examples.items()}
+    return {pose: around(np.minimum(distances, FAR) ** 2, rest) for pose, distances in found.items()}
 
 
-def of_tendon(tendon: Tendon, fits: Sequence[Seen], surfaces: Mapping[str, Surface]) -> BodyDeviation:
+def of_tendon(tendon: Tendon, fits: Mapping[str, Seen], surfaces: Mapping[str, Surface]) -> BodyDeviation:
     """Of a tendon's centreline: hooks are corrected over poses, and the rod runs through them.
 
-    surfaces: neutral bones.
+    Parameters
+    ----------
+    tendon : Tendon
+        The tendon.
+    fits : mapping of str to Seen
+        Its rods in the example poses.
+    surfaces : mapping of str to Surface
+        Neutral bones, mm.
+
+    Returns
+    -------
+    BodyDeviation
+        What is stated of the rod's nodes.
     """
     rest, hooks = tendon.rest.x, tendon.hooks
     order = np.argsort(_along(hooks.rest, rest))
@@ -59,20 +71,40 @@ def of_tendon(tendon: Tendon, fits: Sequence[Seen], surfaces: Mapping[str, Surfa
     scale = left_out_scale(spaces, bone_weights(places, own), corrections, places)
     spread = np.interp(_along(rest, rest), _along(places, rest), scale)
     carried, shares = bone_weights(rest, surfaces), bone_weights(rest, own)
-    return BodyDeviation("tendons", tendon.spaces.spaces, shares, spread, fit_variance(fits, rest), carried)
+    found, nothing = fit_variances(fits, rest), np.zeros(len(rest))
+    return BodyDeviation("tendons", tendon.spaces.spaces, shares, spread, found, carried, nothing)
 
 
 def _along(points: Array, rod: Array) -> Array:
     """Arc length (n,) in mm of the rod's nodes that are nearest to points (n, 3)."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rod, axis=0), axis=1))])
     nearest = np.linalg.norm(points[:, None] - rod[None], axis=2).argmin(axis=1)
-    return np.asarray(arc[nearest] + 1e-9 * np.arange(len(points)))
+    return np.asarray(arc[nearest] + SAME * np.arange(len(points)))
 
 
-def of_muscle(muscle: Muscle, fits: Sequence[Seen], surfaces: Mapping[str, Surface]) -> BodyDeviation:
+def of_muscle(
+    muscle: Muscle, template: Surface, fits: Mapping[str, Seen], surfaces: Mapping[str, Surface]
+) -> BodyDeviation:
     """Of a muscle's surface: how far beside the flesh's motion it lies is interpolated over poses.
 
     Where no flesh is known, how far it lies off the motion of the pose space's reference bone.
+
+    Parameters
+    ----------
+    muscle : Muscle
+        The muscle.
+    template : Surface
+        Its template as the bones place it in neutral, mm. Where the image shows the boundary, the fit
+        tells how wrong the template is; elsewhere a share of that error is left.
+    fits : mapping of str to Seen
+        Its surfaces in the example poses.
+    surfaces : mapping of str to Surface
+        Neutral bones, mm.
+
+    Returns
+    -------
+    BodyDeviation
+        What is stated of the surface's vertices.
     """
     body, space = muscle.body, muscle.space
     surface = body.surface
@@ -86,13 +118,32 @@ def of_muscle(muscle: Muscle, fits: Sequence[Seen], surfaces: Mapping[str, Surfa
     shares = np.ones((len(surface.vertices), 1))
     scale = left_out_scale([space], shares, corrections, surface.vertices)
     carried = bone_weights(surface.vertices, surfaces)
-    fit = fit_variance(fits, surface.vertices)
-    return BodyDeviation("muscles", {muscle.name: space}, shares, scale, fit, carried)
+    found = fit_variances(fits, surface.vertices)
+    hidden = _hidden(muscle, template)
+    return BodyDeviation("muscles", {muscle.name: space}, shares, scale, found, carried, hidden)
+
+
+def _hidden(muscle: Muscle, template: Surface) -> Array:
+    """Mean squares (n,) in mm^2 of what the image does not show of a muscle in neutral."""
+    body = muscle.body
+    unseen = ~body.visible
+    unseen[body.attached_vertices] = False
+    moved = Distance(template).closest(body.surface.vertices)[0][body.visible]
+    wrong = float(np.mean(moved**2)) if len(moved) else 0.0
+    return around(np.where(unseen, HIDDEN**2 * wrong, 0.0), body.surface.vertices)
 
 
 @dataclass(frozen=True)
 class ExampleTissue:
-    """The fat's vertices (n, 3) in an example pose with its plastic strains and without them, mm."""
+    """The fat in an example pose.
+
+    Parameters
+    ----------
+    bones : mapping of str to RigidTransform
+        Bone transforms of the pose from neutral.
+    strained, unstrained : array (n, 3)
+        The fat's vertices with its plastic strains and without them, mm.
+    """
 
     bones: Bones
     strained: Array
@@ -103,12 +154,28 @@ def of_skin(
     tissue: Tissue,
     strains: FatStrains,
     examples: Sequence[ExampleTissue],
-    fits: Sequence[Seen],
+    fits: Mapping[str, Seen],
     bones: Sequence[str],
 ) -> BodyDeviation:
     """Of the skin: its plastic strains move it along its normals, more in one pose than in another.
 
-    bones: of the hand, in their order.
+    Parameters
+    ----------
+    tissue : Tissue
+        The fat.
+    strains : FatStrains
+        Its strains over poses.
+    examples : sequence of ExampleTissue
+        The fat in the example poses, in the order of the strains, without neutral.
+    fits : mapping of str to Seen
+        The skin in the example poses.
+    bones : sequence of str
+        Bones of the hand in their order.
+
+    Returns
+    -------
+    BodyDeviation
+        What is stated of the skin's vertices.
     """
     skin, matrix = tissue.skin, tissue.skin_matrix
     moved = [
@@ -122,10 +189,22 @@ def of_skin(
     scale = left_out_scale(list(spaces.values()), shares, corrections, skin.vertices)
     carried = np.zeros((len(normal), len(bones)))
     carried[:, [list(bones).index(bone) for bone in tissue.bones]] = shares
-    return BodyDeviation("skin", spaces, shares, scale, fit_variance(fits, skin.vertices), carried)
+    found, nothing = fit_variances(fits, skin.vertices), np.zeros(len(normal))
+    return BodyDeviation("skin", spaces, shares, scale, found, carried, nothing)
 
 
 def centreline(points: Array) -> Surface:
-    """A curve (n, 3) as a surface without area, for distances from it."""
+    """A curve as a surface without area, for distances from it.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points along the curve, mm.
+
+    Returns
+    -------
+    Surface
+        Its segments as triangles with two equal corners.
+    """
     first = np.arange(len(points) - 1)
     return Surface(points, np.column_stack([first, first + 1, first + 1]))

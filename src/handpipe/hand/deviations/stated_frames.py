@@ -59,6 +59,19 @@ def write_stated(
 
     Of kind "frame_deviations": `names`; `frames/{number}/layers/{layer}/{body}` (n,) in mm of each point;
     `frames/{number}/bones/{bone}/rotation` in deg, `translation` in mm of its centroid, root mean squares.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write.
+    frames : sequence of SimulatedFrame
+        Frames with their deviations.
+    rig : Rig
+        The rig.
+    known : HandDeviations
+        What is stated of the hand.
+    inputs : sequence of str or Path, optional
+        Files that the artifact is computed from; it records their hashes.
     """
     data: dict[str, Any] = {"names": [], "frames": {}}
     units = {}

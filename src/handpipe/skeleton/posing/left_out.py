@@ -1,8 +1,10 @@
 """What interpolation over poses may miss: a variance that grows from the examples, and each one left out.
 
-The quantity is taken as a random function of the pose of which nothing is known but how it changes: the mean
-square of its change between two poses is twice their distance, times a scale. This is the random function
-whose best linear prediction is by linear radial functions, those of the "rbf" weights.
+The quantity is taken as a random function of the pose of which nothing is known but how it changes: it has a
+rough part, whose mean square change between two poses is twice their distance, and a linear trend, whose mean
+square change is twice the distance's square; all times a scale. The best linear prediction of such a function
+is by linear radial functions with a linear part, the "rbf" weights. Where weights stand for another pose than
+the one that is asked for, as positive or bounded ones do beyond the examples, they miss the trend.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from handpipe.core import Array
-from handpipe.skeleton.posing.pose_space import COINCIDENT, PoseSpace
+from handpipe.skeleton.posing.pose_space import ALIKE, COINCIDENT, PoseSpace
 
 
 def prediction_variance(space: PoseSpace, pose: Array) -> float:
@@ -80,5 +82,7 @@ def _completed(space: PoseSpace, weights: Array) -> Array:
 def _variance(space: PoseSpace, pose: Array, weights: Array) -> float:
     to_pose = np.linalg.norm(space.examples - pose, axis=1)
     between = np.linalg.norm(space.examples[:, None] - space.examples[None], axis=2)
-    found = float(2 * weights @ to_pose - weights @ between @ weights)
+    rough = float(2 * weights @ to_pose - weights @ between @ weights)
+    trend = 2.0 * float(((pose - weights @ space.examples) ** 2).sum()) / ALIKE
+    found = rough + trend
     return found if found > COINCIDENT else 0.0

@@ -23,7 +23,7 @@ from handpipe.hand.deviations import (
     scanned_covariances,
 )
 from handpipe.imaging.volumes import pose_volume
-from handpipe.mesh.surfaces import read_scan
+from handpipe.mesh.surfaces import Surface, read_scan
 from handpipe.skeleton.bones import read_registrations
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
@@ -55,6 +55,7 @@ class Inputs(Files):
     registrations: Sequence[Path]
     tendons: Sequence[Path]
     posed_tendons: Sequence[Path]
+    templates: Path | None
     muscles: Sequence[Path]
     separated: Sequence[Path]
     inner: Sequence[Path]
@@ -89,10 +90,10 @@ def _tendons(
 ) -> dict[str, BodyDeviation]:
     found, posed = {}, iter(inputs.posed_tendons)
     for tendon in map(Tendon.load, inputs.tendons):
-        name, fits = f"{tendon.name}_centreline", []
+        name, fits = f"{tendon.name}_centreline", {}
         for pose in dataset.examples:
             x = rig.poses[pose].root.inverse()(artifacts.read(next(posed), "posed_tendon")["x"])
-            fits.append(Seen(inner[pose]["tendons"][name].vertices, centreline(x)))
+            fits[pose] = Seen(inner[pose]["tendons"][name].vertices, centreline(x))
         found[name] = of_tendon(tendon, fits, rig.surfaces)
     return found
 
@@ -104,20 +105,23 @@ def _muscles(
     for pose, path in zip(dataset.examples, inputs.separated, strict=True):
         home = rig.poses[pose].root.inverse()
         seen[pose] = {name: s.moved(home(s.vertices)) for name, s in load_surfaces(path).items()}
-    found = {}
+    found, templates = {}, {}
+    if inputs.templates is not None:
+        templates = artifacts.read(inputs.templates, "placed_templates")
     for muscle in map(Muscle.load, inputs.muscles):
         name = muscle.name
-        fits = [Seen(inner[pose]["muscles"][name].vertices, seen[pose][name]) for pose in dataset.examples]
-        found[name] = of_muscle(muscle, fits, rig.surfaces)
+        fits = {p: Seen(inner[p]["muscles"][name].vertices, seen[p][name]) for p in dataset.examples}
+        template = Surface(templates[name]["vertices"], templates[name]["triangles"])
+        found[name] = of_muscle(muscle, template, fits, rig.surfaces)
     return found
 
 
 def _skin(tissue: Tissue, strains: FatStrains, inputs: Inputs, dataset: Dataset, rig: Rig) -> BodyDeviation:
-    examples, fits = [], []
+    examples, fits = [], {}
     for pose, path, scan in zip(dataset.examples, inputs.skins, inputs.scans, strict=True):
         [(frame, models)] = read_frames(path)
         strained, unstrained = (models[model]["fat_mesh"].vertices for model in ("m0", "m1"))
         examples.append(ExampleTissue(frame.bones, strained, unstrained))
         seen, home = read_scan(scan), rig.poses[pose].root.inverse()
-        fits.append(Seen(models["m0"]["skin"].vertices, seen.moved(home(seen.vertices))))
+        fits[pose] = Seen(models["m0"]["skin"].vertices, seen.moved(home(seen.vertices)))
     return of_skin(tissue, strains, examples, fits, rig.bones)
