@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from handpipe.core import Array, RigidTransform
 from handpipe.hand.deviations.body import BodyDeviation, around, left_out_scale
@@ -17,6 +18,7 @@ from handpipe.tissues.tendons import Tendon
 
 HIDDEN = 0.5  # of the error of a muscle's template that is left where the image shows no boundary
 SAME = 1e-9  # mm between places along a rod, so that none is the same as another
+RIM = 1.0  # mm from the rim of an open surface, within which a closest point may stand for one beyond it
 FAR = 3.0  # mm: what was seen of an organ and is farther away shows another part of it, or nothing
 Bones = Mapping[str, RigidTransform]
 
@@ -31,10 +33,13 @@ class Seen:
         Points of the body in mm.
     seen : Surface
         A surface in mm; of a tendon its centreline, of segments as triangles without area.
+    rim : array (k, 3)
+        Points of an open surface's rim in mm; none of a closed one.
     """
 
     simulated: Array
     seen: Surface
+    rim: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 def fit_variances(examples: Mapping[str, Seen], rest: Array) -> dict[str, Array]:
@@ -42,8 +47,16 @@ def fit_variances(examples: Mapping[str, Seen], rest: Array) -> dict[str, Array]
 
     rest: (n, 3) places of the points, to take means over neighbours.
     """
-    found = {pose: Distance(e.seen).closest(e.simulated)[0] for pose, e in examples.items()}
-    return {pose: around(np.minimum(distances, FAR) ** 2, rest) for pose, distances in found.items()}
+    return {pose: around(_squares(example), rest) for pose, example in examples.items()}
+
+
+def _squares(example: Seen) -> Array:
+    """Squared distances (n,) in mm^2; past the rim of what was seen the mean of the others."""
+    distances, _, closest = Distance(example.seen).closest(example.simulated)
+    squares, known = np.minimum(distances, FAR) ** 2, np.ones(len(distances), dtype=bool)
+    if len(example.rim):
+        known = cKDTree(example.rim).query(closest)[0] > RIM
+    return np.where(known, squares, squares[known].mean() if known.any() else FAR**2)
 
 
 def of_tendon(tendon: Tendon, fits: Mapping[str, Seen], surfaces: Mapping[str, Surface]) -> BodyDeviation:

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from handpipe.core import Shapes, artifacts
 from handpipe.core.configuration import Dataset
 from handpipe.hand import read_frames
@@ -123,5 +125,7 @@ def _skin(tissue: Tissue, strains: FatStrains, inputs: Inputs, dataset: Dataset,
         strained, unstrained = (models[model]["fat_mesh"].vertices for model in ("m0", "m1"))
         examples.append(ExampleTissue(frame.bones, strained, unstrained))
         seen, home = read_scan(scan), rig.poses[pose].root.inverse()
-        fits[pose] = Seen(models["m0"]["skin"].vertices, seen.moved(home(seen.vertices)))
+        seen = seen.moved(home(seen.vertices))
+        rim = seen.vertices[np.unique(seen.boundary_edges())]
+        fits[pose] = Seen(models["m0"]["skin"].vertices, seen, rim)
     return of_skin(tissue, strains, examples, fits, rig.bones)
