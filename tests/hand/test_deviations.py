@@ -15,7 +15,7 @@ from handpipe.hand.deviations.stated_frames import write_stated
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.bones import Registration
 from handpipe.skeleton.posing import PoseSpace, prediction_variance
-from handpipe.skeleton.rig import StatedJoint, stated_rig
+from handpipe.skeleton.rig import Rig, StatedJoint, stated_rig
 
 BONES = ("root", "near", "far")
 CORNERS = np.stack(np.meshgrid([0, 30.0], [-4, 4.0], [-3, 3.0], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -30,7 +30,7 @@ def surface(number: int) -> Surface:
 SURFACES = {bone: surface(i) for i, bone in enumerate(BONES)}
 
 
-def rig():
+def rig() -> Rig:
     joints = [
         StatedJoint(child, parent, child, (child,), LIMITS, np.array([[0, 1.0, 0]]), np.array([x, 0, 0.0]))
         for parent, child, x in (("root", "near", 32.5), ("near", "far", 67.5))
@@ -126,6 +126,8 @@ def test_errors_of_joints_add_up_along_a_chain() -> None:
     expected = (moved**2).sum(axis=2).mean(axis=0)
     np.testing.assert_allclose(variance_at(stated["far"], points - middles["far"]), expected, rtol=0.04)
     assert not stated["root"].any()
+    fewer = {bone: motion for bone, motion in there.bones.items() if bone != "near"}
+    assert set(posed_covariances(hand_rig, JOINTS, there.angles, fewer)) == {"root"}
 
 
 def test_a_scanned_bone_has_the_covariance_of_its_registration_in_the_axes_of_the_root() -> None:

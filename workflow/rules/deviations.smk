@@ -9,12 +9,12 @@ rule learn_deviations:
         registrations=in_poses(paths.REGISTRATION),
         tendons=of_layer("tendons", lambda w: layer_files(w.subject, ["tendons"])),
         posed_tendons=of_layer("tendons", posed_tendons),
-        templates=of_layer("muscles", lambda w: expand(paths.PLACED_TEMPLATES, **w)),
+        templates=of_layer("muscles", lambda w: paths.at(paths.PLACED_TEMPLATES, **w)),
         muscles=of_layer("muscles", of_muscles(paths.MUSCLE_STRAINS)),
         separated=of_layer("muscles", in_poses(paths.SEPARATED_MUSCLES, Role.example)),
         inner=layers_in_poses(Role.example),
-        fat=of_layer("fat", lambda w: expand(paths.FAT, **w)),
-        strains=of_layer("fat", lambda w: expand(paths.FAT_STRAINS, **w)),
+        fat=of_layer("fat", lambda w: paths.at(paths.FAT, **w)),
+        strains=of_layer("fat", lambda w: paths.at(paths.FAT_STRAINS, **w)),
         skins=of_layer("fat", in_poses(paths.POSE_SKIN, Role.example)),
         scans=of_layer("fat", lambda w: scans(w.subject, dataset(w.subject).examples)),
     output:
@@ -61,7 +61,7 @@ rule evaluate_deviations:
     input:
         rig=paths.RIG,
         deviations=paths.DEVIATIONS,
-        skin=of_layer("fat", lambda w: expand(paths.SKIN, **w)),
+        skin=of_layer("fat", lambda w: paths.at(paths.SKIN, **w)),
         inner=layers_in_poses(Role.example, Role.heldout),
         skins=of_layer(
             "fat",

@@ -56,7 +56,7 @@ class BodyDeviation:
 
     def fit_variance(self, pose: str | None = None) -> Array:
         """Mean squares (n,) in mm^2 of what the fit leaves: in an example pose its own, else their mean."""
-        if pose in self.fits:
+        if pose is not None and pose in self.fits:
             return self.fits[pose]
         return np.mean([*self.fits.values()], axis=0) if self.fits else np.zeros(len(self.scale))
 

@@ -132,11 +132,17 @@ def posed_covariances(
     bones: Mapping[str, RigidTransform],
     factor: float = 1.0,
 ) -> dict[str, Array]:
-    """The same at given angles (rad): the joints' errors from the root outwards, alike in all directions."""
-    centroids = {bone: bones[bone](rig.surfaces[bone].vertices.mean(axis=0)[None])[0] for bone in rig.bones}
+    """The same at given angles (rad): the joints' errors from the root outwards, alike in all directions.
+
+    Of the bones that the frame has.
+    """
+    placed = [bone for bone in rig.bones if bone in bones]
+    centroids = {bone: bones[bone](rig.surfaces[bone].vertices.mean(axis=0)[None])[0] for bone in placed}
     found = {rig.root: np.zeros((6, 6))}
     known = {joint.child: joint for joint in joints}
     for bone, parent in rig.parents.items():
+        if bone not in centroids or parent not in found:
+            continue
         moved = lever(centroids[bone] - centroids[parent])
         found[bone] = moved @ found[parent] @ moved.T
         if bone in known:
