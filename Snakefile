@@ -27,6 +27,7 @@ include: "workflow/rules/fat.smk"
 include: "workflow/rules/baselines.smk"
 include: "workflow/rules/simulation.smk"
 include: "workflow/rules/views.smk"
+include: "workflow/rules/deviations.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmarks.smk"
 

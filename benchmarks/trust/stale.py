@@ -193,6 +193,10 @@ CHANGES = [
             "equilibria": (True, "evaluate_frames find_equilibria"),
             "muscle_barrier": (True, "simulate"),
             "mechanics": (True, "export_mechanics require_frames"),
+            "deviations": (
+                True,
+                "evaluate_deviations learn_deviations report require_frames state_deviations",
+            ),
             "movie": (True, "render_movie require_frames"),
             "images": (True, "evaluate_images move_image move_images report require_frames"),
             "fidelity": ("standard", ""),  # the build's

@@ -719,6 +719,7 @@ def views():
         paths.SCENE_RIGGED: lambda s: s.rigged,
         paths.SCENE_SKELETON: lambda s: s.skeleton,
         paths.SCENE_MECHANICS: lambda s: s.mechanics,
+        paths.SCENE_DEVIATIONS: lambda s: s.deviations,
         paths.SCENE_MOVIE: lambda s: s.movie,
         paths.SCENE_ANATOMY_MOVIE: lambda s: s.movie and s.images,
     }
@@ -737,6 +738,41 @@ def poses_with_moved_images(subject):
     """Scanned poses into which the neutral image is moved: with fat, where a scene asks for images."""
     asked = any(scene(name).images for name in SETTINGS.scenes)
     return scanned(subject) if asked and "fat" in scene_layers() else []
+
+
+def states_deviations():
+    """Whether a scene asks how far points are expected to be off."""
+    return any(scene(name).deviations for name in SETTINGS.scenes)
+
+
+def layers_in_poses(*roles):
+    """Input function: the layers under the fat that the scenes need, simulated in the poses of some roles."""
+    return lambda w: expand(
+        paths.POSE_LAYERS,
+        subject=w.subject,
+        pose=dataset(w.subject).poses_of(*roles),
+        inner=inner_name(scene_layers()),
+    )
+
+
+def of_layer(layer, files):
+    """Input function: what another one gives, where the scenes have a layer."""
+    return lambda w: files(w) if layer in scene_layers() else []
+
+
+def posed_tendons(wildcards):
+    """The tendons in the example poses, tendon by tendon."""
+    data = dataset(wildcards.subject)
+    return [
+        path
+        for tendon in data.tendons
+        for path in expand(
+            paths.POSED_TENDON,
+            subject=wildcards.subject,
+            tendon=tendon,
+            pose=data.examples,
+        )
+    ]
 
 
 def scribbles(subject, pose, bone):
@@ -891,6 +927,7 @@ def report_stages(subject):
     stages += ["skin"] if "fat" in layers else []
     stages += ["poses"] if report_poses(subject) else []
     stages += ["images"] if poses_with_moved_images(subject) else []
+    stages += ["deviations"] if states_deviations() else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]
     stages += [
         f"motion-{name}" for name in SETTINGS.scenes if is_motion(scene(name).frames)

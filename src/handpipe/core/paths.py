@@ -91,6 +91,9 @@ MOVED_IMAGE = f"{SUBJECT}/poses/{{pose}}/moved.nii.gz"
 MOVED_SLICES = f"{SUBJECT}/poses/{{pose}}/moved.png"
 MOVED_FIGURES = f"{SUBJECT}/poses/{{pose}}/moved.json"
 
+# How far the hand is expected to be off, learned from its fits.
+DEVIATIONS = f"{SUBJECT}/deviations.h5"
+
 # Simulated scenes.
 SIMULATION = f"{SUBJECT}/simulation"
 SCENE_CHUNKS = "*/frames-*.h5"  # of all scenes below SIMULATION, to look for
@@ -108,6 +111,8 @@ SCENE_VTK = f"{SIMULATION}/{{scene}}/vtk"
 SCENE_OBJ = f"{SIMULATION}/{{scene}}/obj"
 SCENE_RIGGED = f"{SIMULATION}/{{scene}}/{{scene}}-rigged.glb"
 SCENE_MECHANICS = f"{SIMULATION}/{{scene}}/mechanics"
+SCENE_DEVIATIONS = f"{SIMULATION}/{{scene}}/deviations"
+SCENE_STATED = f"{SIMULATION}/{{scene}}/deviations.h5"
 SCENE_SKELETON = f"{SIMULATION}/{{scene}}/skeleton"  # for MuJoCo and OpenSim
 SCENE_MOVIE = f"{SIMULATION}/{{scene}}/{{scene}}.webp"
 SCENE_ANATOMY_MOVIE = f"{SIMULATION}/{{scene}}/{{scene}}-anatomy.webp"

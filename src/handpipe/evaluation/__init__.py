@@ -18,10 +18,11 @@ if TYPE_CHECKING:
     )
     from handpipe.evaluation.muscles import deepest, error_rows, surface_errors
     from handpipe.evaluation.pictures import cut_picture, extent, inner_picture, outer_picture
+    from handpipe.evaluation.reliability import coverage, reliability_metrics, reliability_rows
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.evaluation.segmentation import bone_warnings, looks_figures
     from handpipe.evaluation.sides import VIEWS, camera_views
-    from handpipe.evaluation.surfaces import dice, surface_distance
+    from handpipe.evaluation.surfaces import curve_distance, dice, surface_distance
     from handpipe.evaluation.table import Row, skin_metrics, skin_rows
 else:
     __getattr__ = face(__name__)
@@ -35,6 +36,8 @@ __all__ = [
     "bone_warnings",
     "build_metrics",
     "camera_views",
+    "coverage",
+    "curve_distance",
     "cut_picture",
     "deepest",
     "dice",
@@ -49,6 +52,8 @@ __all__ = [
     "pose_metrics",
     "pose_warnings",
     "read_jobs",
+    "reliability_metrics",
+    "reliability_rows",
     "skin_metrics",
     "skin_rows",
     "surface_distance",

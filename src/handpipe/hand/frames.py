@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, overload
 
@@ -165,6 +166,31 @@ class MadeFrames(Sequence[SimulatedFrame]):
         if isinstance(index, slice):
             return [self[number] for number in range(*index.indices(len(self)))]
         return self.frame(index)
+
+
+@dataclass(frozen=True)
+class ComputedFrames(MadeFrames):
+    """Frames with other shapes, computed of theirs.
+
+    Parameters
+    ----------
+    frames : sequence of SimulatedFrame
+        Frames as they are.
+    shapes : function of (Frame, mapping of str to Shapes)
+        Their other shapes by layer.
+    """
+
+    frames: Sequence[SimulatedFrame]
+    shapes: Callable[[Frame, LayerShapes], dict[str, Shapes]]
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.frames)
+
+    def frame(self, number: int) -> SimulatedFrame:
+        """The frame of a number with its other shapes."""
+        frame, shapes = self.frames[number]
+        return frame, self.shapes(frame, shapes)
 
 
 class StoredFrames(MadeFrames):

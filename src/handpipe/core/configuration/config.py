@@ -538,6 +538,9 @@ class Scene(Model):
     mechanics: bool = Field(
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
     )
+    deviations: bool = Field(
+        False, description="state how far each point is expected to be off, as an artifact and as VTU, too"
+    )
     muscle_barrier: bool = Field(
         False,
         description="keep muscles out of bones, of one another and themselves: 4 to 6 times their time",
@@ -566,6 +569,8 @@ class Scene(Model):
             raise ValueError("learned: names a scene of random poses, with `level` L0 or L1 and only then")
         if self.level in WITHOUT_TETS and (self.mechanics or self.equilibria):
             raise ValueError(f"level: {self.level} has no tets: neither mechanics nor equilibria of them")
+        if self.level != "full" and self.deviations:
+            raise ValueError(f"level: {self.level} has errors of its own: deviations are of `full` alone")
         if self.level == "L3" and self.equilibria:
             raise ValueError(
                 "level: L3 bends from neutral: it has no other starts, and no equilibria of them"
