@@ -54,6 +54,20 @@ def skin_distances(
     return found
 
 
+def role_totals(
+    distances: Mapping[str, ByModel], role_of: Mapping[str, str]
+) -> dict[tuple[str, str], tuple[float, float]]:
+    """Mean of the poses' means and largest distance in mm, by model and role."""
+    totals = {}
+    for role in dict.fromkeys(role_of.values()):
+        poses = [by_model for pose, by_model in distances.items() if role_of[pose] == role]
+        for model in poses[0] if poses else ():
+            means = [float(np.mean(by_model[model])) for by_model in poses]
+            largest = max(float(np.max(by_model[model])) for by_model in poses)
+            totals[model, role] = (float(np.mean(means)), largest)
+    return totals
+
+
 def _true_skin(truth: Sequence[Path], pose: str, home: RigidTransform) -> Surface:
     known = true_pose(truth, pose)["skin"]
     return Surface(home(known["vertices"]), known["triangles"])

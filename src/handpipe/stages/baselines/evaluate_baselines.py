@@ -7,15 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from handpipe.core import Metrics, artifacts, metrics
 from handpipe.core.configuration import Dataset
 from handpipe.hand import read_frames
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.costs import stage_cost
 from handpipe.stages.files import Files
-from handpipe.stages.skin_distances import ByModel, skin_distances
+from handpipe.stages.skin_distances import role_totals, skin_distances
 from handpipe.tissues.fat import Skin
 
 SIMULATED = ("m1", "m2", "m3")  # the models besides the full one, of which the best is named
@@ -59,7 +57,7 @@ def evaluate_baselines(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs
     figures = stage_cost(costs)
     rows: list[dict[str, str | float]] = []
     for kind, distances in (("", found.to_scan), ("true_", found.to_truth)):
-        totals = _totals(distances, role_of)
+        totals = role_totals(distances, role_of)
         for (model, role), (mean, largest) in totals.items():
             figures[f"{model}_{kind}{role}_error_mean"] = (mean, "mm")
             figures[f"{model}_{kind}{role}_error_max"] = (largest, "mm")
@@ -77,20 +75,6 @@ def evaluate_baselines(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs
         )
     metrics.write(outputs.metrics, figures)
     artifacts.write_text(outputs.table, json.dumps(rows, indent=2))
-
-
-def _totals(
-    distances: Mapping[str, ByModel], role_of: Mapping[str, str]
-) -> dict[tuple[str, str], tuple[float, float]]:
-    """Mean of the poses' means and largest distance in mm, by model and role."""
-    totals = {}
-    for role in dict.fromkeys(role_of.values()):
-        poses = [by_model for pose, by_model in distances.items() if role_of[pose] == role]
-        for model in poses[0] if poses else ():
-            means = [float(np.mean(by_model[model])) for by_model in poses]
-            largest = max(float(np.max(by_model[model])) for by_model in poses)
-            totals[model, role] = (float(np.mean(means)), largest)
-    return totals
 
 
 def _over_best(kind: str, means: Mapping[str, float]) -> Metrics:
