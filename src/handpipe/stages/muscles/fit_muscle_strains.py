@@ -36,7 +36,10 @@ def fit_muscle_strains(inputs: Inputs, output: Path, dataset: Dataset, name: str
     rig = Rig.load(inputs.rig)
     bodies = read_bodies(inputs.neutral)
     shapes = artifacts.read(inputs.shapes, "muscle_shapes")
-    surfaces = {pose: load_surfaces(p) for pose, p in zip(dataset.examples, inputs.separated, strict=bool(inputs.separated))}
+    surfaces = {
+        pose: load_surfaces(p)
+        for pose, p in zip(dataset.examples, inputs.separated, strict=bool(inputs.separated))
+    }
     surfaces = surfaces or {
         pose: {n: b.surface.moved(shapes[pose][n]["vertices"]) for n, b in bodies.items()}
         for pose in dataset.examples

@@ -34,10 +34,7 @@ def mesh_fat(inputs: Inputs, output: Path, edge: float, on: Sequence[str] = unde
     rig = Rig.load(inputs.rig)
     [(_, below)] = read_frames(inputs.inner)
     bodies = [
-        Surface(s.vertices, s.cells)
-        for n in on
-        for s in below.get(n, {}).values()
-        if s.cells.shape[1] == 3
+        Surface(s.vertices, s.cells) for n in on for s in below.get(n, {}).values() if s.cells.shape[1] == 3
     ]
     inner = inner_surface(bodies, spacing=SPACING, gap=GAP)
     inside = Inside(below, tuple(on), inner)

@@ -39,14 +39,14 @@ class TendonLayer:
         """
         shapes: Shapes = {}
         flesh = flesh_in(below)
-        for name, tendon in self.tendons.items():
+        for tendon in self.tendons.values():
             found = tendon.solve(frame.bones, flesh)
             figures = {"compression": max(-float(found.tension.min()), 0.0) / PULL}
             shapes |= self._tube(tendon, found.x, frame, {"tension": found.tension}, figures)
         return shapes
 
     def along(self, frame: Frame, lines: Mapping[str, Array]) -> Shapes:
-        """The shapes of `solve` with each rod laid along a given line (n, 3), from its insertion: no forces."""
+        """The shapes of `solve` with each rod laid along a given line (n, 3) from its insertion."""
         shapes: Shapes = {}
         for name, tendon in self.tendons.items():
             shapes |= self._tube(tendon, tendon.along(lines[name], frame.bones), frame)
