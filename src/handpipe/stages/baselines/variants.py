@@ -1,7 +1,7 @@
 """Variants of the full model: one part left out or changed, or one organ replaced by its truth.
 
-A variant is a record of what differs from the full model; all else is the full model's, its files included. The
-stages of this package read the record, and simulate with the full model's code.
+A variant is a record of what differs from the full model. All else is the full model's, its files included.
+The stages of this package read the record, and simulate with the full model's code.
 """
 
 from __future__ import annotations
