@@ -2,9 +2,9 @@
 
 python -m handpipe.develop.knuckles DATASET.yaml JOINT PICTURE.png
 
-The picture is of the scanned pose that bends the joint most, after `snakemake ablations`: the skin of both models
-from the side, and sections of both and of the true skin over the joint (Zheng 2022 Fig. 31a), with and without
-strains of the fat.
+The picture is of the scanned pose that bends the joint most, after `snakemake ablations`: the skin of both
+models from the side, and sections of both and of the true skin over the joint (Zheng 2022 Fig. 31a), with and
+without strains of the fat.
 """
 
 from __future__ import annotations
