@@ -36,7 +36,8 @@ class Variant:
         Method of layers, and of the fat's tissue, that gives the changed one; what lacks it does not change.
     own_strains : bool
         Whether strains of the fat are fitted anew to the scans of the examples: those of the full model
-        belong to its organs in these poses.
+        belong to its organs in these poses. True organs keep them: they tell what the error of the full model
+        in held-out poses is made of.
     """
 
     text: str
@@ -69,7 +70,7 @@ class Variant:
         return part if change is None else change()
 
 
-UNDER_SKELETON = (
+OF_SKELETON = (
     "bones",
     "bone_fascia",
     "ligaments",
@@ -98,15 +99,17 @@ VARIANTS = {
     ),
     "true_bones": Variant(
         "true bones",
-        solved=(*UNDER_SKELETON, "flesh", "tendons", "muscles", "muscle_fascia"),
+        solved=(*OF_SKELETON, "flesh", "tendons", "muscles", "muscle_fascia"),
         true=("bones",),
+        own_strains=False,
     ),
-    "true_tendons": Variant("true tendons", true=("tendons",)),
-    "true_muscles": Variant("true muscles", solved=("muscle_fascia",), true=("muscles",)),
+    "true_tendons": Variant("true tendons", true=("tendons",), own_strains=False),
+    "true_muscles": Variant("true muscles", solved=("muscle_fascia",), true=("muscles",), own_strains=False),
     "true_organs": Variant(
         "true bones, tendons, muscles",
-        solved=(*UNDER_SKELETON, "muscle_fascia"),
+        solved=(*OF_SKELETON, "muscle_fascia"),
         true=("bones", "tendons", "muscles"),
+        own_strains=False,
     ),
 }
 PASSIVE = "_passive"  # ends the name of a variant's skin without strains of the fat

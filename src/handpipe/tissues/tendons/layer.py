@@ -15,7 +15,13 @@ from handpipe.tissues.tendons.tendon import Tendon
 
 
 class TendonLayer:
-    """Tendons of loaded artifacts. Frames do not depend on one another."""
+    """Tendons of loaded artifacts. Frames do not depend on one another.
+
+    Parameters
+    ----------
+    tendons : iterable of Tendon
+        The tendons.
+    """
 
     name = "tendons"
     needs = LAYERS[name].needs
