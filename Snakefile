@@ -25,6 +25,7 @@ include: "workflow/rules/ligaments.smk"
 include: "workflow/rules/fascia.smk"
 include: "workflow/rules/fat.smk"
 include: "workflow/rules/baselines.smk"
+include: "workflow/rules/ablations.smk"
 include: "workflow/rules/simulation.smk"
 include: "workflow/rules/views.smk"
 include: "workflow/rules/deviations.smk"
@@ -41,6 +42,7 @@ wildcard_constraints:
     tendon="[A-Za-z][A-Za-z0-9_]*",
     scene=SCENE_NAME,
     chunk="[0-9]+",
+    variant="[a-z][a-z0-9_]*",
 
 
 onstart:
@@ -67,6 +69,7 @@ localrules:
     fasciae,
     fat,
     baselines,
+    ablations,
     simulation,
 
 
@@ -166,6 +169,12 @@ rule baselines:
     input:
         subject_checks(),
         each_subject(paths.metrics_of("baselines")),
+
+
+rule ablations:
+    input:
+        subject_checks(),
+        lambda w: expand(paths.metrics_of("ablations"), subject=ablated_subjects()),
 
 
 rule simulation:

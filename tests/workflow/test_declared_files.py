@@ -46,6 +46,10 @@ NOT_WATCHED = {
     "index_shards": "of random poses: test_shards.py watches it",
     "simulate_baselines": "after a whole build: test_build.py watches it",
     "evaluate_baselines": "after a whole build: test_build.py watches it",
+    "mesh_ablated_fat": "after a whole build: tests/evaluation/test_ablations.py runs its stage",
+    "simulate_ablated_inner": "as mesh_ablated_fat",
+    "simulate_ablated_skin": "as mesh_ablated_fat",
+    "evaluate_ablations": "as mesh_ablated_fat",
     "mesh_crease_tissue": "for scenes at level L3: test_levels.py watches it",
 }
 AIR = 4  # voxels around the small subject's image

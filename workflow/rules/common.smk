@@ -44,6 +44,7 @@ from handpipe.imaging.volumes import labelled_names
 from handpipe.levels import require_learned
 from handpipe.skeleton.drivers import frame_names
 from handpipe.skeleton.motion import is_motion, is_random_file, motion_frame_names
+from handpipe.stages.baselines.variants import VARIANTS
 from handpipe.synthetic import generators
 
 
@@ -1149,6 +1150,7 @@ LOADED_LAYERS = {
     "simulate": lambda w: scene(w.scene).needed,
     "simulate_inner": lambda w: layers_in(w.inner),
     "simulate_flesh": lambda w: ["bones", "flesh"],
+    "simulate_ablated_inner": lambda w: VARIANTS[w.variant].loaded,
 }
 
 

@@ -93,6 +93,8 @@ MOVED_FIGURES = f"{SUBJECT}/poses/{{pose}}/moved.json"
 
 # How far the hand is expected to be off, learned from its fits.
 DEVIATIONS = f"{SUBJECT}/deviations.h5"
+# The full model with one part left out or replaced (`handpipe.stages.baselines.variants`).
+ABLATION = f"{SUBJECT}/ablations/{{variant}}"
 
 # Simulated scenes.
 SIMULATION = f"{SUBJECT}/simulation"
@@ -161,6 +163,11 @@ def at(pattern: str, **wildcards: object) -> Path:
 def partial_chunk(chunk: str | Path) -> Path:
     """Where the finished frames of a chunk are stored while others are missing."""
     return Path(chunk).with_name(Path(chunk).name.replace("frames-", "partial-", 1))
+
+
+def ablated(pattern: str) -> str:
+    """Pattern of a variant's own file in place of the full model's: in the folder of the variant."""
+    return pattern.replace(SUBJECT, ABLATION, 1)
 
 
 def metrics_of(stage: str) -> str:
