@@ -16,7 +16,7 @@ LEVER = 10.0  # mm at which a turn counts as a shift, so that all six coordinate
 STEP = 1e-5  # mm, of the differences that give second derivatives
 BALANCE = 1e-3  # mN, force (or torque over the lever) that may be left
 ROUNDS = 100  # Newton steps at most
-LONGEST = 0.1  # mm, longest Newton step
+LONGEST = 0.2  # mm, longest Newton step
 HALVINGS = 30  # of a step, at most
 SOFTEST = 1.0  # mN/mm: a coordinate with less stiffness is treated as if it had this much
 
@@ -121,7 +121,7 @@ def minimum(energy: Callable[[Array], tuple[float, Array]], start: Array) -> Arr
     for _ in range(ROUNDS):
         if np.abs(gradient).max() < BALANCE:
             return x
-        sides = [(energy(x + e)[1] - energy(x - e)[1]) / (2 * STEP) for e in STEP * np.eye(len(x))]
+        sides = [(energy(x + e)[1] - gradient) / STEP for e in STEP * np.eye(len(x))]
         stiffness, modes = np.linalg.eigh((np.array(sides) + np.array(sides).T) / 2)
         step = -modes @ ((modes.T @ gradient) / np.maximum(np.abs(stiffness), SOFTEST))
         step *= min(1.0, LONGEST / np.linalg.norm(step))

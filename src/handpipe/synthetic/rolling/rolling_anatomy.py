@@ -7,7 +7,7 @@ and are then moved onto the bones.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +37,7 @@ RIMS: dict[str, tuple[Point, Point]] = {
     "distal": ((1.1, 0.0, 0.4), (2.5, 4.0, 3.1)),
 }
 RIM_ROUNDING = 1.5  # mm at girth 1, radius of a rim's edges
+BESIDE_MORE = 0.5  # mm more between the bases of metacarpals IV and V, which move apart and together
 CARTILAGE = Cartilage(0.9, 4000.0, 0.42)  # mm of both layers, kPa, Poisson's ratio
 REACH = 4.5  # mm beyond a joint's radius: what of the moving bone may come to lie on the other
 HALF_WIDTH = 1.6  # radii at which a ligament's nominal place lies beside the joint, before it is moved to bone
@@ -121,7 +122,9 @@ def shallow_bones(joints: tuple[KnownJoint, ...]) -> dict[str, PlacedBone]:
         for kind, s in segments.items()
         if f"{kind}{ray}" in moving
     }
-    return bones(dict(seat(joint) for joint in joints), rims)
+    seats: dict[tuple[str, str], Callable[[Implicit], Implicit]] = dict(seat(joint) for joint in joints)
+    seats["metacarpal5", "metacarpal4"] = lambda beside: lambda points: beside(points) - BESIDE_MORE
+    return bones(seats, rims)
 
 
 def _times(point: Point, factor: float) -> Point:

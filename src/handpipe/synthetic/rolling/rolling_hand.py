@@ -29,7 +29,14 @@ SURFACE_SPACING = phantom_hand.SURFACE_SPACING
 DIP_OF_PIP = 2 / 3  # flexion of the DIP joint for that of the PIP joint (Rijpkema and Girard 1991)
 ABDUCTION = 25.0  # deg, most of a straight finger at its MP joint; none at a right angle, in proportion between
 LEAST_ABDUCTION = 2.0  # deg that are left at a right angle
-STRIDE = np.radians(8.0)  # longest way of a driven angle from one equilibrium to the next
+STRIDE = np.radians(15.0)  # longest way of a driven angle from one equilibrium to the next
+# Degrees, where bones of neighbouring fingers would meet.
+CHANGES: dict[str, dict[str, float]] = {
+    "fist": {"MP5_abduction": -2, "MP4_abduction": 0},
+    "bow": {"MP2_abduction": 3.9, "MP3_abduction": -1},
+    "oppose_ring": {"TM_flexion": 26},
+    "point": {"MP5_abduction": -1.5, "MP4_abduction": 0.5},
+}
 
 
 def coupled(angles: Mapping[str, float]) -> dict[str, float]:
@@ -160,7 +167,13 @@ def hand() -> Hand:
 
 
 def _radians(pose: str) -> dict[str, float]:
-    return {name: float(np.radians(value)) for name, value in coupled(POSES[pose]).items()}
+    return {name: float(np.radians(value)) for name, value in poses()[pose].items()}
+
+
+@cache
+def poses() -> dict[str, dict[str, float]]:
+    """Driven angles in degrees by pose and name."""
+    return {pose: coupled(angles | CHANGES.get(pose, {})) for pose, angles in POSES.items()}
 
 
 def motion() -> HandMotion:
@@ -172,7 +185,7 @@ def motion() -> HandMotion:
         return replace(joint, centre=place(joint.centre), axes=joint.axes @ place.rotation.T)
 
     known = tuple(carried(joint) for joint in built().known)
-    return HandMotion(NAME, known, {pose: coupled(angles) for pose, angles in POSES.items()})
+    return HandMotion(NAME, known, poses())
 
 
 @cache
