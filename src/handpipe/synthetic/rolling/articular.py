@@ -129,7 +129,9 @@ class Contact:
     cartilage: Cartilage
 
     @staticmethod
-    def between(fixed: Surface, moving: Surface, centre: Array, radius: float, cartilage: Cartilage) -> Contact:
+    def between(
+        fixed: Surface, moving: Surface, centre: Array, radius: float, cartilage: Cartilage
+    ) -> Contact:
         """Of two bones: what of the moving one lies within a ball (mm) about the joint's centre (3,)."""
         near = np.linalg.norm(moving[0] - centre, axis=1) < radius
         areas = Mesh(*moving).triangle_areas()

@@ -137,4 +137,4 @@ def minimum(energy: Callable[[Array], tuple[float, Array]], start: Array) -> Arr
     if np.abs(gradient).max() < BALANCE:
         return x
     reason = f"{np.abs(gradient).max():.3g} mN are left, the limit is {BALANCE:g} mN"
-    raise ConvergenceError("a rolling joint", reason, "Check its surfaces and ligaments, or turn it in smaller steps")
+    raise ConvergenceError("a rolling joint", reason, "Check its surfaces and ligaments")

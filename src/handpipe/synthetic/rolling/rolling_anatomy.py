@@ -1,8 +1,8 @@
 """The rolling hand's joints as built: heads in shallow bases, cartilage, ligaments of uneven sides, a flexor.
 
 Bones are the phantom hand's, but each base is wider than the head on which it lies, so that it can roll.
-Places of ligaments are in units of a joint's radius, in its own frame (distal, towards flexion's axis, dorsal),
-and are then moved onto the bones.
+Places of ligaments are in units of a joint's radius, in its own frame (distal, along flexion's axis,
+dorsal), and are then moved onto the bones.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ RIM_ROUNDING = 1.5  # mm at girth 1, radius of a rim's edges
 BESIDE_MORE = 0.5  # mm more between the bases of metacarpals IV and V, which move apart and together
 CARTILAGE = Cartilage(0.9, 4000.0, 0.42)  # mm of both layers, kPa, Poisson's ratio
 REACH = 4.5  # mm beyond a joint's radius: what of the moving bone may come to lie on the other
-HALF_WIDTH = 1.6  # radii at which a ligament's nominal place lies beside the joint, before it is moved to bone
+HALF_WIDTH = 1.6  # radii at which a ligament's nominal place lies beside the joint, then it is moved to bone
 
 
 @dataclass(frozen=True)
@@ -76,9 +76,9 @@ class Band:
         return replace(self, origin=(x, y + lean, z), insertion=(a, b + lean, c))
 
 
-# Collateral ligaments are fans from near the centre, dorsal and proximal of it: the fibres to the palmar side of
-# the base are taut in extension, those to its dorsal side in flexion. The radial fan is stiffer and shorter. No
-# fibre rests in neutral.
+# Collateral ligaments are fans from near the centre, dorsal and proximal of it: the fibres to the palmar
+# side of the base are taut in extension, those to its dorsal side in flexion. The radial fan is stiffer and
+# shorter. Neutral is the rest of no fan.
 LIGAMENTS = (
     Band((-0.10, HALF_WIDTH, 0.22), (1.20, HALF_WIDTH, 0.45), 150.0, taut=50.0, strain=0.025),
     Band((-0.10, -HALF_WIDTH, 0.22), (1.20, -HALF_WIDTH, 0.45), 120.0, taut=50.0, strain=0.015),
@@ -110,7 +110,7 @@ def frame_of_joint(joint: KnownJoint) -> Array:
 
 
 def shallow_bones(joints: tuple[KnownJoint, ...]) -> dict[str, PlacedBone]:
-    """The phantom hand's bones, each base hollowed by a larger head that touches the true one at its middle."""
+    """The phantom hand's bones, each base hollowed by a larger head that touches the true one."""
 
     def seat(joint: KnownJoint) -> tuple[tuple[str, str], _Seat]:
         return (joint.child, joint.parent), _Seat(joint.centre, joint.direction, WIDER[kind_of(joint.name)])

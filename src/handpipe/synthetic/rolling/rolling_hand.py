@@ -1,8 +1,8 @@
 """A hand of bones whose joints roll: its poses, their equilibria, and a pose's files.
 
 No joint has a fixed centre or fixed axes. What a joint does besides its driven angles depends on the flexor's
-tension, and so on the other joints of its finger. The neutral pose is such an equilibrium, too, and lies off the
-rest of the ligaments.
+tension, and so on the other joints of its finger. The neutral pose is such an equilibrium, too, and lies off
+the rest of the ligaments.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from handpipe.synthetic.rolling.equilibrium import RollingJoint
 NAME = "phantom-hand-rolling"
 SURFACE_SPACING = phantom_hand.SURFACE_SPACING
 DIP_OF_PIP = 2 / 3  # flexion of the DIP joint for that of the PIP joint (Rijpkema and Girard 1991)
-ABDUCTION = 25.0  # deg, most of a straight finger at its MP joint; none at a right angle, in proportion between
+ABDUCTION = 25.0  # deg, most of a straight finger at its MP joint; in proportion to none at a right angle
 LEAST_ABDUCTION = 2.0  # deg that are left at a right angle
 STRIDE = np.radians(15.0)  # longest way of a driven angle from one equilibrium to the next
 # Degrees, where bones of neighbouring fingers would meet.
@@ -40,7 +40,7 @@ CHANGES: dict[str, dict[str, float]] = {
 
 
 def coupled(angles: Mapping[str, float]) -> dict[str, float]:
-    """Angles in degrees of a pose as neighbours allow them: DIP by PIP, abduction of the MP by its flexion."""
+    """Angles in degrees of a pose as neighbours allow them: DIP by PIP, MP's abduction by its flexion."""
     found = dict(angles)
     for ray in FINGERS:
         found[f"DIP{ray}_flexion"] = round(DIP_OF_PIP * angles[f"PIP{ray}_flexion"], 1)
@@ -99,7 +99,7 @@ class BuiltHand:
     rolling: dict[str, RollingJoint]
 
     def rest(self, joint: KnownJoint, angles: Mapping[str, float]) -> Array:
-        """Coordinates (6,) of a joint's equilibrium at all of the hand's angles (rad), from the built hand."""
+        """Coordinates (6,) of a joint's equilibrium at all of the hand's angles in rad."""
         rolling = self.rolling[joint.name]
         rolling = rolling.with_tension(anatomy.tensions(rolling, bent(joint, angles)))
         end = np.array([angles[name] for name in joint.angles])
