@@ -49,6 +49,9 @@ GENERATORS: dict[str, GeneratorRecord] = {
         template="curves",
         own=("scanner",),
     ),
+    "phantom-hand-rolling": GeneratorRecord(
+        truth="bones", module="handpipe.synthetic.rolling.rolling_hand", own=("scanner",)
+    ),
     "phantom-hand-complete": GeneratorRecord(truth="coupled", template="curves", own=("scanner",)),
     "myohand-bones": GeneratorRecord(
         truth="bones",

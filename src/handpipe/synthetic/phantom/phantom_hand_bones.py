@@ -7,7 +7,7 @@ is hollowed to fit it, so that heads nearly touch the bases that they carry.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,7 @@ ROOT = "metacarpal3"
 WITH_ROOT = ("metacarpal2", "trapezium", "trapezoid", "capitate", "hamate")
 GAP = 0.6  # mm of cartilage between bones that lie on one another
 BASE_GAP = 0.9  # mm between the bases of metacarpals, which slide past one another
+BASE_BLEND = 1.0  # mm over which a bone runs into what is added to its base
 SEAT = 0.2  # mm from the end of a bone to the start of the next one before it is hollowed
 
 
@@ -211,15 +212,27 @@ def _carpal_blocks() -> dict[str, tuple[Implicit, RigidTransform]]:
     }
 
 
-def bones() -> dict[str, PlacedBone]:
-    """All 23 bones, each hollowed by those before it that it may touch."""
+def bones(
+    seats: Mapping[tuple[str, str], Callable[[Implicit], Implicit]] | None = None,
+    bases: Mapping[str, Implicit] | None = None,
+) -> dict[str, PlacedBone]:
+    """All 23 bones, each hollowed by those before it that it may touch.
+
+    seats: by bone and the bone that hollows it, what changes the hollowing shape in the neutral frame, if
+    anything does; bases: what is added to a bone, in its own frame, before it is hollowed.
+    """
     placed, found = frames(), dict[str, PlacedBone]()
 
     def add(name: str, shape: Implicit, span: tuple[float, float], cortex: tuple[float, float]) -> None:
         frame = placed[name]
+        if bases and name in bases:
+            shape = smooth_union([shape, bases[name]], BASE_BLEND)
         for other in _before(name):
             gap = BASE_GAP if name.startswith("metacarpal") and other.startswith("metacarpal") else GAP
-            shape = carved(shape, moved(found[other].placed(), frame.inverse()), gap)
+            obstacle = found[other].placed()
+            if seats and (name, other) in seats:
+                obstacle = seats[name, other](obstacle)
+            shape = carved(shape, moved(obstacle, frame.inverse()), gap)
         found[name] = PlacedBone(with_marrow(shape, span, *cortex), frame)
 
     blocks = _carpal_blocks()
