@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from handpipe.core import InputError, Metrics, Parser, artifacts, metrics, reported
+from handpipe.evaluation import SKIN_MODELS
 
 PAGE = Path("docs/results.md")
 REMEDY = "Build the subject anew from one commit: remove its folder and run snakemake"
@@ -65,16 +66,6 @@ FIGURES = (
     _figure("skin to true skin by m0, examples, mean", "skin: true_example_error_mean"),
     _figure("skin to true skin by m0, held out, mean", "skin: true_heldout_error_mean"),
 )  # fmt: skip
-
-MODELS = {
-    "m0": "m0: all layers",
-    "m1": "m1: no plastic strains in the fat",
-    "m2": "m2: one soft tissue",
-    "m3": "m3: one soft tissue with plastic strains (Ichim 2017)",
-    "dual_quaternion": "skinning by dual quaternions",
-    "linear": "linear skinning",
-    "pivot": "dual quaternions on a pivot rig",
-}
 
 
 def build_commit(folders: Sequence[Path]) -> str:
@@ -169,7 +160,7 @@ def _models(figures: Metrics) -> Iterator[str]:
     heads = [f"to {place}, {poses}" for place in ("scan", "true skin") for poses in ("examples", "held out")]
     yield f"| model | {' | '.join(heads)} |"
     yield "| --- " * 5 + "|"
-    for model, text in MODELS.items():
+    for model, text in SKIN_MODELS.items():
         cells = []
         for column in columns:
             found = [figures.get(f"{model}_{column}_error_{kind}") for kind in ("mean", "max")]
