@@ -1,6 +1,7 @@
 """The page of handpipe bones in a real browser: clicks through the skin, drag, undo, save, what is wrong."""
 
 import json
+import shlex
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,7 @@ from tests.browser import chromium, needs_browser, patient
 
 from handpipe.anatomy.placing import load_bones
 from handpipe.cli import main
-from handpipe.cli.muscle_curves import BoneServer, BoneSession, open_bones
+from handpipe.cli.muscle_curves import BoneServer, BoneSession, curves_command, open_bones
 from handpipe.core import InputError
 from handpipe.mesh.surfaces import Surface, read_surface, write_surface
 
@@ -172,6 +173,18 @@ def test_a_click_that_fails_changes_nothing(session: BoneSession) -> None:
         with pytest.raises(InputError, match="limb.yaml: (click|ray)"):
             session.edit(json.dumps(content).encode())
     assert session.file is before
+
+
+def test_the_next_command_is_one_that_a_shell_takes(tmp_path: Path) -> None:
+    folder = tmp_path / "mein Bein"
+    words = shlex.split(curves_command(folder / "leg.yaml", folder / "skin.ply", folder / "bones"))
+    assert words[2:] == [
+        str(folder / "leg.yaml"),
+        "--skin",
+        str(folder / "skin.ply"),
+        "--bones",
+        str(folder / "bones"),
+    ]
 
 
 def test_the_command_names_what_is_wrong(skin: Path, tmp_path: Path, capsys) -> None:

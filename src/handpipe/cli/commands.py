@@ -262,7 +262,8 @@ def curves(
     if example is not None:
         for path in muscle_curves.write_example(example):
             print(path)
-        print(f"Next: handpipe curves {example}/leg.yaml --skin {example}/skin.ply --bones {example}/bones")
+        own, around, bones_in = (example / name for name in ("leg.yaml", "skin.ply", "bones"))
+        print(f"Next: {muscle_curves.curves_command(own, around, bones_in)}")
         return 0
     if file is None or skin is None or not bones:
         problem = "the file of the curves, --skin and --bones are needed"

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from handpipe.cli.muscle_curves.bone_session import BoneSession, open_bones
     from handpipe.cli.muscle_curves.example import write_example
     from handpipe.cli.muscle_curves.server import BoneServer, CurveServer, serve, serve_bones
-    from handpipe.cli.muscle_curves.session import CurveSession, open_session
+    from handpipe.cli.muscle_curves.session import CurveSession, curves_command, open_session
 else:
     __getattr__ = face(__name__)
 
@@ -17,6 +17,7 @@ __all__ = [
     "BoneSession",
     "CurveServer",
     "CurveSession",
+    "curves_command",
     "open_bones",
     "open_session",
     "serve",

@@ -22,7 +22,13 @@ from handpipe.anatomy.placing import (
 )
 from handpipe.anatomy.shipped import HAND
 from handpipe.cli.muscle_curves.packing import pack
-from handpipe.cli.muscle_curves.session import copied_beside, given_json, require_yaml, surface_arrays
+from handpipe.cli.muscle_curves.session import (
+    copied_beside,
+    curves_command,
+    given_json,
+    require_yaml,
+    surface_arrays,
+)
 from handpipe.cli.own_files import written_anew
 from handpipe.core import InputError
 from handpipe.core.configuration import checked
@@ -129,8 +135,8 @@ class BoneSession:
         write_bone_file(self.target, self.file)
         kept = f"; the earlier file is {self.kept.name}" if self.kept else ""
         curves = self.target.with_name("curves.yaml")
-        further = f"Next: handpipe curves {curves} --skin {self.skin_file} --bones {self.folder}"
-        return f"saved {len(self.bones)} bones to {self.target} and {self.folder}{kept}. {further}"
+        further = curves_command(curves, self.skin_file, self.folder)
+        return f"saved {len(self.bones)} bones to {self.target} and {self.folder}{kept}. Next: {further}"
 
     def _placed(self, content: Any) -> Any:
         """The content with each ray as a point."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 import shutil
 import time
 from collections.abc import Mapping, Sequence
@@ -186,6 +187,23 @@ class CurveSession:
         place = place_on_bone(point, self.bones, self.draft.distal, self.target, bone)
         others = {key: value for key, value in content.items() if key not in ("drop", "bone")}
         return place.model_dump(mode="json", exclude_unset=True) | others
+
+
+def curves_command(file: Path, skin: Path, bones: Path) -> str:
+    """The command that opens a file of curves, as a shell takes it.
+
+    Parameters
+    ----------
+    file, skin, bones : Path
+        File of the curves, surface of the skin, folder of the bones.
+
+    Returns
+    -------
+    str
+        One line; paths with blanks are quoted.
+    """
+    words = ["handpipe", "curves", str(file), "--skin", str(skin), "--bones", str(bones)]
+    return shlex.join(words)
 
 
 def copied_beside(path: Path) -> Path:
