@@ -104,7 +104,7 @@ def _surfaces(
         middle, end = points
         return {name: _between(template, 2 * middle - end, end, None)}
     if isinstance(bone, CylinderBone):
-        return {name: _between(template, *points, bone.radius)}
+        return {name: _between(template, points[0], points[1], bone.radius)}
     knots, spline = catmull_rom(points)
     ends = resample(spline(np.linspace(0, knots[-1], FINE)), bone.count + 1)
     shorter = 0.5 * GAP * np.diff(ends, axis=0)
