@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from handpipe.core import InputError, Metrics, Parser, artifacts, metrics, reported
+from handpipe.evaluation import SKIN_MODELS
 from handpipe.stages.baselines.variants import PASSIVE, VARIANTS
 
 PAGE = Path("docs/results.md")
@@ -67,15 +68,6 @@ FIGURES = (
     _figure("skin to true skin by m0, held out, mean", "skin: true_heldout_error_mean"),
 )  # fmt: skip
 
-MODELS = {
-    "m0": "m0: all layers",
-    "m1": "m1: no plastic strains in the fat",
-    "m2": "m2: one soft tissue",
-    "m3": "m3: one soft tissue with plastic strains (Ichim 2017)",
-    "dual_quaternion": "skinning by dual quaternions",
-    "linear": "linear skinning",
-    "pivot": "dual quaternions on a pivot rig",
-}
 # Heads of the table of variants, and what their figures' names have after the variant's.
 OF_VARIANTS = {
     "to scan, examples": "example_error",
@@ -173,7 +165,7 @@ def _section(folder: Path) -> Iterator[str]:
             yield f"| {figure.text} | `{figure.stage}`: {where} | {shown} | {figure.published} |"
     if "baselines" in known:
         columns = dict(list(OF_VARIANTS.items())[:4])
-        rows = _models(known["baselines"], MODELS, columns)
+        rows = _models(known["baselines"], SKIN_MODELS, columns)
         yield from ("", f"### Simpler models, {folder.name}", "", *rows)
     if "ablations" in known:
         yield from ("", f"### Variants of the full model, {folder.name}", "", *_variants(known["ablations"]))
@@ -184,7 +176,7 @@ def _variants(figures: Metrics) -> Iterator[str]:
     marks = {n.removeprefix("m0_").removesuffix("_error_mean") for n in figures if n.startswith("m0_")}
     knuckles = sorted(m for m in marks if m.endswith("_knuckle") and PASSIVE[1:] not in m)
     over = {f"over {name.removesuffix('_knuckle')}": f"{name}_error" for name in knuckles}
-    rows = {"m0": MODELS["m0"]} | {name: f"`{name}`: {v.text}" for name, v in VARIANTS.items()}
+    rows = {"m0": SKIN_MODELS["m0"]} | {name: f"`{name}`: {v.text}" for name, v in VARIANTS.items()}
     yield from _models(figures, rows, OF_VARIANTS | over)
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.evaluation.segmentation import bone_warnings, looks_figures
     from handpipe.evaluation.sides import VIEWS, camera_views
+    from handpipe.evaluation.skin_models import SIMULATED_MODELS, SKIN_MODELS
     from handpipe.evaluation.slices import Contours, Plane, draw_slice
     from handpipe.evaluation.surfaces import curve_distance, dice, surface_distance
     from handpipe.evaluation.table import Row, skin_metrics, skin_rows
@@ -36,6 +37,8 @@ __all__ = [
     "PoseView",
     "ReportInput",
     "Row",
+    "SIMULATED_MODELS",
+    "SKIN_MODELS",
     "bone_warnings",
     "build_metrics",
     "camera_views",

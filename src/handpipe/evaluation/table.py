@@ -12,15 +12,11 @@ from html import escape
 import numpy as np
 
 from handpipe.core import Array, Metrics
+from handpipe.evaluation.skin_models import SIMULATED_MODELS
 
 Cell = str | float | None
 Row = Mapping[str, str | float]
 
-MODELS = {
-    "m0": "m0: full model",
-    "m1": "m1: without plastic strains in the fat",
-    "m2": "m2: one soft tissue",
-}
 STATISTICS: dict[str, Callable[[Array], float]] = {
     "mean": lambda e: float(np.mean(e)),
     "median": lambda e: float(np.median(e)),
@@ -157,7 +153,7 @@ def _statistics(by_model: Mapping[str, Array]) -> dict[str, float]:
 
 def _total(name: str, rows: Sequence[Row]) -> Row:
     totals: dict[str, float] = {}
-    for model in MODELS:
+    for model in SIMULATED_MODELS:
         for kind, statistic in STATISTICS.items():
             values = [float(row[f"{model}_{kind}"]) for row in rows if f"{model}_{kind}" in row]
             if values:
@@ -197,7 +193,7 @@ def skin_metrics(rows: Sequence[Row]) -> Metrics:
 
 def skin_table(rows: Sequence[Row]) -> Table | None:
     """`skin_rows` as a table; None without rows."""
-    columns = [c for c in (*MODELS, "ratio") if any(f"{c}_mean" in row for row in rows)]
+    columns = [c for c in (*SIMULATED_MODELS, "ratio") if any(f"{c}_mean" in row for row in rows)]
     if not columns:
         return None
     keys = [(kind, column) for kind in STATISTICS for column in columns]
@@ -205,7 +201,7 @@ def skin_table(rows: Sequence[Row]) -> Table | None:
     cells: list[list[Cell]] = [
         [_pose(row), *(row.get(f"{column}_{kind}") for kind, column in keys)] for row in rows
     ]
-    models = "; ".join(MODELS[column] for column in columns if column in MODELS)
+    models = "; ".join(SIMULATED_MODELS[column] for column in columns if column in SIMULATED_MODELS)
     note = f"Distance of each vertex of the scanned skin to the simulated skin. {models}."
     return Table("Simulated against scanned skin (Zheng 2022, Table 4).", ["pose", *heads], cells, note)
 

@@ -220,6 +220,15 @@ class StoredFrames(MadeFrames):
         """Number of frames."""
         return len(self._places)
 
+    def angles(self) -> list[dict[str, float]]:
+        """Joint angles in rad of each frame by name; no shape is read."""
+        found: dict[Path, list[dict[str, float]]] = {}
+        for path in dict.fromkeys(path for path, _ in self._places):
+            with h5py.File(path, "r") as file:
+                every = [file["frames"][number]["angles"] for number in sorted(file["frames"])]
+                found[path] = [{name: float(group[name][()]) for name in group} for group in every]
+        return [found[path][number] for path, number in self._places]
+
     def frame(self, number: int) -> SimulatedFrame:
         """The frame of a number; its whole file is read unless it was the last one."""
         path, place = self._places[number]
@@ -227,6 +236,24 @@ class StoredFrames(MadeFrames):
             self._last = None  # before the next file is read: one at a time
             self._last = path, read_frames(path)
         return self._last[1][place]
+
+
+def frame_angles(frames: Sequence[SimulatedFrame]) -> list[dict[str, float]]:
+    """Joint angles in rad of frames, by angle name; of stored ones no shape is read.
+
+    Parameters
+    ----------
+    frames : sequence of SimulatedFrame
+        Frames.
+
+    Returns
+    -------
+    list of dict of str to float
+        Angles of each frame.
+    """
+    if isinstance(frames, StoredFrames):
+        return frames.angles()
+    return [dict(frame.angles) for frame, _ in frames]
 
 
 def failures_in(path: str | Path) -> list[Failure]:

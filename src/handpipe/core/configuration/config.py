@@ -19,6 +19,7 @@ from pydantic import (
 )
 
 from handpipe.core.artifacts import read_text
+from handpipe.core.configuration.tree_order import joint_order
 from handpipe.core.errors import InputError
 from handpipe.core.layer_registry import needed, organs
 
@@ -432,6 +433,10 @@ class Dataset(Model):
         children = [j.child for j in self.joints.values()]
         if len(set(children)) != len(children) or len(self.root_bones) != 1:
             raise ValueError("joints: must form one tree over the bones, each bone a child at most once")
+        try:
+            joint_order({name: (joint.parent, joint.child) for name, joint in self.joints.items()})
+        except ValueError as error:
+            raise ValueError(f"joints: {error}") from error
         return self
 
     # What follows from fields; a stage may read it alone, without them
