@@ -49,7 +49,9 @@ GENERATORS: dict[str, GeneratorRecord] = {
         template="curves",
         own=("scanner",),
     ),
-    "phantom-hand-complete": GeneratorRecord(truth="coupled", template="curves", own=("scanner",)),
+    "phantom-hand-complete": GeneratorRecord(
+        truth="coupled", template="curves", own=("scanner", "proportions")
+    ),
     "myohand-bones": GeneratorRecord(
         truth="bones",
         module="handpipe.synthetic.real_anatomy.myohand_bones",
