@@ -13,7 +13,7 @@ from handpipe.core.configuration import Dataset
 from handpipe.fem.linear import factorise
 from handpipe.stages.files import Files
 from handpipe.synthetic.family import build_of
-from handpipe.synthetic.template_hands import at_its_size, bare_hand, with_volumes
+from handpipe.synthetic.template_hands import at_its_size, bare_hand, of_build
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ def template_hand(inputs: Inputs, outputs: Outputs, dataset: Dataset, edges: Map
     file, build = load_hand(inputs.curves), None
     if dataset.proportions is not None:
         build = build_of(dataset.proportions)
-        file = with_volumes(file, build)
+        file = of_build(file, build)
     figures: metrics.Metrics = {}
     with metrics.measured(figures):
         bare = bare_hand(edges["bone"], edges["skin"], build)

@@ -110,10 +110,12 @@ class Surroundings:
         def places(given: Sequence[Place]) -> tuple[Place, ...]:
             return tuple((bone, (size * x, size * y, size * z)) for bone, (x, y, z) in given)
 
+        def cone(given: Cone) -> Cone:
+            start, end = places((given.start, given.end))
+            return Cone(start, end, size * given.radius_start, size * given.radius_end)
+
         def cones(given: Sequence[Cone]) -> list[Cone]:
-            return [
-                Cone(*places((c.start, c.end)), size * c.radius_start, size * c.radius_end) for c in given
-            ]
+            return [cone(c) for c in given]
 
         def strands(given: Sequence[Strand]) -> list[Strand]:
             return [Strand(places(s.places), size * s.radius) for s in given]

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from handpipe.synthetic.template_hands import coupled_hand, zanatomy_hand
     from handpipe.synthetic.template_hands.known_hands import known_hand
     from handpipe.synthetic.template_hands.muscle_ends import marked_ends
-    from handpipe.synthetic.template_hands.template_hand import at_its_size, bare_hand, with_volumes
+    from handpipe.synthetic.template_hands.template_hand import at_its_size, bare_hand, of_build
 else:
     __getattr__ = face(__name__)
 
@@ -18,6 +18,6 @@ __all__ = [
     "coupled_hand",
     "known_hand",
     "marked_ends",
-    "with_volumes",
+    "of_build",
     "zanatomy_hand",
 ]

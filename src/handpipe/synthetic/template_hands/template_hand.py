@@ -12,6 +12,9 @@ from handpipe.synthetic.phantom.hand_build import HandBuild
 from handpipe.synthetic.phantom.hand_skin import skin_surface
 from handpipe.synthetic.template_hands import hand_templates
 
+LIGAMENT_TISSUE = 1.5  # of the file's, in other hands than the median one
+LIGAMENT_REACH = 4.0  # mm of the median hand about a ligament's ends within which it is attached
+
 
 def bare_hand(bone_edge: float, skin_edge: float, build: HandBuild | None = None) -> SubjectTemplate:
     """Phantom hand in neutral without soft tissue.
@@ -36,14 +39,36 @@ def bare_hand(bone_edge: float, skin_edge: float, build: HandBuild | None = None
     return replace(known, bones=bones, skin=skin)
 
 
-def with_volumes(file: HandFile, build: HandBuild) -> HandFile:
-    """The file of curves with the muscles' volumes of another hand, as large as the median one."""
+def of_build(file: HandFile, build: HandBuild) -> HandFile:
+    """The file of curves for another hand, as large as the median one.
+
+    Muscles have its volumes. Ligaments are firmer: those of the file just keep their place beside the median
+    hand's muscles, and other muscles cut them off.
+    """
 
     def muscle(name: str, curves: MuscleCurves) -> MuscleCurves:
         volume = None if curves.volume is None else curves.volume * build.volume(name)
         return curves.model_copy(update={"volume": volume})
 
-    return file.model_copy(update={"muscles": {name: muscle(name, m) for name, m in file.muscles.items()}})
+    def ligament(curves: MuscleCurves) -> MuscleCurves:
+        firm = [
+            line.model_copy(
+                update={
+                    "points": tuple(
+                        p.model_copy(update={"tissue": LIGAMENT_TISSUE * p.tissue}) for p in line.points
+                    )
+                }
+            )
+            for line in curves.curves
+        ]
+        return curves.model_copy(update={"curves": tuple(firm), "reach": LIGAMENT_REACH})
+
+    return file.model_copy(
+        update={
+            "muscles": {name: muscle(name, m) for name, m in file.muscles.items()},
+            "ligaments": {name: ligament(curves) for name, curves in file.ligaments.items()},
+        }
+    )
 
 
 def at_its_size(hand: HandTemplate, build: HandBuild) -> HandTemplate:
