@@ -7,8 +7,12 @@ from pathlib import Path
 import pytest
 
 from handpipe.core import artifacts, metrics
+from handpipe.core.configuration.config import load_yaml
 from handpipe.core.errors import InputError
-from handpipe.develop.judge import ROWS, TEST, figures_by_hand, main, require_freeze
+from handpipe.develop.judge import ROWS, HandKinds, figures_by_hand, main, require_freeze
+
+ROOT = Path(__file__).parents[2]
+KINDS = ROOT / "config" / "judge.yaml"
 
 SKIN = {"m0": 0.2, "m1": 0.5, "m2": 0.4, "m3": 0.3}  # mm, of the first hand, held out, to the true skin
 
@@ -28,7 +32,7 @@ def hand(root: Path, name: str, size: float = 1.0, commit: str = "a" * 40) -> Pa
 
 def judged(root: Path, *folders: Path) -> tuple[int, Path, Path]:
     figures, page = root / "judge.json", root / "page.md"
-    given = [*map(str, folders), "--figures", str(figures), "--page", str(page)]
+    given = [*map(str, folders), "--kinds", str(KINDS), "--figures", str(figures), "--page", str(page)]
     return main(given), figures, page
 
 
@@ -60,13 +64,23 @@ def test_hands_of_two_builds_are_refused(tmp_path: Path) -> None:
     assert not figures.exists() and not page.exists()
 
 
-def test_a_hand_of_no_kind_a_hand_twice_and_validation_hands_alone_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="neither a validation hand nor a test hand"):
-        figures_by_hand([hand(tmp_path, "my-hand")])
-    twice = [hand(tmp_path, name) for name in ("zanatomy-hand", "zanatomy-hand-preview")]
-    with pytest.raises(InputError, match="are one hand"):
-        figures_by_hand(twice)
-    assert judged(tmp_path, hand(tmp_path, "phantom-finger"))[0] == 1
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (("my-hand",), "neither a validation hand nor a test hand"),
+        (
+            ("zanatomy-hand", "zanatomy-hand-preview"),
+            "zanatomy-hand and zanatomy-hand-preview: one hand twice",
+        ),
+        (("hand-child", "hand-child"), "hand-child: one hand twice"),
+        (("phantom-finger",), "is no test hand"),
+    ],
+)
+def test_a_hand_of_no_kind_a_hand_twice_and_validation_hands_alone_are_refused(
+    names: tuple[str, ...], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        load_yaml(KINDS, HandKinds).require([Path(name) for name in names])
 
 
 def test_an_absent_figure_is_named(tmp_path: Path) -> None:
@@ -97,6 +111,10 @@ def test_a_build_of_another_commit_than_the_freeze_is_refused(
         require_freeze(commit, "freeze-2")
 
 
-def test_every_test_hand_has_a_dataset_file() -> None:
-    folder = Path(__file__).parents[2] / "config" / "datasets"
-    assert [name for name in TEST if not (folder / f"{name}.yaml").is_file()] == []
+def test_every_hand_has_a_dataset_file_and_one_kind() -> None:
+    kinds = load_yaml(KINDS, HandKinds)
+    folder = ROOT / "config" / "datasets"
+    assert [
+        name for name in (*kinds.validation, *kinds.test) if not (folder / f"{name}.yaml").is_file()
+    ] == []
+    assert not set(kinds.validation) & set(kinds.test)

@@ -15,8 +15,8 @@ from handpipe.core import Array
 from handpipe.core.configuration.config import load_dataset
 from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces import Distance
-from handpipe.synthetic.family.hand_measures import hand_measures
 from handpipe.synthetic.family.measured_people import PEOPLE
+from handpipe.synthetic.family.measuring import hand_measures
 from handpipe.synthetic.family.proportions import build_of
 from handpipe.synthetic.phantom import phantom_hand
 from handpipe.synthetic.phantom.hand_skin import skin_surface

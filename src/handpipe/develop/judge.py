@@ -15,25 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from handpipe.core import InputError, Metrics, Parser, artifacts, metrics, reported
+from handpipe.core.configuration import Model, load_yaml
 from handpipe.develop.results import build_commit, machine, stage_figures
 
+KINDS = Path("config/judge.yaml")
 FIGURES, PAGE = Path("results/benchmarks/judge.json"), Path("docs/judge-figures.md")
-VALIDATION = (  # the hands that variants, settings and tolerances were chosen by
-    "phantom-finger",
-    "phantom-hand-preview",
-    "phantom-hand-complete",
-    "phantom-hand-bent",
-)
-TEST = (  # the hands that nothing is chosen by
-    "zanatomy-hand",
-    "zanatomy-hand-preview",
-    "hand-child",
-    "hand-woman",
-    "hand-large-man",
-    "hand-long-fingers",
-    "hand-left",
-)
-SAME = ({"zanatomy-hand", "zanatomy-hand-preview"},)  # one hand in more and in fewer poses: counted once
 MODELS = ("m0", "m1", "m2", "m3")
 OTHERS = MODELS[1:]  # of which m0 is compared with the best
 # Text, stage and metric of each row of a table; all are of one value and unit.
@@ -56,6 +42,28 @@ RATIO = "m0_over_best"  # true skin, held out: m0's mean over the least of the o
 Hands = Mapping[str, Metrics]
 
 
+class HandKinds(Model):
+    """Which hands the method was chosen by, and which it is judged on."""
+
+    validation: tuple[str, ...]
+    test: tuple[str, ...]
+    one_hand: tuple[tuple[str, ...], ...] = ()
+
+    def require(self, folders: Sequence[Path]) -> None:
+        """Refuse hands of neither kind, one hand twice, and validation hands alone: `InputError`."""
+        names = [folder.name for folder in folders]
+        known = f"Validation: {', '.join(self.validation)}; test: {', '.join(self.test)}"
+        for folder in folders:
+            if folder.name not in (*self.validation, *self.test):
+                raise InputError(folder, "name", "is neither a validation hand nor a test hand", known)
+        for group in (*self.one_hand, *((name,) for name in names)):
+            if sum(name in group for name in names) > 1:
+                problem = f"{' and '.join(dict.fromkeys(n for n in names if n in group))}: one hand twice"
+                raise InputError(folders[0], "name", problem, "Give it once")
+        if not set(names) & set(self.test):
+            raise InputError(folders[0], "name", "is no test hand, nor is any other", known)
+
+
 def figures_by_hand(folders: Sequence[Path]) -> dict[str, Metrics]:
     """The figures of each hand by `{stage}_{metric}`, and the ratio of m0 to the best other model.
 
@@ -67,20 +75,10 @@ def figures_by_hand(folders: Sequence[Path]) -> dict[str, Metrics]:
     Raises
     ------
     InputError
-        If a subject is neither a validation nor a test hand, or a figure is absent.
+        If a figure is absent.
     """
     found: dict[str, Metrics] = {}
-    for twice in SAME:
-        if len(twice & {folder.name for folder in folders}) > 1:
-            raise InputError(
-                folders[0], "name", f"{' and '.join(sorted(twice))} are one hand", "Give one of them"
-            )
     for folder in folders:
-        if folder.name not in (*VALIDATION, *TEST):
-            problem = "is neither a validation hand nor a test hand"
-            raise InputError(
-                folder, "name", problem, f"Validation: {', '.join(VALIDATION)}; test: {', '.join(TEST)}"
-            )
         stages, own = stage_figures(folder), Metrics()
         for _, stage, name in ROWS:
             if name not in stages.get(stage, {}):
@@ -149,7 +147,7 @@ def require_freeze(commit: str, tag: str) -> None:
         raise InputError("build", "commit", problem, "Build all test hands anew at the freeze")
 
 
-def judge_page(hands: Hands, commit: str, freeze: str | None) -> str:
+def judge_page(hands: Hands, kinds: HandKinds, commit: str, freeze: str | None) -> str:
     """The tables in Markdown, those of test hands and of validation hands apart."""
     frozen = (
         f"the freeze `{freeze}`" if freeze else "no freeze was stated: these are no figures of the protocol"
@@ -163,10 +161,10 @@ def judge_page(hands: Hands, commit: str, freeze: str | None) -> str:
         "",
         f"Commit {commit} ({frozen}). Machine that made this page: {machine()}.",
     ]
-    for title, names in (("Test hands", TEST), ("Validation hands", VALIDATION)):
+    for title, names in (("Test hands", kinds.test), ("Validation hands", kinds.validation)):
         chosen = {name: own for name, own in hands.items() if name in names}
         if chosen:
-            lines += ["", f"## {title}", "", *_table(chosen, over=names is TEST)]
+            lines += ["", f"## {title}", "", *_table(chosen, over=names is kinds.test)]
     return "\n".join(lines) + "\n"
 
 
@@ -189,19 +187,20 @@ def main(arguments: list[str] | None = None) -> int:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("folders", metavar="SUBJECT_FOLDER", nargs="+", type=Path)
     parser.add_argument("--freeze", help="tag of the commit at which all hands must have been built")
+    parser.add_argument("--kinds", type=Path, default=KINDS, help="file of validation and test hands")
     parser.add_argument("--figures", type=Path, default=FIGURES)
     parser.add_argument("--page", type=Path, default=PAGE)
     options = parser.parse_args(arguments)
     with reported() as failure:
+        kinds = load_yaml(options.kinds, HandKinds)
+        kinds.require(options.folders)
         commit = build_commit(options.folders)
         if options.freeze:
             require_freeze(commit, options.freeze)
         hands = figures_by_hand(options.folders)
-        tested = {name: own for name, own in hands.items() if name in TEST}
-        if not tested:
-            raise InputError(options.folders[0], "name", "is no test hand", f"Give one of {', '.join(TEST)}")
+        tested = {name: own for name, own in hands.items() if name in kinds.test}
         metrics.write(options.figures, over_hands(tested))
-        artifacts.write_text(options.page, judge_page(hands, commit, options.freeze))
+        artifacts.write_text(options.page, judge_page(hands, kinds, commit, options.freeze))
     return failure.code
 
 

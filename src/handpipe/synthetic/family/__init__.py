@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.synthetic.family.hand_measures import hand_measures
     from handpipe.synthetic.family.measured_people import PEOPLE
+    from handpipe.synthetic.family.measuring import hand_measures
     from handpipe.synthetic.family.proportions import build_of
 else:
     __getattr__ = face(__name__)
