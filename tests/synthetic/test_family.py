@@ -14,14 +14,15 @@ from handpipe.anatomy.person import SubjectTemplate
 from handpipe.core import Array
 from handpipe.core.configuration.config import load_dataset
 from handpipe.core.errors import InputError
-from handpipe.mesh.surfaces import Distance
+from handpipe.mesh.surfaces import Distance, Surface
+from handpipe.synthetic.acquisition.posed import PosedAnatomy
 from handpipe.synthetic.family.measured_people import PEOPLE
 from handpipe.synthetic.family.measuring import hand_measures
 from handpipe.synthetic.family.proportions import build_of
 from handpipe.synthetic.phantom import phantom_hand
 from handpipe.synthetic.phantom.hand_skin import skin_surface
 from handpipe.synthetic.phantom.phantom_hand_joints import joints
-from handpipe.synthetic.template_hands.coupled_hand import bones_at
+from handpipe.synthetic.template_hands.coupled_hand import bones_at, mirrored
 from handpipe.synthetic.template_hands.hand_templates import phantom
 from handpipe.synthetic.template_hands.known_hands import known_hand
 
@@ -29,6 +30,7 @@ DATASETS = Path(__file__).parents[2] / "config" / "datasets"
 HANDS = {"hand-" + name: name for name in PEOPLE}
 # Of the median hand's bones, marrow, joints and posed tissues, before hands had proportions.
 DIGEST = "209fb4b7e1e9da86b5df034038a3cb1ddc10e4c435099c157092338c4934386d"
+NAIL = np.arange(3)  # some triangles
 LENGTH, ACROSS = 2.0, 2.0  # mm that a measure on the surfaces may differ from the table
 
 
@@ -127,3 +129,31 @@ def test_the_median_hand_is_what_it_was() -> None:
 def test_unknown_proportions_are_refused() -> None:
     with pytest.raises(InputError, match="no measured person"):
         build_of("giant")
+
+
+def test_a_left_hand_moves_as_the_mirror_image_of_a_right_one() -> None:
+    """Its joints carry its bones to where its truth has them, and its surfaces face outwards still."""
+    posture = phantom_hand.posture("relaxed", 1)
+    right = phantom_hand.hand().posed(posture)
+    skin = right.bones["distal2"]
+    whole = PosedAnatomy(
+        posture,
+        right.transforms,
+        right.bones,
+        right.marrow,
+        {},
+        {},
+        {},
+        {},
+        {},
+        skin,
+        {"distal2": (NAIL, posture.root)},
+    )
+    left = mirrored(whole)
+    for bone, moved in left.posture.transforms().items():
+        np.testing.assert_allclose(moved.rotation, left.transforms[bone].rotation, atol=1e-12)
+        np.testing.assert_allclose(moved.translation, left.transforms[bone].translation, atol=1e-9)
+    for bone, surface in left.bones.items():
+        assert Surface(*surface).volume() == pytest.approx(Surface(*right.bones[bone]).volume())
+        np.testing.assert_array_equal(surface[0] * [1, -1, 1], right.bones[bone][0])
+    assert left.posture.angles == posture.angles
