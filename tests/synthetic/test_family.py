@@ -157,3 +157,12 @@ def test_a_left_hand_moves_as_the_mirror_image_of_a_right_one() -> None:
         assert Surface(*surface).volume() == pytest.approx(Surface(*right.bones[bone]).volume())
         np.testing.assert_array_equal(surface[0] * [1, -1, 1], right.bones[bone][0])
     assert left.posture.angles == posture.angles
+
+
+def test_tendons_are_stated_as_thick_as_they_are_generated() -> None:
+    """The fit takes their radii from the dataset file."""
+    median = load_dataset(DATASETS / "phantom-hand-complete.yaml").tendons
+    for name, person in HANDS.items():
+        for tendon, stated in load_dataset(DATASETS / f"{name}.yaml").tendons.items():
+            grown = build_of(person).size * median[tendon].radius
+            assert stated.radius == pytest.approx(grown, abs=0.06), (name, tendon)
