@@ -21,7 +21,7 @@ from handpipe.synthetic.template_hands import bare_hand
 BONE_EDGE, SKIN_EDGE = 1.6, 2.8  # mm of the median hand
 SIZE = (1500, 560)  # pixels of a row
 APART = 12.0  # mm between hands
-SKIN, BONE = (0.86, 0.66, 0.56), (0.93, 0.89, 0.78)
+SKIN, BONE = (0.86, 0.66, 0.56), (0.93, 0.89, 0.78)  # colours in 0..1
 SEEN_THROUGH = 0.25  # opacity of skin over bones
 BACK, UP = np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0])  # direction of the view, and what is upwards
 

@@ -237,7 +237,20 @@ class SubjectTemplate:
 
 
 def scaled(template: SubjectTemplate, size: float) -> SubjectTemplate:
-    """The hand of the same shape that is `size` times as large about the origin."""
+    """The hand of the same shape that is `size` times as large about the origin.
+
+    Parameters
+    ----------
+    template : SubjectTemplate
+        Hand to be resized.
+    size : float
+        Factor of all lengths.
+
+    Returns
+    -------
+    SubjectTemplate
+        The larger or smaller hand.
+    """
     return warped(template, _Similarity(size))
 
 

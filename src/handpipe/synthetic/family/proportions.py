@@ -29,6 +29,11 @@ def build_of(name: str) -> HandBuild:
     name : str
         One of `PEOPLE`.
 
+    Returns
+    -------
+    HandBuild
+        Size, lengths of bones and flesh.
+
     Raises
     ------
     InputError
