@@ -44,6 +44,18 @@ def of_build(file: HandFile, build: HandBuild) -> HandFile:
 
     Muscles have its volumes. Ligaments are firmer: those of the file just keep their place beside the median
     hand's muscles, and other muscles cut them off.
+
+    Parameters
+    ----------
+    file : HandFile
+        Curves of the median hand.
+    build : HandBuild
+        The other hand.
+
+    Returns
+    -------
+    HandFile
+        Curves with other volumes in mm^3, and ligaments with other tissue values.
     """
 
     def muscle(name: str, curves: MuscleCurves) -> MuscleCurves:
@@ -72,5 +84,18 @@ def of_build(file: HandFile, build: HandBuild) -> HandFile:
 
 
 def at_its_size(hand: HandTemplate, build: HandBuild) -> HandTemplate:
-    """A hand that was built as large as the median one, at its own size."""
+    """A hand that was built as large as the median one, at its own size.
+
+    Parameters
+    ----------
+    hand : HandTemplate
+        Hand as large as the median one.
+    build : HandBuild
+        What it is built by.
+
+    Returns
+    -------
+    HandTemplate
+        The hand in mm of the person.
+    """
     return HandTemplate(hand.tissue.scaled(build.size), scaled(hand.subject, build.size))
