@@ -307,10 +307,13 @@ LIMBS = subjects_made_by(lambda record, content: record.truth is None)
 
 
 def with_template(kind):
-    """A pattern for the right hands whose template of all organs is made of curves or of surfaces."""
+    """A pattern for the hands whose template of all organs is made of curves or of surfaces.
+
+    It is a right hand's; a left hand that is posed by a coupled simulation is its mirror image.
+    """
     return subjects_made_by(
         lambda record, content: record.template == kind
-        and content.get("hand", "right") == "right"
+        and (content.get("hand", "right") == "right" or record.truth == "coupled")
     )
 
 

@@ -21,7 +21,7 @@ rule coupled_body:
         mem_mb=2000,
         runtime=10,
     params:
-        dataset=reads_whole("name", "generator", "anatomy"),
+        dataset=reads_whole("name", "generator", "anatomy", "proportions"),
     message:
         "{wildcards.subject}: the template as one body whose joints can open"
     script:
@@ -45,7 +45,7 @@ rule coupled_pose:
         mem_mb=lambda w: TRUTH_MEMORY[SETTINGS.truth],
         runtime=120,
     params:
-        dataset=reads_whole("name", "generator", "anatomy"),
+        dataset=reads_whole("name", "generator", "anatomy", "proportions"),
         order=lambda w: TRUTH_ORDER[SETTINGS.truth],
     message:
         "{wildcards.subject}: equilibrium of the coupled body in {wildcards.pose}"
@@ -79,6 +79,8 @@ rule coupled_images:
             "name",
             "generator",
             "anatomy",
+            "proportions",
+            "hand",
             "seed",
             "scanner",
             "images",
@@ -120,6 +122,8 @@ rule coupled_templates:
             "name",
             "generator",
             "anatomy",
+            "proportions",
+            "hand",
             "seed",
             "root",
             "neutral",
@@ -156,7 +160,7 @@ rule evaluate_truth:
         mem_mb=lambda w: TRUTH_MEMORY[SETTINGS.truth],
         runtime=lambda w: {"toy": 20, "full": 120}[SETTINGS.truth],
     params:
-        dataset=reads_whole("name", "generator", "anatomy"),
+        dataset=reads_whole("name", "generator", "anatomy", "proportions"),
         order=lambda w: TRUTH_ORDER[SETTINGS.truth],
         costs=costs_of("coupled_pose"),
     message:

@@ -108,6 +108,26 @@ def build_commit(folders: Sequence[Path]) -> str:
     return commit
 
 
+def stage_figures(folder: Path) -> dict[str, Metrics]:
+    """The metrics of all stages of a subject, by stage.
+
+    Parameters
+    ----------
+    folder : Path
+        Results folder of a subject.
+
+    Raises
+    ------
+    InputError
+        If there are none, or some are older than every artifact: those are of an earlier build.
+    """
+    files = sorted((folder / "metrics").glob("*.json"))
+    if not files:
+        raise InputError(folder, "metrics", "are not there", REMEDY)
+    _check_ages(folder, files)
+    return {path.stem: metrics.read(path) for path in files}
+
+
 def page(folders: Sequence[Path]) -> str:
     """The page in Markdown.
 
@@ -145,11 +165,7 @@ def machine() -> str:
 
 
 def _section(folder: Path) -> Iterator[str]:
-    files = sorted((folder / "metrics").glob("*.json"))
-    if not files:
-        raise InputError(folder, "metrics", "are not there", REMEDY)
-    _check_ages(folder, files)
-    known = {path.stem: metrics.read(path) for path in files}
+    known, files = stage_figures(folder), sorted((folder / "metrics").glob("*.json"))
     built = datetime.fromtimestamp(max(path.stat().st_mtime for path in files), UTC)
     yield from (
         f"Built {built:%Y-%m-%d}.",

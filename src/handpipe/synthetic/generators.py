@@ -9,6 +9,7 @@ from typing import Literal, Protocol, cast
 
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset
+from handpipe.synthetic.family import PEOPLE
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,9 @@ GENERATORS: dict[str, GeneratorRecord] = {
     "phantom-hand-rolling": GeneratorRecord(
         truth="bones", module="handpipe.synthetic.rolling.rolling_hand", own=("scanner",)
     ),
-    "phantom-hand-complete": GeneratorRecord(truth="coupled", template="curves", own=("scanner",)),
+    "phantom-hand-complete": GeneratorRecord(
+        truth="coupled", template="curves", own=("scanner", "proportions")
+    ),
     "myohand-bones": GeneratorRecord(
         truth="bones",
         module="handpipe.synthetic.real_anatomy.myohand_bones",
@@ -109,9 +112,12 @@ def require_known(source: str | Path, dataset: Dataset) -> None:
     Raises
     ------
     InputError
-        For a generator that is not known, a field that it needs and that is not given, and a field that
-        belongs to other generators.
+        For a generator that is not known, a field that it needs and that is not given, a field that
+        belongs to other generators, and proportions of nobody who was measured.
     """
+    if dataset.proportions is not None and dataset.proportions not in PEOPLE:
+        problem = f"{dataset.proportions!r} is no measured person"
+        raise InputError(source, "proportions", problem, f"Use one of {', '.join(PEOPLE)}")
     record = None if dataset.generator is None else record_of(source, dataset.generator)
     for field in () if record is None else record.needs:
         if getattr(dataset, field) is None:

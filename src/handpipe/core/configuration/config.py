@@ -334,6 +334,9 @@ class Dataset(Model):
         None, description="what makes the subject's files; none where they are given. See config/README.md"
     )
     seed: int = Field(0, ge=0)
+    proportions: str | None = Field(
+        None, description="generated hands with all organs: the measured person whose proportions they have"
+    )
     scanner: Scanner | None = Field(
         None, description="generated whole hands: voxel size, bias field and noise"
     )

@@ -124,7 +124,7 @@ def shallow_bones(joints: tuple[KnownJoint, ...]) -> dict[str, PlacedBone]:
     }
     seats: dict[tuple[str, str], Callable[[Implicit], Implicit]] = dict(seat(joint) for joint in joints)
     seats["metacarpal5", "metacarpal4"] = lambda beside: lambda points: beside(points) - BESIDE_MORE
-    return bones(seats, rims)
+    return bones(seats=seats, bases=rims)
 
 
 def _times(point: Point, factor: float) -> Point:
