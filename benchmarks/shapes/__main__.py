@@ -24,7 +24,7 @@ PARTS = (
     "speed_against_error",
 )  # fmt: skip
 QUICK: dict[str, dict[str, object]] = {
-    "string": {"cells": 16},
+    "string": {"cells": 16, "picture": None},
     "known_strains": {"edges": (3.2,), "counts": (60,)},
     "solves": {"edge": 2.6, "rows": 300, "patience": 1000.0},
     "organs": {"edge": 2.8, "liver_edge": 18.0, "many": 500},
