@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -93,7 +94,7 @@ def logarithmic_1d(cells: int, order: int = 2) -> Slopes:
 
     u = np.full(cells, np.log(TARGETS[-1]))
     for weight in (1e2, 1e4, 1e6, MET):
-        u = _least(lambda v, w=weight: residuals(v, w), u)
+        u = _least(partial(residuals, weight=weight), u)
     return Slopes(np.exp(u))
 
 
