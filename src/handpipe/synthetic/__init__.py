@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         geometry,
         phantom,
         real_anatomy,
+        sliding,
         template_hands,
     )
 else:
@@ -26,5 +27,6 @@ __all__ = [
     "geometry",
     "phantom",
     "real_anatomy",
+    "sliding",
     "template_hands",
 ]

@@ -40,6 +40,7 @@ SEPTA = {
     "middle2": ((114.0, 120.0, -1.5),),
     "distal2": ((135.0, 160.0, np.inf),),
 }
+NAIL = 0.3  # least `nail_share` of a vertex of the skin that moves with the distal bone, as the nail does
 CUT = START + 2.0  # mm, x of the end that is cut off the hand, attached to the metacarpal
 
 
@@ -47,12 +48,11 @@ CUT = START + 2.0  # mm, x of the end that is cut off the hand, attached to the 
 class FingerBodies:
     """Bodies at rest: the anatomy of fat and muscles, whose `bones` have the attached vertices; bones.
 
-    The mesh's parts share no vertices. `fibres` are unit vectors a tet of each muscle.
+    The mesh's parts share no vertices.
     """
 
     anatomy: CoupledAnatomy
     bones: Mapping[str, Surface]
-    nail: IntArray
 
 
 def muscles() -> dict[str, KnownMuscle]:
@@ -77,7 +77,10 @@ def build(edges: Mapping[str, float] = EDGES) -> FingerBodies:
     known = muscles()
     shapes = {name: distance(Surface(*muscle.surface())) for name, muscle in known.items()}
     content = None
-    for values in (*(distance(bone) for bone in bones.values()), *(shape + 0.5 * GAP for shape in shapes.values())):
+    for values in (
+        *(distance(bone) for bone in bones.values()),
+        *(shape + 0.5 * GAP for shape in shapes.values()),
+    ):
         content = values if content is None else smooth_minimum(content, values, ROUNDING)
     assert content is not None
     outer = remesh(skin, edges["skin"])
@@ -94,14 +97,14 @@ def build(edges: Mapping[str, float] = EDGES) -> FingerBodies:
     in_cavity = ~on_skin & (np.arange(len(mesh.vertices)) < len(outer.vertices) + len(cavity.vertices))
     in_muscle = np.arange(len(mesh.vertices)) >= starts[1]
     attached = _attached(mesh.vertices, on_skin, in_cavity, in_muscle)
-    fibres = {
-        name: _fibres(muscle, parts[number + 1]) for number, (name, muscle) in enumerate(known.items())
-    }
-    return FingerBodies(
-        CoupledAnatomy(mesh, labels, ("fat", *known), attached, fibres),
-        {name: remesh(bone, edges["bone"]) for name, bone in bones.items()},
-        np.flatnonzero(on_skin & (nail_share(mesh.vertices) > 0.5)),
-    )
+    fibres = {name: _fibres(muscle, parts[number + 1]) for number, (name, muscle) in enumerate(known.items())}
+    return with_bones(CoupledAnatomy(mesh, labels, ("fat", *known), attached, fibres), edges)
+
+
+def with_bones(anatomy: CoupledAnatomy, edges: Mapping[str, float] = EDGES) -> FingerBodies:
+    """The bodies of an anatomy that `build` made, with the phantom finger's bones."""
+    bones = {name: remesh(Surface(*s), edges["bone"]) for name, s in finger().bones.items()}
+    return FingerBodies(anatomy, bones)
 
 
 def _belly(muscle: KnownMuscle, edge: float) -> TetMesh:
@@ -125,8 +128,10 @@ def _belly(muscle: KnownMuscle, edge: float) -> TetMesh:
     return TetMesh(points.reshape(-1, 3), tets).checked("belly")
 
 
-def _attached(x: Array, on_skin: BoolArray, in_cavity: BoolArray, in_muscle: BoolArray) -> dict[str, IntArray]:
-    """Vertices that move with each bone, of vertices x (n, 3); muscles from metacarpal to proximal phalanx."""
+def _attached(
+    x: Array, on_skin: BoolArray, in_cavity: BoolArray, in_muscle: BoolArray
+) -> dict[str, IntArray]:
+    """Vertices that move with each bone, of vertices x (n, 3); muscles with two."""
     along, _, height = x.T
     found = {}
     for bone, bands in SEPTA.items():
@@ -136,6 +141,8 @@ def _attached(x: Array, on_skin: BoolArray, in_cavity: BoolArray, in_muscle: Boo
         if bone == "metacarpal2":
             moved |= on_skin & (along < CUT)
             moved |= in_muscle & (along < ORIGIN + ENDS)
+        if bone == "distal2":
+            moved |= on_skin & (nail_share(x) > NAIL)
         if bone == "proximal2":
             moved |= in_muscle & (along > INSERTION - ENDS)
         found[bone] = np.flatnonzero(moved)
@@ -149,8 +156,12 @@ def _fibres(muscle: KnownMuscle, mesh: TetMesh) -> Array:
 
     def middle(at: Array) -> Array:
         bell = muscle.bell(at)
-        width, height = (thin + (thick - thin) * bell for thin, thick in zip(muscle.tendon, muscle.belly, strict=True))
-        return np.column_stack([at, muscle.beside(at) + 0.5 * width, contact_height(at) + 0.5 * muscle.side * height])
+        width, height = (
+            thin + (thick - thin) * bell for thin, thick in zip(muscle.tendon, muscle.belly, strict=True)
+        )
+        return np.column_stack(
+            [at, muscle.beside(at) + 0.5 * width, contact_height(at) + 0.5 * muscle.side * height]
+        )
 
     inside = np.clip(x, ORIGIN + step, INSERTION - step)
     along = middle(inside + step) - middle(inside - step)

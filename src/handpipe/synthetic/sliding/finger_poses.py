@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import Array, RigidTransform
+from handpipe.core import Array, InputError, RigidTransform
 from handpipe.fem.elements import Material
+from handpipe.fem.potentials import Sum
 from handpipe.fem.solver import Equilibrium, Options
+from handpipe.mesh.surfaces import Distance, Surface, barycentric_weights
+from handpipe.synthetic.coupled import anatomy_file
 from handpipe.synthetic.coupled.coupled_body import CoupledPose
 from handpipe.synthetic.geometry.kinematics import Posture
 from handpipe.synthetic.phantom.phantom_finger import POSES, posture
-from handpipe.synthetic.sliding.finger_bodies import FingerBodies
+from handpipe.synthetic.sliding.finger_bodies import FingerBodies, with_bones
 from handpipe.synthetic.sliding.sliding_body import Interfaces, SlidingBody, follow
 
 FAT, MUSCLE = Material(3.0, 0.45), Material(6.0, 0.45)
-INTERFACES = Interfaces(
-    distance=0.3, stiffness=10.0, suction=5.0, skin=Material(20.0, 0.45), thickness=1.0
-)
+INTERFACES = Interfaces(distance=0.35, stiffness=5.0, suction=2.0, skin=Material(20.0, 0.45), thickness=1.0)
 TENSION = 15.0  # kPa of a muscle at rest length with the MP joint flexed by 90 degrees
-STEP = 8.0  # deg that a joint turns in a step
+STEP = 12.0  # deg that a joint turns in a step
 OPTIONS = Options(displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=200, untangle=False)
 
 
@@ -28,6 +32,11 @@ def body_of(bodies: FingerBodies, order: int = 1) -> SlidingBody:
     """The finger's body, with linear or quadratic tets (order 1 or 2)."""
     materials = {"fat": FAT, **dict.fromkeys(bodies.anatomy.fibres, MUSCLE)}
     return SlidingBody(bodies.anatomy, bodies.bones, materials, INTERFACES, order=2 if order == 2 else 1)
+
+
+def load_body(path: str | Path) -> SlidingBody:
+    """The body of a file of the bodies' anatomy."""
+    return body_of(with_bones(anatomy_file.load(path)))
 
 
 def pose_at(body: SlidingBody, pose: str, share: float = 1.0) -> CoupledPose:
@@ -48,8 +57,58 @@ def settle(body: SlidingBody, pose: str, neutral: Array | None = None) -> Equili
         If there is none without inverted tissue.
     """
     steps = max(int(np.ceil(max(map(abs, POSES[pose])) / STEP)), 1)
-    options = Options(**{**vars(OPTIONS), "name": pose})
-    return follow(body, lambda t: pose_at(body, pose, t), neutral, steps=steps, options=options)
+    motion = partial(pose_at, body, pose)
+    return follow(body, motion, neutral, steps=steps, options=replace(OPTIONS, name=pose))
+
+
+@dataclass(frozen=True)
+class Checks:
+    """Figures of an equilibrium about itself.
+
+    Parameters
+    ----------
+    unbalanced : float
+        Largest force in mN on a free node.
+    gap : float
+        Least distance in mm of surfaces that may touch.
+    void : float
+        Volume in mm^3 of the void between bodies and bones.
+    inverted : int
+        Inverted tets and quadrature points.
+    volume_ratio : float
+        Least volume relative to rest of a tet.
+    """
+
+    unbalanced: float
+    gap: float
+    void: float
+    inverted: int
+    volume_ratio: float
+
+
+def checks(body: SlidingBody, pose: str, x: Array) -> Checks:
+    """Figures of the equilibrium x (n, 3) of a pose.
+
+    Raises
+    ------
+    InputError
+        If surfaces intersect.
+    """
+    at = pose_at(body, pose)
+    assert body.barrier is not None
+    barrier = body.barrier.with_obstacle(body.bone_vertices(at.bones))
+    if barrier.intersects(x):
+        raise InputError(pose, "positions", "surfaces intersect", "Simulate the pose again")
+    forces = Sum([*body.potentials(at), barrier]).gradient(x)
+    free = ~body.fixed.reshape(-1, 3)
+    bones = sum(bone.volume() for bone in body.bones.values())
+    return Checks(
+        float(np.linalg.norm(np.where(free, forces, 0.0), axis=1).max()),
+        barrier.gap(x),
+        body.void.volume(x) - bones,
+        body.inverted(x),
+        float(body.solid.volume_ratios(x).min()),
+    )
 
 
 def slides(body: SlidingBody, neutral: Array, x: Array) -> Mapping[str, Array]:
@@ -58,8 +117,6 @@ def slides(body: SlidingBody, neutral: Array, x: Array) -> Mapping[str, Array]:
     At each node of the muscle's surface that is within reach of the wall in neutral and not attached: the
     distance along the wall of the place it had there from the node now.
     """
-    from handpipe.mesh.surfaces import Distance, Surface, barycentric_weights
-
     wall = body.faces_of("fat")
     wall = wall[~np.isin(wall, body.outer).all(axis=1)]
     free = ~body.fixed.reshape(-1, 3)[:, 0]
