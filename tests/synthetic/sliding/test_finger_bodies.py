@@ -1,4 +1,4 @@
-"""The finger's bodies at rest: apart from one another, attached where they are to be, as large as the phantom's."""
+"""The finger's bodies at rest: apart, attached where they are to be, as large as the phantom's."""
 
 import numpy as np
 import pytest

@@ -48,7 +48,8 @@ class VoidPressure:
         """Sum (n,) of the sizes in mN of the forces of triangles on each node: p A / 3 each."""
         a, b, c = (x[self.walls[:, i]] for i in range(3))
         sizes = self.pressure / 6.0 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-        return np.bincount(self.walls.ravel(), np.repeat(sizes, 3), len(x))
+        # The stubs have no floats for weighted counts.
+        return np.bincount(self.walls.ravel(), np.repeat(sizes, 3), len(x))  # type: ignore[return-value]
 
     def hessian(self, x: Array, project: bool = False) -> sp.csr_matrix:
         """Exact second derivative (3n, 3n) in mN/mm, symmetric as walls are closed; zero with `project`.
