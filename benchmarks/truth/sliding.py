@@ -1,6 +1,7 @@
 """Sections through the finger whose tissues slide.
 
-`python -m benchmarks.truth.sliding BODY OUT.png POSE.h5 …`: poses are files of the rule `sliding_pose`, neutral first.
+`python -m benchmarks.truth.sliding BODY OUT.png POSE.h5 …`: poses are files of the rule
+`sliding_pose`, neutral first.
 """
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ FAT, MUSCLE = Material(3.0, 0.45), Material(6.0, 0.48)  # kPa, Young's modulus
 INTERFACES = Interfaces(distance=0.35, stiffness=5.0, suction=2.0, skin=Material(20.0, 0.45), thickness=1.0)
 TENSION = 15.0  # kPa of a muscle at rest length with the MP joint flexed by 90 degrees
 STEP = 12.0  # deg that a joint turns in a step
+# mm, and shares of the forces: solves of whole poses
 OPTIONS = Options(displacement_tolerance=1e-3, force_tolerance=1e-4, max_iterations=400, untangle=False)
 
 
