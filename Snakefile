@@ -98,7 +98,7 @@ rule anatomy:
 
 rule truth:
     input:
-        expand(paths.metrics_of("truth"), subject=made_by_coupled_simulation()),
+        expand(paths.metrics_of("truth"), subject=made_by_simulation()),
 
 
 rule fat_water:

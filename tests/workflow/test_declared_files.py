@@ -38,6 +38,10 @@ from .thin_hand import thin_hand, thin_out
 RULES = sorted((CHECKOUT / "workflow" / "rules").glob("*.smk"))
 NOT_WATCHED = {
     "zanatomy_hand": "90 s, with data of others: tests/synthetic/test_zanatomy_hand.py watches its stage",
+    "sliding_body": "minutes of simulation: tests/synthetic/sliding watches its parts",
+    "sliding_pose": "minutes of simulation: tests/synthetic/sliding watches its parts",
+    "sliding_images": "minutes of simulation: tests/synthetic/sliding watches its parts",
+    "evaluate_sliding": "minutes of simulation: tests/synthetic/sliding watches its parts",
     "learn_levels": "needs ten frames: test_levels.py watches it",
     "export_player": "shows learned frames: test_levels.py watches it",
     "animate": "shows learned frames: test_levels.py watches it",

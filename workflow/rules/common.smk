@@ -298,11 +298,13 @@ def has_scans(content):
     return any("scan" in pose for pose in content.get("poses", {}).values())
 
 
-# Images and truth of bones alone, by a module; truth of a coupled simulation; real images of a limb.
+# Images and truth of bones alone, by a module; truth of a simulation of one body, of bodies that slide; real images
+# of a limb.
 BONES_ALONE = subjects_made_by(
     lambda record, content: record.module is not None and not has_scans(content)
 )
 COUPLED = subjects_made_by(lambda record, content: record.truth == "coupled")
+SLIDING = subjects_made_by(lambda record, content: record.truth == "sliding")
 LIMBS = subjects_made_by(lambda record, content: record.truth is None)
 
 
@@ -323,12 +325,12 @@ def generator(subject):
     return None if name is None else generators.GENERATORS[name]
 
 
-def made_by_coupled_simulation():
-    """Subjects of the configuration whose truth is a coupled simulation."""
+def made_by_simulation():
+    """Subjects of the configuration whose truth is a simulation."""
     return [
         s
         for s in buildable_subjects()
-        if generator(s) and generator(s).truth == "coupled"
+        if generator(s) and generator(s).truth in ("coupled", "sliding")
     ]
 
 
@@ -1194,6 +1196,7 @@ def depend_on_code():
 # does, is none of them: Snakemake's key tells the contents of such files, not which of them is which.
 WORTH_SHARING = (
     "coupled_pose",
+    "sliding_pose",
     "segment_pose",
     "register_bones",
     "register_tendon",

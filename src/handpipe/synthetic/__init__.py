@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         phantom,
         real_anatomy,
         rolling,
+        sliding,
         template_hands,
     )
 else:
@@ -30,5 +31,6 @@ __all__ = [
     "phantom",
     "real_anatomy",
     "rolling",
+    "sliding",
     "template_hands",
 ]

@@ -18,9 +18,9 @@ class GeneratorRecord:
 
     Parameters
     ----------
-    truth : {"bones", "tissues", "coupled"}, optional
-        What is known of its subjects: the bones alone, all tissues, or all tissues by a simulation that
-        couples them. None where the images are real.
+    truth : {"bones", "tissues", "coupled", "sliding"}, optional
+        What is known of its subjects: the bones alone, all tissues, or all tissues by a simulation, of one
+        body or of bodies that slide on one another. None where the images are real.
     module : str, optional
         Dotted name of a module as `Generator`. None where several rules make the subject.
     template : {"curves", "surfaces"}, optional
@@ -32,7 +32,7 @@ class GeneratorRecord:
         Fields of the dataset that only generators with such an entry may have.
     """
 
-    truth: Literal["bones", "tissues", "coupled"] | None
+    truth: Literal["bones", "tissues", "coupled", "sliding"] | None
     module: str | None = None
     template: Literal["curves", "surfaces"] | None = None
     needs: tuple[str, ...] = ()
@@ -41,6 +41,9 @@ class GeneratorRecord:
 
 GENERATORS: dict[str, GeneratorRecord] = {
     "phantom-finger": GeneratorRecord(truth="tissues", module="handpipe.synthetic.phantom.phantom_finger"),
+    "phantom-finger-sliding": GeneratorRecord(
+        truth="sliding", module="handpipe.synthetic.sliding.finger_subject"
+    ),
     "zanatomy-index": GeneratorRecord(
         truth="tissues", module="handpipe.synthetic.real_anatomy.zanatomy_index", needs=("anatomy",)
     ),

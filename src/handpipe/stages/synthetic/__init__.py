@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         generate_pose,
         generate_seeds,
         generate_templates,
+        sliding,
         template_hand,
         zanatomy_hand,
     )
@@ -29,6 +30,7 @@ __all__ = [
     "generate_pose",
     "generate_seeds",
     "generate_templates",
+    "sliding",
     "template_hand",
     "zanatomy_hand",
 ]
