@@ -147,12 +147,12 @@ class BoneSession:
         if "ray" not in content:
             return {key: self._placed(value) for key, value in content.items()}
         try:
-            ends = [np.array(content["ray"][key], float) for key in ("origin", "direction")]
+            origin, direction = (np.array(content["ray"][key], float) for key in ("origin", "direction"))
         except (TypeError, ValueError, KeyError) as error:
             raise InputError(self.target, "ray", "is no ray", "Load the page again") from error
-        if any(end.shape != (3,) for end in ends):
+        if origin.shape != (3,) or direction.shape != (3,):
             raise InputError(self.target, "ray", "is no ray", "Load the page again")
-        point = middle_inside(self.skin, *ends, self.target)
+        point = middle_inside(self.skin, origin, direction, self.target)
         return np.round(point, 3).tolist()
 
 

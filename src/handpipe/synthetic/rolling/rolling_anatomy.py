@@ -116,8 +116,13 @@ def shallow_bones(joints: tuple[KnownJoint, ...]) -> dict[str, PlacedBone]:
         return (joint.child, joint.parent), _Seat(joint.centre, joint.direction, WIDER[kind_of(joint.name)])
 
     moving = {joint.child for joint in joints}
+
+    def rim(kind: str, girth: float) -> Implicit:
+        centre, half = (_times(part, girth) for part in RIMS[kind])
+        return rounded_box(centre, half, girth * RIM_ROUNDING)
+
     rims = {
-        f"{kind}{ray}": rounded_box(*(_times(part, s.girth) for part in RIMS[kind]), s.girth * RIM_ROUNDING)
+        f"{kind}{ray}": rim(kind, s.girth)
         for ray, segments in RAYS.items()
         for kind, s in segments.items()
         if f"{kind}{ray}" in moving
