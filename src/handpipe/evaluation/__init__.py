@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from handpipe.evaluation.report import PoseView, ReportInput, write_report
     from handpipe.evaluation.segmentation import bone_warnings, looks_figures
     from handpipe.evaluation.sides import VIEWS, camera_views
-    from handpipe.evaluation.skin_models import SIMULATED_MODELS, SKIN_MODELS
     from handpipe.evaluation.slices import Contours, Plane, draw_slice
     from handpipe.evaluation.surfaces import curve_distance, dice, surface_distance
-    from handpipe.evaluation.table import Row, skin_metrics, skin_rows
+    from handpipe.evaluation.table import SIMULATED_MODELS, SKIN_MODELS, Row, skin_metrics, skin_rows
 else:
     __getattr__ = face(__name__)
 

@@ -12,10 +12,21 @@ from html import escape
 import numpy as np
 
 from handpipe.core import Array, Metrics
-from handpipe.evaluation.skin_models import SIMULATED_MODELS
 
 Cell = str | float | None
 Row = Mapping[str, str | float]
+
+SIMULATED_MODELS = {  # of the skin: those of Zheng 2022 Table 4
+    "m0": "m0: full model",
+    "m1": "m1: without plastic strains in the fat",
+    "m2": "m2: one soft tissue",
+}
+SKIN_MODELS = SIMULATED_MODELS | {  # all that are compared
+    "m3": "m3: one soft tissue with plastic strains (Ichim 2017)",
+    "dual_quaternion": "skinning by dual quaternions",
+    "linear": "linear skinning",
+    "pivot": "dual quaternions on a pivot rig",
+}
 
 STATISTICS: dict[str, Callable[[Array], float]] = {
     "mean": lambda e: float(np.mean(e)),
