@@ -172,15 +172,6 @@ rule evaluate_truth:
 # The finger whose tissues slide: bodies, their poses, and what a scanner, a person and a truth would give of them.
 
 
-def where_neutral_is(wildcards):
-    """Input function: the neutral pose, from which every other one is followed."""
-    return (
-        []
-        if wildcards.pose == neutral(wildcards.subject)
-        else in_neutral(paths.COUPLED_POSE)(wildcards)
-    )
-
-
 rule sliding_body:
     output:
         paths.COUPLED_BODY,

@@ -3,6 +3,6 @@
 from common import output_of, stage
 
 with stage(snakemake):
-    from handpipe.stages.synthetic.sliding.sliding_body import sliding_body
+    from handpipe.stages.sliding.sliding_body import sliding_body
 
     sliding_body(output_of(snakemake))

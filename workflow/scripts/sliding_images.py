@@ -3,6 +3,6 @@
 from common import dataset_of, inputs_of, stage
 
 with stage(snakemake):
-    from handpipe.stages.synthetic.sliding.sliding_images import Inputs, sliding_images
+    from handpipe.stages.sliding.sliding_images import Inputs, sliding_images
 
     sliding_images(inputs_of(snakemake, Inputs), dataset_of(snakemake), snakemake.wildcards.pose)

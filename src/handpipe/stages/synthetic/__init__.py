@@ -14,7 +14,6 @@ if TYPE_CHECKING:
         generate_pose,
         generate_seeds,
         generate_templates,
-        sliding,
         template_hand,
         zanatomy_hand,
     )
@@ -30,7 +29,6 @@ __all__ = [
     "generate_pose",
     "generate_seeds",
     "generate_templates",
-    "sliding",
     "template_hand",
     "zanatomy_hand",
 ]

@@ -6,9 +6,8 @@ from handpipe.core.faces import face
 
 if TYPE_CHECKING:
     from handpipe.synthetic.family.measured_people import PEOPLE
-    from handpipe.synthetic.family.measuring import hand_measures
     from handpipe.synthetic.family.proportions import build_of
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["PEOPLE", "build_of", "hand_measures"]
+__all__ = ["PEOPLE", "build_of"]

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.stages.synthetic.sliding import (
+    from handpipe.stages.sliding import (
         evaluate_sliding,
         sliding_body,
         sliding_images,
