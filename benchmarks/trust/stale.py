@@ -248,7 +248,7 @@ CHANGES = [
 # Every field of a scanned subject's file is checked; whatever changes, so it is after these.
 ALWAYS = {"person": {"check_subject"}}
 # Fields that name the subject or its kind: with another value it is another subject, built anew.
-IDENTITY = {"name", "like", "generator", "anatomy", "units", "subjects"}
+IDENTITY = {"name", "like", "generator", "anatomy", "proportions", "units", "subjects"}
 SCENE_OF = {
     "phantom-hand": "hand-poses",
     "knee": "knee",
