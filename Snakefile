@@ -25,8 +25,10 @@ include: "workflow/rules/ligaments.smk"
 include: "workflow/rules/fascia.smk"
 include: "workflow/rules/fat.smk"
 include: "workflow/rules/baselines.smk"
+include: "workflow/rules/ablations.smk"
 include: "workflow/rules/simulation.smk"
 include: "workflow/rules/views.smk"
+include: "workflow/rules/deviations.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmarks.smk"
 
@@ -40,6 +42,7 @@ wildcard_constraints:
     tendon="[A-Za-z][A-Za-z0-9_]*",
     scene=SCENE_NAME,
     chunk="[0-9]+",
+    variant="[a-z][a-z0-9_]*",
 
 
 onstart:
@@ -66,6 +69,7 @@ localrules:
     fasciae,
     fat,
     baselines,
+    ablations,
     simulation,
 
 
@@ -94,7 +98,7 @@ rule anatomy:
 
 rule truth:
     input:
-        expand(paths.metrics_of("truth"), subject=made_by_coupled_simulation()),
+        expand(paths.metrics_of("truth"), subject=made_by_simulation()),
 
 
 rule fat_water:
@@ -165,6 +169,12 @@ rule baselines:
     input:
         subject_checks(),
         each_subject(paths.metrics_of("baselines")),
+
+
+rule ablations:
+    input:
+        subject_checks(),
+        lambda w: expand(paths.metrics_of("ablations"), subject=ablated_subjects()),
 
 
 rule simulation:

@@ -20,17 +20,19 @@ log = logging.getLogger("benchmarks.shapes")
 OUTPUT = Path(__file__).parents[2] / "results" / "benchmarks" / "shapes.json"
 THREADS = 2
 PARTS = (
-    "string", "known_strains", "solves", "organs", "separation", "seventeen", "comparisons", "hard_cases",
-    "speed_against_error",
+    "string", "known_strains", "solves", "organs", "separation", "seventeen", "comparisons", "standard",
+    "density", "hard_cases", "speed_against_error",
 )  # fmt: skip
 QUICK: dict[str, dict[str, object]] = {
-    "string": {"cells": 16},
+    "string": {"cells": 16, "picture": None},
     "known_strains": {"edges": (3.2,), "counts": (60,)},
     "solves": {"edge": 2.6, "rows": 300, "patience": 1000.0},
     "organs": {"edge": 2.8, "liver_edge": 18.0, "many": 500},
     "separation": {"turns": (0.0,), "overlaps": ()},
     "seventeen": {"count": 2, "edge": 2.0, "muscles": 3},
     "comparisons": {"refinements": 0, "picture": None},
+    "standard": {"bodies": ("twist",), "methods": ("arap_volume", "bending", "elastic"), "image": None},
+    "density": {"counts": (4, 16), "refinement": 0, "image": None},
     "hard_cases": {"edge": 4.0, "cases": ("plain", "attachment-off-8")},
     "speed_against_error": {
         "edges": (4.0, 3.2),

@@ -27,11 +27,23 @@ LABELS = {
     "biharmonic_volume": "biharmonic, volume",
     "biharmonic_linear": "biharmonic, linear precision",
     "biharmonic_surface": "biharmonic, surface",
+    "bounded_biharmonic": "bounded biharmonic weights",
+    "bending": "bending, rotations",
+    "bending_incremental": "bending, incremental plasticity",
     "elastic": "elastic",
+    "elastic_incremental": "elastic, incremental plasticity",
+    "transfer": "deformation transfer, elastic",
     "icp_amberg": "non-rigid ICP, Amberg",
     "icp_sumner": "non-rigid ICP, Sumner",
 }
-VIEWS = {"beam": ((1.0, 0.9, -0.7), (0, 0, 1)), "muscle": ((0.2, 0.4, -1), (0, 1, 0))}
+VIEWS = {
+    "beam": ((1.0, 0.9, -0.7), (0, 0, 1)),
+    "muscle": ((0.2, 0.4, -1), (0, 1, 0)),
+    "bump": ((0.6, 1.0, -0.7), (0, 0, 1)),
+    "cylinder": ((0.0, 1.0, -0.2), (0, 0, 1)),
+    "twist": ((0.3, 1.0, -0.6), (0, 0, 1)),
+    "cactus": ((-0.5, 0.8, -0.6), (1, 0, 0)),
+}
 TILES = {"beam": (300, 240), "muscle": (300, 130)}  # pixels
 COLUMNS = 5
 FLESH, MARK, ATTACHED = (0.8, 0.45, 0.4), (0.1, 0.2, 0.9), (0.05, 0.05, 0.05)
@@ -58,11 +70,11 @@ def draw(
     parts[0].legend(handles, labels, loc="outside lower center", ncols=COLUMNS, fontsize=8, frameon=False)
     for part, (name, found) in zip(parts[1:], shapes.items(), strict=True):
         tiles = part.subplots(rows[name], COLUMNS, squeeze=False).ravel()
-        camera = _camera(name, bodies[name])
+        camera = camera_of(name, bodies[name], TILES[name])
         for tile in tiles:
             tile.axis("off")
         for tile, (method, x) in zip(tiles, found.items(), strict=False):
-            tile.imshow(_picture(bodies[name], x, camera, TILES[name]))
+            tile.imshow(picture(bodies[name], x, camera, TILES[name]))
             tile.set_title(LABELS[method], fontsize=9)
     FigureCanvasAgg(figure)
     with atomic(path) as temporary:
@@ -93,20 +105,22 @@ def _curves(ax: Axes, name: str, curve: str, figures: Figures, refinements: int)
     ax.tick_params(labelsize=8, which="both")
 
 
-def _camera(name: str, body: Body) -> Camera:
+def camera_of(name: str, body: Body, size: tuple[int, int]) -> Camera:
+    """A camera that sees the body's true shape."""
     direction, up = VIEWS[name]
     surface = Surface(body.truth, body.mesh.boundary_faces()[0]).compact()
-    return Camera.fit(surface.vertices, np.array(direction), np.array(up), TILES[name], margin=1.15)
+    return Camera.fit(surface.vertices, np.array(direction), np.array(up), size, margin=1.15)
 
 
-def _picture(body: Body, x: Array, camera: Camera, size: tuple[int, int]) -> Image:
+def picture(body: Body, x: Array, camera: Camera, size: tuple[int, int], points: bool = True) -> Image:
     """The surface at x, and where its marks and attachments belong."""
     surface = Surface(x, body.mesh.boundary_faces()[0]).compact()
-    drawn = [
-        Drawable(surface, FLESH),
-        Drawable(_balls(body.truth[body.marked]), MARK),
-        Drawable(_balls(body.truth[body.attached]), ATTACHED),
-    ]
+    drawn = [Drawable(surface, FLESH)]
+    if points:
+        drawn += [
+            Drawable(_balls(body.truth[body.marked]), MARK),
+            Drawable(_balls(body.truth[body.attached]), ATTACHED),
+        ]
     return render(drawn, camera, size)
 
 

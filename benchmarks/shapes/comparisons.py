@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,7 +86,7 @@ def measure(refinements: int = 2, picture: Path | None = PICTURE) -> Figures:
             out[key.format("truth_spikiness")] = figure(case.near.spikiness(case.body.truth), "1")
             shapes[name] = {"truth": case.body.truth}
             for method in METHODS:
-                found = _shape(case.body, method)
+                found = shape_by(METHODS[method], case.body, method)
                 if isinstance(found, str):
                     out |= {key.format(f"{method}_{m}"): figure(None, u, found) for m, u in UNITS.items()}
                     continue
@@ -98,13 +99,13 @@ def measure(refinements: int = 2, picture: Path | None = PICTURE) -> Figures:
     return out
 
 
-def _shape(body: Body, method: str) -> tuple[Array, float] | str:
-    """Vertices and processor seconds, or why there are none."""
+def shape_by(method: Callable[[Body], Array], body: Body, name: str) -> tuple[Array, float] | str:
+    """Vertices (n, 3) that a method finds and its processor seconds, or why there are none."""
     begun = time.process_time()
     try:
-        x = METHODS[method](body)
+        x = method(body)
     except ConvergenceError as error:
         return str(error)
     seconds = time.process_time() - begun
-    log.info("%s on %d tets: %.1f s", method, len(body.mesh.tets), seconds)
+    log.info("%s on %d tets: %.1f s", name, len(body.mesh.tets), seconds)
     return x, seconds

@@ -1,4 +1,5 @@
-"""Other ways to carry a template to marks: as-rigid-as-possible, biharmonic, elastic, non-rigid ICP.
+"""Other ways to carry a template to marks: as-rigid-as-possible, biharmonic, bounded biharmonic, bending,
+elastic, deformation transfer, incremental plasticity, non-rigid ICP.
 
 All are given what `fit_organ` is given, marked points and their true places, at settings that were found to
 suit them. Those on surfaces leave inner vertices where they were.
@@ -10,18 +11,24 @@ import igl
 import numpy as np
 import trimesh
 
+from benchmarks.shapes.bending import Bending
 from benchmarks.shapes.comparison_bodies import Body
-from handpipe.core import Array, IntArray
+from benchmarks.shapes.transfer import SmoothGradients
+from handpipe.core import Array, ConvergenceError, IntArray
 from handpipe.fem.contact import Attachment
 from handpipe.fem.elements import Material
-from handpipe.fem.potentials import Elastic
+from handpipe.fem.potentials import Elastic, Potential
 from handpipe.fem.solver import equilibrium
 from handpipe.shapes.optimisation.settings import OrganSettings
 from handpipe.shapes.organs import Observed, fit_organ
 
 SETTINGS = OrganSettings(remesh_below=0.0)
-COMPRESSIBLE = Material(6.0, 0.0)  # kPa; nearly incompressible tissue loses more of the growth
+YOUNG = 6.0  # kPa
+COMPRESSIBLE = Material(YOUNG, 0.0)  # nearly incompressible tissue loses more of the growth
 STEPS = 4  # of the springs to their targets
+FIRM = 5e4  # mN/mm of springs against the stiff energy of deformation transfer
+INCREMENTS = 20  # of incremental plasticity
+BOUNDED = 20  # iterations of bounded biharmonic weights
 ROUNDS, SETTLED = 2000, 1e-5  # of as-rigid-as-possible; mm that a round still moves any vertex by
 
 
@@ -34,14 +41,36 @@ def plastic(body: Body) -> Array:
 
 def elastic(body: Body) -> Array:
     """The elastic equilibrium, springs at all points; they move to their targets bit by bit."""
+    return _springs(body, [], STEPS, plastic=False, stiffness=SETTINGS.spring)
+
+
+def elastic_incremental(body: Body) -> Array:
+    """The same, but after each increment its shape becomes the shape at rest."""
+    return _springs(body, [], INCREMENTS, plastic=True, stiffness=SETTINGS.spring)
+
+
+def transfer(body: Body) -> Array:
+    """Deformation transfer: neighbouring tets deform alike (Sumner and Popovic 2004); and elasticity."""
+    smooth = SmoothGradients(body.mesh, YOUNG)
+    return _springs(body, [smooth], STEPS, plastic=False, stiffness=FIRM)
+
+
+def _springs(body: Body, others: list[Potential], steps: int, *, plastic: bool, stiffness: float) -> Array:
+    """Equilibrium of the tissue, others and springs that move bit by bit."""
     x, points = body.mesh.vertices, _points(body)
     pairs = body.pairs(points)
-    springs = Attachment(pairs.attached(body.mesh).matrix, pairs.points, SETTINGS.spring)
+    springs = Attachment(pairs.attached(body.mesh).matrix, pairs.points, stiffness)
     tissue = Elastic(x, body.mesh.tets, COMPRESSIBLE)
     options = equilibrium.Options(name="elastic", untangle=False)  # springs at points turn tets inside out
-    for t in np.linspace(0.0, 1.0, STEPS + 1)[1:]:
+    for t in np.linspace(0.0, 1.0, steps + 1)[1:]:
         towards = pairs.points + t * (pairs.targets - pairs.points)
-        x = equilibrium.solve([tissue, springs.moved(towards)], x, options=options).x
+        x = equilibrium.solve([tissue, *others, springs.moved(towards)], x, options=options).x
+        if plastic:
+            inverted = int((body.mesh.moved(x).volumes() <= 0).sum())
+            if inverted:
+                reason = f"{inverted} inverted tets, {100 * t:.0f} % of the way"
+                raise ConvergenceError("incremental plasticity", reason, "Give fewer marks or coarser tets")
+            tissue = Elastic(x, body.mesh.tets, COMPRESSIBLE)
     return x
 
 
@@ -71,6 +100,30 @@ def biharmonic_linear(body: Body) -> Array:
     part = Part(body, body.mesh.tets)
     handles = [[int(point)] for point in part.points]
     return part.whole(igl.biharmonic_coordinates(part.x, part.cells, handles, 2) @ part.targets)
+
+
+def bounded_biharmonic(body: Body) -> Array:
+    """Moves blended by bounded biharmonic weights (Jacobson 2011), a handle a point."""
+    part = Part(body, body.mesh.tets)
+    each = np.eye(len(part.points))
+    weights = igl.bbw(part.x, part.cells, part.points, each, partition_unity=False, max_iter=BOUNDED)
+    weights /= weights.sum(axis=1, keepdims=True)
+    return part.whole(part.x + weights @ (part.targets - part.x[part.points]))
+
+
+def bending(body: Body) -> Array:
+    """Least bending of the surface, a rotation a vertex (Wang 2021 Eq. 5.28), from the biharmonic shape."""
+    part = Part(body, body.mesh.boundary_faces()[0])
+    return part.whole(Bending(part.x, part.cells, part.points).least(_harmonic(part), part.targets))
+
+
+def bending_incremental(body: Body) -> Array:
+    """The same in increments, after each of which the surface rests where it is."""
+    part = Part(body, body.mesh.boundary_faces()[0])
+    x, begun = part.x, part.x[part.points]
+    for t in np.linspace(0.0, 1.0, INCREMENTS + 1)[1:]:
+        x = Bending(x, part.cells, part.points).least(x, begun + t * (part.targets - begun))
+    return part.whole(x)
 
 
 def _points(body: Body) -> IntArray:
@@ -154,7 +207,12 @@ METHODS = {
     "biharmonic_volume": biharmonic_volume,
     "biharmonic_linear": biharmonic_linear,
     "biharmonic_surface": biharmonic_surface,
+    "bounded_biharmonic": bounded_biharmonic,
+    "bending": bending,
+    "bending_incremental": bending_incremental,
     "elastic": elastic,
+    "elastic_incremental": elastic_incremental,
+    "transfer": transfer,
     "icp_amberg": icp_amberg,
     "icp_sumner": icp_sumner,
 }

@@ -193,6 +193,10 @@ CHANGES = [
             "equilibria": (True, "evaluate_frames find_equilibria"),
             "muscle_barrier": (True, "simulate"),
             "mechanics": (True, "export_mechanics require_frames"),
+            "deviations": (
+                True,
+                "evaluate_deviations learn_deviations report require_frames state_deviations",
+            ),
             "movie": (True, "render_movie require_frames"),
             "images": (True, "evaluate_images move_image move_images report require_frames"),
             "fidelity": ("standard", ""),  # the build's
@@ -244,7 +248,7 @@ CHANGES = [
 # Every field of a scanned subject's file is checked; whatever changes, so it is after these.
 ALWAYS = {"person": {"check_subject"}}
 # Fields that name the subject or its kind: with another value it is another subject, built anew.
-IDENTITY = {"name", "like", "generator", "anatomy", "units", "subjects"}
+IDENTITY = {"name", "like", "generator", "anatomy", "proportions", "units", "subjects"}
 SCENE_OF = {
     "phantom-hand": "hand-poses",
     "knee": "knee",

@@ -9,12 +9,21 @@ import yaml
 from tests.anatomy.arm import THREE_MUSCLES, arm
 from tests.anatomy.meshes import box
 
-from handpipe.anatomy.editing import CurveEditor, Draft, content_of, place_on_bone, write_curves
+from handpipe.anatomy.editing import (
+    CurveEditor,
+    Draft,
+    content_of,
+    load_draft,
+    place_on_bone,
+    tendon_lines,
+    write_curves,
+)
 from handpipe.anatomy.editing.envelope_surfaces import envelope_surfaces
 from handpipe.anatomy.templates.curves import CurveFile, load_curves, locate
 from handpipe.anatomy.templates.diffusion import Functions
 from handpipe.anatomy.templates.domain import Domain
 from handpipe.anatomy.templates.envelope import upper_envelope
+from handpipe.anatomy.templates.hand import load_hand
 from handpipe.core.errors import InputError
 from handpipe.mesh.surfaces.distance import Distance
 
@@ -165,3 +174,18 @@ def test_places_on_bones_are_near_where_a_point_is_dropped() -> None:
         np.testing.assert_allclose(locate([place], BONES, distal, "arm.yaml", "p")[0], wanted, atol=0.02)
     with pytest.raises(InputError, match="'ulna' is no bone"):
         place_on_bone(np.zeros(3), BONES, distal, "arm.yaml", "ulna")
+
+
+def test_the_file_of_a_hand_keeps_its_ligaments_tendons_and_nails(tmp_path: Path) -> None:
+    hand = Path(__file__).parents[2] / "config/anatomy/hand.yaml"
+    write_curves(tmp_path / "hand.yaml", load_draft(hand))
+    assert load_hand(tmp_path / "hand.yaml") == load_hand(hand)
+
+
+def test_a_tendon_is_a_line_through_its_points() -> None:
+    places = [{"at": (x, 3.0 + 0.1 * x, -4.0)} for x in (20.0, 5.0, -15.0)]
+    tendon = {"bone": "radius", "bones": ["radius"], "radius": 1.0, "points": places}
+    draft = Draft.model_validate({"tendons": {"flexor": tendon}})
+    line = tendon_lines(draft, arm(4.0)[1], "hand.yaml")["flexor"]
+    assert line[0] == pytest.approx(places[0]["at"]) and line[-1] == pytest.approx(places[-1]["at"])
+    assert line[:, 1] == pytest.approx(3.0 + 0.1 * line[:, 0])  # points on a line give this line

@@ -83,6 +83,27 @@ def test_the_models_of_the_skeleton_are_copied_with_its_meshes(dataset: Dataset,
     assert (tmp_path / "out/close-skeleton/meshes/distal2.stl").is_file()
 
 
+def test_an_export_again_has_no_scene_that_is_no_longer_built(dataset: Dataset, scene: list, tmp_path: Path):
+    folder = paths.at(paths.SIMULATION, subject="finger")
+    (folder / "open").mkdir()
+    (folder / "open" / "open.glb").write_bytes(b"")
+    exports.export("finger", dataset, tmp_path / "out")
+    (folder / "open" / "open.glb").unlink()
+    written = exports.export("finger", dataset, tmp_path / "out")
+    assert [p.name for p in written] == ["close.glb"]
+    assert [p.name for p in (tmp_path / "out").glob("*.glb")] == ["close.glb"]
+
+
+def test_a_scene_of_another_subject_is_not_replaced(dataset: Dataset, scene: list, tmp_path: Path):
+    other = paths.at(paths.SIMULATION, subject="thumb") / "close"
+    other.mkdir(parents=True)
+    (other / "close.glb").write_bytes(b"of the thumb")
+    exports.export("finger", dataset, tmp_path / "out")
+    with pytest.raises(InputError, match="close.glb.*written by handpipe export finger.*Name another folder"):
+        exports.export("thumb", dataset, tmp_path / "out")
+    assert (tmp_path / "out/close.glb").read_bytes() == b""
+
+
 class Muscles:
     """In place of the layer, whose files only a build makes."""
 

@@ -12,6 +12,8 @@ from handpipe.anatomy.person import SubjectTemplate, feature_points, person_of_p
 from handpipe.anatomy.person.family import lengths_of
 from handpipe.anatomy.shipped import ShippedHand
 from handpipe.cli import main
+from handpipe.cli.own_files import LISTED
+from handpipe.cli.person import making
 from handpipe.cli.person.making import Asked, make
 from handpipe.core import Frame, InputError
 from handpipe.levels import LearnedHand
@@ -132,6 +134,28 @@ def test_contractions_move_the_hand_in_a_scene_for_other_programs(made) -> None:
     assert any("skin" in name for name in names) and any("adductor_pollicis" in name for name in names)
     skin = next(mesh for mesh in scene.meshes if "skin" in mesh.name)
     assert len(skin.primitives[0].targets) == 4
+
+
+def test_a_folder_that_is_used_again_keeps_no_motion_of_the_earlier_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files of a hand are stood in for by what would be in them: whose points, and which motion."""
+
+    def written(hand: object, asked: Asked, folder: Path) -> dict[str, float]:
+        for name in ("player.html", "hand.h5", *(f"{motion.stem}.glb" for motion in asked.motions)):
+            (folder / name).write_text(asked.points.name, encoding="utf-8")
+        return {"player.html": 0.0}
+
+    monkeypatch.setattr(making, "_written", written)
+    for name in ("first.json", "second.json"):
+        (tmp_path / name).write_text(photographed.photograph().model_dump_json(), encoding="utf-8")
+    folder = tmp_path / "hand"
+    make(Asked(tmp_path / "first.json", folder, motions=[tmp_path / "wave.csv"]))
+    (folder / "points.json").write_text("{}", encoding="utf-8")  # as the page writes it
+    made = make(Asked(tmp_path / "second.json", folder))
+    assert [p.name for p in made.files] == ["player.html", "hand.h5"]
+    assert {p.name for p in folder.iterdir()} == {"player.html", "hand.h5", "points.json", LISTED}
+    assert all(p.read_text(encoding="utf-8") == "second.json" for p in made.files)
 
 
 def changed(**further) -> str:

@@ -65,6 +65,10 @@ def test_shipped_scenes_are_valid(path):
             r"muscles\.Müller 1: .*no name",
         ),
         (lambda c: c.update(colour="blue"), "colour"),
+        (
+            lambda c: c["joints"]["MP2"].update(parent="distal2"),
+            "joints: DIP2, MP2, PIP2 carry one another in a circle",
+        ),
     ],
 )
 def test_wrong_dataset_is_refused_by_field(tmp_path, content, change, field):

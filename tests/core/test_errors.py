@@ -1,8 +1,10 @@
 """No foreign error reaches a person: one line in plain words, and nothing half-written."""
 
 import os
+import re
 import subprocess
 import sys
+import tempfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from handpipe.core import artifacts
+from handpipe.core.command import reported
 from handpipe.core.errors import ConvergenceError, InputError, plain
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
@@ -35,6 +38,10 @@ HDF5 = "RuntimeError(\"Can't decrement id (write failed: errno = 28, error messa
         (f"raise {HDF5}", "no space left on the disk"),
         (f"try:\n  raise {HDF5}\nexcept RuntimeError as e:\n  raise KeyError('x') from e", "no space left"),
         ("raise PermissionError(13, 'Permission denied')", "Check its permissions"),
+        ("raise PermissionError(13, 'no', 'a/ü b.h5')", "Check its permissions. The path is a/ü b.h5"),
+        ("raise PermissionError(1, 'no', b'x.h5')", "Check its permissions. The path is x.h5"),
+        ("raise OSError(30, 'no', '.tmp', None, 'results/a.h5')", "The path is results/a.h5"),
+        ("raise OSError(30, 'Read-only file system')", "Build in a folder that you may write to"),
         ("np.zeros(2**50)", "not enough memory"),
         ("np.linalg.inv(np.zeros((2, 2)))", "unexpected LinAlgError: Singular matrix"),
         ("zlib.decompress(b'x')", "unexpected error: Error -5"),
@@ -45,6 +52,40 @@ HDF5 = "RuntimeError(\"Can't decrement id (write failed: errno = 28, error messa
 def test_foreign_errors_are_one_plain_line(statement: str, said: str) -> None:
     line = plain(raised(statement))
     assert said in line and "\n" not in line and "Traceback" not in line
+
+
+@pytest.mark.parametrize(
+    ("statement", "said"),
+    [
+        ("raise OSError(28, 'no', 'out/a.obj')", "no space left on the disk. Free some .* is out/a.obj"),
+        (f"raise {HDF5}", "no space left on the disk. Free some"),
+        ("raise PermissionError(13, 'no', 'out')", "may not be accessed. Check .* is out"),
+        ("open('no such folder/a.obj')", "no such folder/a.obj: No such file"),
+        ("np.linalg.inv(np.zeros((2, 2)))", "unexpected LinAlgError: Singular matrix. The log is "),
+    ],
+)
+def test_a_command_ends_with_one_line_that_says_what_to_do(
+    statement: str,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with reported() as failure:
+        exec(statement, {"np": np})
+    [line] = capsys.readouterr().err.splitlines()
+    assert failure.code == 1 and re.match(f"handpipe: .*{said}", line)
+
+
+def test_an_unexpected_error_is_said_where_no_log_can_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    with reported() as failure:
+        raise KeyError("bone")
+    [line] = capsys.readouterr().err.splitlines()
+    assert failure.code == 1 and "unexpected KeyError: 'bone'. No log was written: No such file" in line
 
 
 def test_errors_for_people_stay_as_they_are() -> None:
@@ -62,6 +103,7 @@ def test_the_remedy_of_a_part_is_said_once() -> None:
 
 SCRIPT = """
 import sys
+import tempfile
 from types import SimpleNamespace
 sys.path.insert(0, sys.argv[1])
 from common import stage

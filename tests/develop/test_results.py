@@ -37,6 +37,26 @@ def test_models_of_the_skin_have_a_table_where_they_were_compared(tmp_path: Path
     assert "| m3: one soft tissue with plastic strains (Ichim 2017) |  | 0.06 mm; 1.2 mm |  |  |" in text
 
 
+def test_variants_have_a_table_where_they_were_compared(tmp_path: Path) -> None:
+    folder = built(tmp_path / "hand", "a")
+    assert "Variants of the full model" not in page([folder])
+    figures = {
+        "m0_true_heldout_error_mean": (0.05, "mm"),
+        "m0_MP2_knuckle_error_mean": (0.03, "mm"),
+        "m0_passive_MP2_knuckle_error_mean": (0.3, "mm"),
+        "no_tendons_true_heldout_error_mean": (0.06, "mm"),
+        "no_tendons_true_heldout_error_max": (1.2, "mm"),
+        "no_tendons_passive_true_heldout_error_mean": (0.4, "mm"),
+        "no_tendons_MP2_knuckle_error_mean": (0.07, "mm"),
+    }
+    metrics.write(folder / "metrics" / "ablations.json", figures)
+    text = page([folder])
+    assert "### Variants of the full model, hand" in text
+    row = "|  |  |  | 0.06 mm; 1.2 mm | 0.4 mm |  |  | 0.07 mm |"
+    assert f"| `no_tendons`: no tendons under the fat {row}" in text
+    assert text.count("over MP2") == 1
+
+
 @pytest.mark.parametrize("commits", [("a", "b"), ("a-dirty",), ("",)])
 def test_mixed_changed_and_unknown_builds_are_refused(tmp_path: Path, commits: tuple[str, ...]) -> None:
     output = tmp_path / "results.md"

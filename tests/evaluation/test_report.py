@@ -19,6 +19,8 @@ from handpipe.evaluation.build import Job
 from handpipe.evaluation.report import PoseView, ReportInput, write_report
 from handpipe.evaluation.table import skin_metrics, skin_rows
 from handpipe.evaluation.viewer import view_data
+from handpipe.hand import StoredFrames, write_frames
+from handpipe.hand import frames as frames_module
 from handpipe.hand.appearance import NAIL, colour
 from handpipe.mesh.surfaces.surface import Surface
 from handpipe.skeleton.joints.axes import Axes
@@ -170,6 +172,21 @@ def test_report_holds_pictures_with_text_and_figures_with_units(full: ReportInpu
     ):
         assert expected in text
     assert "&lt;interpolated&gt;" in text and "stable neo-Hookean" in text
+
+
+def test_frames_of_a_scene_are_read_once_for_the_view_and_one_for_the_picture(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    files, read = [tmp_path / f"frames-{i}.h5" for i in range(6)], []
+    for i, file in enumerate(files):
+        write_frames(file, [simulated(f"f{i}", float(i == 3))])
+    original = frames_module.read_frames
+    monkeypatch.setattr(frames_module, "read_frames", lambda path: read.append(path) or original(path))
+    report = ReportInput(dataset, rig=rig(), scenes={"long": StoredFrames(files)})
+    write_report(tmp_path / "report.html", report, tmp_path / "pictures")
+    ends = [files[0], files[-1]]  # the view tells by them how many frames it takes
+    assert sorted(read) == sorted([*files, *ends, files[3]])
+    assert (tmp_path / "pictures/long-skin.png").is_file()
 
 
 def test_report_of_a_bare_dataset_leaves_sections_out(dataset: Dataset, tmp_path: Path):

@@ -25,6 +25,7 @@ from handpipe.hand.frames import (
     StoredFrames,
     failures_in,
     finished_frames,
+    frame_angles,
     read_frames,
     read_simulated,
     write_frames,
@@ -304,6 +305,7 @@ def test_stored_frames_are_those_of_the_files_one_file_at_a_time(tmp_path: Path,
     monkeypatch.setattr(frames_module, "read_frames", lambda path: opened.append(path) or read_frames(path))
     stored = StoredFrames(files)
     assert stored.names == [frame.name for frame, _ in made] and len(stored) == 3 and not opened
+    assert frame_angles(stored) == [dict(frame.angles) for frame, _ in made] and not opened
     for (frame, layers), (expected, shapes) in zip(stored, made, strict=True):
         assert frame.name == expected.name
         found = layers["muscles"]["lumbrical1"].vertices

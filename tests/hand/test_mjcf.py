@@ -226,7 +226,9 @@ def test_moment_arms_are_those_of_the_rods(with_tendon) -> None:
                 assert of_rods == pytest.approx(DEPTH, rel=0.15)
 
 
-def test_the_stage_leaves_folded_rods_out_and_states_the_differences(with_tendon, tmp_path: Path) -> None:
+def test_the_stage_leaves_folded_rods_out_and_states_the_differences(
+    with_tendon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tendon, rig, _, _, _ = with_tendon
     rig.save(tmp_path / "rig.h5")
     tendon.save(tmp_path / "tendon.h5")
@@ -246,7 +248,15 @@ def test_the_stage_leaves_folded_rods_out_and_states_the_differences(with_tendon
     write_frames(tmp_path / "frames-0.h5", made)
     outputs = export_skeleton.Outputs(tmp_path / "skeleton", tmp_path / "figures.json")
     inputs = export_skeleton.Inputs(tmp_path / "rig.h5", [tmp_path / "frames-0.h5"], [tmp_path / "tendon.h5"])
+    exported: list[str] = []
+    export = trimesh.Trimesh.export
+    monkeypatch.setattr(
+        trimesh.Trimesh,
+        "export",
+        lambda mesh, path, **more: (exported.append(path.name), export(mesh, path, **more)),
+    )
     export_skeleton.export_skeleton(inputs, outputs)
+    assert len(exported) == len(set(exported)) == len(rig.bones)  # both models have the same files
     found = metrics.read(tmp_path / "figures.json")
     assert found["residual_max"] == (0.0, "mm")
     assert (found[f"{tendon.name}_frames"][0], found[f"{tendon.name}_folded"][0]) == (3, 1)

@@ -34,7 +34,7 @@ def test_twists_are_the_derivatives_of_the_transforms(model, share):
     [
         Position("distal2", TIPS[2], np.array([90.0, 10, -30]), weight=0.7),
         Orientation("distal1", np.eye(3)),
-        Direction("middle4", np.array([1.0, 0, 0]), np.array([0, 0, -1.0])),
+        Direction("proximal4", TIPS[4] - [20.0, 3, 5], "distal4", TIPS[4], np.array([0, 0, -1.0])),
         Meeting("distal1", TIPS[1], "distal3", TIPS[3]),
     ],
     ids=lambda t: type(t).__name__,

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from five_fingers import DESCRIPTION, posed, random_angles, rig
+from five_fingers import DESCRIPTION, KNUCKLES, posed, random_angles, rig
 from scipy.spatial.transform import Rotation
 
 from handpipe.core.errors import InputError
@@ -20,7 +20,8 @@ CAMERA = Rotation.from_euler("xyz", [2.0, -0.4, 1.1]).as_matrix()
 def seen(angles, scale=0.001, lengths=1.0, residuals=True):
     """The 21 points (21, 3) that a camera sees; `lengths` stretches the fingers beyond their knuckles."""
     place = {d[2]: posed(np.array(d[5]), d[1], angles, residuals)[0] for d in DESCRIPTION}
-    points = [np.array([-28.0, 0, 0])]
+    knuckles = np.array([*KNUCKLES.values()])
+    points = [knuckles.mean(axis=0) - 70.0 * np.array([66.0, 4, 0]) / np.hypot(66, 4)]
     for digit in range(1, 6):
         parts = ("metacarpal", "proximal", "distal") if digit == 1 else ("proximal", "middle", "distal")
         bones = [f"{p}{digit}" for p in parts]

@@ -57,6 +57,8 @@ LIMB = {"volumes": {"neutral": "a.nii.gz"}, "strokes": "b.json"}
             lambda c: (c.pop("generator"), c.update(scanner={"spacing": 1.0})),
             "scanner: is only for the generators phantom-hand, ",
         ),
+        (lambda c: c.update(proportions="giant"), "proportions: 'giant' is no measured person"),
+        (lambda c: c.update(proportions="child"), "proportions: is only for the generators phantom-hand-com"),
         (
             lambda c: c.update(generator="real-limb", anatomy="feet"),
             "limb: is not given, but the generator real-limb needs it",

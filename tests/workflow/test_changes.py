@@ -1,5 +1,6 @@
 """A change reruns what reads it, in one call, and nothing else."""
 
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -92,3 +93,8 @@ def test_a_changed_limit_is_in_the_rig_after_one_call(
     registration = folder / "src/handpipe/skeleton/registration/registration.py"
     registration.write_text(registration.read_text(encoding="utf-8") + "\nNEW = 1\n", encoding="utf-8")
     assert planned(folder, "rig", *SMALL) == {"register_bones": 2, "fit_rig": 1, "rig": 1}
+
+
+def test_the_page_states_how_many_fields_there_are() -> None:
+    page = (Path(__file__).parents[2] / "docs/trust.md").read_text(encoding="utf-8")
+    assert re.findall(r"`stale` has (\d+) fields today", page) == [str(len(CHANGES))]

@@ -38,6 +38,10 @@ from .thin_hand import thin_hand, thin_out
 RULES = sorted((CHECKOUT / "workflow" / "rules").glob("*.smk"))
 NOT_WATCHED = {
     "zanatomy_hand": "90 s, with data of others: tests/synthetic/test_zanatomy_hand.py watches its stage",
+    "sliding_body": "minutes of simulation: tests/synthetic/sliding watches its parts",
+    "sliding_pose": "minutes of simulation: tests/synthetic/sliding watches its parts",
+    "sliding_images": "minutes of simulation: tests/synthetic/sliding watches its parts",
+    "evaluate_sliding": "minutes of simulation: tests/synthetic/sliding watches its parts",
     "learn_levels": "needs ten frames: test_levels.py watches it",
     "export_player": "shows learned frames: test_levels.py watches it",
     "animate": "shows learned frames: test_levels.py watches it",
@@ -46,6 +50,10 @@ NOT_WATCHED = {
     "index_shards": "of random poses: test_shards.py watches it",
     "simulate_baselines": "after a whole build: test_build.py watches it",
     "evaluate_baselines": "after a whole build: test_build.py watches it",
+    "mesh_ablated_fat": "after a whole build: tests/evaluation/test_ablations.py runs its stage",
+    "simulate_ablated_inner": "as mesh_ablated_fat",
+    "simulate_ablated_skin": "as mesh_ablated_fat",
+    "evaluate_ablations": "as mesh_ablated_fat",
     "mesh_crease_tissue": "for scenes at level L3: test_levels.py watches it",
 }
 AIR = 4  # voxels around the small subject's image
@@ -148,7 +156,8 @@ COARSE = {
 SCENE = {
     "layers": ["fat"],
     "frames": "config/scenes/moving.csv",
-    **dict.fromkeys(("obj", "rigged", "skeleton", "mechanics", "equilibria", "movie", "images"), True),
+    **dict.fromkeys(("obj", "rigged", "skeleton", "mechanics", "deviations", "equilibria"), True),
+    **dict.fromkeys(("movie", "images"), True),
 }
 KEYS = "key,time [frame],hinge_flexion [deg]\nflat,0,0\nbent,1,5\n"
 TARGETS = [

@@ -22,6 +22,7 @@ rule template_hand:
         mem_mb=3000,
         runtime=30,
     params:
+        dataset=reads_whole("proportions"),
         edges=HAND_EDGES,
     message:
         "{wildcards.subject}: template of all organs"

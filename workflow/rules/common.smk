@@ -44,6 +44,7 @@ from handpipe.imaging.volumes import labelled_names
 from handpipe.levels import require_learned
 from handpipe.skeleton.drivers import frame_names
 from handpipe.skeleton.motion import is_motion, is_random_file, motion_frame_names
+from handpipe.stages.baselines.variants import VARIANTS
 from handpipe.synthetic import generators
 
 
@@ -297,19 +298,24 @@ def has_scans(content):
     return any("scan" in pose for pose in content.get("poses", {}).values())
 
 
-# Images and truth of bones alone, by a module; truth of a coupled simulation; real images of a limb.
+# Images and truth of bones alone, by a module; truth of a simulation of one body, of bodies that slide; real images
+# of a limb.
 BONES_ALONE = subjects_made_by(
     lambda record, content: record.module is not None and not has_scans(content)
 )
 COUPLED = subjects_made_by(lambda record, content: record.truth == "coupled")
+SLIDING = subjects_made_by(lambda record, content: record.truth == "sliding")
 LIMBS = subjects_made_by(lambda record, content: record.truth is None)
 
 
 def with_template(kind):
-    """A pattern for the right hands whose template of all organs is made of curves or of surfaces."""
+    """A pattern for the hands whose template of all organs is made of curves or of surfaces.
+
+    It is a right hand's; a left hand that is posed by a coupled simulation is its mirror image.
+    """
     return subjects_made_by(
         lambda record, content: record.template == kind
-        and content.get("hand", "right") == "right"
+        and (content.get("hand", "right") == "right" or record.truth == "coupled")
     )
 
 
@@ -319,12 +325,12 @@ def generator(subject):
     return None if name is None else generators.GENERATORS[name]
 
 
-def made_by_coupled_simulation():
-    """Subjects of the configuration whose truth is a coupled simulation."""
+def made_by_simulation():
+    """Subjects of the configuration whose truth is a simulation."""
     return [
         s
         for s in buildable_subjects()
-        if generator(s) and generator(s).truth == "coupled"
+        if generator(s) and generator(s).truth in ("coupled", "sliding")
     ]
 
 
@@ -719,6 +725,7 @@ def views():
         paths.SCENE_RIGGED: lambda s: s.rigged,
         paths.SCENE_SKELETON: lambda s: s.skeleton,
         paths.SCENE_MECHANICS: lambda s: s.mechanics,
+        paths.SCENE_DEVIATIONS: lambda s: s.deviations,
         paths.SCENE_MOVIE: lambda s: s.movie,
         paths.SCENE_ANATOMY_MOVIE: lambda s: s.movie and s.images,
     }
@@ -737,6 +744,116 @@ def poses_with_moved_images(subject):
     """Scanned poses into which the neutral image is moved: with fat, where a scene asks for images."""
     asked = any(scene(name).images for name in SETTINGS.scenes)
     return scanned(subject) if asked and "fat" in scene_layers() else []
+
+
+def states_deviations():
+    """Whether a scene asks how far points are expected to be off."""
+    return any(scene(name).deviations for name in SETTINGS.scenes)
+
+
+def layers_in_poses(*roles):
+    """Input function: the layers under the fat that the scenes need, simulated in the poses of some roles."""
+    return lambda w: expand(
+        paths.POSE_LAYERS,
+        subject=w.subject,
+        pose=dataset(w.subject).poses_of(*roles),
+        inner=inner_name(scene_layers()),
+    )
+
+
+def of_layer(layer, files):
+    """Input function: what another one gives, where the scenes have a layer."""
+    return lambda w: files(w) if layer in scene_layers() else []
+
+
+def posed_tendons(wildcards):
+    """The tendons in the example poses, tendon by tendon."""
+    data = dataset(wildcards.subject)
+    return [
+        path
+        for tendon in data.tendons
+        for path in expand(
+            paths.POSED_TENDON,
+            subject=wildcards.subject,
+            tendon=tendon,
+            pose=data.examples,
+        )
+    ]
+
+
+def where_neutral_is(wildcards):
+    """Input function: the neutral pose, from which every other one is followed."""
+    return (
+        []
+        if wildcards.pose == neutral(wildcards.subject)
+        else in_neutral(paths.COUPLED_POSE)(wildcards)
+    )
+
+
+def ablated_subjects():
+    """Subjects that have every layer; others are named and left out."""
+    kept = []
+    for subject in buildable_subjects():
+        data = dataset(subject)
+        lacks = [name for name in ("tendons", "muscles") if not getattr(data, name)]
+        if lacks:
+            logger.warning(
+                f"handpipe: {subject} has no ablations: it has no {' and no '.join(lacks)}"
+            )
+        else:
+            kept.append(subject)
+    return kept
+
+
+def variants_of(subject):
+    """Variants that the subject can have: true organs with a truth, no flesh where it has one."""
+    data = dataset(subject)
+    return [
+        name
+        for name, variant in VARIANTS.items()
+        if (data.truth is not None or not variant.true)
+        and (data.fleshed or "flesh" not in variant.without)
+    ]
+
+
+def ablated_layer_files(wildcards):
+    """Input function: the artifacts of the layers that a variant simulates, its own where it has them."""
+    variant, own = VARIANTS[wildcards.variant], paths.at(paths.ABLATION, **wildcards)
+    full = paths.at(paths.SUBJECT, subject=wildcards.subject)
+    return [
+        own / path.relative_to(full) if layer in variant.refitted else path
+        for layer in variant.loaded
+        for path in layer_files(wildcards.subject, [layer])
+    ]
+
+
+def flesh_under_variant(wildcards):
+    """Input function: the full model's flesh of a pose, where a layer of the variant needs it."""
+    variant = VARIANTS[wildcards.variant]
+    needs = any("flesh" in LAYERS[layer].needs for layer in variant.loaded)
+    given = "flesh" not in (*variant.without, *variant.loaded)
+    if needs and given and dataset(wildcards.subject).fleshed:
+        return paths.at(
+            paths.POSE_FLESH, subject=wildcards.subject, pose=wildcards.pose
+        )
+    return []
+
+
+def of_variant(pattern, is_own):
+    """Input function: a file of the variant where it has its own, else that of the full model."""
+    return lambda w: (
+        paths.ablated(pattern) if is_own(VARIANTS[w.variant]) else pattern
+    )
+
+
+def of_ablations(pattern):
+    """Input function: a variant's file over all variants and scanned poses of the subject."""
+    return lambda w: expand(
+        paths.ablated(pattern),
+        variant=variants_of(w.subject),
+        pose=scanned(w.subject),
+        allow_missing=True,
+    )
 
 
 def scribbles(subject, pose, bone):
@@ -891,6 +1008,7 @@ def report_stages(subject):
     stages += ["skin"] if "fat" in layers else []
     stages += ["poses"] if report_poses(subject) else []
     stages += ["images"] if poses_with_moved_images(subject) else []
+    stages += ["deviations"] if states_deviations() else []
     stages += [f"frames-{name}" for name in SETTINGS.scenes]
     stages += [
         f"motion-{name}" for name in SETTINGS.scenes if is_motion(scene(name).frames)
@@ -1112,6 +1230,7 @@ LOADED_LAYERS = {
     "simulate": lambda w: scene(w.scene).needed,
     "simulate_inner": lambda w: layers_in(w.inner),
     "simulate_flesh": lambda w: ["bones", "flesh"],
+    "simulate_ablated_inner": lambda w: VARIANTS[w.variant].loaded,
 }
 
 
@@ -1152,6 +1271,7 @@ def depend_on_code():
 # does, is none of them: Snakemake's key tells the contents of such files, not which of them is which.
 WORTH_SHARING = (
     "coupled_pose",
+    "sliding_pose",
     "segment_pose",
     "register_bones",
     "register_tendon",

@@ -51,7 +51,7 @@ rule generate_pose:
     benchmark:
         paths.cost_of("generate_pose", "pose")
     wildcard_constraints:
-        subject=f"(?!(?:{BONES_ALONE}|{COUPLED}|{LIMBS})/)[a-z][a-z0-9-]*",
+        subject=f"(?!(?:{BONES_ALONE}|{COUPLED}|{SLIDING}|{LIMBS})/)[a-z][a-z0-9-]*",
     threads: 1
     resources:
         mem_mb=2500,

@@ -1,8 +1,13 @@
 """The template hand of a generated subject: all organs from the file of curves."""
 
-from common import inputs_of, outputs_of, stage
+from common import dataset_of, inputs_of, outputs_of, stage
 
 with stage(snakemake):
     from handpipe.stages.synthetic.template_hand import Inputs, Outputs, template_hand
 
-    template_hand(inputs_of(snakemake, Inputs), outputs_of(snakemake, Outputs), snakemake.params.edges)
+    template_hand(
+        inputs_of(snakemake, Inputs),
+        outputs_of(snakemake, Outputs),
+        dataset_of(snakemake),
+        snakemake.params.edges,
+    )

@@ -23,7 +23,7 @@ from handpipe.synthetic import generators
 PARTS = "thumb, index, middle, ring, little, wrist or a bone, if the scans show a part; may be repeated"
 JOINTS = "PARENT-CHILD, bones of other names in a ball joint, or PARENT-CHILD:fixed; may be repeated"
 USAGE = 2  # exit code of a command that is called wrongly
-ANYWHERE = ("curves", "photograph")  # commands that need no folder of the project
+ANYWHERE = ("bones", "curves", "photograph")  # commands that need no folder of the project
 
 app = typer.Typer(
     no_args_is_help=True, add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False
@@ -262,7 +262,8 @@ def curves(
     if example is not None:
         for path in muscle_curves.write_example(example):
             print(path)
-        print(f"Next: handpipe curves {example}/leg.yaml --skin {example}/skin.ply --bones {example}/bones")
+        own, around, bones_in = (example / name for name in ("leg.yaml", "skin.ply", "bones"))
+        print(f"Next: {muscle_curves.curves_command(own, around, bones_in)}")
         return 0
     if file is None or skin is None or not bones:
         problem = "the file of the curves, --skin and --bones are needed"
@@ -273,10 +274,28 @@ def curves(
     for warning in session.edited.warnings:
         print(f"handpipe: {file}: {warning}", file=sys.stderr)
     if check:
-        count = len(session.edited.faults)
-        print(f"{file}: {count} faults" if count else f"{file}: nothing is wrong")
-        return int(bool(count))
+        return _checked(file, len(session.edited.faults))
     muscle_curves.serve(session, browser)
+    return 0
+
+
+@app.command()
+def bones(
+    file: Annotated[Path, typer.Argument(metavar="FILE.yaml", help="the bones; it need not exist yet")],
+    skin: Annotated[Path, typer.Option(metavar="FILE", help="closed surface in mm")],
+    library: Annotated[
+        list[Path] | None, typer.Option(metavar="FOLDER", help="further templates; may be repeated")
+    ] = None,
+    check: Annotated[bool, typer.Option("--check", help="name what is wrong, open no page")] = False,
+    browser: Annotated[bool, typer.Option(help="open the page; its address is printed anyway")] = True,
+) -> int:
+    """Place bones inside a skin by clicks through it, on a page in the browser."""
+    session = muscle_curves.open_bones(file, skin, library or ())
+    for fault in session.faults:
+        print(f"handpipe: {fault}", file=sys.stderr)
+    if check:
+        return _checked(file, len(session.faults))
+    muscle_curves.serve_bones(session, browser)
     return 0
 
 
@@ -341,6 +360,12 @@ def deck(
     """Write a muscle, a ligament or the fat of a frame as an input deck of Abaqus and CalculiX."""
     exports.deck(subject, _dataset(_dataset_file(subject)), scene, frame, body, file)
     print(file)
+
+
+def _checked(file: Path, faults: int) -> int:
+    """Say how many faults a file has; the exit code."""
+    print(f"{file}: {faults} faults" if faults else f"{file}: nothing is wrong")
+    return int(bool(faults))
 
 
 def _asked(subject: str, scenes: list[str] | None, configuration: Path | None, stage: str) -> workflow.Build:

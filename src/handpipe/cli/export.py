@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from handpipe.cli.own_files import written_anew
 from handpipe.core import LAYERS, InputError, paths, write_text
 from handpipe.core.configuration import Dataset
 from handpipe.hand import SimulatedFrame, StoredFrames, load_layers
@@ -28,7 +29,7 @@ def export(subject: str, dataset: Dataset, folder: Path, usd: bool = False) -> l
     dataset : Dataset
         What its file says.
     folder : path
-        Made if it is not there; files of the same names are replaced.
+        Made if it is not there. What an earlier export of the subject left there is replaced or removed.
     usd : bool
         Whether to write each scene as USD, too.
 
@@ -40,7 +41,7 @@ def export(subject: str, dataset: Dataset, folder: Path, usd: bool = False) -> l
     Raises
     ------
     InputError
-        Where nothing is built yet.
+        Where nothing is built yet, or a file of another subject's export would be replaced.
     """
     scenes = sorted(paths.at(paths.SIMULATION, subject=subject).glob("*/*.glb"))
     labelled = [p for p in dataset.poses if paths.at(paths.LABELS, subject=subject, pose=p).is_file()]
@@ -49,15 +50,16 @@ def export(subject: str, dataset: Dataset, folder: Path, usd: bool = False) -> l
     if not scenes and not labelled and not tables:
         results = paths.at(paths.SUBJECT, subject=subject)
         raise InputError(results, "files", "nothing is built yet", f"Run: handpipe build {subject}")
-    folder.mkdir(parents=True, exist_ok=True)
-    return [
-        *_copies(scenes, folder),
-        *_models(subject, folder),
-        *(_scenes_as_usd(subject, folder) if usd else ()),
-        *_labels(subject, labelled, folder),
-        *_tables(subject, tables, folder),
-        *_metrics(subject, metrics, folder),
-    ]
+    with written_anew(folder, f"handpipe export {subject}") as made:
+        written = [
+            *_copies(scenes, made),
+            *_models(subject, made),
+            *(_scenes_as_usd(subject, made) if usd else ()),
+            *_labels(subject, labelled, made),
+            *_tables(subject, tables, made),
+            *_metrics(subject, metrics, made),
+        ]
+    return [folder / path.relative_to(made) for path in written]
 
 
 def deck(subject: str, dataset: Dataset, scene: str, frame: str, body: str, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -104,13 +105,15 @@ def init(
         content["skin_from_volume"] = True
     text = yaml.safe_dump(content | anatomy, sort_keys=False, default_flow_style=None, width=110)
     write_text(path, HEADER + header + _with_comments(text, elsewhere))
-    scene: list[Path] = []
+    had_template = (folder / TEMPLATE).exists()
     try:
-        scene += write_first_scene(name, load_dataset(path))
+        write_first_scene(name, load_dataset(path))
         install()
-    except BaseException:
-        for file in (path, *scene):  # nothing is half-written
-            file.unlink()
+    except BaseException:  # nothing is half-written: the same command can be repeated
+        for file in (path, *scene_files(name)):
+            file.unlink(missing_ok=True)
+        if not had_template:
+            shutil.rmtree(folder / TEMPLATE, ignore_errors=True)
         raise
     unused = [file for pose, files in found.items() if pose not in poses for file in files.values()]
     notes = _notes(folder, rest, poses, unused)

@@ -22,7 +22,16 @@ if TYPE_CHECKING:
         organs,
         under_fat,
     )
-    from handpipe.core.layers import Frame, Layer, Region, Shape, Shapes, flesh_in, vertices_of
+    from handpipe.core.layers import (
+        Frame,
+        Layer,
+        Region,
+        Shape,
+        Shapes,
+        flesh_in,
+        vertices_of,
+        without_sliding,
+    )
     from handpipe.core.metrics import Metrics
     from handpipe.core.rigid import RigidTransform, left_jacobian
 else:
@@ -72,5 +81,6 @@ __all__ = [
     "unit_vectors",
     "vertices_of",
     "whole_number",
+    "without_sliding",
     "write_text",
 ]

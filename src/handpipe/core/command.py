@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import NoReturn
 
-from handpipe.core.errors import HandpipeError
+from handpipe.core.errors import HandpipeError, refused_by_system
 
 
 class Parser(argparse.ArgumentParser):
@@ -104,14 +104,23 @@ def reported() -> Iterator[ExitCode]:
         yield failure
     except HandpipeError as error:
         failure.code = _said(str(error))
-    except OSError as error:
-        failure.code = _said(f"{error.filename or 'file'}: {error.strerror or error}")
     except MemoryError:
         failure.code = _said("there is not enough memory; close other programs or give a coarser mesh")
     except Exception as error:
+        failure.code = _said(refused_by_system(error) or _other_error(error))
+
+
+def _other_error(error: Exception) -> str:
+    """What a person reads of an error; a file keeps the traceback of an unexpected one, if there is room."""
+    if isinstance(error, OSError):
+        return f"{error.filename or 'file'}: {error.strerror or error}"
+    said = f"unexpected {type(error).__name__}: {error}"
+    try:
         with tempfile.NamedTemporaryFile("w", prefix="handpipe-", suffix=".log", delete=False) as file:
-            traceback.print_exc(file=file)
-        failure.code = _said(f"unexpected {type(error).__name__}: {error}. The log is {file.name}")
+            traceback.print_exception(error, file=file)
+    except OSError as refused:
+        return f"{said}. No log was written: {refused.strerror or refused}"
+    return f"{said}. The log is {file.name}"
 
 
 def run(parser: argparse.ArgumentParser, arguments: Sequence[str] | None = None) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -68,23 +69,45 @@ def plain(error: BaseException) -> str:
     """
     if isinstance(error, HandpipeError):
         return " ".join(str(error).split())
-    for cause in _causes(error):
-        for number, words in NO_ROOM.items():
-            # HDF5 gives the number only in its text
-            if getattr(cause, "errno", None) == number or f"errno = {number}," in str(cause):
-                return words
-        if isinstance(cause, MemoryError):
-            return f"not enough memory ({_first_line(cause)}). Use fewer jobs at a time or larger edges"
+    refusal = refused_by_system(error)
+    if refusal:
+        return refusal
     return (
         f"unexpected {type(error).__name__}: {_first_line(error)}. This is a fault of handpipe or its setup"
     )
 
 
+def refused_by_system(error: BaseException) -> str | None:
+    """What the system refused, where an error arose from that.
+
+    Parameters
+    ----------
+    error : exception
+        Any error.
+
+    Returns
+    -------
+    str or None
+        The problem, what to do and the path, in one line. None where no room, right or memory was missing.
+    """
+    for cause in _causes(error):
+        for number, words in NO_ROOM.items():
+            # HDF5 gives the number only in its text
+            if getattr(cause, "errno", None) == number or f"errno = {number}," in str(cause):
+                return f"{words}{_named_path(cause)}"
+        if isinstance(cause, MemoryError):
+            return f"not enough memory ({_first_line(cause)}). Use fewer jobs at a time or larger edges"
+    return None
+
+
+# A file that permissions keep closed, or that another user owns.
+NOT_PERMITTED = "a file or folder may not be accessed. Check its permissions"
 NO_ROOM = {
     errno.ENOSPC: "no space left on the disk. Free some and run the same command again",
     errno.EDQUOT: "the disk quota is used up. Free some space and run the same command again",
     errno.EROFS: "the disk is read-only. Build in a folder that you may write to",
-    errno.EACCES: "a file or folder may not be accessed. Check its permissions",
+    errno.EACCES: NOT_PERMITTED,
+    errno.EPERM: NOT_PERMITTED,
     errno.EMFILE: "too many open files. Raise the limit (ulimit -n)",
 }
 
@@ -95,6 +118,13 @@ def _causes(error: BaseException) -> Iterator[BaseException]:
     while found is not None:
         yield found
         found = found.__cause__ or found.__context__
+
+
+def _named_path(error: BaseException) -> str:
+    """A sentence on the path that the system refused, where the system names one."""
+    # the target of a renaming is what a person knows: its source is a temporary file
+    name = getattr(error, "filename2", None) or getattr(error, "filename", None)
+    return f". The path is {os.fsdecode(name)}" if isinstance(name, str | bytes | os.PathLike) else ""
 
 
 def _first_line(error: BaseException) -> str:

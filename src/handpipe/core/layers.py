@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 from handpipe.core.arrays import Array, IntArray
@@ -61,6 +62,22 @@ class Region(IntEnum):
     contact = 0
     sliding = 1
     fixed = 2
+
+
+def without_sliding(regions: IntArray) -> IntArray:
+    """The regions of points, fixed where they slide.
+
+    Parameters
+    ----------
+    regions : array (n,) of int
+        Values of `Region`.
+
+    Returns
+    -------
+    array (n,) of int
+        Values of `Region`: fixed or contact.
+    """
+    return np.where(regions == Region.sliding, Region.fixed, regions).astype(regions.dtype)
 
 
 Shapes = dict[str, Shape]  # by the body's name: "distal2", "flexor", ...

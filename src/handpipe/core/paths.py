@@ -91,6 +91,11 @@ MOVED_IMAGE = f"{SUBJECT}/poses/{{pose}}/moved.nii.gz"
 MOVED_SLICES = f"{SUBJECT}/poses/{{pose}}/moved.png"
 MOVED_FIGURES = f"{SUBJECT}/poses/{{pose}}/moved.json"
 
+# How far the hand is expected to be off, learned from its fits.
+DEVIATIONS = f"{SUBJECT}/deviations.h5"
+# The full model with one part left out or replaced (`handpipe.stages.baselines.variants`).
+ABLATION = f"{SUBJECT}/ablations/{{variant}}"
+
 # Simulated scenes.
 SIMULATION = f"{SUBJECT}/simulation"
 SCENE_CHUNKS = "*/frames-*.h5"  # of all scenes below SIMULATION, to look for
@@ -108,6 +113,8 @@ SCENE_VTK = f"{SIMULATION}/{{scene}}/vtk"
 SCENE_OBJ = f"{SIMULATION}/{{scene}}/obj"
 SCENE_RIGGED = f"{SIMULATION}/{{scene}}/{{scene}}-rigged.glb"
 SCENE_MECHANICS = f"{SIMULATION}/{{scene}}/mechanics"
+SCENE_DEVIATIONS = f"{SIMULATION}/{{scene}}/deviations"
+SCENE_STATED = f"{SIMULATION}/{{scene}}/deviations.h5"
 SCENE_SKELETON = f"{SIMULATION}/{{scene}}/skeleton"  # for MuJoCo and OpenSim
 SCENE_MOVIE = f"{SIMULATION}/{{scene}}/{{scene}}.webp"
 SCENE_ANATOMY_MOVIE = f"{SIMULATION}/{{scene}}/{{scene}}-anatomy.webp"
@@ -156,6 +163,11 @@ def at(pattern: str, **wildcards: object) -> Path:
 def partial_chunk(chunk: str | Path) -> Path:
     """Where the finished frames of a chunk are stored while others are missing."""
     return Path(chunk).with_name(Path(chunk).name.replace("frames-", "partial-", 1))
+
+
+def ablated(pattern: str) -> str:
+    """Pattern of a variant's own file in place of the full model's: in the folder of the variant."""
+    return pattern.replace(SUBJECT, ABLATION, 1)
 
 
 def metrics_of(stage: str) -> str:

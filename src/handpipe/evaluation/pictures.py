@@ -226,7 +226,18 @@ def _css(rgb: tuple[float, float, float]) -> str:
 
 
 def png(picture: Image | Figure) -> bytes:
-    """A picture (h, w, 3) or figure as a PNG."""
+    """A picture or figure as a PNG.
+
+    Parameters
+    ----------
+    picture : array (h, w, 3) or Figure
+        Colours in 0..255, or a figure of matplotlib.
+
+    Returns
+    -------
+    bytes
+        Content of a file.
+    """
     file = io.BytesIO()
     if isinstance(picture, Figure):
         FigureCanvasAgg(picture)

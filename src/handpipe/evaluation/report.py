@@ -26,7 +26,7 @@ from handpipe.evaluation.slices import Plane, Sample
 from handpipe.evaluation.surfaces import surface_distance
 from handpipe.evaluation.table import Row, Table, metrics_table, muscle_table, rig_table, skin_table
 from handpipe.evaluation.viewer import page_scripts, view_data
-from handpipe.hand import SimulatedFrame, shown, tissue
+from handpipe.hand import SimulatedFrame, frame_angles, shown, tissue
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.rig import HandDirections, Rig, hand_directions
 
@@ -221,12 +221,15 @@ def _scene_pictures(report: ReportInput) -> dict[str, list[Picture]]:
     """Pictures of the frame of each scene that bends most."""
     made = {}
     for name, frames in report.scenes.items():
-        seen = [(i, frame) for i, (frame, layers) in enumerate(frames) if any(shown(layers))]
-        bends = {i: sum(map(abs, frame.angles.values())) for i, frame in seen}
-        if bends:
-            bent = PoseView(*frames[max(bends, key=lambda number: bends[number])], "frame")
+        bends = [sum(map(abs, angles.values())) for angles in frame_angles(frames)]
+        for i in sorted(range(len(bends)), key=lambda number: -bends[number]):
+            frame, layers = frames[i]
+            if not any(shown(layers)):
+                continue
+            bent = PoseView(frame, layers, "frame")
             camera = _camera(bent, report.directions or AXES)
             made[name] = _body_pictures(bent, camera)
+            break
     return made
 
 

@@ -48,7 +48,20 @@ def penetration(points: Array, closed: Surface) -> Array:
 
 
 def curve_distance(points: Array, curve: Array) -> Array:
-    """Distance (n,) in mm of points (n, 3) to the polyline through the points `curve` (k, 3), k >= 2."""
+    """Distance of points to a polyline.
+
+    Parameters
+    ----------
+    points : array (n, 3)
+        Points in mm.
+    curve : array (k, 3)
+        At least two points of the polyline in mm.
+
+    Returns
+    -------
+    array (n,)
+        Distances in mm.
+    """
     segments = np.column_stack([np.arange(len(curve) - 1), np.arange(1, len(curve))])
     squared, _, _ = igl.point_mesh_squared_distance(_float(points), _float(curve), segments)
     return np.sqrt(squared)

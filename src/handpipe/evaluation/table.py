@@ -16,11 +16,18 @@ from handpipe.core import Array, Metrics
 Cell = str | float | None
 Row = Mapping[str, str | float]
 
-MODELS = {
+SIMULATED_MODELS = {  # of the skin: those of Zheng 2022 Table 4
     "m0": "m0: full model",
     "m1": "m1: without plastic strains in the fat",
     "m2": "m2: one soft tissue",
 }
+SKIN_MODELS = SIMULATED_MODELS | {  # all that are compared
+    "m3": "m3: one soft tissue with plastic strains (Ichim 2017)",
+    "dual_quaternion": "skinning by dual quaternions",
+    "linear": "linear skinning",
+    "pivot": "dual quaternions on a pivot rig",
+}
+
 STATISTICS: dict[str, Callable[[Array], float]] = {
     "mean": lambda e: float(np.mean(e)),
     "median": lambda e: float(np.median(e)),
@@ -157,7 +164,7 @@ def _statistics(by_model: Mapping[str, Array]) -> dict[str, float]:
 
 def _total(name: str, rows: Sequence[Row]) -> Row:
     totals: dict[str, float] = {}
-    for model in MODELS:
+    for model in SIMULATED_MODELS:
         for kind, statistic in STATISTICS.items():
             values = [float(row[f"{model}_{kind}"]) for row in rows if f"{model}_{kind}" in row]
             if values:
@@ -197,7 +204,7 @@ def skin_metrics(rows: Sequence[Row]) -> Metrics:
 
 def skin_table(rows: Sequence[Row]) -> Table | None:
     """`skin_rows` as a table; None without rows."""
-    columns = [c for c in (*MODELS, "ratio") if any(f"{c}_mean" in row for row in rows)]
+    columns = [c for c in (*SIMULATED_MODELS, "ratio") if any(f"{c}_mean" in row for row in rows)]
     if not columns:
         return None
     keys = [(kind, column) for kind in STATISTICS for column in columns]
@@ -205,7 +212,7 @@ def skin_table(rows: Sequence[Row]) -> Table | None:
     cells: list[list[Cell]] = [
         [_pose(row), *(row.get(f"{column}_{kind}") for kind, column in keys)] for row in rows
     ]
-    models = "; ".join(MODELS[column] for column in columns if column in MODELS)
+    models = "; ".join(SIMULATED_MODELS[column] for column in columns if column in SIMULATED_MODELS)
     note = f"Distance of each vertex of the scanned skin to the simulated skin. {models}."
     return Table("Simulated against scanned skin (Zheng 2022, Table 4).", ["pose", *heads], cells, note)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, overload
 
@@ -167,6 +168,31 @@ class MadeFrames(Sequence[SimulatedFrame]):
         return self.frame(index)
 
 
+@dataclass(frozen=True)
+class ComputedFrames(MadeFrames):
+    """Frames with other shapes, computed of theirs.
+
+    Parameters
+    ----------
+    frames : sequence of SimulatedFrame
+        Frames as they are.
+    shapes : function of (Frame, mapping of str to Shapes)
+        Their other shapes by layer.
+    """
+
+    frames: Sequence[SimulatedFrame]
+    shapes: Callable[[Frame, LayerShapes], dict[str, Shapes]]
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.frames)
+
+    def frame(self, number: int) -> SimulatedFrame:
+        """The frame of a number with its other shapes."""
+        frame, shapes = self.frames[number]
+        return frame, self.shapes(frame, shapes)
+
+
 class StoredFrames(MadeFrames):
     """The frames of files, in their order, of which one file at a time is in memory.
 
@@ -194,6 +220,15 @@ class StoredFrames(MadeFrames):
         """Number of frames."""
         return len(self._places)
 
+    def angles(self) -> list[dict[str, float]]:
+        """Joint angles in rad of each frame by name; no shape is read."""
+        found: dict[Path, list[dict[str, float]]] = {}
+        for path in dict.fromkeys(path for path, _ in self._places):
+            with h5py.File(path, "r") as file:
+                every = [file["frames"][number]["angles"] for number in sorted(file["frames"])]
+                found[path] = [{name: float(group[name][()]) for name in group} for group in every]
+        return [found[path][number] for path, number in self._places]
+
     def frame(self, number: int) -> SimulatedFrame:
         """The frame of a number; its whole file is read unless it was the last one."""
         path, place = self._places[number]
@@ -201,6 +236,24 @@ class StoredFrames(MadeFrames):
             self._last = None  # before the next file is read: one at a time
             self._last = path, read_frames(path)
         return self._last[1][place]
+
+
+def frame_angles(frames: Sequence[SimulatedFrame]) -> list[dict[str, float]]:
+    """Joint angles in rad of frames, by angle name; of stored ones no shape is read.
+
+    Parameters
+    ----------
+    frames : sequence of SimulatedFrame
+        Frames.
+
+    Returns
+    -------
+    list of dict of str to float
+        Angles of each frame.
+    """
+    if isinstance(frames, StoredFrames):
+        return frames.angles()
+    return [dict(frame.angles) for frame, _ in frames]
 
 
 def failures_in(path: str | Path) -> list[Failure]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from handpipe.core import Array, RigidTransform, Shapes
+from handpipe.core import Array, IntArray, Metrics, RigidTransform, Shapes
 from handpipe.evaluation import surface_distance
 from handpipe.mesh.surfaces import Surface, read_scan
 from handpipe.skeleton.rig import Rig
@@ -20,10 +20,14 @@ ByModel = dict[str, Array]
 
 @dataclass(frozen=True)
 class SkinDistances:
-    """Distances in mm by pose and model: of a scan's vertices from the skin, of the skin's from the truth."""
+    """Distances in mm by pose and model: of a scan's vertices from the skin, of the skin's from the truth.
+
+    compared: vertices of the skin whose distances `to_truth` has, those of the cut end left out.
+    """
 
     to_scan: dict[str, ByModel]
     to_truth: dict[str, ByModel]
+    compared: IntArray
 
 
 def skin_distances(
@@ -39,7 +43,8 @@ def skin_distances(
     known. Vertices where the scan was cut are compared with no true skin.
     """
     cut = skin.rigid["cut_end"].vertices if "cut_end" in skin.rigid else np.zeros(0, dtype=int)
-    found = SkinDistances({}, {})
+    compared = np.delete(np.arange(len(skin.surface.vertices)), cut)
+    found = SkinDistances({}, {}, compared)
     for (pose, shapes), scan in zip(models.items(), scans, strict=True):
         home = rig.poses[pose].root.inverse()
         points = home(read_scan(scan).vertices)
@@ -48,10 +53,42 @@ def skin_distances(
         if truth:
             true = _true_skin(truth, pose, home)
             found.to_truth[pose] = {
-                model: surface_distance(np.delete(surface.vertices, cut, axis=0), true)
-                for model, surface in skins.items()
+                model: surface_distance(surface.vertices[compared], true) for model, surface in skins.items()
             }
     return found
+
+
+def role_figures(
+    found: SkinDistances, role_of: Mapping[str, str]
+) -> tuple[Metrics, list[dict[str, str | float]]]:
+    """Figures of each model over the poses of a role, and the same as rows of a table.
+
+    Figures are `{model}_{role}_error_{statistic}` to scans and `{model}_true_{role}_error_{statistic}` to the
+    true skin, in mm: the mean over the role's poses of the means, and the largest.
+    """
+    figures: Metrics = {}
+    rows: list[dict[str, str | float]] = []
+    for kind, distances in (("", found.to_scan), ("true_", found.to_truth)):
+        for (model, role), (mean, largest) in _totals(distances, role_of).items():
+            figures[f"{model}_{kind}{role}_error_mean"] = (mean, "mm")
+            figures[f"{model}_{kind}{role}_error_max"] = (largest, "mm")
+            to = "truth" if kind else "scan"
+            rows.append({"model": model, "to": to, "role": role, "mean": mean, "max": largest})
+    return figures, rows
+
+
+def _totals(
+    distances: Mapping[str, ByModel], role_of: Mapping[str, str]
+) -> dict[tuple[str, str], tuple[float, float]]:
+    """Mean of the poses' means and largest distance in mm, by model and role."""
+    totals = {}
+    for role in dict.fromkeys(role_of.values()):
+        poses = [by_model for pose, by_model in distances.items() if role_of[pose] == role]
+        for model in poses[0] if poses else ():
+            means = [float(np.mean(by_model[model])) for by_model in poses]
+            largest = max(float(np.max(by_model[model])) for by_model in poses)
+            totals[model, role] = (float(np.mean(means)), largest)
+    return totals
 
 
 def _true_skin(truth: Sequence[Path], pose: str, home: RigidTransform) -> Surface:

@@ -9,10 +9,13 @@ if TYPE_CHECKING:
         acquisition,
         continuum,
         coupled,
+        family,
         generators,
         geometry,
         phantom,
         real_anatomy,
+        rolling,
+        sliding,
         template_hands,
     )
 else:
@@ -22,9 +25,12 @@ __all__ = [
     "acquisition",
     "continuum",
     "coupled",
+    "family",
     "generators",
     "geometry",
     "phantom",
     "real_anatomy",
+    "rolling",
+    "sliding",
     "template_hands",
 ]

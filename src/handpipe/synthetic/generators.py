@@ -9,6 +9,7 @@ from typing import Literal, Protocol, cast
 
 from handpipe.core import InputError
 from handpipe.core.configuration import Dataset
+from handpipe.synthetic.family import PEOPLE
 
 
 @dataclass(frozen=True)
@@ -17,9 +18,9 @@ class GeneratorRecord:
 
     Parameters
     ----------
-    truth : {"bones", "tissues", "coupled"}, optional
-        What is known of its subjects: the bones alone, all tissues, or all tissues by a simulation that
-        couples them. None where the images are real.
+    truth : {"bones", "tissues", "coupled", "sliding"}, optional
+        What is known of its subjects: the bones alone, all tissues, or all tissues by a simulation, of one
+        body or of bodies that slide on one another. None where the images are real.
     module : str, optional
         Dotted name of a module as `Generator`. None where several rules make the subject.
     template : {"curves", "surfaces"}, optional
@@ -31,7 +32,7 @@ class GeneratorRecord:
         Fields of the dataset that only generators with such an entry may have.
     """
 
-    truth: Literal["bones", "tissues", "coupled"] | None
+    truth: Literal["bones", "tissues", "coupled", "sliding"] | None
     module: str | None = None
     template: Literal["curves", "surfaces"] | None = None
     needs: tuple[str, ...] = ()
@@ -40,6 +41,9 @@ class GeneratorRecord:
 
 GENERATORS: dict[str, GeneratorRecord] = {
     "phantom-finger": GeneratorRecord(truth="tissues", module="handpipe.synthetic.phantom.phantom_finger"),
+    "phantom-finger-sliding": GeneratorRecord(
+        truth="sliding", module="handpipe.synthetic.sliding.finger_subject"
+    ),
     "zanatomy-index": GeneratorRecord(
         truth="tissues", module="handpipe.synthetic.real_anatomy.zanatomy_index", needs=("anatomy",)
     ),
@@ -49,7 +53,12 @@ GENERATORS: dict[str, GeneratorRecord] = {
         template="curves",
         own=("scanner",),
     ),
-    "phantom-hand-complete": GeneratorRecord(truth="coupled", template="curves", own=("scanner",)),
+    "phantom-hand-rolling": GeneratorRecord(
+        truth="bones", module="handpipe.synthetic.rolling.rolling_hand", own=("scanner",)
+    ),
+    "phantom-hand-complete": GeneratorRecord(
+        truth="coupled", template="curves", own=("scanner", "proportions")
+    ),
     "myohand-bones": GeneratorRecord(
         truth="bones",
         module="handpipe.synthetic.real_anatomy.myohand_bones",
@@ -106,9 +115,12 @@ def require_known(source: str | Path, dataset: Dataset) -> None:
     Raises
     ------
     InputError
-        For a generator that is not known, a field that it needs and that is not given, and a field that
-        belongs to other generators.
+        For a generator that is not known, a field that it needs and that is not given, a field that
+        belongs to other generators, and proportions of nobody who was measured.
     """
+    if dataset.proportions is not None and dataset.proportions not in PEOPLE:
+        problem = f"{dataset.proportions!r} is no measured person"
+        raise InputError(source, "proportions", problem, f"Use one of {', '.join(PEOPLE)}")
     record = None if dataset.generator is None else record_of(source, dataset.generator)
     for field in () if record is None else record.needs:
         if getattr(dataset, field) is None:

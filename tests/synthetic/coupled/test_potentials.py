@@ -12,11 +12,13 @@ from handpipe.fem.potentials.elastic import Elastic
 from handpipe.fem.potentials.pull import Pull
 from handpipe.fem.solver.equilibrium import Options, solve
 from handpipe.mesh.tets.tetrahedra import TetMesh
-from handpipe.synthetic.continuum.active import ActiveFibres
+from handpipe.synthetic.continuum.active import WIDTH, ActiveFibres, HillFibres
 from handpipe.synthetic.continuum.crushing import CRUSHED, QuadratureCrushing
 from handpipe.synthetic.continuum.elements import Elements
+from handpipe.synthetic.continuum.refinement import refine
 from handpipe.synthetic.continuum.solid import Solid
 from handpipe.synthetic.continuum.strands import Cable, Strands, chain
+from handpipe.synthetic.continuum.voids import VoidPressure
 from handpipe.synthetic.coupled.pressure import Pressure
 
 MESH = TetMesh(*box((2.0, 1.0, 1.0), (2, 1, 1)))
@@ -35,6 +37,11 @@ def _potential(kind, order):
         return Solid(elements, Material(np.linspace(1, 6, count), 0.45)), elements.nodes
     if kind == "active":
         return ActiveFibres(elements, _directions(count), np.linspace(0, 5, count)), elements.nodes
+    if kind == "hill":
+        return HillFibres(elements, _directions(count), np.linspace(0, 5, count)), elements.nodes
+    if kind == "void":
+        walls = TetMesh(elements.nodes, (MESH if order == 1 else refine(MESH)[0]).tets).boundary()
+        return VoidPressure(walls.triangles, len(elements.nodes), 7.0), elements.nodes
     if kind == "crushing":
         return QuadratureCrushing(elements, 7.0), elements.nodes
     if kind == "pressure":
@@ -57,11 +64,11 @@ def _state(nodes, name):
     return nodes * [1.0, 1.0, -0.8] + noise  # inverted
 
 
-KINDS = ["solid", "active", "strands", "two-sided", "crushing", "cable", "pressure"]
+KINDS = ["solid", "active", "strands", "two-sided", "crushing", "cable", "pressure", "hill", "void"]
 
 
 @pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("kind", ["solid", "active", "crushing", "pressure"])
+@pytest.mark.parametrize("kind", ["solid", "active", "crushing", "pressure", "hill"])
 def test_the_energy_about_some_nodes_pulls_them_as_the_whole_does(kind, order):
     potential, nodes = _potential(kind, order)
     elements, x = potential.elements, _state(nodes, "crushed" if kind == "crushing" else "deformed")
@@ -103,7 +110,7 @@ def test_projected_hessian_is_semidefinite_and_hessian_symmetric(kind, order):
     plain, projected = potential.hessian(x).toarray(), potential.hessian(x, True).toarray()
     assert np.abs(plain - plain.T).max() < 1e-10 * np.abs(plain).max()
     values = np.linalg.eigvalsh(projected)
-    assert values[0] > -1e-9 * values[-1]
+    assert values[0] >= -1e-9 * values[-1]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -120,6 +127,27 @@ def test_exact_tangent_of_active_fibres_is_semidefinite():
     potential, nodes = _potential("active", 2)
     values = np.linalg.eigvalsh(potential.hessian(_state(nodes, "inverted")).toarray())
     assert values[0] > -1e-10 * values[-1]
+
+
+def test_fibres_of_hills_type_pull_most_at_their_rest_length():
+    elements = Elements.linear(MESH)
+    along = np.tile([1.0, 0.0, 0.0], (len(elements.cells), 1))
+    fibres = HillFibres(elements, along, 5.0)
+
+    def force(stretch):
+        right = elements.nodes[:, 0] == 2.0
+        return fibres.gradient(elements.nodes * [stretch, 1.0, 1.0])[right, 0].sum()  # on 1 mm^2
+
+    assert np.isclose(force(1.0), 5.0, rtol=1e-5)
+    assert np.allclose([force(1 - WIDTH), force(1 + WIDTH)], 5.0 / np.e, rtol=1e-3)
+
+
+def test_the_void_in_a_box_has_the_volume_of_its_walls_and_pulls_them_by_its_pressure():
+    void, nodes = _potential("void", 2)
+    x = nodes * [1.5, 2.0, 1.0] + [40.0, -30.0, 20.0]
+    assert np.isclose(void.volume(x), 6.0, rtol=1e-12)
+    right = x[:, 0] > x[:, 0].max() - 1e-9
+    assert np.isclose(void.gradient(x)[right, 0].sum(), 7.0 * 2.0, rtol=1e-10)  # p times the face's area
 
 
 def test_linear_elements_are_those_of_the_mechanics_package():

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from handpipe.core.rigid import RigidTransform
-from handpipe.tissues.muscles.fitting.contraction import HANDLES, Contraction, contracted, fibres
+from handpipe.tissues.muscles.fitting.contraction import HANDLES, Contraction, contracted, fibres, slack, taut
+from handpipe.tissues.muscles.fitting.soft_body import SoftBody
 
-from .shapes import spindle
+from .shapes import hinge, rod, spindle
 
 
 def nearer(body, distance: float) -> dict[str, RigidTransform]:
@@ -52,3 +53,23 @@ def test_a_muscle_shortens_and_thickens_instead_of_buckling():
     now = after.vertices[belly][:, 1:]
     assert np.linalg.norm(now.mean(axis=0) - before.mean(axis=0)) < 0.3
     assert now.std() / before.std() == pytest.approx(1 / np.sqrt(0.8), rel=0.06)
+
+
+def test_a_slender_muscle_pulled_taut_takes_the_short_way():
+    """A rod over a hinge bent by 75 degrees: its middle is nearer to the straight line between its ends."""
+    surface = rod(np.zeros(3), 44.0, 1.6)
+    x = surface.vertices[:, 0]
+    body = SoftBody.fill(surface, {"a": np.flatnonzero(x < -19), "b": np.flatnonzero(x > 19)}, 1.5)
+    moved = hinge(np.radians(75), -10.0)
+    ends = [moved[b](surface.vertices[ids]).mean(axis=0) for b, ids in body.attachments.items()]
+    line = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    middle = np.abs(x) < 3.0
+
+    def beside(vertices) -> float:
+        off = body.surface_at(vertices).vertices[middle].mean(axis=0) - ends[0]
+        return float(np.linalg.norm(off - (off @ line) * line))
+
+    start = body.mesh.vertices
+    loose, pulled = slack(body, moved, start), taut(body, moved, start)
+    assert beside(pulled) < 0.75 * beside(loose)
+    assert np.linalg.norm(body.attached(moved).errors(pulled), axis=1).max() < 0.5

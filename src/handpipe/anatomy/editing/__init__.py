@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         load_draft,
         place_on_bone,
         points_of,
+        tendon_lines,
         write_curves,
     )
     from handpipe.anatomy.editing.editor import CurveEditor, Edited
@@ -27,5 +28,6 @@ __all__ = [
     "load_draft",
     "place_on_bone",
     "points_of",
+    "tendon_lines",
     "write_curves",
 ]

@@ -14,10 +14,12 @@ from handpipe.anatomy.templates.curves import (
     CurveFile,
     CurvePlace,
     MuscleCurves,
+    catmull_rom,
     load_curves,
     locate,
     long_axis,
 )
+from handpipe.anatomy.templates.hand import HandFile
 from handpipe.core import Array, InputError, write_text
 from handpipe.core.configuration import Name, Vector
 from handpipe.mesh.surfaces import Distance, Surface
@@ -26,11 +28,12 @@ HEADING = "# Curves of muscles, written by handpipe curves. docs/anatomy.md expl
 DIGITS = 4  # of places along bones and of directions
 MILLIMETRE_DIGITS = 3  # of heights in mm
 ENDS = 0.02  # of a bone's axis at its tips, from which no place starts: a ray along a cap misses the bone
+DRAWN = 12  # points of a tendon's line for each that is given
 WIDTH = 110  # characters of a line
 
 
-class Draft(CurveFile):
-    """The muscles of a template that is being drawn."""
+class Draft(HandFile):
+    """The muscles of a template that is being drawn; ligaments, tendons and nails of a hand are kept."""
 
     muscles: dict[Name, MuscleCurves] = Field(default_factory=dict)  # type: ignore[assignment]
 
@@ -178,6 +181,36 @@ def points_of(
         }
         for name, muscle in file.muscles.items()
     }
+
+
+def tendon_lines(file: HandFile, bones: Mapping[str, Surface], source: str | Path) -> dict[str, Array]:
+    """Middle lines of a file's tendons.
+
+    Parameters
+    ----------
+    file : HandFile
+        Tendons, each through points.
+    bones : mapping of str to Surface
+        Surfaces in mm by bone.
+    source : path
+        The file, for messages.
+
+    Returns
+    -------
+    dict of str to array (q, 3)
+        Points in mm of the spline through each tendon's points, from its insertion.
+
+    Raises
+    ------
+    InputError
+        As `locate`.
+    """
+    found = {}
+    for name, tendon in file.tendons.items():
+        points = locate(tendon.points, bones, file.distal, source, f"tendons.{name}")
+        knots, spline = catmull_rom(points)
+        found[name] = np.asarray(spline(np.linspace(0, knots[-1], DRAWN * len(points))))
+    return found
 
 
 class _Flow(dict):  # type: ignore[type-arg]

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         TemplateJoint,
         TemplateMuscle,
         TemplateTendon,
+        scaled,
     )
 else:
     __getattr__ = face(__name__)
@@ -31,4 +32,5 @@ __all__ = [
     "person_of_photograph",
     "person_of_points",
     "read_photograph",
+    "scaled",
 ]

@@ -236,6 +236,35 @@ class SubjectTemplate:
         return _from_groups(artifacts.read(path, KIND))
 
 
+def scaled(template: SubjectTemplate, size: float) -> SubjectTemplate:
+    """The hand of the same shape that is `size` times as large about the origin.
+
+    Parameters
+    ----------
+    template : SubjectTemplate
+        Hand to be resized.
+    size : float
+        Factor of all lengths.
+
+    Returns
+    -------
+    SubjectTemplate
+        The larger or smaller hand.
+    """
+    return warped(template, _Similarity(size))
+
+
+@dataclass(frozen=True)
+class _Similarity:
+    size: float
+
+    def __call__(self, points: Array) -> Array:
+        return self.size * points
+
+    def jacobian(self, points: Array) -> Array:
+        return np.tile(self.size * np.eye(3), (len(points), 1, 1))
+
+
 class _Mirror:
     def __call__(self, points: Array) -> Array:
         return points * MIRROR

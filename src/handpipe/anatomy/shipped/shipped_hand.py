@@ -18,6 +18,7 @@ from handpipe.anatomy.person.subject_template import (
 )
 from handpipe.anatomy.shipped.template_files import HAND, PLACES, POSES, SIDE, SKIN, Fields, fields_of
 from handpipe.core import Array
+from handpipe.core.configuration import joint_order
 from handpipe.imaging.evidence import read_markers
 from handpipe.mesh.surfaces import read_surface
 
@@ -60,7 +61,7 @@ class ShippedHand:
         """
         fields = fields_of(source=source)
         places = json.loads((source / PLACES).read_text(encoding="utf-8"))
-        order = _outwards(fields["joints"])
+        order = joint_order({name: (j["parent"], j["child"]) for name, j in fields["joints"].items()})
         joints = tuple(
             _joint(name, fields["joints"][name], np.array(places["centres"][name]))
             for name in order
@@ -87,18 +88,6 @@ class ShippedHand:
             if not joint["angles"]
         }
         return ShippedHand(template if side == SIDE else template.mirrored(), limits, fixed, source / POSES)
-
-
-def _outwards(joints: Fields) -> list[str]:
-    """Names of the joints, each after the joint that carries its parent."""
-    children = {joint["child"] for joint in joints.values()}
-    reached = {joint["parent"] for joint in joints.values()} - children
-    order: list[str] = []
-    while len(order) < len(joints):
-        found = [name for name, j in joints.items() if name not in order and j["parent"] in reached]
-        reached |= {joints[name]["child"] for name in found}
-        order += found
-    return order
 
 
 def _joint(name: str, fields: Fields, centre: Array) -> TemplateJoint:

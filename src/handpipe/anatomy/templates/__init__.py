@@ -5,11 +5,18 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
-    from handpipe.anatomy.templates.curves import load_curves
+    from handpipe.anatomy.templates.curves import MuscleCurves, load_curves
     from handpipe.anatomy.templates.diffusion import Factorise, superlu
     from handpipe.anatomy.templates.domain import Domain
     from handpipe.anatomy.templates.fibres import harmonic_fibres
-    from handpipe.anatomy.templates.hand import HandTemplate, NailCurve, build_hand, load_hand, nail_triangles
+    from handpipe.anatomy.templates.hand import (
+        HandFile,
+        HandTemplate,
+        NailCurve,
+        build_hand,
+        load_hand,
+        nail_triangles,
+    )
     from handpipe.anatomy.templates.solids import OrganSolid, template_of
     from handpipe.anatomy.templates.tissue_mesh import TissueMesh, build_tissue_mesh
     from handpipe.anatomy.templates.volume_accounts import accounts
@@ -19,7 +26,9 @@ else:
 __all__ = [
     "Domain",
     "Factorise",
+    "HandFile",
     "HandTemplate",
+    "MuscleCurves",
     "NailCurve",
     "OrganSolid",
     "TissueMesh",

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
-from handpipe.core import Array, InputError
+from handpipe.core import Array, InputError, IntArray
 from handpipe.core.configuration import Model, Name, Vector, load_yaml
 from handpipe.mesh.surfaces import Surface, arclength, bishop_frames, resample, tangents
 
@@ -231,13 +231,13 @@ class _Places:
         axis, start, end = long_axis(surface, self.distal)
         direction = np.array(place.towards) / np.linalg.norm(np.array(place.towards))
         origin = start + place.along * (end - start)
-        distance = _last_hit(surface, origin, direction)
-        if distance is None:
+        _, hits = ray_hits(surface, origin, direction)
+        if not len(hits):
             problem = (
                 f"the ray from {place.bone}'s axis at {place.along:g} towards {place.towards} misses the bone"
             )
             raise InputError(self.source, field, problem, "Move `along` inwards or change `towards`")
-        return np.asarray(origin + (distance + place.height) * direction)
+        return np.asarray(origin + (hits.max() + place.height) * direction)
 
 
 def locate(
@@ -284,8 +284,8 @@ def long_axis(surface: Surface, distal: Array) -> tuple[Array, Array, Array]:
     return axis, middle + reach.min() * axis, middle + reach.max() * axis
 
 
-def _last_hit(surface: Surface, origin: Array, direction: Array) -> float | None:
-    """Distance along a ray to the farthest triangle that it meets (Moeller and Trumbore 1997)."""
+def ray_hits(surface: Surface, origin: Array, direction: Array) -> tuple[IntArray, Array]:
+    """Triangles (h,) that a ray meets, and distances (h,) along it (Moeller and Trumbore 1997)."""
     a, b, c = np.moveaxis(surface.vertices[surface.triangles], 1, 0)
     across = np.cross(direction, c - a)
     determinant = np.einsum("ki,ki->k", b - a, across)
@@ -294,8 +294,8 @@ def _last_hit(surface: Surface, origin: Array, direction: Array) -> float | None
     lifted = np.cross(origin - a, b - a)
     v = lifted @ direction / determinant
     along = np.einsum("ki,ki->k", c - a, lifted) / determinant
-    hit = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (along >= -1e-9)
-    return float(along[hit].max()) if hit.any() else None
+    hit = np.flatnonzero((u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (along >= -1e-9))
+    return hit, along[hit]
 
 
 def _placed_muscle(muscle: MuscleCurves, places: _Places, step: float) -> PlacedMuscle:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +75,10 @@ class TissueMesh:
         """Volumes (k,) in mm^3 of the tissues."""
         sums = np.bincount(self.labels, self.mesh.volumes(), len(self.names))
         return np.asarray(sums, dtype=np.float64)
+
+    def scaled(self, size: float) -> TissueMesh:
+        """The mesh of the same shape that is `size` times as large about the origin."""
+        return replace(self, mesh=TetMesh(size * self.mesh.vertices, self.mesh.tets))
 
     def metrics(self) -> Metrics:
         """Figures of the mesh that need no other knowledge."""

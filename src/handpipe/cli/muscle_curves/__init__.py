@@ -1,14 +1,26 @@
-"""Muscles as curves on a page in the browser: the session of a file, its server, and an example."""
+"""Muscles as curves, and bones inside a skin, on pages in the browser: sessions, servers, an example."""
 
 from typing import TYPE_CHECKING
 
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.cli.muscle_curves.bone_session import BoneSession, open_bones
     from handpipe.cli.muscle_curves.example import write_example
-    from handpipe.cli.muscle_curves.server import CurveServer, serve
-    from handpipe.cli.muscle_curves.session import CurveSession, open_session
+    from handpipe.cli.muscle_curves.server import BoneServer, CurveServer, serve, serve_bones
+    from handpipe.cli.muscle_curves.session import CurveSession, curves_command, open_session
 else:
     __getattr__ = face(__name__)
 
-__all__ = ["CurveServer", "CurveSession", "open_session", "serve", "write_example"]
+__all__ = [
+    "BoneServer",
+    "BoneSession",
+    "CurveServer",
+    "CurveSession",
+    "curves_command",
+    "open_bones",
+    "open_session",
+    "serve",
+    "serve_bones",
+    "write_example",
+]

@@ -7,6 +7,7 @@ import secrets
 from importlib.resources import files
 
 from handpipe.cli.local_server import HTML, JSON, POLICY, SCRIPT, STYLE, LocalHandler, LocalServer
+from handpipe.cli.muscle_curves.bone_session import BoneSession
 from handpipe.cli.muscle_curves.session import CurveSession
 from handpipe.evaluation.viewer import import_map
 
@@ -25,7 +26,7 @@ class CurveServer(LocalServer):
     """
 
     def __init__(self, session: CurveSession) -> None:
-        super().__init__(_Handler, "curves")
+        super().__init__(_CurveHandler, "curves")
         self.session = session
 
 
@@ -43,16 +44,40 @@ def serve(session: CurveSession, browser: bool) -> None:
         server.serve(f"{session.target}: muscles as curves", browser)
 
 
-class _Handler(LocalHandler):
-    """Gives surfaces, takes edits."""
+class BoneServer(LocalServer):
+    """Serves the page on which bones are placed at `address`, which holds a secret.
 
-    server: CurveServer
+    Parameters
+    ----------
+    session : BoneSession
+        What is edited.
+    """
+
+    def __init__(self, session: BoneSession) -> None:
+        super().__init__(_BoneHandler, "bones")
+        self.session = session
+
+
+def serve_bones(session: BoneSession, browser: bool) -> None:
+    """Serve the page of bones until the person ends it, by its button or by Ctrl-C.
+
+    Parameters
+    ----------
+    session : BoneSession
+        What is edited.
+    browser : bool
+        Whether to open it.
+    """
+    with BoneServer(session) as server:
+        server.serve(f"{session.target}: bones inside {session.skin_file}", browser)
+
+
+class _SessionHandler(LocalHandler):
+    """Gives a page, surfaces and the state of a session, takes edits, saves."""
+
+    server: CurveServer | BoneServer
     package = PACKAGE
-    static = {
-        "page.js": ("page.js", SCRIPT),
-        "editor.js": ("editor.js", SCRIPT),
-        "page.css": ("page.css", STYLE),
-    }
+    page = ""
 
     def give(self, name: str) -> bool:
         session = self.server.session
@@ -64,8 +89,6 @@ class _Handler(LocalHandler):
             self.answer(session.surfaces(), BYTES)
         elif name == "state":
             self.work(lambda: self.answer(session.state(), BYTES))
-        elif name == "fibres":
-            self.work(lambda: self.answer(session.fibres(), BYTES))
         else:
             return False
         return True
@@ -76,8 +99,6 @@ class _Handler(LocalHandler):
             self._edit()
         elif name == "save":
             self.work(lambda: self.say(session.save()))
-        elif name == "tets":
-            self.work(lambda: self.say(session.make_tets()))
         else:
             return False
         return True
@@ -85,7 +106,7 @@ class _Handler(LocalHandler):
     def _page(self) -> None:
         """The page, which allows the one script that stands inside."""
         nonce = secrets.token_urlsafe(16)
-        page = files(PACKAGE).joinpath("static", "page.html").read_text(encoding="utf-8")
+        page = files(PACKAGE).joinpath("static", self.page).read_text(encoding="utf-8")
         page = page.replace("NONCE", nonce).replace("IMPORT_MAP", import_map({}))
         policy = f"{POLICY}; script-src 'self' data: 'nonce-{nonce}'"
         self.answer(page.encode(), HTML, {"Content-Security-Policy": policy})
@@ -94,3 +115,38 @@ class _Handler(LocalHandler):
         content = self.received(LONGEST)
         if content is not None:
             self.work(lambda: self.answer(self.server.session.edit(content), BYTES))
+
+
+COMMON = {  # files of both pages
+    "editor.js": ("editor.js", SCRIPT),
+    "view.js": ("view.js", SCRIPT),
+    "page.css": ("page.css", STYLE),
+}
+
+
+class _CurveHandler(_SessionHandler):
+    """The page of curves, which makes tets, too."""
+
+    server: CurveServer
+    page = "page.html"
+    static = {"page.js": ("page.js", SCRIPT), **COMMON}
+
+    def give(self, name: str) -> bool:
+        if name != "fibres":
+            return super().give(name)
+        self.work(lambda: self.answer(self.server.session.fibres(), BYTES))
+        return True
+
+    def take(self, name: str) -> bool:
+        if name != "tets":
+            return super().take(name)
+        self.work(lambda: self.say(self.server.session.make_tets()))
+        return True
+
+
+class _BoneHandler(_SessionHandler):
+    """The page of bones."""
+
+    server: BoneServer
+    page = "bones.html"
+    static = {"bones.js": ("bones.js", SCRIPT), **COMMON}

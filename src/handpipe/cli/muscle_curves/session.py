@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 import shutil
 import time
 from collections.abc import Mapping, Sequence
@@ -23,6 +24,7 @@ from handpipe.anatomy.editing import (
     load_draft,
     place_on_bone,
     points_of,
+    tendon_lines,
     write_curves,
 )
 from handpipe.anatomy.templates import Domain, TissueMesh, build_tissue_mesh
@@ -80,7 +82,7 @@ class CurveSession:
     def surfaces(self) -> bytes:
         """Skin and bones, packed."""
         named = {"skin": self.skin} | {f"bone/{name}": bone for name, bone in self.bones.items()}
-        return pack({}, _arrays(named))
+        return pack({}, surface_arrays(named))
 
     def edit(self, content: bytes) -> bytes:
         """Take the whole content of the file as the page has it, and answer with its muscles, packed.
@@ -102,11 +104,7 @@ class CurveSession:
             For content that is wrong; the session then stays as it was.
         """
         start = time.perf_counter()
-        try:
-            given = json.loads(content)
-        except ValueError as error:
-            raise InputError(self.target, "edit", "is no JSON", "Load the page again") from error
-        draft = checked(self.target, self._dropped(given), Draft)
+        draft = checked(self.target, self._dropped(given_json(self.target, content)), Draft)
         self.edited, self.draft = self._editor.edit(draft), draft
         return self.state(time.perf_counter() - start)
 
@@ -116,21 +114,27 @@ class CurveSession:
         lines: dict[str, NDArray] = {}
         for name, muscle in edited.muscles.items():
             lines |= {f"line/{name}/{i}": c.points.astype("f4") for i, c in enumerate(muscle.curves)}
+        for name, points in tendon_lines(self.draft, self.bones, self.target).items():
+            lines[f"tendon/{name}"] = points.astype("f4")
         surfaces = {f"muscle/{name}": surface for name, surface in edited.surfaces.items()}
         header = {
             "content": content_of(self.draft),
             "places": points_of(self.draft, self.bones, self.target),
             "faults": [f"{fault.field}: {fault.problem}. {fault.remedy}" for fault in edited.faults],
-            "warnings": edited.warnings,
+            "warnings": [*edited.warnings, *self._kept_parts()],
             "seconds": seconds,
         }
-        return pack(header, lines | _arrays(surfaces))
+        return pack(header, lines | surface_arrays(surfaces))
+
+    def _kept_parts(self) -> list[str]:
+        """What the page says of a hand's parts that it does not edit."""
+        parts = [kind for kind in ("ligaments", "tendons", "nails") if getattr(self.draft, kind)]
+        return [f"{', '.join(parts)} of the file are kept as they are"] if parts else []
 
     def save(self) -> str:
         """Write the file; an earlier one is copied beside it once. Returns a sentence."""
         if self.kept is None and self.target.is_file() and self.draft.muscles:
-            name = f"{self.target.stem}.before-{datetime.now():%Y%m%d-%H%M%S}{self.target.suffix}"
-            self.kept = Path(shutil.copy2(self.target, self.target.with_name(name)))
+            self.kept = copied_beside(self.target)
         write_curves(self.target, self.draft)
         kept = f"; the earlier file is {self.kept.name}" if self.kept else ""
         return f"saved {len(self.draft.muscles)} muscles to {self.target}{kept}"
@@ -147,7 +151,7 @@ class CurveSession:
         if not self.draft.muscles:
             raise InputError(self.target, "muscles", "there is none", "Draw a muscle first")
         tissue = build_tissue_mesh(
-            self.draft, self.domain, self.bones, factorise=factorise, source=self.target
+            self.draft.curves(), self.domain, self.bones, factorise=factorise, source=self.target
         )
         path = self.target.with_suffix(".h5")
         tissue.save(path)
@@ -185,6 +189,29 @@ class CurveSession:
         return place.model_dump(mode="json", exclude_unset=True) | others
 
 
+def curves_command(file: Path, skin: Path, bones: Path) -> str:
+    """The command that opens a file of curves, as a shell takes it.
+
+    Parameters
+    ----------
+    file, skin, bones : Path
+        File of the curves, surface of the skin, folder of the bones.
+
+    Returns
+    -------
+    str
+        One line; paths with blanks are quoted.
+    """
+    words = ["handpipe", "curves", str(file), "--skin", str(skin), "--bones", str(bones)]
+    return shlex.join(words)
+
+
+def copied_beside(path: Path) -> Path:
+    """Copy a file before it is changed; the copy has the time in its name."""
+    name = f"{path.stem}.before-{datetime.now():%Y%m%d-%H%M%S}{path.suffix}"
+    return Path(shutil.copy2(path, path.with_name(name)))
+
+
 def require_faultless(edited: Edited) -> None:
     """Raise the first fault of curves, if there is one."""
     if edited.faults:
@@ -216,8 +243,7 @@ def open_session(
     InputError
         For missing or wrong files.
     """
-    if target.suffix.lower() not in (".yaml", ".yml"):
-        raise InputError(target, "file", "is no YAML file", "Name a file .yaml; it need not exist yet")
+    require_yaml(target)
     files = [path for given in bones for path in _bone_files(given)]
     found: dict[str, Surface] = {}
     for path in files:
@@ -225,6 +251,20 @@ def open_session(
             raise InputError(path, "bone", f"{path.stem} stands twice", "Name each bone once")
         found[_bone_name(path)] = read_surface(path, closed=True)
     return CurveSession(target, read_surface(skin, closed=True), found, edge_length)
+
+
+def require_yaml(target: Path) -> None:
+    """Raise `InputError` for a name that is not of a YAML file."""
+    if target.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(target, "file", "is no YAML file", "Name a file .yaml; it need not exist yet")
+
+
+def given_json(target: Path, content: bytes) -> Any:
+    """What a page sent as its content."""
+    try:
+        return json.loads(content)
+    except ValueError as error:
+        raise InputError(target, "edit", "is no JSON", "Load the page again") from error
 
 
 def _bone_files(given: Path) -> list[Path]:
@@ -250,7 +290,8 @@ def _edge_length(skin: Surface, bones: Mapping[str, Surface]) -> float:
     return float(np.cbrt(6 * math.sqrt(2) * volume / TETS))
 
 
-def _arrays(surfaces: Mapping[str, Surface]) -> dict[str, NDArray]:
+def surface_arrays(surfaces: Mapping[str, Surface]) -> dict[str, NDArray]:
+    """Vertices and triangles of surfaces as a page gets them, by name."""
     vertices: dict[str, NDArray] = {
         f"{name}/vertices": s.vertices.astype("f4") for name, s in surfaces.items()
     }

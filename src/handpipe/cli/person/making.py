@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,12 +17,14 @@ from handpipe.anatomy.person import (
     read_photograph,
 )
 from handpipe.anatomy.shipped import ShippedHand
+from handpipe.cli.own_files import written_anew
 from handpipe.cli.person.played_hand import PlayedHand
 from handpipe.cli.person.where import finger_words
 from handpipe.core import InputError
 from handpipe.hand import FINGERS
 
 PAGE = "player.html"
+OWNER = "handpipe photograph"  # of what is written
 TABLE, SLICER = ".csv", ".mrk.json"  # endings of points in 3D
 Side = Literal["right", "left"]
 View = Literal["back", "palm"]
@@ -73,6 +74,8 @@ class Made:
 def make(asked: Asked) -> Made:
     """Write a hand that moves, from points in a photograph or in 3D; files appear when all are complete.
 
+    Files of an earlier hand in the folder are replaced, and its motions are removed.
+
     Parameters
     ----------
     asked : Asked
@@ -93,16 +96,12 @@ def make(asked: Asked) -> Made:
     hand = PlayedHand.of(shipped, person)
     lines += _lengths(shipped.template, person)
     moving = time.perf_counter()
-    asked.folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=asked.folder.parent, prefix=f".{asked.folder.name}-") as made:
-        files = _written(hand, asked, Path(made))
+    with written_anew(asked.folder, OWNER) as made:
+        files = _written(hand, asked, made)
         lines.append(f"seconds from points to the hand {moving - begin:.1f}")
         lines.append(f"seconds from points to the page {files.pop(PAGE) - begin:.1f}")
         lines += [f"seconds of {name} {seconds:.1f}" for name, seconds in files.items()]
-        asked.folder.mkdir(exist_ok=True)
-        names = sorted((path.name for path in Path(made).iterdir()), key=lambda name: name != PAGE)
-        for name in names:
-            (Path(made) / name).replace(asked.folder / name)
+        names = sorted((path.name for path in made.iterdir()), key=lambda name: name != PAGE)
     return Made(tuple(asked.folder / name for name in names), tuple(lines))
 
 

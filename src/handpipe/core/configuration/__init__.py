@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     )
     from handpipe.core.configuration.selection import restored
     from handpipe.core.configuration.settings import require_fidelity, settings_of
+    from handpipe.core.configuration.tree_order import joint_order
 else:
     __getattr__ = face(__name__)
 
@@ -53,6 +54,7 @@ __all__ = [
     "Vector",
     "checked",
     "every_fault",
+    "joint_order",
     "load_dataset",
     "load_scene",
     "load_yaml",

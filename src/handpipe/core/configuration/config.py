@@ -19,6 +19,7 @@ from pydantic import (
 )
 
 from handpipe.core.artifacts import read_text
+from handpipe.core.configuration.tree_order import joint_order
 from handpipe.core.errors import InputError
 from handpipe.core.layer_registry import needed, organs
 
@@ -333,6 +334,9 @@ class Dataset(Model):
         None, description="what makes the subject's files; none where they are given. See config/README.md"
     )
     seed: int = Field(0, ge=0)
+    proportions: str | None = Field(
+        None, description="generated hands with all organs: the measured person whose proportions they have"
+    )
     scanner: Scanner | None = Field(
         None, description="generated whole hands: voxel size, bias field and noise"
     )
@@ -432,6 +436,10 @@ class Dataset(Model):
         children = [j.child for j in self.joints.values()]
         if len(set(children)) != len(children) or len(self.root_bones) != 1:
             raise ValueError("joints: must form one tree over the bones, each bone a child at most once")
+        try:
+            joint_order({name: (joint.parent, joint.child) for name, joint in self.joints.items()})
+        except ValueError as error:
+            raise ValueError(f"joints: {error}") from error
         return self
 
     # What follows from fields; a stage may read it alone, without them
@@ -538,6 +546,9 @@ class Scene(Model):
     mechanics: bool = Field(
         False, description="write strains, stresses, fibre stretch and contact pressure as VTU, too"
     )
+    deviations: bool = Field(
+        False, description="state how far each point is expected to be off, as an artifact and as VTU, too"
+    )
     muscle_barrier: bool = Field(
         False,
         description="keep muscles out of bones, of one another and themselves: 4 to 6 times their time",
@@ -566,6 +577,8 @@ class Scene(Model):
             raise ValueError("learned: names a scene of random poses, with `level` L0 or L1 and only then")
         if self.level in WITHOUT_TETS and (self.mechanics or self.equilibria):
             raise ValueError(f"level: {self.level} has no tets: neither mechanics nor equilibria of them")
+        if self.level != "full" and self.deviations:
+            raise ValueError(f"level: {self.level} has errors of its own: deviations are of `full` alone")
         if self.level == "L3" and self.equilibria:
             raise ValueError(
                 "level: L3 bends from neutral: it has no other starts, and no equilibria of them"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from handpipe.levels import LearnedHand
-from handpipe.skeleton.drivers import LANDMARKS, landmark_map
+from handpipe.skeleton.drivers import LANDMARK_NUMBERS, LANDMARKS, landmark_map
 from handpipe.skeleton.rig import Rig
 
 LEAST = 3  # landmarks that place a palm
@@ -23,4 +23,5 @@ def landmark_places(hand: LearnedHand, rig: Rig, side: str) -> dict[str, Any] | 
         "places": {n: [hand.bones.index(bone), point.tolist()] for n, (bone, point) in where.places.items()},
         "segments": [*where.segments.values()],
         "palm": palm,
+        "by": LANDMARK_NUMBERS,
     }

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from handpipe.core.faces import face
 
 if TYPE_CHECKING:
+    from handpipe.hand.exports.bone_files import write_bones
     from handpipe.hand.exports.export import (
         surface_triangles,
         write_glb,
@@ -32,6 +33,7 @@ __all__ = [
     "surfaces_once",
     "tet_fields",
     "with_mechanics",
+    "write_bones",
     "write_deck",
     "write_glb",
     "write_mjcf",

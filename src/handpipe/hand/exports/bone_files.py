@@ -33,7 +33,20 @@ def solid(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def write_bones(folder: Path, rig: Rig) -> dict[str, str]:
-    """Write each bone as STL below a folder; the file's path from there by bone."""
+    """Write each neutral bone as STL in m.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of the model; the bones are in `meshes` below it.
+    rig : Rig
+        Bones.
+
+    Returns
+    -------
+    dict of str to str
+        The file's path below the folder by bone.
+    """
     (folder / MESHES).mkdir(parents=True, exist_ok=True)
     files = {}
     for bone, mesh in bone_meshes(rig).items():

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -14,7 +14,7 @@ from handpipe.anatomy.templates import harmonic_fibres
 from handpipe.core import Array, Frame, IntArray, Layer, RigidTransform, Shapes
 from handpipe.fem.elements import green_strains, plasticity, von_mises
 from handpipe.fem.potentials import Elastic
-from handpipe.hand.frames import MadeFrames
+from handpipe.hand.frames import ComputedFrames
 from handpipe.hand.simulation import SimulatedFrame
 from handpipe.tissues.muscles import Muscle, MuscleLayer
 
@@ -64,22 +64,7 @@ def with_mechanics(
     """
     fibres = muscle_fibres(layers, parents)
     mechanical = [layer for layer in layers if isinstance(layer, Mechanical)]
-    return _Computed(frames, lambda frame, shapes: _of_frame(frame, shapes, mechanical, fibres))
-
-
-@dataclass(frozen=True)
-class _Computed(MadeFrames):
-    """Frames with other shapes, computed of theirs."""
-
-    frames: Sequence[SimulatedFrame]
-    shapes: Callable[[Frame, Mapping[str, Shapes]], dict[str, Shapes]]
-
-    def __len__(self) -> int:
-        return len(self.frames)
-
-    def frame(self, number: int) -> SimulatedFrame:
-        frame, shapes = self.frames[number]
-        return frame, self.shapes(frame, shapes)
+    return ComputedFrames(frames, lambda frame, shapes: _of_frame(frame, shapes, mechanical, fibres))
 
 
 def _of_frame(

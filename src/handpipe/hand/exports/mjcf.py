@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -18,7 +18,12 @@ MODEL = "skeleton.xml"
 POSES, SEED = 100, 0  # of the random poses in which the rig's residual motions are measured
 
 
-def write_mjcf(folder: str | Path, rig: Rig, tendons: Sequence[BonePath] = ()) -> Path:
+def write_mjcf(
+    folder: str | Path,
+    rig: Rig,
+    tendons: Sequence[BonePath] = (),
+    files: Mapping[str, str] | None = None,
+) -> Path:
     """Write the skeleton as `skeleton.xml` and its bones as STL files beside it, m, kg and rad.
 
     A body's frame is the subject's neutral frame: with the joints at zero it is the world's, and its position
@@ -35,6 +40,8 @@ def write_mjcf(folder: str | Path, rig: Rig, tendons: Sequence[BonePath] = ()) -
         Bones and joints.
     tendons : sequence of BonePath
         Tendons, whose points become sites.
+    files : mapping of str to str, optional
+        Files of the bones below the folder, of `write_bones`; by default they are written.
 
     Returns
     -------
@@ -42,7 +49,7 @@ def write_mjcf(folder: str | Path, rig: Rig, tendons: Sequence[BonePath] = ()) -
         The model.
     """
     folder = Path(folder)
-    files = write_bones(folder, rig)
+    files = write_bones(folder, rig) if files is None else files
     root = ElementTree.Element("mujoco", model="handpipe")
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="true")
     ElementTree.SubElement(root, "option", integrator="implicitfast", gravity="0 0 0")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,7 +19,12 @@ VERSION = "40600"  # of the format: OpenSim 4.6
 LIGHT = "1e-06"  # kg and kg m²: of a body between the two axes of a saddle
 
 
-def write_osim(folder: str | Path, rig: Rig, tendons: Sequence[BonePath] = ()) -> Path:
+def write_osim(
+    folder: str | Path,
+    rig: Rig,
+    tendons: Sequence[BonePath] = (),
+    files: Mapping[str, str] | None = None,
+) -> Path:
     """Write the skeleton as `skeleton.osim` and its bones as STL files beside it, m, kg and rad.
 
     Frames, joints and what is left out are those of `write_mjcf`. A saddle whose axes do not meet has a body
@@ -33,6 +38,8 @@ def write_osim(folder: str | Path, rig: Rig, tendons: Sequence[BonePath] = ()) -
         Bones and joints.
     tendons : sequence of BonePath
         Tendons, whose points become points of paths.
+    files : mapping of str to str, optional
+        Files of the bones below the folder, of `write_bones`; by default they are written.
 
     Returns
     -------
@@ -44,7 +51,7 @@ def write_osim(folder: str | Path, rig: Rig, tendons: Sequence[BonePath] = ()) -
     model = ElementTree.SubElement(root, "Model", name="handpipe")
     ElementTree.SubElement(model, "gravity").text = "0 0 0"
     bodies, joints, forces = (_set(model, name) for name in ("BodySet", "JointSet", "ForceSet"))
-    files = write_bones(folder, rig)
+    files = write_bones(folder, rig) if files is None else files
     meshes = {bone: solid(mesh) for bone, mesh in bone_meshes(rig).items()}
     for bone in rig.bones:
         centre, inertia = meshes[bone].center_mass, meshes[bone].moment_inertia

@@ -7,11 +7,16 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.skeleton.bones.bodies import moved_apart
     from handpipe.skeleton.bones.bone_files import read_registration, read_surfaces, write_surfaces
-    from handpipe.skeleton.bones.registration_result import read_registrations, write_registrations
+    from handpipe.skeleton.bones.registration_result import (
+        Registration,
+        read_registrations,
+        write_registrations,
+    )
 else:
     __getattr__ = face(__name__)
 
 __all__ = [
+    "Registration",
     "moved_apart",
     "read_registration",
     "read_registrations",

@@ -18,7 +18,7 @@ from handpipe.skeleton.drivers.landmarks import FINGERS, LANDMARKS, Hand, HandLa
 from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.joints.limits import long_axis
 from handpipe.skeleton.posing.inverse_kinematics import Reach, ReachOptions, solve
-from handpipe.skeleton.posing.targets import Direction, Position, Target
+from handpipe.skeleton.posing.targets import LEVER, Direction, Position, Target
 from handpipe.skeleton.rig.rig import Rig
 
 BONES = {
@@ -29,12 +29,23 @@ BONES = {
     },
 }
 ENDS = {"THUMB": ("CMC", "MCP", "IP", "TIP"), **dict.fromkeys(FINGERS, ("MCP", "PIP", "DIP", "TIP"))}
+KNUCKLES = tuple(f"{finger}_MCP" for finger in FINGERS)
 ARM = 1.5  # widths of the row of knuckles from them to the point that tells the palm's direction
 LEAN = 0.3  # weight of a landmark's place, where the direction of its bone has one
 FAINT = 0.3  # weight in the palm of landmarks that do not move with the root bone
 PALM_ERROR = 0.35  # distance of the palm's landmarks from the rig's, relative to their spread
 REST_WEIGHT, TOLERANCE = 0.3, 5.0  # 1 and mm: of the angles at rest, and of landmarks
+ROUNDS, SETTLED = 20, 1e-4  # 1 and rad: the palm is placed again until angles stay
 NARROW = 0.05  # second extent of the palm's landmarks over the first, below which they place no hand
+LANDMARK_NUMBERS = {  # by which the page of a hand fits landmarks, too
+    "arm": ARM,
+    "knuckles": KNUCKLES,
+    "lean": LEAN,
+    "lever": LEVER,
+    "narrow": NARROW,
+    "palm_error": PALM_ERROR,
+    "rest": REST_WEIGHT,
+}
 
 
 @dataclass(frozen=True)
@@ -96,9 +107,9 @@ class LandmarkMap:
 
         As it is where the bone of the middle knuckle has no long axis, or a knuckle is missing.
         """
-        if not {f"{f}_MCP" for f in FINGERS} <= self.places.keys():
+        if not {*KNUCKLES} <= self.places.keys():
             return self
-        knuckles = np.array([self.places[f"{f}_MCP"][1] for f in FINGERS])
+        knuckles = np.array([self.places[name][1] for name in KNUCKLES])
         bone, knuckle = self.places["MIDDLE_FINGER_MCP"]
         along = long_axis(rig.surfaces[bone])
         if along is None:
@@ -119,7 +130,7 @@ class LandmarkMap:
         dict of str to float
             Weights by landmark, smaller for those that do not move with the root bone.
         """
-        palm = [n for n in ("WRIST", "THUMB_CMC", *(f"{f}_MCP" for f in FINGERS)) if n in self.places]
+        palm = [n for n in ("WRIST", "THUMB_CMC", *KNUCKLES) if n in self.places]
         bones = {n: self.places[n][0] for n in palm}
         weights = {n: 1.0 if bones[n] == rig.root or _rigid(rig, bones[n]) else FAINT for n in palm}
         if {"WRIST", "THUMB_CMC"} <= weights.keys():  # places of a thumb's joint differ between trackers
@@ -171,6 +182,19 @@ def wrist(knuckles: Array, along: Array) -> Array:
     width = float(np.linalg.norm(knuckles[0] - knuckles[-1]))
     point: Array = knuckles.mean(axis=0) - ARM * width * along
     return point
+
+
+def directed(points: Mapping[str, Array]) -> dict[str, Array]:
+    """Landmarks (3,) by name whose wrist tells the palm's direction alone.
+
+    How far the wrist is from the knuckles differs between trackers.
+    """
+    if not {"WRIST", *KNUCKLES} <= points.keys():
+        return dict(points)
+    knuckles = np.array([points[name] for name in KNUCKLES])
+    along = knuckles.mean(axis=0) - points["WRIST"]
+    length = float(np.linalg.norm(along))
+    return dict(points) if length == 0 else {**points, "WRIST": wrist(knuckles, along / length)}
 
 
 @dataclass(frozen=True)
@@ -229,7 +253,7 @@ def landmark_angles(
     landmarks: HandLandmarks, rig: Rig, hand: Hand = "right", source: str | Path = "landmarks"
 ) -> dict[str, Angles]:
     """As `read_landmark_angles`, of landmarks in memory."""
-    where = LandmarkMap.of_rig(rig)
+    where = LandmarkMap.of_rig(rig).with_wrist(rig)
     mirror = np.array([-1.0, 1, 1]) if landmarks.hand not in (None, hand) else np.ones(3)
     frames: dict[str, Angles] = {}
     angles: Angles = {}
@@ -245,13 +269,16 @@ def fit_points(
     seen: Mapping[str, Array], rig: Rig, where: LandmarkMap, start: Angles, options: ReachOptions, source: str
 ) -> LandmarkFit:
     """Angles that bring the rig's bones nearest to landmarks (3,) by name, from initial angles in rad."""
-    angles = start
-    # The palm's moving bones are first taken as in the start, then where the first answer has them.
-    for _ in range(2):
+    angles, seen = start, directed({name: seen[name] for name in where.places})
+    # The palm's moving bones are first taken as in the start, then where the last answer has them.
+    for _ in range(ROUNDS):
+        before = dict.fromkeys(rig.angle_names, 0.0) | angles
         placed = _place_palm(seen, rig, where, angles, source)
         targets = _targets(placed, rig, where)
         found = solve(rig, targets, start=angles, options=options)
         angles = found.angles
+        if all(abs(angles[name] - before[name]) < SETTLED for name in angles):
+            break
     return LandmarkFit.measure(found, targets)
 
 
@@ -261,7 +288,8 @@ def _place_palm(
     """Landmarks scaled, turned and moved to where the rig's palm is, in mm."""
     bones = rig.bone_transforms(dict.fromkeys(rig.angle_names, 0.0) | angles)
     palm = where.palm(rig)
-    ours = np.array([bones[where.places[n][0]](where.places[n][1]) for n in palm])
+    carried = directed({name: bones[bone](point) for name, (bone, point) in where.places.items()})
+    ours = np.array([carried[n] for n in palm])
     theirs = np.array([seen[n] for n in palm])
     weights = np.array([*palm.values()])
     _check_spread(ours, source, "the rig")
@@ -304,10 +332,9 @@ def _targets(placed: Mapping[str, Array], rig: Rig, where: LandmarkMap) -> Seque
     for name, (bone, point) in where.places.items():
         if not _rigid(rig, bone):
             targets.append(Position(bone, point, placed[name], LEAN))
-    for bone, (first, second) in where.segments.items():
-        ours = where.places[second][1] - where.places[first][1]
+    for first, second in where.segments.values():
         theirs = placed[second] - placed[first]
         length = float(np.linalg.norm(theirs))
         if length > 0:
-            targets.append(Direction(bone, ours / np.linalg.norm(ours), theirs / length))
+            targets.append(Direction(*where.places[first], *where.places[second], theirs / length))
     return targets

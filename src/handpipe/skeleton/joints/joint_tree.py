@@ -182,25 +182,3 @@ class JointTree:
                 known.add(joint.child)
         found = self.bone_transforms(fitted.angles)
         return ScannedBones(pose, {bone: t for bone, t in found.items() if bone in known})
-
-
-def joint_order(ends: Mapping[str, tuple[str, str]]) -> list[str]:
-    """Names of joints from the root outwards, each after the joint that carries its parent.
-
-    Parameters
-    ----------
-    ends : mapping of str to (str, str)
-        Parent and child of each joint of a tree.
-
-    Returns
-    -------
-    list of str
-        All names.
-    """
-    reached = {parent for parent, _ in ends.values()} - {child for _, child in ends.values()}
-    left, order = dict(ends), []
-    while left:
-        found = [name for name, (parent, _) in left.items() if parent in reached]
-        reached |= {left.pop(name)[1] for name in found}
-        order += found
-    return order

@@ -19,8 +19,15 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 
 from handpipe.core import Array, BoolArray
 from handpipe.core.configuration import Recording
-from handpipe.skeleton.drivers.landmark_motion import LandmarkMap, fit_points, wrist
-from handpipe.skeleton.drivers.landmarks import FINGERS, Hand
+from handpipe.skeleton.drivers.landmark_motion import (
+    KNUCKLES,
+    REST_WEIGHT,
+    TOLERANCE,
+    LandmarkMap,
+    fit_points,
+    wrist,
+)
+from handpipe.skeleton.drivers.landmarks import Hand
 from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.motion.interpolation import spline
 from handpipe.skeleton.motion.motion import Motion
@@ -28,9 +35,7 @@ from handpipe.skeleton.motion.tracks import NAMES, Track, frame_times, read_trac
 from handpipe.skeleton.posing.inverse_kinematics import ReachOptions
 from handpipe.skeleton.rig.rig import Rig
 
-REST_WEIGHT = 0.3  # 1, of the rest pose against the points: angles that points do not tell stay small
 LOG = logging.getLogger(__name__)
-KNUCKLES = [f"{finger}_MCP" for finger in FINGERS]
 AROUND = 7  # rows of the running median
 FAR, LEAST = 3 * 1.4826, np.radians(5.0)  # of an outlier: deviations by the median one, and rad
 
@@ -102,7 +107,7 @@ def _fitted(
         seen = dict(zip(NAMES, track.points[i] * mirror, strict=True))
         if track.directions is not None:
             seen["WRIST"] = wrist(np.array([seen[n] for n in KNUCKLES]), track.directions[i] * mirror)
-        options = ReachOptions(rest_weight=REST_WEIGHT, tolerance=5.0, restarts=not angles)
+        options = ReachOptions(rest_weight=REST_WEIGHT, tolerance=TOLERANCE, restarts=not angles)
         found = fit_points(seen, rig, where, angles, options, f"{path}: {track.times[i]:.3f} s")
         angles = found.angles
         values.append([angles[n] for n in rig.angle_names])

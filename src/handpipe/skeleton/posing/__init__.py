@@ -7,6 +7,7 @@ from handpipe.core.faces import face
 if TYPE_CHECKING:
     from handpipe.skeleton.posing.joint_sweep import FACING, OPPOSED, swept_vertices
     from handpipe.skeleton.posing.layer import BoneLayer, bone_regions
+    from handpipe.skeleton.posing.left_out import left_out_weights, prediction_variance
     from handpipe.skeleton.posing.local_pose_spaces import LocalPoseSpaces
     from handpipe.skeleton.posing.pose_space import Interpolation, PoseSpace
     from handpipe.skeleton.posing.skinning import (
@@ -33,6 +34,8 @@ __all__ = [
     "blended",
     "bone_regions",
     "bone_weights",
+    "left_out_weights",
+    "prediction_variance",
     "smoothed_weights",
     "swept_vertices",
     "validity_table",

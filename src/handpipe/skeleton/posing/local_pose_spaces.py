@@ -62,6 +62,10 @@ class LocalPoseSpaces:
 
         return LocalPoseSpaces({bone: space(bone) for bone in bones})
 
+    def by_inverse_distance(self) -> LocalPoseSpaces:
+        """The same spaces with the weights of Zheng 2022 Eq. 1."""
+        return LocalPoseSpaces({bone: space.by_inverse_distance() for bone, space in self.spaces.items()})
+
     def interpolate(
         self, values: Array, near: Mapping[str, Array], bones: Mapping[str, RigidTransform]
     ) -> Array:

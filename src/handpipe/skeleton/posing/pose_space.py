@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -210,6 +210,10 @@ class PoseSpace:
         reference, points = reference_bone(bones, parents), dict(points or {})
         examples = np.array([_vector(bones, reference, points, t) for t in transforms.values()])
         return PoseSpace(tuple(bones), reference, examples, tuple(transforms), interpolation, points)
+
+    def by_inverse_distance(self) -> PoseSpace:
+        """The same space with the weights of Zheng 2022 Eq. 1."""
+        return replace(self, interpolation="inverse-distance")
 
     def apart(self) -> float:
         """The distance of the two examples that are nearest to one another; infinite of a single one."""

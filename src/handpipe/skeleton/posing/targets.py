@@ -70,9 +70,8 @@ class Meeting:
 
     def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
         """Weighted offset (3,) in mm between the points, and its derivatives (3, n) in mm per rad."""
-        a, b = bones[self.bone], bones[self.other]
-        gap = a.transform(self.point) - b.transform(self.other_point)
-        return self.weight * gap, self.weight * (a.velocities(self.point) - b.velocities(self.other_point)).T
+        gap, rates = _gap(bones[self.bone], self.point, bones[self.other], self.other_point)
+        return self.weight * gap, self.weight * rates.T
 
 
 @dataclass(frozen=True)
@@ -103,26 +102,27 @@ class Orientation:
 
 @dataclass(frozen=True)
 class Direction:
-    """A unit direction (3,) of a bone in neutral is to point along the unit vector `along` (3,).
-
-    It leaves the turn about `along` free.
-    """
+    """The way from a point to another, each in neutral (3,) on its bone, is to have a unit direction (3,)."""
 
     bone: str
-    direction: Array
+    point: Array
+    other: str
+    other_point: Array
     along: Array
     lever: float = LEVER
 
     @property
     def bones(self) -> tuple[str, ...]:
-        """The bone that the direction belongs to."""
-        return (self.bone,)
+        """The bones of both points."""
+        return (self.bone, self.other)
 
     def residual(self, bones: Mapping[str, MovingBone]) -> tuple[Array, Array]:
         """Difference (3,) in mm of the directions times `lever`, and its derivatives (3, n) in mm per rad."""
-        bone = bones[self.bone]
-        direction = bone.transform.rotation @ self.direction
-        return self.lever * (direction - self.along), self.lever * np.cross(bone.angular, direction).T
+        gap, rates = _gap(bones[self.other], self.other_point, bones[self.bone], self.point)
+        length = float(np.linalg.norm(gap))
+        direction = gap / length
+        turned = (rates - np.outer(rates @ direction, direction)) / length
+        return self.lever * (direction - self.along), self.lever * turned.T
 
 
 @dataclass(frozen=True)
@@ -150,10 +150,15 @@ class Apart:
         """Weighted depth (1,) in mm, zero outside, and its derivatives (1, n) in mm per rad."""
         a, b = bones[self.bone], bones[self.other]
         normal = b.transform.rotation @ self.normal
-        gap = a.transform(self.point) - b.transform(self.other_point)
+        gap, gap_rates = _gap(a, self.point, b, self.other_point)
         height = float(normal @ gap) + self.allowed
         if height >= 0:
             return np.zeros(1), np.zeros((1, len(a.angular)))
         turned = np.cross(b.angular, normal) @ gap
-        rates = (a.velocities(self.point) - b.velocities(self.other_point)) @ normal + turned
+        rates = gap_rates @ normal + turned
         return np.array([self.weight * height]), self.weight * rates[None]
+
+
+def _gap(a: MovingBone, point: Array, b: MovingBone, other: Array) -> tuple[Array, Array]:
+    """Way (3,) in mm to a point of bone `a` from one of `b`, and its derivatives (n, 3) in mm per rad."""
+    return a.transform(point) - b.transform(other), a.velocities(point) - b.velocities(other)

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from handpipe.core import Array, InputError, RigidTransform, artifacts
-from handpipe.core.configuration import Dataset, Joint
+from handpipe.core.configuration import Dataset, Joint, joint_order
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.skeleton.bones.bodies import moved_as_one
 from handpipe.skeleton.joints.angles import Angles
 from handpipe.skeleton.joints.axes import Axes
 from handpipe.skeleton.joints.joint_knowledge import JointKnowledge
-from handpipe.skeleton.joints.joint_tree import Bones, FittedPose, JointTree, RigJoint, joint_order
+from handpipe.skeleton.joints.joint_tree import Bones, FittedPose, JointTree, RigJoint
 from handpipe.skeleton.joints.joint_types import fit_best
 from handpipe.skeleton.joints.joints import JointFit, Model, fit_joint
 from handpipe.skeleton.joints.limits import widened_limits

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from handpipe.core import Array, RigidTransform
+from handpipe.core.configuration import joint_order
 from handpipe.mesh.surfaces import Surface
 from handpipe.skeleton.joints.angles import Angles
-from handpipe.skeleton.joints.joint_tree import FittedPose, RigJoint, joint_order
+from handpipe.skeleton.joints.joint_tree import FittedPose, RigJoint
 from handpipe.skeleton.joints.joints import fit_joint
 from handpipe.skeleton.rig.rig import Rig
 

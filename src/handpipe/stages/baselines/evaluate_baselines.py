@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from handpipe.core import Metrics, artifacts, metrics
 from handpipe.core.configuration import Dataset
@@ -15,7 +13,7 @@ from handpipe.hand import read_frames
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.costs import stage_cost
 from handpipe.stages.files import Files
-from handpipe.stages.skin_distances import ByModel, skin_distances
+from handpipe.stages.skin_distances import role_figures, skin_distances
 from handpipe.tissues.fat import Skin
 
 SIMULATED = ("m1", "m2", "m3")  # the models besides the full one, of which the best is named
@@ -56,44 +54,20 @@ def evaluate_baselines(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs
     truth = inputs.truth if dataset.truth is not None else ()
     found = skin_distances(Rig.load(inputs.rig), Skin.load(inputs.skin), models, inputs.scans, truth)
     role_of = {pose: dataset.poses[pose].role.value for pose in models}
-    figures = stage_cost(costs)
-    rows: list[dict[str, str | float]] = []
-    for kind, distances in (("", found.to_scan), ("true_", found.to_truth)):
-        totals = _totals(distances, role_of)
-        for (model, role), (mean, largest) in totals.items():
-            figures[f"{model}_{kind}{role}_error_mean"] = (mean, "mm")
-            figures[f"{model}_{kind}{role}_error_max"] = (largest, "mm")
-            rows.append(
-                {
-                    "model": model,
-                    "to": "truth" if kind else "scan",
-                    "role": role,
-                    "mean": mean,
-                    "max": largest,
-                }
-            )
-        figures |= _over_best(
-            kind, {model: mean for (model, role), (mean, _) in totals.items() if role == HELD_OUT}
-        )
+    by_role, rows = role_figures(found, role_of)
+    figures = stage_cost(costs) | by_role
+    for kind in ("", "true_"):
+        figures |= _over_best(kind, by_role)
     metrics.write(outputs.metrics, figures)
     artifacts.write_text(outputs.table, json.dumps(rows, indent=2))
 
 
-def _totals(
-    distances: Mapping[str, ByModel], role_of: Mapping[str, str]
-) -> dict[tuple[str, str], tuple[float, float]]:
-    """Mean of the poses' means and largest distance in mm, by model and role."""
-    totals = {}
-    for role in dict.fromkeys(role_of.values()):
-        poses = [by_model for pose, by_model in distances.items() if role_of[pose] == role]
-        for model in poses[0] if poses else ():
-            means = [float(np.mean(by_model[model])) for by_model in poses]
-            largest = max(float(np.max(by_model[model])) for by_model in poses)
-            totals[model, role] = (float(np.mean(means)), largest)
-    return totals
-
-
-def _over_best(kind: str, means: Mapping[str, float]) -> Metrics:
+def _over_best(kind: str, figures: Metrics) -> Metrics:
     """The full model's mean over the least of the other simulated models'; nothing without held-out poses."""
+    means = {
+        model: figures[name][0]
+        for model in ("m0", *SIMULATED)
+        if (name := f"{model}_{kind}{HELD_OUT}_error_mean") in figures
+    }
     best = min((means[model] for model in SIMULATED if model in means), default=0.0)
-    return {f"m0_over_best_{kind}heldout": (100 * means["m0"] / best, "%")} if best > 0 else {}
+    return {f"m0_over_best_{kind}{HELD_OUT}": (100 * means["m0"] / best, "%")} if best > 0 else {}

@@ -27,21 +27,29 @@ class Inputs(Files):
     rig: Path
     neutral: Path
     shapes: Path
-    separated: Sequence[Path]
+    separated: Sequence[Path]  # none: muscles as stage 1 found them
     flesh: Sequence[Path]
 
 
 def fit_muscle_strains(inputs: Inputs, output: Path, dataset: Dataset, name: str) -> None:
     """Plastic strains of a muscle, smooth in space and over poses (Zheng 2022 §4.4, stage 3, Eq. 3)."""
     rig = Rig.load(inputs.rig)
-    body = read_bodies(inputs.neutral)[name]
+    bodies = read_bodies(inputs.neutral)
     shapes = artifacts.read(inputs.shapes, "muscle_shapes")
+    surfaces = {
+        pose: load_surfaces(p)
+        for pose, p in zip(dataset.examples, inputs.separated, strict=bool(inputs.separated))
+    }
+    surfaces = surfaces or {
+        pose: {n: b.surface.moved(shapes[pose][n]["vertices"]) for n, b in bodies.items()}
+        for pose in dataset.examples
+    }
     # Surfaces come from each scanner's frame to the rig's, in which the muscle will be simulated.
     back = {pose: rig.poses[pose].root.inverse() for pose in dataset.examples}
     transforms = {pose: rig.scanned_bones(pose) for pose in dataset.examples}
     separated_shapes = {}
-    for pose, path in zip(dataset.examples, inputs.separated, strict=True):
-        separated = {n: s.moved(back[pose](s.vertices)) for n, s in load_surfaces(path).items()}
+    for pose in dataset.examples:
+        separated = {n: s.moved(back[pose](s.vertices)) for n, s in surfaces[pose].items()}
         own = separated.pop(name)
         start = back[pose](shapes[pose][name]["mesh_vertices"])
         known = {bone: s for bone, s in rig.surfaces.items() if bone in transforms[pose]}
@@ -49,7 +57,7 @@ def fit_muscle_strains(inputs: Inputs, output: Path, dataset: Dataset, name: str
         separated_shapes[pose] = SeparatedShape(own, start, [*separated.values(), *bones.values()])
     flesh = flesh_in_poses(inputs.flesh)
     examples = Examples(rig.parents, dataset.neutral, transforms, dataset.muscle_interpolation, flesh)
-    muscle, fit = Muscle.fit(name, body, examples, separated_shapes)
+    muscle, fit = Muscle.fit(name, bodies[name], examples, separated_shapes)
     log.info(
         "gamma %.3g, eigenvalues %.2f to %.2f, %.3f mm",
         fit.gamma,

@@ -24,7 +24,6 @@ class Inputs(Files):
 
 def coupled_body(inputs: Inputs, output: Path, dataset: Dataset) -> None:
     """A template hand as one body of all tissues, whose joints can open."""
-    motion = known_hand(dataset).motion
-    anatomy = coupled_hand.opened_hand(inputs.template, inputs.subject, motion)
+    anatomy = coupled_hand.opened_hand(inputs.template, inputs.subject, known_hand(dataset))
     log.info("%d tets, %d vertices", len(anatomy.mesh.tets), len(anatomy.mesh.vertices))
     anatomy_file.save(output, anatomy, inputs.all())

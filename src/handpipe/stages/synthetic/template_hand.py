@@ -9,9 +9,11 @@ from pathlib import Path
 
 from handpipe.anatomy.templates import build_hand, load_hand
 from handpipe.core import metrics
+from handpipe.core.configuration import Dataset
 from handpipe.fem.linear import factorise
 from handpipe.stages.files import Files
-from handpipe.synthetic.template_hands import bare_hand
+from handpipe.synthetic.family import build_of
+from handpipe.synthetic.template_hands import at_its_size, bare_hand, of_build
 
 log = logging.getLogger(__name__)
 
@@ -32,13 +34,21 @@ class Outputs(Files):
     metrics: Path
 
 
-def template_hand(inputs: Inputs, outputs: Outputs, edges: Mapping[str, float]) -> None:
-    """The template hand of a generated subject: all organs from the file of curves."""
-    file = load_hand(inputs.curves)
+def template_hand(inputs: Inputs, outputs: Outputs, dataset: Dataset, edges: Mapping[str, float]) -> None:
+    """The template hand of a generated subject: all organs from the file of curves.
+
+    A hand of a measured person is made as large as the median one, where the file's lengths and the edges
+    hold, and then gets its size.
+    """
+    file, build = load_hand(inputs.curves), None
+    if dataset.proportions is not None:
+        build = build_of(dataset.proportions)
+        file = of_build(file, build)
     figures: metrics.Metrics = {}
     with metrics.measured(figures):
-        bare = bare_hand(edges["bone"], edges["skin"])
+        bare = bare_hand(edges["bone"], edges["skin"], build)
         hand = build_hand(file, bare, edges["fat"], factorise=factorise, source=inputs.curves)
+        hand = hand if build is None else at_its_size(hand, build)
     hand.tissue.save(outputs.tissue, [inputs.curves])
     hand.subject.save(outputs.subject, [inputs.curves])
     metrics.write(outputs.metrics, hand.metrics() | figures)

@@ -13,7 +13,7 @@ import xarray as xr
 
 from handpipe.core import artifacts, metrics
 from handpipe.core.configuration import Dataset
-from handpipe.evaluation import skin_metrics, skin_rows
+from handpipe.evaluation import SIMULATED_MODELS, skin_metrics, skin_rows
 from handpipe.hand import read_frames
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.costs import contact_figures, stage_cost
@@ -21,7 +21,7 @@ from handpipe.stages.files import Files
 from handpipe.stages.skin_distances import skin_distances
 from handpipe.tissues.fat import Skin
 
-PREFIXES = {"m0": "", "m1": "m1_", "m2": "m2_"}
+PREFIXES = {model: "" if model == "m0" else f"{model}_" for model in SIMULATED_MODELS}
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def evaluate_skin(inputs: Inputs, outputs: Outputs, dataset: Dataset, costs: Seq
     ]
     table = xr.DataArray(
         np.array(values).reshape(-1, 3, 3),
-        coords={"pose": list(errors), "model": ["m0", "m1", "m2"], "statistic": ["mean", "median", "max"]},
+        coords={"pose": list(errors), "model": [*SIMULATED_MODELS], "statistic": ["mean", "median", "max"]},
         dims=("pose", "model", "statistic"),
         name="distance",
         attrs={"units": "mm", "long_name": "distance from the scan's vertices to the simulated skin"},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,17 +26,17 @@ class Inputs(Files):
     skin: Path
 
 
-def mesh_fat(inputs: Inputs, output: Path, edge: float) -> None:
-    """The fat: tetrahedra between the neutral inner layers and the skin, and what holds them."""
+def mesh_fat(inputs: Inputs, output: Path, edge: float, on: Sequence[str] = under_fat()) -> None:
+    """The fat: tetrahedra between the neutral inner layers and the skin, and what holds them.
+
+    edge: of the tets, in mm; on: the layers whose bodies the fat lies on.
+    """
     rig = Rig.load(inputs.rig)
     [(_, below)] = read_frames(inputs.inner)
     bodies = [
-        Surface(s.vertices, s.cells)
-        for n in under_fat()
-        for s in below.get(n, {}).values()
-        if s.cells.shape[1] == 3
+        Surface(s.vertices, s.cells) for n in on for s in below.get(n, {}).values() if s.cells.shape[1] == 3
     ]
     inner = inner_surface(bodies, spacing=SPACING, gap=GAP)
-    inside = Inside(below, under_fat(), inner)
+    inside = Inside(below, tuple(on), inner)
     tissue = make_tissue(rig.surfaces, inside, Skin.load(inputs.skin), edge, young=1.0)
     tissue.save(output, [inputs.inner, inputs.skin])

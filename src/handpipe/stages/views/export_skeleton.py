@@ -11,7 +11,7 @@ import numpy as np
 
 from handpipe.core import Array, Metrics, RigidTransform, metrics
 from handpipe.hand import SimulatedFrame, StoredFrames
-from handpipe.hand.exports import residual_motion, write_mjcf, write_osim
+from handpipe.hand.exports import residual_motion, write_bones, write_mjcf, write_osim
 from handpipe.skeleton.rig import Rig
 from handpipe.stages.files import Files
 from handpipe.tissues.tendons import Tendon, bone_path
@@ -66,8 +66,9 @@ def export_skeleton(inputs: Inputs, outputs: Outputs) -> None:
             lengths[f"{tendon.name}_frames"] = (float(len(errors)), "frames")
             lengths[f"{tendon.name}_folded"] = (float(rods.folded), "frames")
             paths.append(path)
-        write_mjcf(outputs.folder, rig, paths)
-        write_osim(outputs.folder, rig, paths)
+        files = write_bones(outputs.folder, rig)
+        write_mjcf(outputs.folder, rig, paths, files)
+        write_osim(outputs.folder, rig, paths, files)
     residuals: Metrics = {name: (value, "mm") for name, value in found.items()}
     metrics.write(outputs.metrics, residuals | lengths | figures)
 

@@ -1,4 +1,4 @@
-"""Active stress of muscle: tension along its fibres, from a potential linear in their stretch."""
+"""Active stress of muscle: tension along its fibres, of one size at any length or by a force-length law."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ import copy
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import erf
 
 from handpipe.core import Array, InputError
 from handpipe.synthetic.continuum.density import DensityPotential
 from handpipe.synthetic.continuum.elements import Elements
 
+WIDTH = 0.45  # of the force-length law: at a stretch of 1 +- 0.45 fibres pull with 1/e of their force
 BLUNT = 1e-3  # stretch at which the cone |F f| is rounded, so that crushed fibres have a direction
 
 
@@ -75,3 +77,36 @@ class ActiveFibres(DensityPotential):
         n = now / length[:, None]
         across = (tension / length)[:, None, None] * (np.eye(3) - n[:, :, None] * n[:, None, :])
         return np.einsum("pij,pk,pl->pikjl", across, rest, rest).reshape(-1, 9, 9)
+
+
+class HillFibres(ActiveFibres):
+    """Energy sum of V a W(l) with W' = exp(-((l - 1) / WIDTH)^2): fibres pull most at their rest length.
+
+    The active part of a muscle of Hill's type (Zajac 1989, fig. 2, as a Gaussian), without dependence on
+    velocity: l is the rounded fibre stretch of `ActiveFibres`, tension a in kPa that at l = 1. Beyond l = 1
+    the force falls with the length, and the exact tangent is not semidefinite.
+    """
+
+    def densities(self, f: Array, points: slice) -> Array:
+        """Energy densities (p,) in kPa: the work of the force from the rest length."""
+        _, _, length, tension = self._fibres(f, points)
+        return np.asarray(tension * (0.5 * np.sqrt(np.pi) * WIDTH * erf((length - 1.0) / WIDTH)))
+
+    def stresses(self, f: Array, points: slice) -> Array:
+        """First Piola stresses (p, 3, 3) in kPa: a W'(l) n f^T."""
+        rest, now, length, tension = self._fibres(f, points)
+        force = tension * np.exp(-(((length - 1.0) / WIDTH) ** 2))
+        return (force / length)[:, None, None] * now[:, :, None] * rest[:, None, :]
+
+    def tangents(self, f: Array, points: slice, project: bool) -> Array:
+        """Derivatives (p, 9, 9) of the stresses by F in row-major order; semidefinite with `project`."""
+        rest, now, length, tension = self._fibres(f, points)
+        force = tension * np.exp(-(((length - 1.0) / WIDTH) ** 2))
+        slope = -2.0 * (length - 1.0) / WIDTH**2 * force
+        if project:
+            slope = np.maximum(slope, 0.0)
+        n = now / length[:, None]
+        along = n[:, :, None] * n[:, None, :]
+        across = (force / length)[:, None, None] * (np.eye(3) - along)
+        both = across + slope[:, None, None] * along
+        return np.einsum("pij,pk,pl->pikjl", both, rest, rest).reshape(-1, 9, 9)

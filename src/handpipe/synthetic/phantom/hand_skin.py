@@ -50,7 +50,7 @@ def flesh(layout: Layout) -> list[Cone]:
                 radius = 9.0 if name.startswith("proximal") else 7.6
                 size = radius * girth**0.5, (radius - 1.0) * girth**0.5
                 cones += [Cone((name, (0, 0, z)), (name, (length, 0, z)), *size) for z in (-3.4, 0.6)]
-    cones += [
+    between = [
         Cone(("trapezium", (0, -2, -9)), ("metacarpal1", (38, -1, -6)), 14.0, 13.5),
         Cone(("trapezium", (4, -8, -11)), ("metacarpal1", (42, -7, -5)), 12.5, 10.5),
         Cone(("hamate", (-2, -5, -8)), ("metacarpal5", (50, -3, -4)), 14.0, 12.5),
@@ -61,4 +61,4 @@ def flesh(layout: Layout) -> list[Cone]:
         Cone(("trapezium", (0, 0, 1)), ("hamate", (0, 0, 1)), 11.5, 11.0),
         Cone(("trapezium", (0, 0, -6)), ("hamate", (0, 0, -8)), 12.0, 12.0),
     ]
-    return cones
+    return layout.fleshed([*cones, *layout.stretched(between)])

@@ -7,7 +7,7 @@ and touching it, grey muscle and cartilage, fat up to the skin.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
@@ -52,11 +52,28 @@ class Layout:
     frames: where each bone's own frame lies in the neutral hand, a long bone's with its origin at its near
     end and +x along it, a carpal's with its origin in its middle, +z dorsal; chains: by ray (1 is the thumb)
     the long bones outwards, each with its name, its length in mm and its girth as a share of the phantom
-    finger's.
+    finger's; stretch: length of a long bone as a share of the median hand's, where it is another one; flesh:
+    radius of the skin as a share of the median hand's.
     """
 
     frames: Bones
     chains: Mapping[int, tuple[tuple[str, float, float], ...]]
+    stretch: Mapping[str, float] = field(default_factory=dict)
+    flesh: float = 1.0
+
+    def fleshed(self, cones: Sequence[Cone]) -> list[Cone]:
+        """Cones of this hand's skin, for those that the median hand's flesh gives these bones."""
+        grow = self.flesh
+        return [replace(c, radius_start=grow * c.radius_start, radius_end=grow * c.radius_end) for c in cones]
+
+    def stretched(self, cones: Sequence[Cone]) -> list[Cone]:
+        """Cones between places of this hand's bones, for cones between places of the median hand's."""
+
+        def place(at: Place) -> Place:
+            bone, (x, y, z) = at
+            return bone, (self.stretch.get(bone, 1.0) * x, y, z)
+
+        return [replace(c, start=place(c.start), end=place(c.end)) for c in cones]
 
 
 @dataclass(frozen=True)
@@ -86,6 +103,32 @@ class Surroundings:
         """The tissues of a hand whose bones lie so."""
         parts = (skin(layout), muscle(), cartilage(layout), ligaments(layout), tendons(layout))
         return Surroundings(layout.frames, *parts)
+
+    def scaled(self, size: float) -> Surroundings:
+        """The same of a hand of the same shape that is `size` times as large."""
+
+        def places(given: Sequence[Place]) -> tuple[Place, ...]:
+            return tuple((bone, (size * x, size * y, size * z)) for bone, (x, y, z) in given)
+
+        def cone(given: Cone) -> Cone:
+            start, end = places((given.start, given.end))
+            return Cone(start, end, size * given.radius_start, size * given.radius_end)
+
+        def cones(given: Sequence[Cone]) -> list[Cone]:
+            return [cone(c) for c in given]
+
+        def strands(given: Sequence[Strand]) -> list[Strand]:
+            return [Strand(places(s.places), size * s.radius) for s in given]
+
+        frames = {n: RigidTransform(f.rotation, size * f.translation) for n, f in self.frames.items()}
+        return Surroundings(
+            frames,
+            cones(self.skin),
+            cones(self.muscle),
+            cones(self.cartilage),
+            strands(self.ligaments),
+            strands(self.tendons),
+        )
 
     def posed(self, transforms: Bones) -> Tissues:
         """The tissues where the bones' transforms from neutral carry them."""
@@ -174,14 +217,14 @@ def skin(layout: Layout) -> list[Cone]:
             cones.append(
                 Cone((name, (0, 0, low)), (name, (length, 0, low)), start * girth**0.5, end * girth**0.5)
             )
-    cones += [
+    between = [
         Cone(("trapezium", (0, 0, -3)), ("metacarpal1", (30, 2, -6)), 13.0, 10.0),
         Cone(("hamate", (0, 0, -4)), ("metacarpal5", (45, -1, -6)), 13.0, 9.0),
         Cone(("capitate", (-70, 9, -4)), ("capitate", (0, 4, -4)), 19.0, 16.0),
         Cone(("capitate", (-70, -9, -4)), ("capitate", (0, -6, -4)), 19.0, 16.0),
         Cone(("metacarpal1", (34, -4, -4)), ("metacarpal2", (36, 2, -4)), 7.0, 8.0),
     ]
-    return cones
+    return layout.fleshed([*cones, *layout.stretched(between)])
 
 
 def muscle() -> list[Cone]:

@@ -6,6 +6,7 @@ The truth is kinematic: closed-form maps pose every tissue. No code of the fitti
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
@@ -19,7 +20,7 @@ from handpipe.synthetic.geometry import generic_hand
 from handpipe.synthetic.geometry.kinematics import Posture
 from handpipe.synthetic.geometry.tubes import sweep
 from handpipe.synthetic.phantom.phantom_bones import bones, joints
-from handpipe.synthetic.phantom.phantom_muscles import ligaments, muscles
+from handpipe.synthetic.phantom.phantom_muscles import KnownMuscle, ligaments, muscles
 from handpipe.synthetic.phantom.phantom_skin import START, KnownSkin, nail_motion, nail_triangles
 from handpipe.synthetic.phantom.phantom_tendons import tendons
 
@@ -136,6 +137,14 @@ TEMPLATE_WARP = generic_hand.Distortion(
 
 def generate_templates(dataset: Dataset) -> None:
     """Write what a person brings to a subject: templates, attachments, tendon curves, the nail's patch."""
+    anatomy = finger()
+    write_templates(dataset, anatomy.muscles, anatomy.skin_surface, anatomy.nail)
+
+
+def write_templates(
+    dataset: Dataset, muscles: Mapping[str, KnownMuscle], skin: Surface, nail: IntArray
+) -> None:
+    """Write templates, attachments, tendon curves and the nail's patch, the triangles `nail` of a skin."""
     anatomy, rng = finger(), np.random.default_rng([dataset.seed, 3])
     neutral = posture("neutral", dataset.seed)
     for name, bone in dataset.bones.items():
@@ -143,7 +152,7 @@ def generate_templates(dataset: Dataset) -> None:
             known = anatomy.known_bones[name]
             vertices, triangles = known.surface(known.whole, 0.93)
             write_surface(dataset.path(bone.template), TEMPLATE_WARP(vertices), triangles)
-    tubes = {n: m.surface(30, 20, 0.37) for n, m in anatomy.muscles.items()}
+    tubes = {n: m.surface(30, 20, 0.37) for n, m in muscles.items()}
     ends = dict.fromkeys(tubes, ("metacarpal2", "proximal2"))
     bands = {n: band.surface(18, 16, 0.37) for n, band in anatomy.ligaments.items()}
     ends |= dict.fromkeys(bands, ("proximal2", "middle2"))
@@ -159,7 +168,6 @@ def generate_templates(dataset: Dataset) -> None:
         line = anatomy.tendons[name].centreline(anatomy.tendons[name].path(neutral, anatomy.shapes))
         clicked = line[np.linspace(0, len(line) - 1, 8).astype(int)] + 0.3 * rng.standard_normal((8, 3))
         generic_hand.write_curve(dataset.path(tendon.path), clicked, name)
-    for nail in dataset.nails.values():
-        vertices, triangles = anatomy.skin_surface
-        used, patch = np.unique(triangles[anatomy.nail], return_inverse=True)
-        write_surface(dataset.path(nail.surface), vertices[used], patch.reshape(-1, 3))
+    used, patch = np.unique(skin[1][nail], return_inverse=True)
+    for entry_of_nail in dataset.nails.values():
+        write_surface(dataset.path(entry_of_nail.surface), skin[0][used], patch.reshape(-1, 3))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 from handpipe.core.configuration import Dataset
+from handpipe.synthetic.geometry.implicit import Implicit
 from handpipe.synthetic.geometry.kinematics import Posture
 from handpipe.synthetic.phantom import posed_hand
+from handpipe.synthetic.phantom.hand_build import HandBuild
 from handpipe.synthetic.phantom.hand_tissue import Layout, Surroundings
-from handpipe.synthetic.phantom.phantom_hand_bones import RAYS, bones, frames
+from handpipe.synthetic.phantom.phantom_hand_bones import RAYS, PlacedBone, Surface, bones, frames, rays
 from handpipe.synthetic.phantom.phantom_hand_joints import BETWEEN, POSES, joints
 from handpipe.synthetic.phantom.posed_hand import Hand, HandMotion
 
@@ -16,23 +19,35 @@ SURFACE_SPACING = 0.6  # mm of the grid that bones are contoured on
 
 
 @cache
-def hand() -> Hand:
-    """The one phantom hand."""
-    known = bones()
+def hand(build: HandBuild | None = None) -> Hand:
+    """The one phantom hand, or another one of the same plan at its size."""
+    known = bones(build)
+
+    def surfaces(part: Callable[[PlacedBone], Implicit]) -> dict[str, Surface]:
+        found = {n: b.surface(part(b), SURFACE_SPACING) for n, b in known.items()}
+        if build is None:
+            return found
+        return {n: (build.size * build.shaped(vertices), t) for n, (vertices, t) in found.items()}
+
+    around = Surroundings.build(layout(build))
     return Hand(
-        {n: b.surface(b.known.whole, SURFACE_SPACING) for n, b in known.items()},
-        {n: b.surface(b.known.marrow, SURFACE_SPACING) for n, b in known.items()},
-        Surroundings.build(layout()),
+        surfaces(lambda bone: bone.known.whole),
+        surfaces(lambda bone: bone.known.marrow),
+        around if build is None else around.scaled(build.size),
     )
 
 
-def layout() -> Layout:
-    """Where the bones lie."""
+def layout(build: HandBuild | None = None) -> Layout:
+    """Where the bones lie; of another hand before it has its size."""
     chains = {
         ray: tuple((f"{kind}{ray}", s.length, s.girth) for kind, s in segments.items())
-        for ray, segments in RAYS.items()
+        for ray, segments in rays(build).items()
     }
-    return Layout(frames(), chains)
+    if build is None:
+        return Layout(frames(), chains)
+    median = {f"{kind}{ray}": s.length for ray, segments in RAYS.items() for kind, s in segments.items()}
+    stretch = {bone: build.length(bone) / length for bone, length in median.items()}
+    return Layout(frames(build), chains, stretch, build.flesh)
 
 
 def motion() -> HandMotion:

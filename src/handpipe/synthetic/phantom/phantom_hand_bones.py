@@ -7,7 +7,7 @@ is hollowed to fit it, so that heads nearly touch the bases that they carry.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from handpipe.core import Array, IntArray, RigidTransform
 from handpipe.synthetic.acquisition.sampled import moved
 from handpipe.synthetic.geometry.implicit import Implicit, carved, ellipsoid, rounded_box, smooth_union
+from handpipe.synthetic.phantom.hand_build import HandBuild
 from handpipe.synthetic.phantom.phantom_bones import (
     DISTAL,
     METACARPAL,
@@ -34,6 +35,7 @@ ROOT = "metacarpal3"
 WITH_ROOT = ("metacarpal2", "trapezium", "trapezoid", "capitate", "hamate")
 GAP = 0.6  # mm of cartilage between bones that lie on one another
 BASE_GAP = 0.9  # mm between the bases of metacarpals, which slide past one another
+BASE_BLEND = 1.0  # mm over which a bone runs into what is added to its base
 SEAT = 0.2  # mm from the end of a bone to the start of the next one before it is hollowed
 
 
@@ -126,10 +128,22 @@ def frame_of(origin: Point | Array, direction: Point | Array, dorsal: Point | Ar
     return RigidTransform(np.stack([x, np.cross(z, x), z], axis=1), np.asarray(origin, float))
 
 
-def frames() -> dict[str, RigidTransform]:
+def rays(build: HandBuild | None = None) -> dict[int, dict[str, RaySegment]]:
+    """The long bones of each ray outwards: of the median hand, or of another one before it has its size."""
+    if build is None:
+        return RAYS
+
+    def grown(kind: str, ray: int, segment: RaySegment) -> RaySegment:
+        bone = f"{kind}{ray}"
+        return RaySegment(segment.kind, build.length(bone), segment.girth * build.girth(bone))
+
+    return {ray: {k: grown(k, ray, s) for k, s in segments.items()} for ray, segments in RAYS.items()}
+
+
+def frames(build: HandBuild | None = None) -> dict[str, RigidTransform]:
     """Where each bone's own frame lies in the neutral hand."""
     found = {name: frame for name, (_, frame) in _carpal_blocks().items()}
-    for ray, segments in RAYS.items():
+    for ray, segments in rays(build).items():
         names = list(segments)
         found[f"{names[0]}{ray}"] = frame_of(*METACARPALS[ray])
         for inner, outer, bend in zip(names[:-1], names[1:], REST[ray], strict=True):
@@ -211,22 +225,38 @@ def _carpal_blocks() -> dict[str, tuple[Implicit, RigidTransform]]:
     }
 
 
-def bones() -> dict[str, PlacedBone]:
-    """All 23 bones, each hollowed by those before it that it may touch."""
-    placed, found = frames(), dict[str, PlacedBone]()
+def bones(
+    build: HandBuild | None = None,
+    seats: Mapping[tuple[str, str], Callable[[Implicit], Implicit]] | None = None,
+    bases: Mapping[str, Implicit] | None = None,
+) -> dict[str, PlacedBone]:
+    """All 23 bones, each hollowed by those before it that it may touch.
+
+    build: of another hand than the median one, which before it has its size; cartilage is as thick in every
+    hand. seats: by bone and the bone that hollows it, what changes the hollowing shape in the neutral frame,
+    if anything does; bases: what is added to a bone, in its own frame, before it is hollowed.
+    """
+    placed, found = frames(build), dict[str, PlacedBone]()
+    size = 1.0 if build is None else build.size
 
     def add(name: str, shape: Implicit, span: tuple[float, float], cortex: tuple[float, float]) -> None:
         frame = placed[name]
+        if bases and name in bases:
+            shape = smooth_union([shape, bases[name]], BASE_BLEND)
         for other in _before(name):
             gap = BASE_GAP if name.startswith("metacarpal") and other.startswith("metacarpal") else GAP
-            shape = carved(shape, moved(found[other].placed(), frame.inverse()), gap)
+            obstacle = found[other].placed()
+            if seats and (name, other) in seats:
+                obstacle = seats[name, other](obstacle)
+            shape = carved(shape, moved(obstacle, frame.inverse()), gap / size)
         found[name] = PlacedBone(with_marrow(shape, span, *cortex), frame)
 
     blocks = _carpal_blocks()
     for name in ("capitate", "trapezoid", "hamate", "trapezium"):
         add(name, blocks[name][0], (-11.0, 11.0), (0.7, 0.7))
+    segments = rays(build)
     for ray in (3, 2, 4, 5, 1):
-        for name, segment in RAYS[ray].items():
+        for name, segment in segments[ray].items():
             bone = segment.bone()
             add(f"{name}{ray}", bone.shape(), bone.span, segment.kind.cortex)
     return found

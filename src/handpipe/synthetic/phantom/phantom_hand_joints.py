@@ -7,12 +7,14 @@ MP of all rays and the thumb's TM. Metacarpals II and III and the distal carpals
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from handpipe.core import Array, RigidTransform
 from handpipe.synthetic.geometry.kinematics import KnownJoint
-from handpipe.synthetic.phantom.phantom_hand_bones import FINGERS, RAYS, facet_centre, frames, saddle_centre
+from handpipe.synthetic.phantom.hand_build import HandBuild
+from handpipe.synthetic.phantom.phantom_hand_bones import FINGERS, facet_centre, frames, rays, saddle_centre
 
 # Motions that no pure hinge has, at their largest: a turn in deg and a shift in mm; distal, radial, dorsal.
 RESIDUALS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
@@ -54,10 +56,13 @@ def _joint(kind: str, ray: int, parent: str, child: str, centre: Array, frame: R
     )
 
 
-def joints() -> tuple[KnownJoint, ...]:
-    """All joints, each after the one that carries its parent; the first one's parent is the root bone."""
-    placed = frames()
-    found = []
+def joints(build: HandBuild | None = None) -> tuple[KnownJoint, ...]:
+    """All joints, each after the one that carries its parent; the first one's parent is the root bone.
+
+    Those of another hand than the median one are at its size.
+    """
+    placed, segments = frames(build), rays(build)
+    found: list[KnownJoint] = []
 
     def add(kind: str, ray: int, parent: str, child: str, centre: Array) -> None:
         found.append(_joint(kind, ray, parent, child, centre, placed[child]))
@@ -65,15 +70,27 @@ def joints() -> tuple[KnownJoint, ...]:
     for ray in (3, 2, 4, 5):
         if ray > 3:
             add("CMC", ray, "hamate", f"metacarpal{ray}", facet_centre(ray))
-        chain = [f"{kind}{ray}" for kind in RAYS[ray]]
+        chain = [f"{kind}{ray}" for kind in segments[ray]]
         for joint, parent, child, segment in zip(
-            ("MP", "PIP", "DIP"), chain[:-1], chain[1:], RAYS[ray].values(), strict=False
+            ("MP", "PIP", "DIP"), chain[:-1], chain[1:], segments[ray].values(), strict=False
         ):
             add(joint, ray, parent, child, placed[parent](segment.head()))
     add("TM", 1, "trapezium", "metacarpal1", saddle_centre())
     for joint, parent, child in (("MP", "metacarpal", "proximal"), ("IP", "proximal", "distal")):
-        add(joint, 1, f"{parent}1", f"{child}1", placed[f"{parent}1"](RAYS[1][parent].head()))
-    return tuple(found)
+        add(joint, 1, f"{parent}1", f"{child}1", placed[f"{parent}1"](segments[1][parent].head()))
+    return tuple(found if build is None else (_varied(joint, build) for joint in found))
+
+
+def _varied(joint: KnownJoint, build: HandBuild) -> KnownJoint:
+    """A joint of another hand at its size: its axes lean elsewhere, its centre lies elsewhere."""
+    turn, share = build.joint_turn(joint.name), build.residual(joint.name)
+    return replace(
+        joint,
+        axes=joint.axes @ turn.T,
+        centre=build.size * (build.shaped(joint.centre[None])[0] + build.joint_shift(joint.name)),
+        residual_rotation=share * joint.residual_rotation,
+        residual_translation=share * build.size * joint.residual_translation,
+    )
 
 
 Finger = tuple[float, float, float, float]

@@ -36,7 +36,14 @@ from handpipe.synthetic.geometry.kinematics import Posture
 from handpipe.synthetic.geometry.tubes import sweep
 from handpipe.synthetic.geometry.varied_shapes import BONES, ORGANS, Variation
 from handpipe.synthetic.phantom.phantom_hand_bones import FINGERS, WITH_ROOT
-from handpipe.synthetic.phantom.posed_hand import HandMotion, volume_grid
+from handpipe.synthetic.phantom.posed_hand import (
+    MIRROR,
+    HandMotion,
+    mirrored_joint,
+    mirrored_surface,
+    mirrored_transform,
+    volume_grid,
+)
 from handpipe.synthetic.real_anatomy import real_hand
 from handpipe.synthetic.template_hands.hand_body import HandBody, materials, open_hand
 from handpipe.synthetic.template_hands.known_hands import KnownHand, known_hand
@@ -65,7 +72,7 @@ TEMPLATE_WARP = generic_hand.Distortion(
 )
 
 
-def opened_hand(template: str | Path, subject: str | Path, motion: HandMotion) -> CoupledAnatomy:
+def opened_hand(template: str | Path, subject: str | Path, known: KnownHand) -> CoupledAnatomy:
     """The template hand's anatomy as a coupled body, for all poses of its motion.
 
     Raises
@@ -73,8 +80,9 @@ def opened_hand(template: str | Path, subject: str | Path, motion: HandMotion) -
     InputError
         If a joint opens through the skin.
     """
+    motion = known.motion
     positions = [bones_at(motion, pose, share) for pose in motion.poses for share in PARTS]
-    anatomy = open_hand(TissueMesh.load(template), SubjectTemplate.load(subject), positions)
+    anatomy = open_hand(TissueMesh.load(template), SubjectTemplate.load(subject), positions, known.size)
     require_closed_skin(anatomy, template)
     return anatomy
 
@@ -252,6 +260,29 @@ def posed(hand: HandBody, source: KnownHand, pose: str, x: Array, seed: int) -> 
     )
 
 
+def mirrored(hand: PosedAnatomy) -> PosedAnatomy:
+    """The same pose of the other hand, with the same angles."""
+
+    def surfaces(given: Mapping[str, tuple[Array, IntArray]]) -> dict[str, tuple[Array, IntArray]]:
+        return {name: mirrored_surface(surface) for name, surface in given.items()}
+
+    old = hand.posture
+    joints, root = tuple(map(mirrored_joint, old.joints)), mirrored_transform(old.root)
+    return replace(
+        hand,
+        posture=replace(old, joints=joints, root=root),
+        transforms={name: mirrored_transform(t) for name, t in hand.transforms.items()},
+        bones=surfaces(hand.bones),
+        marrow=surfaces(hand.marrow),
+        muscles=surfaces(hand.muscles),
+        ligaments=surfaces(hand.ligaments),
+        tendons={name: line * MIRROR for name, line in hand.tendons.items()},
+        tendon_tubes=surfaces(hand.tendon_tubes),
+        skin=mirrored_surface(hand.skin),
+        nails={bone: (ids, mirrored_transform(t)) for bone, (ids, t) in hand.nails.items()},
+    )
+
+
 def skin_over_nails(hand: HandBody) -> dict[str, IntArray]:
     """The triangles of the outer skin over each nail of the template, by the nail's bone."""
     outer = Surface(hand.body.rest, hand.body.skin_faces)
@@ -264,7 +295,9 @@ def skin_over_nails(hand: HandBody) -> dict[str, IntArray]:
 
 def write_pose(dataset: Dataset, pose: str, hand: HandBody, x: Array) -> None:
     """Write a pose's volume, scan, truth and label volumes where the dataset names them."""
-    found, files = posed(hand, known_hand(dataset), pose, x, dataset.seed), dataset.poses[pose]
+    source, files = known_hand(dataset), dataset.poses[pose]
+    found = posed(hand, source, pose, x, dataset.seed)
+    found = mirrored(found) if dataset.hand == "left" else found
     scanner, folder = dataset.scanner or Scanner(), dataset.truth
     grid = volume_grid(found.bones, found.bones, scanner.spacing)
     log.info("%s: %d x %d x %d voxels of %g mm", pose, *grid.shape, grid.spacing)
@@ -273,7 +306,9 @@ def write_pose(dataset: Dataset, pose: str, hand: HandBody, x: Array) -> None:
     image.write_volume(dataset.path(files.volume), scanned.astype(np.float32), grid)
     if files.scan is not None:
         rest = Surface(hand.body.rest, hand.body.skin_faces).compact().vertices
-        write_surface(dataset.path(files.scan), *scans.scan(rest, *found.skin, rng, open_before=WRIST))
+        write_surface(
+            dataset.path(files.scan), *scans.scan(rest, *found.skin, rng, open_before=source.size * WRIST)
+        )
     if folder is not None:
         labels = {name: bone.label for name, bone in dataset.bones.items()}
         for kind, surfaces in (("bones", found.bones), ("marrow", found.marrow)):
@@ -292,22 +327,25 @@ def write_templates(
     another one (`varied_shapes.py`). marked: vertices of each muscle's and ligament's surface by bone
     (`marked_ends.py`).
     """
+    left = dataset.hand == "left"
+
+    def write(path: Path, surface: Surface, points: Array) -> None:
+        shape = TEMPLATE_WARP(points), surface.triangles
+        write_surface(dataset.path(path), *(mirrored_surface(shape) if left else shape))
+
     subject, rng = hand.subject, np.random.default_rng([dataset.seed, 3])
     for name, bone in dataset.bones.items():
         if bone.template is not None:
             surface, own = subject.bones[name], Variation(dataset.seed, name, BONES)
-            write_surface(
-                dataset.path(bone.template), TEMPLATE_WARP(own(surface.vertices)), surface.triangles
-            )
+            write(bone.template, surface, own(surface.vertices))
     varied = Variation(dataset.seed, "organs", ORGANS, Distance(concatenate([*subject.bones.values()])))
     for name, entry in {**dataset.muscles, **dataset.ligaments}.items():
         surface = {**subject.muscles, **subject.ligaments}[name].surface
-        write_surface(
-            dataset.path(entry.template), TEMPLATE_WARP(varied(surface.vertices)), surface.triangles
-        )
+        write(entry.template, surface, varied(surface.vertices))
         attachments = {bone: ids.tolist() for bone, ids in marked[name].items()}
         generic_hand.write_attachments(dataset.path(entry.attachments), attachments)
     found = posed(hand, known_hand(dataset), dataset.neutral, neutral, dataset.seed)
+    found = mirrored(found) if left else found
     for name, tendon in dataset.tendons.items():
         line = found.tendons[name]
         clicked = line[np.linspace(0, len(line) - 1, CLICKS).astype(int)]

@@ -66,35 +66,38 @@ def materials(anatomy: CoupledAnatomy) -> dict[str, Material]:
     return inside | {"fat": FAT, "skin": SKIN}
 
 
-def open_hand(template: TissueMesh, subject: SubjectTemplate, positions: Sequence[Bones]) -> CoupledAnatomy:
+def open_hand(
+    template: TissueMesh, subject: SubjectTemplate, positions: Sequence[Bones], size: float = 1.0
+) -> CoupledAnatomy:
     """A template's mesh of fat, muscles and ligaments with open joints, sliding tendons and a skin.
 
-    `positions` are all that its bones will pass.
+    `positions` are all that its bones will pass. A hand that is `size` times as large as the median one has
+    its lengths as much larger, and a tone that pulls with the same stress.
     """
     fibres = {
         name: template.fibres[template.labels == template.names.index(name)] for name in subject.muscles
     }
-    strands = {name: _strand(tendon.path, tendon.radius) for name, tendon in subject.tendons.items()}
+    strands = {name: _strand(tendon.path, tendon.radius, size) for name, tendon in subject.tendons.items()}
     anatomy = CoupledAnatomy(template.mesh, template.labels, template.names, template.bones, fibres, strands)
     joints = [(joint.parent, joint.child) for joint in subject.joints]
     vertices, bones = template.mesh.vertices, template.bones
-    glide = gliding(vertices, bones, subject.bones, joints, positions, GLIDING)
-    return _with_skin(opened(anatomy, glide))
+    glide = gliding(vertices, bones, subject.bones, joints, positions, size * GLIDING)
+    return _with_skin(opened(anatomy, glide), size * DEPTH)
 
 
-def _with_skin(anatomy: CoupledAnatomy) -> CoupledAnatomy:
-    """The anatomy whose fat near the outer surface is a further region, the skin."""
+def _with_skin(anatomy: CoupledAnatomy, depth: float) -> CoupledAnatomy:
+    """The anatomy whose fat within `depth` mm of the outer surface is a further region, the skin."""
     outer = Surface(anatomy.mesh.vertices, outer_faces(anatomy.mesh, anatomy.bones.values()))
     fat = anatomy.tets_of("fat")
     middles = anatomy.mesh.vertices[anatomy.mesh.tets[fat]].mean(axis=1)
     labels = anatomy.labels.copy()
-    labels[fat[Distance(outer.compact()).closest(middles)[0] < DEPTH]] = len(anatomy.regions)
+    labels[fat[Distance(outer.compact()).closest(middles)[0] < depth]] = len(anatomy.regions)
     return replace(anatomy, labels=labels, regions=(*anatomy.regions, "skin"))
 
 
-def _strand(path: Array, radius: float) -> TendonStrand:
-    points = resample(path, int(arclength(path)[-1] / STRAND_STEP) + 2)
-    return TendonStrand(points, radius=radius, tension=TONE)
+def _strand(path: Array, radius: float, size: float) -> TendonStrand:
+    points = resample(path, int(arclength(path)[-1] / (size * STRAND_STEP)) + 2)
+    return TendonStrand(points, radius=radius, tension=size**2 * TONE)
 
 
 def _tension(muscle: TemplateMuscle, bones: Bones) -> float:

@@ -17,6 +17,7 @@ from handpipe.core import IntArray, RigidTransform
 from handpipe.mesh.surfaces import Distance, Surface
 from handpipe.synthetic.geometry.kinematics import KnownJoint
 from handpipe.synthetic.phantom import phantom_hand, phantom_hand_joints
+from handpipe.synthetic.phantom.hand_build import HandBuild
 from handpipe.synthetic.phantom.phantom_hand_bones import FINGERS, ROOT
 from handpipe.synthetic.real_anatomy import myohand_bones, myohand_model, real_hand, zanatomy_bones
 from handpipe.synthetic.real_anatomy.source_meshes import read_mesh, repair_mesh, subdivided
@@ -45,10 +46,13 @@ GROUPS = {
 FLEXOR = "Flexor_digitorum_profundus_r"
 
 
-def phantom() -> SubjectTemplate:
-    """The phantom hand's bones and joints; 23 feature points, since it has no forearm."""
-    bones = {name: Surface(*surface) for name, surface in phantom_hand.hand().bones.items()}
-    return with_points(bones, template_joints(phantom_hand_joints.joints()))
+def phantom(build: HandBuild | None = None) -> SubjectTemplate:
+    """The phantom hand's bones and joints; 23 feature points, since it has no forearm.
+
+    build: of another hand than the median one, at its size.
+    """
+    bones = {name: Surface(*surface) for name, surface in phantom_hand.hand(build).bones.items()}
+    return with_points(bones, template_joints(phantom_hand_joints.joints(build)))
 
 
 def myohand(folder: Path) -> SubjectTemplate:

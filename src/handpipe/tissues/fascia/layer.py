@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from handpipe.core import LAYERS, Array, Frame, InputError, Shape, Shapes
+from handpipe.core import LAYERS, Array, Frame, InputError, Shape, Shapes, without_sliding
 from handpipe.mesh.surfaces import Surface, same_values
 from handpipe.skeleton.posing import blend, bone_weights
 from handpipe.tissues.fascia.fascia import Fascia
@@ -19,6 +20,11 @@ class FasciaLayer:
         self.name = fascia.name
         self.needs = LAYERS[self.name].needs
         self._weights: tuple[dict[str, Surface], Array] | None = None
+
+    def without_sliding(self) -> FasciaLayer:
+        """The same cloth, fixed where it slides."""
+        regions = without_sliding(self.fascia.regions)
+        return FasciaLayer(replace(self.fascia, regions=regions), self.over)
 
     def solve(self, frame: Frame, below: Mapping[str, Shapes]) -> Shapes:
         """The cloth at equilibrium.

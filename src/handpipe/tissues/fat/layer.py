@@ -122,6 +122,11 @@ class TissueLayer:
         bare = self.strains and self.strains.without_strains()
         return TissueLayer(self.name, self.tissue, bare, self.strict)
 
+    def by_inverse_distance(self) -> TissueLayer:
+        """The same tissue, its strains interpolated by the weights of Zheng 2022 Eq. 1."""
+        known = self.strains and replace(self.strains, spaces=self.strains.spaces.by_inverse_distance())
+        return TissueLayer(self.name, self.tissue, known, self.strict)
+
     def lenient(self) -> TissueLayer:
         """The same layer, not strict."""
         return TissueLayer(self.name, self.tissue, self.strains, strict=False)

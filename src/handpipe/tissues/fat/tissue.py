@@ -21,6 +21,7 @@ from handpipe.core import (
     RigidTransform,
     Shapes,
     artifacts,
+    without_sliding,
 )
 from handpipe.fem.contact import Attachment, Barrier, Contact, Sliding, SurfaceSliding, contact_pressures
 from handpipe.fem.elements import Material, Validity, polar
@@ -116,6 +117,10 @@ class Tissue:
     settings: TissueSettings = field(default_factory=TissueSettings)
     skin_contact: bool = True
     creases: Creases | None = None
+
+    def without_sliding(self) -> Tissue:
+        """The same tissue, fixed where it slides on the bodies below."""
+        return replace(self, inner=replace(self.inner, region=without_sliding(self.inner.region)))
 
     @cached_property
     def elastic(self) -> Elastic:

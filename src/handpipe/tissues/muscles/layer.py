@@ -135,6 +135,12 @@ class MuscleLayer:
         other.options = replace(self.options, barrier=True)
         return other
 
+    def by_inverse_distance(self) -> MuscleLayer:
+        """The same layer, the muscles' strains and places interpolated by the weights of Zheng 2022 Eq. 1."""
+        other = copy.copy(self)
+        other.muscles = [replace(m, space=m.space.by_inverse_distance()) for m in self.muscles]
+        return other
+
     def _lifted(self, own: sparse.csr_matrix, index: int) -> sparse.csr_matrix:
         """Matrix (k, N) on all vertices from one (k, n) on those of one muscle."""
         part = self.parts[index]

@@ -6,15 +6,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from handpipe.core import LAYERS, Frame, Shape, Shapes, flesh_in
+from handpipe.core import LAYERS, Array, Frame, Shape, Shapes, flesh_in
 from handpipe.mesh.surfaces import Surface
 from handpipe.tissues.tendons.rods.rest import PULL
 from handpipe.tissues.tendons.tendon import Tendon
 
 
 class TendonLayer:
-    """Tendons of loaded artifacts. Frames do not depend on one another."""
+    """Tendons of loaded artifacts. Frames do not depend on one another.
+
+    Parameters
+    ----------
+    tendons : iterable of Tendon
+        The tendons.
+    """
 
     name = "tendons"
     needs = LAYERS[name].needs
@@ -38,17 +45,42 @@ class TendonLayer:
         """
         shapes: Shapes = {}
         flesh = flesh_in(below)
-        for name, tendon in self.tendons.items():
+        for tendon in self.tendons.values():
             found = tendon.solve(frame.bones, flesh)
-            surface = tendon.surface(found.x, frame.bones)
-            shapes[name] = Shape(self._rest[name], surface.vertices, surface.triangles)
-            n = len(found.x)
-            segments = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
             figures = {"compression": max(-float(found.tension.min()), 0.0) / PULL}
-            shapes[f"{name}_centreline"] = Shape(
-                tendon.rest.x, found.x, segments, {"tension": found.tension}, figures
-            )
+            shapes |= self._tube(tendon, found.x, frame, {"tension": found.tension}, figures)
         return shapes
+
+    def along(self, frame: Frame, lines: Mapping[str, Array]) -> Shapes:
+        """The shapes of `solve` with each rod laid along a given line (n, 3) from its insertion."""
+        shapes: Shapes = {}
+        for name, tendon in self.tendons.items():
+            shapes |= self._tube(tendon, tendon.along(lines[name], frame.bones), frame)
+        return shapes
+
+    def without_corrections(self) -> TendonLayer:
+        """The same tendons, whose hooks follow bones and flesh alone."""
+        return TendonLayer(t.without_corrections() for t in self.tendons.values())
+
+    def by_inverse_distance(self) -> TendonLayer:
+        """The same tendons, hooks' corrections interpolated by the weights of Zheng 2022 Eq. 1."""
+        return TendonLayer(t.by_inverse_distance() for t in self.tendons.values())
+
+    def _tube(
+        self,
+        tendon: Tendon,
+        x: Array,
+        frame: Frame,
+        fields: dict[str, NDArray] | None = None,
+        figures: dict[str, float] | None = None,
+    ) -> Shapes:
+        """Surface and centreline of a rod x (Q+1, 3); fields and figures are the centreline's."""
+        surface = tendon.surface(x, frame.bones)
+        segments = np.stack([np.arange(len(x) - 1), np.arange(1, len(x))], axis=1)
+        return {
+            tendon.name: Shape(self._rest[tendon.name], surface.vertices, surface.triangles),
+            f"{tendon.name}_centreline": Shape(tendon.rest.x, x, segments, fields or {}, figures or {}),
+        }
 
 
 def load(files: Sequence[Path], _: Mapping[str, Surface]) -> TendonLayer:

@@ -113,6 +113,29 @@ class Tendon:
         curve[0] = bones[self.rest.bones[0]](self.rest.x[:1])[0]
         return lay(curve, self.rest.length, len(curve) - 1, self.rest.pull_direction)
 
+    def along(self, line: Array, bones: Bones) -> Array:
+        """The rod (Q+1, 3) laid along a line (n, 3) in a pose, from the insertion on its bone.
+
+        The line may begin before the insertion, and at either end.
+        """
+        bone = bones[self.rest.bones[0]]
+        first, base = bone(self.rest.x[:1]), bones[self.rest.bones[-1]]
+        ends = np.linalg.norm(line[[0, -1]] - first, axis=1)
+        line = line if ends[0] <= ends[1] else line[::-1]
+        [segment], _, _ = closest_on_rod(first, line)
+        curve = np.concatenate([first, line[segment + 1 :]])
+        pull = base.rotation @ self.rest.pull_direction
+        return lay(curve, self.rest.length, len(self.rest.x) - 1, pull)
+
+    def without_corrections(self) -> Tendon:
+        """The same tendon, whose hooks follow bones and flesh alone."""
+        hooks = replace(self.hooks, corrections=np.zeros_like(self.hooks.corrections))
+        return replace(self, hooks=hooks)
+
+    def by_inverse_distance(self) -> Tendon:
+        """The same tendon, its corrections interpolated by the weights of Zheng 2022 Eq. 1."""
+        return replace(self, spaces=self.spaces.by_inverse_distance())
+
     def frames(self, x: Array, bones: Bones) -> Array:
         """Untwisted frames (Q, 3, 3) of a rod x (Q+1, 3) in a pose."""
         return frames(x, self.rest.first_normal(bones))

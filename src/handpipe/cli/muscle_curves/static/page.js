@@ -2,30 +2,18 @@
 
 import * as THREE from "three";
 import { Space, looks, meshesOf } from "space";
+import { BONE, addViews, element, geometryOf, isStill, list, listenToKeys, listenToSkin, pixelsOf, put, say, skinOf } from "./view.js";
 import { Editor, anyNormal, get, inSpace, newAttachment, newCurve, onBone, pointsAt, post } from "./editor.js";
 
-const VIEWS = { front: [0, 0, 1, 0, 1, 0], back: [0, 0, -1, 0, 1, 0], right: [0, 1, 0, 0, 0, 1], left: [0, -1, 0, 0, 0, 1], end: [1, 0, 0, 0, 0, 1] };
 const POINT = 0.012; // radius of a point, over that of the skin
+const TENDON = -1; // in place of a muscle's number: a grey line
 const NEAR = 14; // pixels from a point at which a pointer takes it
-const STILL = 4; // pixels that a pointer may move in a click
-const BONE = [0.93, 0.9, 0.82], SKIN = [0.9, 0.72, 0.62];
-const element = (id) => document.getElementById(id);
-/** Shows a value in a field, unless a person is writing there. */
-function put(id, value) { if (document.activeElement !== element(id)) element(id).value = value; }
 const same = (a, b) => a && b && a.muscle === b.muscle && a.kind === b.kind && a.list === b.list && a.point === b.point;
 
 /** Colour of a muscle by its place in the file, sRGB from 0 to 1. */
 function colour(number) {
   const { r, g, b } = new THREE.Color().setHSL((number * 0.618034) % 1, 0.55, 0.52).getRGB({}, THREE.SRGBColorSpace);
   return [r, g, b];
-}
-
-function geometryOf(arrays, name) {
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(arrays[`${name}/vertices`], 3));
-  geometry.setIndex(new THREE.BufferAttribute(arrays[`${name}/triangles`], 1));
-  geometry.computeVertexNormals();
-  return geometry;
 }
 
 class Page {
@@ -49,11 +37,9 @@ class Page {
       for (const mesh of meshes) mesh.userData.bone = bone;
       this.bones.push(...meshes);
     });
-    const geometry = geometryOf(arrays, "skin");
-    this.skin = meshesOf(geometry, looks(null, { colour: SKIN, opacity: 0.15 }), 1000);
-    this.space.scene.add(...this.bones, ...this.skin);
-    geometry.computeBoundingSphere();
-    this.sphere = geometry.boundingSphere;
+    const { meshes, sphere } = skinOf(arrays);
+    this.space.scene.add(...this.bones, ...meshes);
+    Object.assign(this, { skin: meshes, sphere });
     this.ball = new THREE.SphereGeometry(POINT * this.sphere.radius, 16, 12);
     const side = 1.6 * POINT * this.sphere.radius;
     this.cube = new THREE.BoxGeometry(side, side, side);
@@ -62,6 +48,7 @@ class Page {
   /** Shows what the server answered. */
   show(state, asked) {
     this.state = state;
+    if (element("said").classList.contains("wrong")) say(""); // of an edit that is past
     this.fibres = undefined; // those of tets that are made of other curves
     const names = Object.keys(state.content.muscles ?? {});
     if (!names.includes(this.chosen?.muscle)) this.chosen = names.length ? { muscle: names[0] } : undefined;
@@ -89,6 +76,7 @@ class Page {
         places[muscle][kind].forEach((list, l) => list.forEach((place, point) => this.addPoint({ muscle, kind, list: l, point }, place, number)));
       }
     });
+    for (const [name, points] of Object.entries(arrays)) if (name.startsWith("tendon/")) this.addLine(points, TENDON, true);
     if (this.fibres) this.addFibres();
   }
 
@@ -109,7 +97,7 @@ class Page {
 
   addLine(points, number, own) {
     const geometry = new THREE.BufferGeometry().setAttribute("position", new THREE.BufferAttribute(points, 3));
-    const shade = new THREE.Color().setRGB(...colour(number), THREE.SRGBColorSpace).multiplyScalar(0.35);
+    const shade = number === TENDON ? new THREE.Color(0x777777) : new THREE.Color().setRGB(...colour(number), THREE.SRGBColorSpace).multiplyScalar(0.35);
     const material = new THREE.LineBasicMaterial({ color: shade, depthTest: false, transparent: true, opacity: own ? 1 : 0.45 });
     this.drawn.add(Object.assign(new THREE.Line(geometry, material), { renderOrder: 1e5 }));
   }
@@ -138,8 +126,6 @@ class Page {
     });
   }
 
-  look(view) { this.space.look(VIEWS[view], this.sphere); }
-
   choose(id) {
     this.chosen = id;
     this.rebuild();
@@ -152,13 +138,7 @@ class Page {
     this.canvas.addEventListener("pointermove", (e) => this.move(e));
     this.canvas.addEventListener("pointerup", (e) => this.release(e));
     this.canvas.addEventListener("pointercancel", () => this.drop());
-    window.addEventListener("keydown", (e) => {
-      if (["INPUT", "SELECT"].includes(e.target.tagName)) return;
-      if ((e.ctrlKey || e.metaKey) && e.key.toLowerCase() === "z") { e.preventDefault(); this.editor[e.shiftKey ? "redo" : "undo"](); }
-      if (e.key === "Delete" && this.chosen?.kind) this.deletePoint();
-      if (e.key === "Escape") this.ask(null);
-    });
-    window.addEventListener("beforeunload", (e) => { if (this.editor.saved === false) e.preventDefault(); });
+    listenToKeys(this.editor, { escape: () => this.ask(null), remove: () => { if (this.chosen?.kind) this.deletePoint(); } });
   }
 
   press(event) {
@@ -205,13 +185,10 @@ class Page {
     this.space.controls.enabled = true;
   }
 
-  isClick(event) { return this.pressed && Math.hypot(event.clientX - this.pressed[0], event.clientY - this.pressed[1]) < STILL; }
+  isClick(event) { return isStill(this.pressed, event); }
 
   /** Where the canvas shows a place, in pixels of the page. */
-  onPage(place) {
-    const box = this.canvas.getBoundingClientRect(), { x, y } = place.clone().project(this.space.camera);
-    return [box.left + (x + 1) / 2 * box.width, box.top + (1 - y) / 2 * box.height];
-  }
+  onPage(place) { return pixelsOf(this.canvas, this.space.camera, place); }
 
   /** The nearest point to a pointer, those of the chosen muscle first. */
   pointAt(event) {
@@ -247,9 +224,8 @@ class Page {
   /** Fields and lists beside the view. */
   fill() {
     const { content, faults, warnings } = this.state, muscle = content.muscles?.[this.chosen?.muscle];
-    for (const [id, texts] of Object.entries({ faults, warnings })) {
-      element(id).replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
-    }
+    list("faults", faults);
+    list("warnings", warnings);
     put("fat", content.fat ?? 0.5);
     element("muscles").replaceChildren(...Object.keys(content.muscles ?? {}).map((name, number) => this.muscleButton(name, number)));
     element("muscle").hidden = !muscle;
@@ -342,10 +318,6 @@ class Page {
   bind() {
     const on = (id, event, act) => element(id).addEventListener(event, () => act(element(id)));
     const number = (id, act) => on(id, "change", ({ value }) => { if (Number(value) > 0) act(Number(value)); else { element(id).blur(); this.fill(); } });
-    for (const view of Object.keys(VIEWS)) {
-      const button = Object.assign(document.createElement("button"), { textContent: view, onclick: () => this.look(view) });
-      element("views").append(button);
-    }
     on("undo", "click", () => this.editor.undo());
     on("redo", "click", () => this.editor.redo());
     on("save", "click", () => this.request("save", "Saving"));
@@ -354,7 +326,7 @@ class Page {
     on("show-bones", "change", ({ checked }) => { for (const mesh of this.bones) mesh.visible = checked; this.draw(); });
     on("show-muscles", "change", () => { this.rebuild(); this.draw(); });
     on("opacity", "input", () => { this.rebuild(); this.draw(); });
-    on("skin", "input", ({ value }) => { for (const mesh of this.skin) { mesh.visible = value > 0; } this.skin.at(-1).material.opacity = Number(value); this.draw(); });
+    listenToSkin(this.skin, () => this.draw());
     number("fat", (value) => this.editor.change((content) => { content.fat = value; }));
     number("reach", (value) => this.muscle((muscle) => { muscle.reach = value; }));
     for (const id of ["volume", "edge_length"]) {
@@ -421,17 +393,12 @@ class Page {
   }
 }
 
-function say(text, wrong = false) {
-  element("said").textContent = text;
-  element("said").classList.toggle("wrong", wrong);
-}
-
 try {
   const settings = await (await fetch("settings.json")).json();
   element("title").textContent = document.title = settings.title;
   const page = new Page(settings, await get("surfaces"));
   document.querySelector("main").page = page;
-  page.look("front");
+  addViews(page.space, page.sphere);
   page.editor.start(await get("state"));
   say(`Save writes ${settings.file}`);
   document.body.dataset.ready = "yes";

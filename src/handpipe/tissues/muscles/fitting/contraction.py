@@ -32,6 +32,7 @@ log = logging.getLogger(__name__)
 
 HANDLES = 4  # weights of the interpolation, which are searched for
 SPRING = 500.0  # mN/mm of an attached point, as in the fit to images
+SHORTEST = 0.6  # of its length at rest, to which a muscle can contract
 ITERATIONS = 15  # of the search, at most
 TOLERANCE = 1e-4  # of dW/da
 
@@ -69,6 +70,21 @@ def slack(body: SoftBody, transforms: Transforms, start: Array) -> Array:
     """
     search = Contraction(body, transforms, start)
     search(np.zeros(HANDLES))
+    return search.x
+
+
+def taut(body: SoftBody, transforms: Transforms, start: Array) -> Array:
+    """Mesh vertices (n, 3) of a body that pulls as hard as it can between moved bones, from a start (n, 3).
+
+    It takes the short way from bone to bone, past joints that flesh and skin go around.
+
+    Raises
+    ------
+    ConvergenceError
+        Where no equilibrium is found.
+    """
+    search = Contraction(body, transforms, start)
+    search(np.full(HANDLES, np.log(SHORTEST)))
     return search.x
 
 

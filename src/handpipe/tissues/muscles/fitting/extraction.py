@@ -26,7 +26,7 @@ from handpipe.shapes.optimisation import (
     ShapeOptions,
     fit_shape,
 )
-from handpipe.tissues.muscles.fitting.contraction import contracted, slack
+from handpipe.tissues.muscles.fitting.contraction import contracted, slack, taut
 from handpipe.tissues.muscles.fitting.soft_body import ON_BONE, SoftBody
 from handpipe.tissues.muscles.fitting.surroundings import carried_along
 from handpipe.tissues.muscles.fitting.template_placement import PlacedTemplate
@@ -39,6 +39,7 @@ TOUCHING, NEAR = 0.3, 0.5  # mm from a neighbour, where only edges this near bel
 WITHIN = 0.3  # mm inside a bone up to which a muscle's boundary counts as touching the bone
 SPREADS = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of harmonic weights in the blends that are tried
 SEEN = 0.9  # share of its boundary in the image from which no other guess is tried
+DOUBTED = 0.8  # share below which part of a muscle may lie beside itself
 TRUSTED = 0.5  # share from which a fit tells how the muscles around it have moved
 ALIKE = 0.3  # mm of mean distance under which one of two guesses is dropped
 # In neutral the template is known roughly: a little weight keeps from wandering what no image shows, strains
@@ -304,12 +305,12 @@ def _guesses(
     """Initial guesses, vertices (n, 3) each, the one that looks most like the muscle first.
 
     They are moved with the bones, for several ways in which a bend spreads over the muscle, elastic between
-    the bones, or contracted along its fibres. A thin end that crosses a joint may lie wholly beside itself in
-    one guess, where no boundary is its own.
+    the bones, contracted along its fibres, or pulled taut. A thin end that crosses a joint may lie wholly
+    beside itself in one guess, where no boundary is its own.
     """
     guesses = body.followed(bones, moved, [known], SPREADS)
     middle = guesses[len(SPREADS) // 2]
-    for guess in (slack, contracted) if len(body.attachments) > 1 else ():
+    for guess in (slack, contracted, taut) if len(body.attachments) > 1 else ():
         try:
             guesses.append(guess(body, moved, middle))
         except ConvergenceError as error:
@@ -364,6 +365,15 @@ class _Pose:
         for name in sorted(self.bodies, key=lambda m: -self.found[m].seen):
             if self.found[name].seen < SEEN:
                 self._try(name, self._carried_along(name), "as those around it")
+        for name, found in self.found.items():
+            if found.seen < DOUBTED:
+                log.warning(
+                    "%s in %s: the image shows only %.2f of its boundary. Part of it may lie elsewhere: "
+                    "look at it, and place markers on it where it does",
+                    name,
+                    self.name,
+                    found.seen,
+                )
         return self.found
 
     def _try(self, name: str, start: Array, guess: str) -> None:

@@ -1,0 +1,120 @@
+"""Figures of test hands: means, spread and ratio by hand, refused where they are not of one freeze."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from handpipe.core import artifacts, metrics
+from handpipe.core.configuration.config import load_yaml
+from handpipe.core.errors import InputError
+from handpipe.develop.judge import ROWS, HandKinds, figures_by_hand, main, require_freeze
+
+ROOT = Path(__file__).parents[2]
+KINDS = ROOT / "config" / "judge.yaml"
+
+SKIN = {"m0": 0.2, "m1": 0.5, "m2": 0.4, "m3": 0.3}  # mm, of the first hand, held out, to the true skin
+
+
+def hand(root: Path, name: str, size: float = 1.0, commit: str = "a" * 40) -> Path:
+    """A hand whose figures are `size` times those of the first one."""
+    folder = root / name
+    artifacts.write(folder / "rig.h5", {"x": 1.0}, kind="toy", attributes={"commit": commit})
+    stages: dict[str, metrics.Metrics] = {}
+    for _, stage, figure in ROWS:
+        value = 0.1 if not figure.startswith("m") else SKIN[figure[:2]]
+        stages.setdefault(stage, {})[figure] = (size * value, "mm")
+    for stage, found in stages.items():
+        metrics.write(folder / "metrics" / f"{stage}.json", found)
+    return folder
+
+
+def judged(root: Path, *folders: Path) -> tuple[int, Path, Path]:
+    figures, page = root / "judge.json", root / "page.md"
+    given = [*map(str, folders), "--kinds", str(KINDS), "--figures", str(figures), "--page", str(page)]
+    return main(given), figures, page
+
+
+def test_figures_are_means_spread_and_worst_of_the_test_hands(tmp_path: Path) -> None:
+    """Three times the errors: the same ratio of models. The validation hand has a table of its own."""
+    first, second = hand(tmp_path, "hand-child"), hand(tmp_path, "hand-woman", 3.0)
+    code, figures, page = judged(tmp_path, first, second, hand(tmp_path, "phantom-hand-preview", 50.0))
+    found = {name: entry["value"] for name, entry in json.loads(figures.read_text()).items()}
+    assert code == 0
+    assert found["hands"] == 2
+    assert found["m0_over_best_heldout"] == pytest.approx(0.2 / 0.3)
+    assert found["heldout_skin_mean_worst_hand"] == pytest.approx(0.6)
+    assert found["heldout_muscle_mean"] == pytest.approx(0.2)
+    assert found["heldout_muscle_max"] == pytest.approx(0.3)
+    assert found["baselines_m2_true_heldout_error_mean_over_hands_mean"] == pytest.approx(0.8)
+    assert found["baselines_m2_true_heldout_error_mean_over_hands_sd"] == pytest.approx(0.8 / 2**0.5)
+    assert found["hand-woman: muscles_heldout_surface_error_mean"] == pytest.approx(0.3)
+    tests, validation = page.read_text().split("## Validation hands")
+    assert "| m0, skin to true skin, held out | 0.2 | 0.6 | 0.4 | 0.283 |" in tests
+    assert "| m0, skin to true skin, held out | 10 |" in validation
+    assert "no freeze was stated" in tests
+
+
+def test_hands_of_two_builds_are_refused(tmp_path: Path) -> None:
+    code, figures, page = judged(
+        tmp_path, hand(tmp_path, "hand-child"), hand(tmp_path, "hand-left", commit="b" * 40)
+    )
+    assert code == 1
+    assert not figures.exists() and not page.exists()
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (("my-hand",), "neither a validation hand nor a test hand"),
+        (
+            ("zanatomy-hand", "zanatomy-hand-preview"),
+            "zanatomy-hand and zanatomy-hand-preview: one hand twice",
+        ),
+        (("hand-child", "hand-child"), "hand-child: one hand twice"),
+        (("phantom-finger",), "is no test hand"),
+    ],
+)
+def test_a_hand_of_no_kind_a_hand_twice_and_validation_hands_alone_are_refused(
+    names: tuple[str, ...], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        load_yaml(KINDS, HandKinds).require([Path(name) for name in names])
+
+
+def test_an_absent_figure_is_named(tmp_path: Path) -> None:
+    folder = hand(tmp_path, "hand-child")
+    (folder / "metrics" / "baselines.json").unlink()
+    with pytest.raises(InputError, match=r"baselines.json: m0_example_error_mean: is not there"):
+        figures_by_hand([folder])
+
+
+def test_a_build_of_another_commit_than_the_freeze_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    person = ("-c", "user.name=a", "-c", "user.email=a@b")
+    for command in (
+        ("init", "-q"),
+        (*person, "commit", "-q", "--allow-empty", "-m", "x"),
+        ("tag", "freeze-1"),
+    ):
+        subprocess.run(("git", *command), check=True)
+    commit = subprocess.run(
+        ("git", "rev-parse", "HEAD"), capture_output=True, text=True, check=True
+    ).stdout.strip()
+    require_freeze(commit, "freeze-1")
+    with pytest.raises(InputError, match="is not"):
+        require_freeze("b" * 40, "freeze-1")
+    with pytest.raises(InputError, match="is not there"):
+        require_freeze(commit, "freeze-2")
+
+
+def test_every_hand_has_a_dataset_file_and_one_kind() -> None:
+    kinds = load_yaml(KINDS, HandKinds)
+    folder = ROOT / "config" / "datasets"
+    assert [
+        name for name in (*kinds.validation, *kinds.test) if not (folder / f"{name}.yaml").is_file()
+    ] == []
+    assert not set(kinds.validation) & set(kinds.test)
