@@ -13,7 +13,6 @@ from handpipe.core.configuration import Model, Name, Vector, load_yaml
 
 HEADING = "# Bones, written by handpipe bones. docs/how-to/place-bones.md explains the fields.\n"
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-WIDTH = 110  # characters of a line
 
 
 class CylinderBone(Model):
@@ -88,5 +87,5 @@ def write_bone_file(path: str | Path, file: BoneFile) -> None:
         Bones by name. Fields that were not given are not written.
     """
     content = file.model_dump(mode="json", exclude_unset=True)
-    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=WIDTH)
+    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
     write_text(path, HEADING + text)
